@@ -129,9 +129,7 @@ impl<'a> Prepared<'a> {
         context: &Context,
     ) -> Result<Self> {
         let file = match file {
-            Opened::Scene(scene) => {
-                return Ok(Self::Scene { scene, surface: scene.surface(args.filter)? });
-            }
+            Opened::Scene(scene) => return Ok(Self::Scene { scene, surface: scene.surface(args.filter)? }),
             Opened::Look(file) => file,
         };
         let filter = Some(args.filter);
@@ -192,10 +190,10 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     let cameras = a.orbit(args, aspect(&options))?;
     let mut views = Vec::new();
     for (i, camera) in cameras.iter().enumerate() {
-        let files = args.output.as_ref().map(|folder| ViewFiles::new(folder, i + 1));
-        if let Some(files) = &files {
-            files.check(context)?;
-        }
+        let files = args.output.as_ref().map(|folder| {
+            ["a", "b", "difference"].map(|what| folder.join(format!("view-{:02}-{what}.png", i + 1)))
+        });
+        files.iter().flatten().try_for_each(|path| context.check_output(path))?;
         let pictures = [a.picture(camera, &options)?, b.picture(camera, &options)?];
         views.push(compare_view(&pictures, files, context)?);
         context.check_interrupt()?;
@@ -222,37 +220,19 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     context.print(&info, text)
 }
 
-struct ViewFiles {
-    a: PathBuf,
-    b: PathBuf,
-    difference: PathBuf,
-}
-
-impl ViewFiles {
-    fn new(folder: &Path, number: usize) -> Self {
-        let file = |what: &str| folder.join(format!("view-{number:02}-{what}.png"));
-        Self { a: file("a"), b: file("b"), difference: file("difference") }
-    }
-
-    fn check(&self, context: &Context) -> Result<()> {
-        [&self.a, &self.b, &self.difference].into_iter().try_for_each(|path| context.check_output(path))
-    }
-}
-
 /// Measures, and pictures written.
 fn compare_view(
     [reference, test]: &[Image; 2],
-    files: Option<ViewFiles>,
+    files: Option<[PathBuf; 3]>,
     context: &Context,
 ) -> Result<(Comparison, Vec<PathBuf>)> {
     let comparison = compare(reference, test)?;
     let Some(files) = files else { return Ok((comparison, Vec::new())) };
     let difference = difference_picture(reference, test, GAIN)?;
     let _deferral = context.defer_interrupt();
-    reference.save(&files.a)?;
-    test.save(&files.b)?;
-    difference.save(&files.difference)?;
-    Ok((comparison, vec![files.a, files.b, files.difference]))
+    let images = [reference, test, &difference];
+    images.into_iter().zip(&files).try_for_each(|(image, path)| image.save(path))?;
+    Ok((comparison, files.to_vec()))
 }
 
 pub(crate) fn mean_psnr_db(

@@ -71,28 +71,28 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names)?;
     context.make_folder(output)?;
-    let artist = Artist { shipped: &shipped, output, width: *width, context };
-    let mut exhibits = Vec::with_capacity(entries.len());
+    let gallery = Gallery { shipped: &shipped, output, width: *width, context };
+    let mut finished_entries = Vec::with_capacity(entries.len());
     for (number, entry) in entries.iter().enumerate() {
         context.check_interrupt()?;
         context.note(format!("{} of {}: {}", number + 1, entries.len(), entry.name));
-        exhibits.push(artist.exhibit(entry)?);
+        finished_entries.push(gallery.finish(entry)?);
     }
     let page = output.join("index.html");
-    std::fs::write(&page, html_page(&exhibits)).map_err(|error| Error::writing(&page, error))?;
-    Ok(exhibits.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
+    std::fs::write(&page, html_page(&finished_entries)).map_err(|error| Error::writing(&page, error))?;
+    Ok(finished_entries.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
 }
 
-/// Makes the pictures of entries.
-struct Artist<'a> {
+/// Makes the pictures of entries. `width`: of all pictures; each has its own where it is left out.
+struct Gallery<'a> {
     shipped: &'a Shipped,
     output: &'a Path,
     width: Option<u32>,
     context: &'a Context,
 }
 
-impl Artist<'_> {
-    fn exhibit<'e>(&self, entry: &'e Entry) -> Result<Exhibit<'e>> {
+impl Gallery<'_> {
+    fn finish<'e>(&self, entry: &'e Entry) -> Result<FinishedEntry<'e>> {
         match (&entry.look, &entry.drawn_by) {
             (Some(look), _) => self.by_look(entry, look),
             (None, Some(drawing)) => self.by_program(entry, drawing),
@@ -100,7 +100,7 @@ impl Artist<'_> {
         }
     }
 
-    fn by_look<'e>(&self, entry: &'e Entry, look: &str) -> Result<Exhibit<'e>> {
+    fn by_look<'e>(&self, entry: &'e Entry, look: &str) -> Result<FinishedEntry<'e>> {
         let path = self.shipped.file("gallery").join(look);
         let text = read(&path)?;
         let original: toml::Table =
@@ -111,9 +111,9 @@ impl Artist<'_> {
             let changed = variant.apply(&entry.name, original.clone())?;
             let text = if variant.set.is_empty() { text.clone() } else { changed.to_string() };
             self.render(&LookFile::parse(&text, &path)?, &self.output.join(&file))?;
-            pictures.push(exposed(file, variant));
+            pictures.push(finished(file, variant));
         }
-        Ok(Exhibit { entry, pictures, look: Some(text) })
+        Ok(FinishedEntry { entry, pictures, look: Some(text) })
     }
 
     /// One picture, or an animated one.
@@ -141,17 +141,16 @@ impl Artist<'_> {
         self.save(&frames, frames_per_second, target)
     }
 
-    fn by_program<'e>(&self, entry: &'e Entry, drawing: &str) -> Result<Exhibit<'e>> {
+    fn by_program<'e>(&self, entry: &'e Entry, drawing: &str) -> Result<FinishedEntry<'e>> {
         let draw = drawings::by_name(drawing).ok_or_else(|| nothing_to_draw(entry))?;
-        let drawn =
-            draw(&drawings::Studio { width: self.width, shipped: self.shipped, context: self.context })?;
+        let drawn = draw(self)?;
         let mut pictures = Vec::new();
         for (index, (caption, image)) in drawn.into_iter().enumerate() {
             let file = self.file_name(entry, index);
             self.save(&[image], 1.0, &self.output.join(&file))?;
-            pictures.push(exposed(file, &Variant { caption, ..Variant::default() }));
+            pictures.push(finished(file, &Variant { caption, ..Variant::default() }));
         }
-        Ok(Exhibit { entry, pictures, look: None })
+        Ok(FinishedEntry { entry, pictures, look: None })
     }
 
     fn file_name(&self, entry: &Entry, index: usize) -> String {
@@ -173,9 +172,9 @@ impl Artist<'_> {
     }
 }
 
-fn exposed(file: String, variant: &Variant) -> Exposed {
+fn finished(file: String, variant: &Variant) -> FinishedPicture {
     let changes = variant.set.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
-    Exposed { file, caption: variant.caption.clone(), changes }
+    FinishedPicture { file, caption: variant.caption.clone(), changes }
 }
 
 fn nothing_to_draw(entry: &Entry) -> Error {
@@ -184,14 +183,14 @@ fn nothing_to_draw(entry: &Entry) -> Error {
 }
 
 /// An entry with its finished pictures.
-struct Exhibit<'e> {
+struct FinishedEntry<'e> {
     entry: &'e Entry,
-    pictures: Vec<Exposed>,
+    pictures: Vec<FinishedPicture>,
     /// The text of the look that made them, if one did.
     look: Option<String>,
 }
 
-struct Exposed {
+struct FinishedPicture {
     /// Relative to the page.
     file: String,
     caption: String,
@@ -209,7 +208,7 @@ pre{background:#eee;padding:.6rem .8rem;border-radius:.3rem;overflow-x:auto;font
 @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}figcaption{color:#aaa}pre{background:#262626}a{color:#8bf}}";
 
 /// The page's text.
-fn html_page(exhibits: &[Exhibit]) -> String {
+fn html_page(finished_entries: &[FinishedEntry]) -> String {
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -223,12 +222,12 @@ fn html_page(exhibits: &[Exhibit]) -> String {
     }
     html.push_str("</nav>\n");
     for (letter, title, _) in CHAPTERS {
-        let chapter = || exhibits.iter().filter(|e| chapter_of(e.entry) == Some(letter));
+        let chapter = || finished_entries.iter().filter(|e| chapter_of(e.entry) == Some(letter));
         if chapter().next().is_none() {
             continue;
         }
         push(&mut html, format_args!("<h2 id=\"{letter}\">{title}</h2>\n"));
-        chapter().for_each(|exhibit| section(&mut html, exhibit));
+        chapter().for_each(|finished_entry| section(&mut html, finished_entry));
     }
     html.push_str("</html>\n");
     html
@@ -239,15 +238,15 @@ fn chapter_of(entry: &Entry) -> Option<char> {
     entry.rows.first()?.chars().next()
 }
 
-fn section(html: &mut String, exhibit: &Exhibit) {
-    let Entry { name, rows, title, idea, formula, .. } = exhibit.entry;
+fn section(html: &mut String, finished_entry: &FinishedEntry) {
+    let Entry { name, rows, title, idea, formula, .. } = finished_entry.entry;
     push(html, format_args!("<section id=\"{}\">\n<h3>", escaped(name)));
     for row in rows {
         push(html, format_args!("<span class=\"row\">{}</span>", escaped(row)));
     }
     push(html, format_args!("{}</h3>\n<p>{}</p>\n", escaped(title), escaped(idea)));
     push(html, format_args!("<pre>{}</pre>\n<div class=\"pictures\">\n", escaped(formula.trim())));
-    for Exposed { file, caption, .. } in &exhibit.pictures {
+    for FinishedPicture { file, caption, .. } in &finished_entry.pictures {
         let alternative = if caption.is_empty() { title } else { caption };
         push(
             html,
@@ -261,9 +260,11 @@ fn section(html: &mut String, exhibit: &Exhibit) {
         );
     }
     html.push_str("</div>\n");
-    if let Some(look) = &exhibit.look {
+    if let Some(look) = &finished_entry.look {
         push(html, format_args!("<details><summary>The look</summary>\n<pre>{}</pre>\n", escaped(look)));
-        for Exposed { caption, changes, .. } in exhibit.pictures.iter().filter(|p| !p.changes.is_empty()) {
+        for FinishedPicture { caption, changes, .. } in
+            finished_entry.pictures.iter().filter(|p| !p.changes.is_empty())
+        {
             push(html, format_args!("<p>{}:</p>\n<pre>{}</pre>\n", escaped(caption), escaped(changes)));
         }
         html.push_str("</details>\n");
@@ -309,13 +310,13 @@ mod tests {
             drawn_by: None,
             pictures: Vec::new(),
         };
-        let picture = |caption: &str| Exposed {
+        let picture = |caption: &str| FinishedPicture {
             file: format!("{caption}.png"),
             caption: caption.to_owned(),
             changes: "filter = \"nearest\"".to_owned(),
         };
         let pictures = vec![picture("nearest"), picture("bilinear")];
-        let html = html_page(&[Exhibit { entry: &entry, pictures, look: Some("[camera]".to_owned()) }]);
+        let html = html_page(&[FinishedEntry { entry: &entry, pictures, look: Some("[camera]".to_owned()) }]);
         assert!(html.contains("<h2 id=\"T\">") && !html.contains("<h2 id=\"M\">"));
         assert!(html.contains("Near &amp; far.") && html.contains("src=\"bilinear.png\""));
         assert_eq!(html.matches("filter = &quot;nearest&quot;").count(), 2);

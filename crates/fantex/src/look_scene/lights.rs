@@ -9,7 +9,7 @@ use fantex_bake::{
 };
 use fantex_base::{Error, Result};
 use fantex_look::data::{Beam, EnvironmentTable, LightBakeTable, LightTable, ProjectorTable};
-use fantex_look::problem::{self, refused};
+use fantex_look::problem;
 use fantex_look::{Key, Resolver};
 use fantex_mesh::Mesh;
 use fantex_render::{
@@ -135,12 +135,8 @@ impl MaterialResolver<'_> {
         Err(self.file.error(key, problem::no_direction()))
     }
 
-    fn accept<T, E: std::error::Error + Send + Sync + 'static>(
-        &self,
-        key: &Key,
-        result: Result<T, E>,
-    ) -> Result<T> {
-        result.map_err(|error| self.file.error(key, refused(error)))
+    fn accept<T>(&self, key: &Key, result: Result<T>) -> Result<T> {
+        result.map_err(|error| self.file.error(key, error))
     }
 
     /// The environment's map, unless it is to be captured from the scene.
@@ -277,7 +273,7 @@ impl LookBake {
         let reflector = SourceReflector::new(mesh, &source);
         let sky = |direction: Vec3| light.sky.radiance(direction);
         let scene = LightScene { lights: light.lamps.clone(), sky: &sky, reflector: &reflector };
-        let map = LightMapSource::new(mesh, &scene, light.options).map_err(refused)?;
+        let map = LightMapSource::new(mesh, &scene, light.options)?;
         let colors: Option<&dyn Source> = if light.is_colored { Some(&source) } else { None };
         Ok(then(&LitSource::new(map, colors)))
     }

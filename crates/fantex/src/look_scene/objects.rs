@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fantex_base::{Error, Result};
 use fantex_look::data::{ObjectTable, ShapeName, ShapeTable};
-use fantex_look::problem::{self, refused};
+use fantex_look::problem;
 use fantex_look::{Key, Resolver};
 use fantex_mesh::{
     CleanOptions, CornerAttributes, DisplaceOptions, DisplacePoint, LoadOptions, Material, Mesh, Model,
@@ -103,7 +103,7 @@ impl MaterialResolver<'_> {
                 if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
                     return self.asset(&path, table, &key);
                 }
-                (cleaned(load(&path, &LoadOptions::default()).map_err(refused)?)?, path)
+                (cleaned(load(&path, &LoadOptions::default())?)?, path)
             }
             (None, None) => {
                 let given = given.ok_or_else(|| self.nothing_to_show())?;
@@ -119,8 +119,7 @@ impl MaterialResolver<'_> {
                 "an asset is baked already and keeps its look; leave the key out, or name the model";
             return Err(self.file.error(&key.name("material"), Error::malformed(sentence)));
         }
-        let cache =
-            PageCache::new(Arc::new(Asset::open(path).map_err(refused)?), self.options.memory_bytes as usize);
+        let cache = PageCache::new(Arc::new(Asset::open(path)?), self.options.memory_bytes as usize);
         Ok(Object {
             shape: Shape::Asset(Box::new(cache)),
             name: table.name.clone(),
@@ -140,7 +139,7 @@ impl MaterialResolver<'_> {
 }
 
 fn cleaned(model: fantex_mesh::Model) -> Result<Mesh> {
-    Ok(clean(model, &CleanOptions::default()).map_err(refused)?.0)
+    Ok(clean(model, &CleanOptions::default())?.0)
 }
 
 fn placement(table: &ObjectTable) -> DAffine3 {
@@ -323,7 +322,7 @@ pub(super) fn displaced(
         _ => 0.0,
     };
     let result = displace(&mesh, &options, ask);
-    let (displaced, _) = result.map_err(|error| resolver.file.error(&key, refused(error)))?;
+    let (displaced, _) = result.map_err(|error| resolver.file.error(&key, error))?;
     Ok(displaced)
 }
 

@@ -3,7 +3,7 @@
 use fantex_base::Result;
 use fantex_look::Key;
 use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable, ToneMappingName};
-use fantex_look::problem::{self, refused};
+use fantex_look::problem;
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Lights, RenderOptions, Rendering, Scene,
     SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
@@ -117,7 +117,7 @@ impl<'a> LookScene<'a> {
         let placed = self.objects.iter().zip(&surfaces).map(|(object, surface)| {
             SceneObject::new(object.mesh(), surface.as_ref()).placed(object.world_from_object)
         });
-        then(&Scene::new(placed.collect()).map_err(refused)?)
+        then(&Scene::new(placed.collect())?)
     }
 
     fn render_scene(
@@ -138,7 +138,7 @@ impl<'a> LookScene<'a> {
             }
             _ => render(scene.mesh(), scene, camera, &lights, &options),
         };
-        let mut rendering = seen.map_err(refused)?;
+        let mut rendering = seen?;
         if let Some(glow) = picture.glow.filter(|glow| glow.threshold.is_some()) {
             rendering.picture = rendering.picture.with_glow(&rendering.picture, &glow);
         }
@@ -249,6 +249,6 @@ impl<'a> LookScene<'a> {
         };
         let options = CaptureOptions { side: table.size, samples: table.samples, background };
         let hidden = |triangle: usize| scene.object_of(triangle).0 == object;
-        capture_environment(scene.mesh(), scene, &lights, center, &options, &hidden).map_err(refused)
+        capture_environment(scene.mesh(), scene, &lights, center, &options, &hidden)
     }
 }

@@ -22,23 +22,15 @@ use fantex::texture::warp::{
 use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, SampleOptions, Wrap};
 use glam::{DVec2, DVec3, Vec3};
 
+use super::Gallery;
 use crate::context::Context;
 use crate::cover_pictures::cover_pictures;
 use crate::scene::open_model;
-use crate::shipped::Shipped;
-
-/// Where drawings are made.
-pub(super) struct Studio<'a> {
-    /// Width of all pictures; each drawing has its own where it is left out.
-    pub(super) width: Option<u32>,
-    pub(super) shipped: &'a Shipped,
-    pub(super) context: &'a Context,
-}
 
 pub(super) type Drawn = Result<Vec<(String, Image)>>;
 
 /// What draws an entry's pictures.
-pub(super) fn by_name(name: &str) -> Option<fn(&Studio<'_>) -> Drawn> {
+pub(super) fn by_name(name: &str) -> Option<fn(&Gallery<'_>) -> Drawn> {
     match name {
         "cover" => Some(cover),
         "seamless" => Some(seamless),
@@ -49,7 +41,7 @@ pub(super) fn by_name(name: &str) -> Option<fn(&Studio<'_>) -> Drawn> {
     }
 }
 
-impl Studio<'_> {
+impl Gallery<'_> {
     fn options(&self, [width, height]: [u32; 2]) -> RenderOptions {
         let [width, height] = match self.width {
             Some(w) => [w, w * height / width],
@@ -72,33 +64,33 @@ impl Studio<'_> {
 }
 
 /// The three figures that explain a cover.
-fn cover(studio: &Studio<'_>) -> Drawn {
-    let mesh = open_model(&studio.shipped.file("assets/models/spot.obj"))?;
+fn cover(gallery: &Gallery<'_>) -> Drawn {
+    let mesh = open_model(&gallery.shipped.file("assets/models/spot.obj"))?;
     let options =
         CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
-    let pictures = cover_pictures(&mesh, &cover, &studio.options([960, 720]))?;
+    let pictures = cover_pictures(&mesh, &cover, &gallery.options([960, 720]))?;
     let captions = ["the cover", "the directions of projection", "the packed texture"];
     let drawn = captions.into_iter().zip(pictures);
     drawn
-        .map(|(caption, picture)| Ok((caption.to_owned(), studio.reduced(picture.to_srgb_image())?)))
+        .map(|(caption, picture)| Ok((caption.to_owned(), gallery.reduced(picture.to_srgb_image())?)))
         .collect()
 }
 
 /// A model with its texture coordinates, and baked into fan tiles.
-fn seamless(studio: &Studio<'_>) -> Drawn {
-    let mesh = open_model(&studio.shipped.file("assets/WaterBottle/WaterBottle.gltf"))?;
+fn seamless(gallery: &Gallery<'_>) -> Drawn {
+    let mesh = open_model(&gallery.shipped.file("assets/WaterBottle/WaterBottle.gltf"))?;
     let (cover, _) = build_cover(
         &mesh,
         &CoverOptions { budget: TexelBudget::Total(2_000_000), ..CoverOptions::default() },
     )?;
-    let options = studio.options([480, 480]);
+    let options = gallery.options([480, 480]);
     let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.0);
     let lights = Lights::behind(&camera);
     let picture = |surface: &dyn Surface| -> Result<Image> {
         Ok(render(&mesh, surface, &camera, &lights, &options)?.picture.to_srgb_image())
     };
-    let cache = baked(&mesh, &cover, &LookSource::of_model(&mesh)?, studio)?;
+    let cache = baked(&mesh, &cover, &LookSource::of_model(&mesh)?, gallery)?;
     Ok(vec![
         (
             "texture coordinates".to_owned(),
@@ -117,20 +109,20 @@ fn baked(
     mesh: &Mesh,
     cover: &fantex::cover::Cover,
     source: &dyn Source,
-    studio: &Studio<'_>,
+    gallery: &Gallery<'_>,
 ) -> Result<Baked> {
     let folder = Context::temporary_folder()?;
     let path = folder.path().join("drawing.fan");
-    bake(mesh, cover, source, &path, &BakeOptions::default(), &studio.context.progress("baking"))?;
-    let cache = PageCache::new(Arc::new(Asset::open(&path)?), studio.context.memory_bytes as usize);
+    bake(mesh, cover, source, &path, &BakeOptions::default(), &gallery.context.progress("baking"))?;
+    let cache = PageCache::new(Arc::new(Asset::open(&path)?), gallery.context.memory_bytes as usize);
     Ok(Baked { cache, _folder: folder })
 }
 
 /// An image through maps of the plane.
-fn warps(studio: &Studio<'_>) -> Drawn {
-    let photo = Image::load(studio.shipped.file("assets/images/rocket.jpg"))?;
+fn warps(gallery: &Gallery<'_>) -> Drawn {
+    let photo = Image::load(gallery.shipped.file("assets/images/rocket.jpg"))?;
     let texture = ImageTexture::new(Arc::new(photo.clone()));
-    let options = studio.options([400, 320]);
+    let options = gallery.options([400, 320]);
     let size = [options.width, options.height];
     let [w, h] = size.map(f64::from);
     let at = |x: f64, y: f64| DVec2::new(x * w, y * h);
@@ -159,9 +151,9 @@ fn warps(studio: &Studio<'_>) -> Drawn {
 }
 
 /// Surroundings in several forms.
-fn environments(studio: &Studio<'_>) -> Drawn {
-    let map = EnvironmentMap::load(studio.shipped.file("assets/images/forest.exr"))?;
-    let side = studio.width.unwrap_or(640) / 4;
+fn environments(gallery: &Gallery<'_>) -> Drawn {
+    let map = EnvironmentMap::load(gallery.shipped.file("assets/images/forest.exr"))?;
+    let side = gallery.width.unwrap_or(640) / 4;
     let forms = [
         ("latitude and longitude", EnvironmentForm::Sphere, EnvironmentLayout::Panorama, 2 * side),
         ("the cube, unfolded", EnvironmentForm::Cube, EnvironmentLayout::HorizontalCross, side),
@@ -169,14 +161,14 @@ fn environments(studio: &Studio<'_>) -> Drawn {
     ];
     let draw = |(caption, form, layout, side): (&str, _, _, _)| {
         let image = map.converted(form, side).to_image(layout);
-        Ok((caption.to_owned(), studio.reduced(image.converted(Depth::U8, ColorSpace::Srgb))?))
+        Ok((caption.to_owned(), gallery.reduced(image.converted(Depth::U8, ColorSpace::Srgb))?))
     };
     forms.into_iter().map(draw).collect()
 }
 
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
-fn light_map(studio: &Studio<'_>) -> Drawn {
-    let mesh = open_model(&studio.shipped.file("assets/models/CornellBox.glb"))?;
+fn light_map(gallery: &Gallery<'_>) -> Drawn {
+    let mesh = open_model(&gallery.shipped.file("assets/models/CornellBox.glb"))?;
     let options = CoverOptions { budget: TexelBudget::Total(50_000), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = LookSource::of_model(&mesh)?;
@@ -197,7 +189,7 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         up: DVec3::Y,
         fov_degrees: 40.0,
     };
-    let options = studio.options([400, 400]);
+    let options = gallery.options([400, 400]);
     let kinds = [
         ("direct light", LightQuantity::Direct, false),
         ("ambient occlusion", LightQuantity::AmbientOcclusion, false),
@@ -212,7 +204,7 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         let scene = LightScene { lights, sky, reflector: &reflector };
         let light_options = LightMapOptions { quantity, samples: 96, ..LightMapOptions::default() };
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
-        let asset = baked(&mesh, &cover, &source, studio)?;
+        let asset = baked(&mesh, &cover, &source, gallery)?;
         let sampler = Sampler::of_cache(&asset.cache, FilterOptions::default());
         let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
             let light = sampler.sample_channel(0, hit.at, Footprint::NONE);
