@@ -1,7 +1,7 @@
 //! Coverage to texels: a page as it is after the stroke.
 
 use fantex_base::Result;
-use fantex_cover::{NO_OWNER, Tap, TexelTriangle};
+use fantex_cover::{Tap, TexelTriangle};
 use fantex_mesh::interpolate;
 use fantex_store::{
     Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, Quality, TexelFormat, TexelSlice,
@@ -40,12 +40,12 @@ pub(crate) fn composite(
     let channels = ink.paint.channels.iter().enumerate();
     for (((number, painted), original), mut bytes) in channels.zip(originals).zip(shown) {
         let mut values = original.clone();
-        for (x, y) in rect.texels() {
-            let texel = (y * extent[0] + x) as usize;
+        for place in rect.texels() {
+            let texel = map.texel(place);
             let coverage = page.covered(texel);
             if coverage > 0.0
-                && map.owner[texel] != NO_OWNER
-                && let Some(color) = ink.color(map, page, [x, y], number)
+                && map.is_valid(texel)
+                && let Some(color) = ink.color(map, page, place, number)
             {
                 values[texel] = ink.paint.apply(values[texel], color, coverage);
             }
@@ -76,7 +76,7 @@ pub(crate) struct Ink<'a> {
     /// The texture function before the stroke, where the tool asks for it.
     pub(crate) before: Option<&'a PageCache>,
     /// The channel that holds normals, if any.
-    pub(crate) normals: Option<usize>,
+    normals: Option<usize>,
 }
 
 /// Points of a ring around the centre of a blur.
@@ -86,25 +86,31 @@ const RING: u32 = 6;
 /// deviation of half the radius.)
 const RINGS: [(f64, f32); 2] = [(0.5, 0.607), (1.0, 0.135)];
 
-impl Ink<'_> {
+impl<'a> Ink<'a> {
+    pub(crate) fn new(
+        surface: &'a Surface,
+        asset: &Asset,
+        paint: &'a Paint,
+        before: Option<&'a PageCache>,
+    ) -> Self {
+        Self { surface, paint, before, normals: asset.channel_of_kind(ChannelKind::Normal) }
+    }
+
     /// The colour of a channel, by its number among the painted ones, at a texel that shows the surface, given by column and
     /// row; none where there is nothing to lay down.
     pub(crate) fn color(
         &self,
         map: &TexelPage,
         page: &StrokePage,
-        [x, y]: [u32; 2],
+        place: [u32; 2],
         number: usize,
     ) -> Option<Vec4> {
-        let texel = (y * map.block.extent[0] + x) as usize;
         let painted = &self.paint.channels[number];
-        let value = page.color(number, texel).or_else(|| self.at(map, [x, y], painted))?;
+        let value = page.color(number, map.texel(place)).or_else(|| self.at(map, place, painted))?;
         if !self.is_tangent(painted) {
             return Some(value);
         }
-        let triangle = &map.triangles[map.owner[texel] as usize];
-        let point = map.point(triangle, x, y).clamped();
-        Some(stored_from_tangent(self.surface, map.group, point, value))
+        Some(stored_from_tangent(self.surface, map.group, map.point(place).clamped(), value))
     }
 
     /// True where the colour is the tangent part of a normal: not what a tile stores.
@@ -114,9 +120,8 @@ impl Ink<'_> {
     }
 
     /// The same for what does not depend on the dabs; of normals that are moved the tangent part (see `normals.rs`).
-    pub(crate) fn at(&self, map: &TexelPage, [x, y]: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
-        let triangle = &map.triangles[map.owner[(y * map.block.extent[0] + x) as usize] as usize];
-        let point = map.point(triangle, x, y);
+    pub(crate) fn at(&self, map: &TexelPage, place: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
+        let (triangle, point) = (map.triangle(place), map.point(place));
         match (&self.paint.tool, self.before) {
             (Tool::Blur { radius }, Some(before)) => {
                 return Some(self.blurred(before, painted.channel, point.clamped(), *radius));
@@ -301,7 +306,7 @@ pub(crate) fn replace_blocks(
     changed: impl Fn(usize) -> bool,
 ) -> Result<()> {
     let rect = rect.blocks();
-    let texels = rect.texels().map(|(x, y)| values[(y * extent[0] + x) as usize]);
+    let texels = rect.texels().map(|[x, y]| values[(y * extent[0] + x) as usize]);
     let encoded = if channel.format == TexelFormat::Rgba32F {
         let texels: Vec<[f32; 4]> = texels.map(|v| stored_float(channel, v)).collect();
         encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::F32(&texels))?
@@ -368,11 +373,8 @@ fn copy_block(
 
 fn stored_float(channel: &Channel, value: Vec4) -> [f32; 4] {
     let [r, g, b, a] = value.to_array();
-    if channel.srgb {
-        [srgb_from_linear(r), srgb_from_linear(g), srgb_from_linear(b), a]
-    } else {
-        [r, g, b, a]
-    }
+    let [r, g, b] = if channel.srgb { [r, g, b].map(srgb_from_linear) } else { [r, g, b] };
+    [r, g, b, a]
 }
 
 fn stored_bytes(channel: &Channel, value: Vec4) -> [u8; 4] {

@@ -62,19 +62,16 @@ pub(crate) fn cover_page<'a>(
     page: &mut StrokePage,
 ) {
     let mut in_region = vec![NO_OWNER; map.triangles.len()];
-    let mut covered = Rect::EMPTY;
     for dab in dabs {
         for_each_texel(map, &dab.region, &mut in_region, |under| {
             let position = under.point.position(surface.mesh());
             let added = dab.coverage(&dab.region.triangles[under.index], under.point.lambda, position);
             if added > 0.0 {
                 page.gather(under.texel, added, &[]);
-                covered.add(under.place[0], under.place[1]);
+                page.touch(under.place);
             }
         });
     }
-    page.touched = page.touched.union(covered);
-    page.stale = page.stale.union(covered);
 }
 
 /// A touch that brings its own colours.
@@ -94,8 +91,7 @@ pub(crate) fn cover_page_colored(map: &TexelPage, patch: &dyn Patch, channels: u
         let added = patch.at(map, under, &mut colors);
         if added > 0.0 {
             page.gather(under.texel, added, &colors);
-            page.touched.add(under.place[0], under.place[1]);
-            page.stale.add(under.place[0], under.place[1]);
+            page.touch(under.place);
         }
     });
 }
@@ -140,17 +136,15 @@ fn for_each_texel(
             found.into_iter().for_each(|number| meet(index, number));
         }
     }
-    let width = map.block.extent[0];
-    let rect = if rect.is_empty() { Rect { low: [0; 2], high: [0; 2] } } else { rect };
-    for (x, y) in rect.texels() {
-        let texel = (y * width + x) as usize;
+    for place in rect.texels() {
+        let texel = map.texel(place);
         let owner = map.owner[texel];
         if owner == NO_OWNER || in_region[owner as usize] == NO_OWNER {
             continue;
         }
-        let triangle = &map.triangles[owner as usize];
-        let (index, point) = (in_region[owner as usize] as usize, map.point(triangle, x, y));
-        visit(&TexelUnder { texel, place: [x, y], triangle, index, point });
+        let index = in_region[owner as usize] as usize;
+        let (triangle, point) = (&map.triangles[owner as usize], map.point(place));
+        visit(&TexelUnder { texel, place, triangle, index, point });
     }
     met.into_iter().for_each(|index| in_region[index] = NO_OWNER);
 }
@@ -158,25 +152,19 @@ fn for_each_texel(
 /// Covers all texels of chosen triangles fully.
 pub(crate) fn fill_page(map: &TexelPage, is_chosen: impl Fn(u32) -> bool, page: &mut StrokePage) {
     let chosen: Vec<bool> = map.triangles.iter().map(|t| is_chosen(t.triangle)).collect();
-    let width = map.block.extent[0];
     for (texel, &owner) in map.owner.iter().enumerate() {
         if owner != NO_OWNER && chosen[owner as usize] {
             page.coverage[texel] = 1.0;
-            let (x, y) = (texel as u32 % width, texel as u32 / width);
-            page.touched.add(x, y);
-            page.stale.add(x, y);
+            page.touch(map.place(texel));
         }
     }
 }
 
 /// Covers the texels of a page by given numbers, one per texel.
 pub(crate) fn cover_texels(coverage: &[f32], map: &TexelPage, page: &mut StrokePage) {
-    let width = map.block.extent[0];
     for (texel, &added) in coverage.iter().enumerate().filter(|(_, added)| **added > 0.0) {
         page.gather(texel, added, &[]);
-        let (x, y) = (texel as u32 % width, texel as u32 / width);
-        page.touched.add(x, y);
-        page.stale.add(x, y);
+        page.touch(map.place(texel));
     }
 }
 

@@ -91,9 +91,7 @@ impl PlacedDab {
         });
         self.dab.flow * falloff * stamp
     }
-}
 
-impl PlacedDab {
     /// A distance along the surface in the measure of an ellipse: longer across it.
     fn stretched(&self, distance: f32, position: Vec3) -> f32 {
         let q = position - self.center;
@@ -125,13 +123,7 @@ pub struct Stamp {
 impl Stamp {
     /// From a picture; its longer side spans the brush's diameter.
     pub fn new(image: &Image) -> Self {
-        let coverage = |x, y| {
-            let [r, g, b, a] = image.linear_texel(x, y);
-            // Luminance (ITU-R BT.709).
-            if image.has_alpha() { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
-        };
-        let texels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| coverage(x, y)));
-        Self { extent: [image.width as usize, image.height as usize], coverage: texels.collect() }
+        Self { extent: [image.width as usize, image.height as usize], coverage: coverage_of(image) }
     }
 
     /// Columns and rows, and the coverage of each texel, row-major.
@@ -157,6 +149,16 @@ impl Stamp {
         let bottom = at(0.0, 1.0) * (1.0 - fx) + at(1.0, 1.0) * fx;
         top * (1.0 - fy) + bottom * fy
     }
+}
+
+/// The shape of an image, row-major: its alpha, or, where it has none, its brightness.
+pub(crate) fn coverage_of(image: &Image) -> Vec<f32> {
+    let covered = |x, y| {
+        let [r, g, b, a] = image.linear_texel(x, y);
+        // Luminance (ITU-R BT.709).
+        if image.has_alpha() { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
+    };
+    (0..image.height).flat_map(|y| (0..image.width).map(move |x| covered(x, y))).collect()
 }
 
 // Flat coordinates around a point of the surface, for pictures that lie on it.

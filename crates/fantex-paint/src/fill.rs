@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use fantex_cover::NO_OWNER;
 use fantex_store::{PAGE, PageCache, PageId};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -166,16 +165,14 @@ struct ReachedPage {
 impl ColorSearch<'_> {
     /// Coverage of all texels of a page by their colour alone.
     pub(crate) fn coverage(&self, map: &TexelPage) -> Vec<f32> {
-        let width = map.block.extent[0];
-        let of_texel = |(texel, &owner): (usize, &u32)| {
-            if owner == NO_OWNER {
+        let of_texel = |texel: usize| {
+            if !map.is_valid(texel) {
                 return 0.0;
             }
-            let triangle = &map.triangles[owner as usize];
-            let point = map.point(triangle, texel as u32 % width, texel as u32 / width).clamped();
+            let point = map.point(map.place(texel)).clamped();
             self.fill.coverage(look_up(self.surface, self.before, self.channel, point), self.start)
         };
-        map.owner.par_iter().enumerate().map(of_texel).collect()
+        (0..map.owner.len()).into_par_iter().map(of_texel).collect()
     }
 
     /// What hangs together with a point. `map_of` finds or makes pages.
@@ -227,12 +224,13 @@ impl ColorSearch<'_> {
             let extent = page.map.block.extent;
             let [x, y] = [texel % extent[0], texel / extent[0]];
             let (point, position) = self.point(&page.map, [x, y]);
-            let near = |[x, y]: [u32; 2]| {
-                let number = y * extent[0] + x;
-                let shown = page.map.owner[number as usize] != NO_OWNER;
+            let near = |place: [u32; 2]| {
+                let texel = page.map.texel(place);
                 // Beside a slit the next texel may show another part of the surface.
                 let texels = 3.0 / self.surface.cover().density;
-                (shown && self.point(&page.map, [x, y]).1.distance(position) < texels).then_some((id, number))
+                let is_near =
+                    page.map.is_valid(texel) && self.point(&page.map, place).1.distance(position) < texels;
+                is_near.then_some((id, texel as u32))
             };
             let right = (x + 1 < extent[0]).then(|| [x + 1, y]);
             let lower = (y + 1 < extent[1]).then(|| [x, y + 1]);
@@ -265,10 +263,8 @@ impl ColorSearch<'_> {
             .collect()
     }
 
-    fn point(&self, map: &TexelPage, [x, y]: [u32; 2]) -> (SurfacePoint, Vec3) {
-        let owner = map.owner[(y * map.block.extent[0] + x) as usize];
-        let triangle = &map.triangles[owner as usize];
-        let point = map.point(triangle, x, y).clamped();
+    fn point(&self, map: &TexelPage, place: [u32; 2]) -> (SurfacePoint, Vec3) {
+        let point = map.point(place).clamped();
         (point, self.surface.position(point).as_vec3())
     }
 

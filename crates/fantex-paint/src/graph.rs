@@ -5,7 +5,6 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_base::{Error, Result};
-use fantex_cover::NO_OWNER;
 use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_texture::Texture;
 use glam::Vec4;
@@ -122,17 +121,14 @@ impl FillTextures {
         is_hidden: impl Fn(usize) -> bool,
     ) -> Vec<Vec<Vec4>> {
         let Some((_, textures)) = self.layers.get(&layer) else { return Vec::new() };
-        let width = map.block.extent[0];
         let mut values = vec![Vec::new(); textures.len()];
         for (values, texture) in values.iter_mut().zip(textures) {
             let Some(texture) = texture else { continue };
             values.resize(map.owner.len(), Vec4::ZERO);
-            for (x, y) in rect.texels() {
-                let texel = (y * width + x) as usize;
-                let owner = map.owner[texel];
-                if owner != NO_OWNER && !is_hidden(texel) {
-                    let triangle = &map.triangles[owner as usize];
-                    let lambda = map.point(triangle, x, y).lambda;
+            for place in rect.texels() {
+                let texel = map.texel(place);
+                if map.is_valid(texel) && !is_hidden(texel) {
+                    let (triangle, lambda) = (map.triangle(place), map.point(place).lambda);
                     values[texel] = shade(surface, triangle, lambda, |point| texture.evaluate(point));
                 }
             }

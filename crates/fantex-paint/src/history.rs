@@ -31,7 +31,7 @@ pub struct HistoryStep {
     /// What the user calls it.
     pub label: String,
     /// Number of attachments.
-    parts: u32,
+    pub(crate) parts: u32,
 }
 
 /// All steps.
@@ -81,12 +81,20 @@ impl Direction {
             Self::Forth => Self::Back,
         }
     }
+
+    /// What was there before or comes after.
+    fn chosen<T>(self, [before, after]: [T; 2]) -> T {
+        match self {
+            Self::Back => before,
+            Self::Forth => after,
+        }
+    }
 }
 
 impl HistoryStep {
-    /// Number of its attachments.
-    pub(crate) fn parts(&self) -> u32 {
-        self.parts
+    /// Removes its attachments.
+    fn detach(&self, editor: &mut AssetEditor) {
+        (0..self.parts).for_each(|part| editor.detach(&part_name(self.id, part)));
     }
 }
 
@@ -111,11 +119,11 @@ impl History {
     /// Begins a step; what was undone cannot be redone any more.
     pub(crate) fn begin(&mut self, label: &str, editor: &mut AssetEditor) {
         for step in std::mem::take(&mut self.index.undone) {
-            (0..step.parts).for_each(|part| editor.detach(&part_name(step.id, part)));
+            step.detach(editor);
         }
         let step = HistoryStep { id: self.index.next_id, label: label.to_owned(), parts: 0 };
         self.index.next_id += 1;
-        self.open = Some(OpenStep { step, bytes: Vec::new() });
+        self.take_up(Some(step));
     }
 
     pub(crate) fn add_page(&mut self, step: PageStep, editor: &mut AssetEditor) -> Result<()> {
@@ -128,7 +136,7 @@ impl History {
             let change = before.iter().zip(after).map(|(a, b)| a ^ b).collect();
             Record::Page { id, channel, change }.encode(&mut open.bytes);
         }
-        if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
+        open.write_part_of(PART_BYTES, editor)
     }
 
     pub(crate) fn add_mean(&mut self, channel: usize, group: u32, before: [f32; 4], after: [f32; 4]) {
@@ -147,15 +155,13 @@ impl History {
     ) -> Result<()> {
         let Some(open) = &mut self.open else { return Ok(()) };
         Record::Attachment { name: name.to_owned(), contents: [before, after] }.encode(&mut open.bytes);
-        if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
+        open.write_part_of(PART_BYTES, editor)
     }
 
     /// Ends the step; one without changes is dropped.
     pub(crate) fn finish(&mut self, editor: &mut AssetEditor) -> Result<()> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
-        if !open.bytes.is_empty() {
-            open.write_part(editor)?;
-        }
+        open.write_part_of(1, editor)?;
         if open.step.parts > 0 {
             self.index.done.push(open.step);
         }
@@ -165,25 +171,20 @@ impl History {
     /// Writes what is recorded of the open step so far; returns the step as it is then.
     pub(crate) fn keep_open(&mut self, editor: &mut AssetEditor) -> Result<Option<HistoryStep>> {
         let Some(open) = &mut self.open else { return Ok(None) };
-        if !open.bytes.is_empty() {
-            open.write_part(editor)?;
-        }
+        open.write_part_of(1, editor)?;
         let step = open.step.clone();
         self.save(editor)?;
         Ok(Some(step))
     }
 
-    /// Goes on with a step that was open.
-    pub(crate) fn take_up(&mut self, step: HistoryStep) {
-        self.open = Some(OpenStep { step, bytes: Vec::new() });
+    /// Goes on with a step, if there is one.
+    pub(crate) fn take_up(&mut self, step: Option<HistoryStep>) {
+        self.open = step.map(|step| OpenStep { step, bytes: Vec::new() });
     }
 
     /// The step that is next in a direction.
     pub(crate) fn next_step(&self, direction: Direction) -> Option<&HistoryStep> {
-        match direction {
-            Direction::Back => self.index.done.last(),
-            Direction::Forth => self.index.undone.last(),
-        }
+        direction.chosen([&self.index.done, &self.index.undone]).last()
     }
 
     /// The next step in a direction has been made.
@@ -198,7 +199,7 @@ impl History {
     /// Forgets the last step, which has been taken back.
     pub(crate) fn forget_last(&mut self, editor: &mut AssetEditor) -> Result<()> {
         if let Some(step) = self.index.done.pop() {
-            (0..step.parts).for_each(|part| editor.detach(&part_name(step.id, part)));
+            step.detach(editor);
         }
         self.save(editor)
     }
@@ -219,9 +220,8 @@ impl History {
         let mut bases = Vec::new();
         let mut others = Vec::new();
         while !rest.is_empty() {
-            match Record::decode(&mut rest)
-                .ok_or_else(|| damaged(editor, "history", "a step cannot be read"))?
-            {
+            let record = Record::decode(&mut rest);
+            match record.ok_or_else(|| damaged(editor, "history", "a step cannot be read"))? {
                 Record::Page { id, channel, change } => {
                     let page = match pages.entry((id, channel)) {
                         Entry::Occupied(page) => page.into_mut(),
@@ -255,7 +255,11 @@ impl History {
 }
 
 impl OpenStep {
-    fn write_part(&mut self, editor: &mut AssetEditor) -> Result<()> {
+    /// Writes what is recorded as a part, where it has so many bytes.
+    fn write_part_of(&mut self, bytes: usize, editor: &mut AssetEditor) -> Result<()> {
+        if self.bytes.len() < bytes {
+            return Ok(());
+        }
         let name = part_name(self.step.id, self.step.parts);
         editor.attach(&name, std::mem::take(&mut self.bytes))?;
         self.step.parts += 1;
@@ -268,26 +272,19 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
     match record {
         // They are put together before.
         Record::Page { .. } | Record::Base(_) => {}
-        Record::Attachment { name, contents: [before, after] } => {
-            let contents = match direction {
-                Direction::Back => before,
-                Direction::Forth => after,
-            };
+        Record::Attachment { name, contents } => {
+            let contents = direction.chosen(contents);
             if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
                 return Err(damaged(editor, "history", "a step changes what is neither layer nor log"));
             }
             if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
         }
-        Record::Mean { channel, group, values: [before, after] } => {
+        Record::Mean { channel, group, values } => {
             let asset = editor.asset();
             if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
                 return Err(damaged(editor, "history", "a step changes a group that does not exist"));
             }
-            let value = match direction {
-                Direction::Back => before,
-                Direction::Forth => after,
-            };
-            editor.set_mean(channel, group, value);
+            editor.set_mean(channel, group, direction.chosen(values));
         }
     }
     Ok(())
@@ -403,10 +400,7 @@ mod tests {
         let mut bytes = Vec::new();
         records.iter().for_each(|record| record.encode(&mut bytes));
         let mut rest = bytes.as_slice();
-        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[0]));
-        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[1]));
-        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[2]));
-        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[3]));
+        assert_eq!(records.each_ref().map(|_| Record::decode(&mut rest).unwrap()), records);
         assert!(rest.is_empty());
         for end in 1..30 {
             assert_eq!(Record::decode(&mut &bytes[..end]), None);

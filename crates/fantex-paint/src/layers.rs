@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use fantex_base::{Error, Result};
-use fantex_store::{AssetEditor, PAGE, PageId, page_extent, page_grid};
+use fantex_store::{AssetEditor, PAGE, PageId, page_grid};
 use glam::{Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
@@ -175,8 +175,18 @@ fn change_folders(stack: &mut [Layer], change: impl Fn(&Path) -> PathBuf) {
     }
 }
 
-fn page_suffix(id: PageId) -> String {
-    format!("{:010}/{:05}/{:05}", id.group, id.page[1], id.page[0])
+/// What the names of the attachments that hold something begin with.
+fn prefix(target: Target) -> String {
+    match target {
+        Target::Base => "layers/base/".to_owned(),
+        Target::Layer(layer) => format!("layers/{layer:010}/page/"),
+        Target::Mask(layer) => format!("layers/{layer:010}/mask/"),
+    }
+}
+
+/// The attachment that a stroke changes on a page.
+pub(crate) fn page_name(target: Target, id: PageId) -> String {
+    format!("{}{:010}/{:05}/{:05}", prefix(target), id.group, id.page[1], id.page[0])
 }
 
 /// The page that a name stands for, after its prefix.
@@ -186,26 +196,8 @@ fn page_of_suffix(suffix: &str) -> Option<PageId> {
     numbers.next().is_none().then_some(PageId { group, level: 0, page: [x, y] })
 }
 
-const BASE_PREFIX: &str = "layers/base/";
-
 pub(crate) fn base_name(id: PageId) -> String {
-    format!("{BASE_PREFIX}{}", page_suffix(id))
-}
-
-fn layer_prefix(layer: u64) -> String {
-    format!("layers/{layer:010}/page/")
-}
-
-fn layer_name(layer: u64, id: PageId) -> String {
-    format!("{}{}", layer_prefix(layer), page_suffix(id))
-}
-
-fn mask_prefix(layer: u64) -> String {
-    format!("layers/{layer:010}/mask/")
-}
-
-fn mask_name(layer: u64, id: PageId) -> String {
-    format!("{}{}", mask_prefix(layer), page_suffix(id))
+    page_name(Target::Base, id)
 }
 
 // Pages of layers as bytes: half floats, so that neither darkness nor light beyond 1 is lost.
@@ -353,20 +345,14 @@ impl Painter {
     }
 
     pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<()> {
-        let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
+        let maps = self.maps.get(&self.surface, ids, self.options.budget());
         let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
-        let flat: Vec<Vec<Vec<u8>>> = ids
-            .par_iter()
-            .zip(&maps)
-            .map(|(&id, map)| {
-                let group = &editor.asset().cover().groups[id.group as usize];
-                let extent = page_extent(group.level_extent(0), id.page);
-                let rect = Rect { low: [0; 2], high: extent };
-                let replaced = None;
-                flatten(&LayerStack { editor, layers, id, extent, surface, map, fills, rect, replaced })
-            })
-            .collect::<Result<_, _>>()?;
-        for (&id, flat) in ids.iter().zip(flat) {
+        let flat = ids.par_iter().zip(&maps).map(|(&id, map)| {
+            let rect = Rect::of(map.block.extent);
+            LayerStack { editor, layers, id, surface, map, fills, rect, replaced: None }.flatten()
+        });
+        let flat: Vec<Vec<Vec<u8>>> = flat.collect::<Result<_>>()?;
+        for ((&id, flat), map) in ids.iter().zip(flat).zip(maps) {
             let before = base_bytes(&self.editor, id, None)?;
             // The base is kept from the moment on at which something lies over it.
             let is_first_layered = !self.editor.has_attachment(&base_name(id));
@@ -381,9 +367,7 @@ impl Painter {
                 }
             }
             if !channels.is_empty() {
-                let group = &self.editor.asset().cover().groups[id.group as usize];
-                let extent = page_extent(group.level_extent(0), id.page);
-                changes.add(id, Rect { low: [0; 2], high: extent });
+                changes.add(id, Rect::of(map.block.extent));
             }
             self.remember(PageStep { id, channels, is_first_layered })?;
         }
@@ -399,11 +383,10 @@ impl Painter {
             return self.all_pages();
         }
         let names = self.editor.attachment_names();
-        let masks: Vec<String> = self.layers.stack.iter().map(|layer| mask_prefix(layer.id())).collect();
-        let prefixes = masks.iter().map(String::as_str).chain([BASE_PREFIX]);
+        let masks = self.layers.stack.iter().map(|layer| Target::Mask(layer.id()));
         let mut pages = BTreeSet::new();
-        for prefix in prefixes {
-            let suffixes = names.iter().filter_map(|name| name.strip_prefix(prefix));
+        for prefix in masks.chain([Target::Base]).map(prefix) {
+            let suffixes = names.iter().filter_map(|name| name.strip_prefix(&prefix));
             pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
         }
         pages.into_iter().collect()
@@ -427,11 +410,11 @@ impl Painter {
 // All layers of a page, one over the other.
 
 /// What a page is flattened from.
+#[derive(Clone, Copy)]
 pub(crate) struct LayerStack<'a> {
     pub(crate) editor: &'a AssetEditor,
     pub(crate) layers: &'a Layers,
     pub(crate) id: PageId,
-    pub(crate) extent: [u32; 2],
     /// Which texels show what.
     pub(crate) surface: &'a Surface,
     pub(crate) map: &'a TexelPage,
@@ -463,41 +446,42 @@ impl LayerPage<'_> {
     }
 }
 
-/// The bytes of the page in all channels of the asset.
-pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>> {
-    let asset = stack.editor.asset();
-    let texels = stack.extent[0] as usize * stack.extent[1] as usize;
-    let pages = stack.pages(texels)?;
-    let mut flat = Vec::with_capacity(asset.channels().len());
-    for (index, (channel, base)) in asset.channels().iter().zip(stack.base()?).enumerate() {
-        let decoded = asset.decode_page_raw(index, stack.id, &base)?;
-        let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
-        let mut changed = vec![false; texels];
-        let mut rect = Rect::EMPTY;
-        for (x, y) in stack.rect.texels() {
-            let texel = (y * stack.extent[0] + x) as usize;
-            let value = &mut values[texel];
-            let before = *value;
-            for page in pages.iter().filter(|page| page.layer.shows(index)) {
-                let share = page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
-                *value = page.layer.blend.compose(*value, page.source(index, texel), share);
-            }
-            if *value != before {
-                changed[texel] = true;
-                rect.add(x, y);
-            }
-        }
-        let mut bytes = stack.editor.read_page_raw(index, stack.id)?;
-        copy_blocks(channel, stack.extent, &base, &mut bytes, stack.rect);
-        if !rect.is_empty() {
-            replace_blocks(channel, stack.extent, &mut bytes, &values, rect, |texel| changed[texel])?;
-        }
-        flat.push(bytes);
-    }
-    Ok(flat)
-}
-
 impl<'a> LayerStack<'a> {
+    /// The bytes of the page in all channels of the asset.
+    fn flatten(&self) -> Result<Vec<Vec<u8>>> {
+        let asset = self.editor.asset();
+        let (extent, texels) = (self.map.block.extent, self.map.block.texel_count());
+        let pages = self.pages(texels)?;
+        let mut flat = Vec::with_capacity(asset.channels().len());
+        for (index, (channel, base)) in asset.channels().iter().zip(self.base()?).enumerate() {
+            let decoded = asset.decode_page_raw(index, self.id, &base)?;
+            let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
+            let mut changed = vec![false; texels];
+            let mut rect = Rect::EMPTY;
+            for place in self.rect.texels() {
+                let texel = self.map.texel(place);
+                let value = &mut values[texel];
+                let before = *value;
+                for page in pages.iter().filter(|page| page.layer.shows(index)) {
+                    let share =
+                        page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
+                    *value = page.layer.blend.compose(*value, page.source(index, texel), share);
+                }
+                if *value != before {
+                    changed[texel] = true;
+                    rect.add(place);
+                }
+            }
+            let mut bytes = self.editor.read_page_raw(index, self.id)?;
+            copy_blocks(channel, extent, &base, &mut bytes, self.rect);
+            if !rect.is_empty() {
+                replace_blocks(channel, extent, &mut bytes, &values, rect, |texel| changed[texel])?;
+            }
+            flat.push(bytes);
+        }
+        Ok(flat)
+    }
+
     fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
         match self.replaced {
             Some((replaced, contents)) if replaced == name => Ok(Some(contents.to_vec())),
@@ -517,14 +501,16 @@ impl<'a> LayerStack<'a> {
         for layer in &self.layers.stack {
             let values = match layer.content {
                 LayerContent::Fill(_) | LayerContent::Graph(_) => Vec::new(),
-                LayerContent::Painted => match self.attachment(&layer_name(layer.id(), self.id))? {
-                    Some(bytes) => decode_values(&bytes, channels, texels),
-                    None => continue,
-                },
+                LayerContent::Painted => {
+                    match self.attachment(&page_name(Target::Layer(layer.id()), self.id))? {
+                        Some(bytes) => decode_values(&bytes, channels, texels),
+                        None => continue,
+                    }
+                }
             };
             let mask = match layer.mask {
                 Some(outside) => {
-                    let bytes = self.attachment(&mask_name(layer.id(), self.id))?;
+                    let bytes = self.attachment(&page_name(Target::Mask(layer.id()), self.id))?;
                     decode_mask(&bytes.unwrap_or_default(), texels, outside)
                 }
                 None => Vec::new(),
@@ -550,13 +536,8 @@ pub(crate) fn base_bytes(editor: &AssetEditor, id: PageId, kept: Option<Vec<u8>>
         return Ok(current);
     };
     let mut rest = kept.as_slice();
-    let mut base = Vec::with_capacity(channels);
-    for page in &current {
-        let (bytes, after) = rest.split_at(page.len());
-        base.push(bytes.to_vec());
-        rest = after;
-    }
-    Ok(base)
+    let pages = current.iter().filter_map(|page| rest.split_off(..page.len()));
+    Ok(pages.map(<[u8]>::to_vec).collect())
 }
 
 // A stroke onto a layer, a mask, or what lies under the layers.
@@ -582,25 +563,12 @@ impl ShownPage {
 
 /// A stroke on a page with layers.
 pub(crate) struct LayeredPage<'a> {
-    pub(crate) editor: &'a AssetEditor,
-    pub(crate) layers: &'a Layers,
-    pub(crate) fills: &'a FillTextures,
-    pub(crate) map: &'a TexelPage,
-    pub(crate) id: PageId,
+    pub(crate) stack: LayerStack<'a>,
     pub(crate) page: &'a StrokePage,
     pub(crate) ink: &'a Ink<'a>,
     pub(crate) target: Target,
     /// The channels of the asset that the stroke can change.
     pub(crate) affected: &'a [usize],
-}
-
-/// The attachment that a stroke changes on a page.
-pub(crate) fn target_name(target: Target, id: PageId) -> String {
-    match target {
-        Target::Base => base_name(id),
-        Target::Layer(layer) => layer_name(layer, id),
-        Target::Mask(layer) => mask_name(layer, id),
-    }
 }
 
 impl LayeredPage<'_> {
@@ -611,36 +579,23 @@ impl LayeredPage<'_> {
         let contents = match self.target {
             Target::Base => self.painted_base(before)?,
             Target::Layer(_) => self.painted_layer(before),
-            Target::Mask(layer) => self.painted_mask(before, self.layers.find(layer)),
+            Target::Mask(layer) => self.painted_mask(before, self.stack.layers.find(layer)),
         };
-        let name = target_name(self.target, self.id);
-        let mut shown = ShownPage::default();
-        let extent = self.map.block.extent;
-        let replaced = Some((name.as_str(), contents.as_slice()));
-        let stack = LayerStack {
-            editor: self.editor,
-            layers: self.layers,
-            id: self.id,
-            extent,
-            surface: self.ink.surface,
-            map: self.map,
-            fills: self.fills,
-            rect: self.page.stale.blocks(),
-            replaced,
-        };
-        let mut flat = flatten(&stack)?;
-        shown.channels = self.affected.iter().map(|&channel| std::mem::take(&mut flat[channel])).collect();
-        if self.target != Target::Base && self.editor.attachment(&base_name(self.id))?.is_none() {
-            let base = base_bytes(self.editor, self.id, None)?.concat();
-            shown.attachments.push((base_name(self.id), base));
+        let LayerStack { editor, id, .. } = self.stack;
+        let name = page_name(self.target, id);
+        let mut flat = LayerStack { replaced: Some((&name, &contents)), ..self.stack }.flatten()?;
+        let channels = self.affected.iter().map(|&channel| std::mem::take(&mut flat[channel])).collect();
+        let mut attachments = Vec::new();
+        if self.target != Target::Base && !editor.has_attachment(&base_name(id)) {
+            attachments.push((base_name(id), base_bytes(editor, id, None)?.concat()));
         }
-        shown.attachments.push((name, contents));
-        Ok(shown)
+        attachments.push((name, contents));
+        Ok(ShownPage { channels, attachments })
     }
 
     fn painted_base(&self, before: &[u8]) -> Result<Vec<u8>> {
-        let asset = self.editor.asset();
-        let mut base = base_bytes(self.editor, self.id, Some(before.to_vec()))?;
+        let LayerStack { editor, map, id, .. } = self.stack;
+        let mut base = base_bytes(editor, id, Some(before.to_vec()))?;
         let originals: Vec<Vec<u8>> =
             self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
         let page = StrokePage {
@@ -649,7 +604,7 @@ impl LayeredPage<'_> {
             decoded: OnceLock::new(),
             ..self.page.clone()
         };
-        let painted = composite(asset, self.map, self.id, &page, originals, self.ink)?;
+        let painted = composite(editor.asset(), map, id, &page, originals, self.ink)?;
         for (channel, bytes) in self.ink.paint.channels.iter().zip(painted) {
             base[channel.channel] = bytes;
         }
@@ -657,11 +612,11 @@ impl LayeredPage<'_> {
     }
 
     fn painted_layer(&self, before: &[u8]) -> Vec<u8> {
-        let channels = self.editor.asset().channels().len();
+        let channels = self.stack.editor.asset().channels().len();
         let mut values = decode_values(before, channels, self.page.coverage.len());
         self.for_each_covered(|texel, place| {
             for (number, painted) in self.ink.paint.channels.iter().enumerate() {
-                if let Some(color) = self.ink.color(self.map, self.page, place, number) {
+                if let Some(color) = self.ink.color(self.stack.map, self.page, place, number) {
                     let value = &mut values[painted.channel][texel];
                     *value = self.ink.paint.apply(*value, color, self.page.covered(texel));
                 }
@@ -674,7 +629,7 @@ impl LayeredPage<'_> {
         let outside = layer.and_then(|layer| layer.mask).unwrap_or(1.0);
         let mut mask = decode_mask(before, self.page.coverage.len(), outside);
         self.for_each_covered(|texel, place| {
-            if let Some(color) = self.ink.color(self.map, self.page, place, 0) {
+            if let Some(color) = self.ink.color(self.stack.map, self.page, place, 0) {
                 // Luminance (ITU-R BT.709).
                 let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
                 let share = self.page.covered(texel) * self.ink.paint.opacity.clamp(0.0, 1.0);
@@ -685,10 +640,10 @@ impl LayeredPage<'_> {
     }
 
     fn for_each_covered(&self, mut visit: impl FnMut(usize, [u32; 2])) {
-        for (x, y) in self.page.touched.texels() {
-            let texel = (y * self.map.block.extent[0] + x) as usize;
-            if self.page.covered(texel) > 0.0 && self.map.is_valid(texel) {
-                visit(texel, [x, y]);
+        for place in self.page.touched.texels() {
+            let texel = self.stack.map.texel(place);
+            if self.page.covered(texel) > 0.0 && self.stack.map.is_valid(texel) {
+                visit(texel, place);
             }
         }
     }

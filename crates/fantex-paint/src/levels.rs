@@ -79,7 +79,7 @@ fn add_by_page(dirty: &mut Dirty, rect: Rect, extent: [u32; 2]) {
 }
 
 fn page_rect(extent: [u32; 2], page: [u32; 2]) -> Rect {
-    Rect { low: [0; 2], high: page_extent(extent, page) }.moved(page_origin(page))
+    Rect::of(page_extent(extent, page)).moved(page_origin(page))
 }
 
 /// The pages of a level that a rectangle meets.
@@ -109,16 +109,16 @@ fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec<PageId> {
 
 /// Computes the coarser levels of one group.
 struct LevelJob<'a> {
-    pub(crate) surface: &'a Surface,
-    pub(crate) pages: &'a EditorSnapshot,
-    pub(crate) group: u32,
-    pub(crate) channel: usize,
-    pub(crate) maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
+    surface: &'a Surface,
+    pages: &'a EditorSnapshot,
+    group: u32,
+    channel: usize,
+    maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
 }
 
 impl LevelJob<'_> {
     /// Appends all coarser pages that change, and the mean.
-    pub(crate) fn run(&self, levels: &[Dirty], result: &mut CoarserLevels) -> Result<()> {
+    fn run(&self, levels: &[Dirty], result: &mut CoarserLevels) -> Result<()> {
         // Pages of the level before, as they have become, by page.
         let mut finer: BTreeMap<[u32; 2], Vec<Vec4>> = BTreeMap::new();
         let shape = self.surface.cover().groups[self.group as usize];
@@ -164,7 +164,7 @@ impl LevelJob<'_> {
         let mut changed = vec![false; values.len()];
         let by_alpha = asset.channels()[self.channel].kind == ChannelKind::BaseColor;
         let local = rect.relative_to(page_origin(id.page));
-        for (x, y) in local.texels() {
+        for [x, y] in local.texels() {
             let at = [x + page_origin(id.page)[0], y + page_origin(id.page)[1]];
             if let Some(mean) = window.mean(at, fine, coarse, by_alpha) {
                 let texel = (y * extent[0] + x) as usize;
@@ -209,7 +209,7 @@ impl LevelJob<'_> {
             let (values, map) = (&finer[&page], self.maps.get(&id));
             let columns = page_extent(extent, page)[0];
             let part = rect.intersection(page_rect(extent, page));
-            for (x, y) in part.texels() {
+            for [x, y] in part.texels() {
                 let [px, py] = [x - page_origin(page)[0], y - page_origin(page)[1]];
                 let texel = (py * columns + px) as usize;
                 let to = (y - rect.low[1]) as usize * width + (x - rect.low[0]) as usize;
@@ -225,14 +225,14 @@ impl LevelJob<'_> {
 /// Gives texels beside the surface the mean of their neighbours on it: look-ups at its outline read them.
 fn continue_values(values: &mut [Vec4], changed: &mut [bool], extent: [u32; 2], rect: Rect) {
     let known = changed.to_vec();
-    for (x, y) in rect.texels() {
+    for [x, y] in rect.texels() {
         let texel = (y * extent[0] + x) as usize;
         if known[texel] {
             continue;
         }
         let low = [x.saturating_sub(1), y.saturating_sub(1)];
         let around = Rect { low, high: [(x + 2).min(extent[0]), (y + 2).min(extent[1])] };
-        let near = around.texels().map(|(x, y)| (y * extent[0] + x) as usize).filter(|&t| known[t]);
+        let near = around.texels().map(|[x, y]| (y * extent[0] + x) as usize).filter(|&t| known[t]);
         let (sum, count) = near.fold((Vec4::ZERO, 0), |(sum, count), t| (sum + values[t], count + 1));
         if count > 0 {
             values[texel] = sum / count as f32;
@@ -343,14 +343,14 @@ impl LevelWork {
 pub(crate) struct LevelsUnderway(Receiver<Result<LevelResults>>);
 
 impl LevelsUnderway {
-    /// Hands work to the thread for levels: one for all painters, so that dabs keep theirs. Gives it back where there is no
-    /// such thread.
-    pub(crate) fn start(work: Box<LevelWork>, maps: &Arc<Mutex<TexelPages>>) -> Result<Self, Box<LevelWork>> {
+    /// Hands work to the thread for levels: one for all painters, so that dabs keep theirs. None where there is no such
+    /// thread.
+    pub(crate) fn start(work: LevelWork, maps: &Arc<Mutex<TexelPages>>) -> Option<Self> {
         static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
         let name = |_| "paint levels".to_owned();
-        let pool =
-            POOL.get_or_init(|| ThreadPoolBuilder::new().num_threads(1).thread_name(name).build().ok());
-        let Some(pool) = pool else { return Err(work) };
+        let pool = POOL
+            .get_or_init(|| ThreadPoolBuilder::new().num_threads(1).thread_name(name).build().ok())
+            .as_ref()?;
         let (sender, receiver) = channel();
         let maps = Arc::clone(maps);
         pool.spawn(move || {
@@ -360,15 +360,15 @@ impl LevelsUnderway {
             // A painter that is gone needs no levels.
             drop(sender.send(results));
         });
-        Ok(Self(receiver))
+        Some(Self(receiver))
     }
 
     /// The results, if they are there.
-    pub(crate) fn poll(self) -> Result<Result<LevelResults>, Self> {
+    pub(crate) fn poll(&self) -> Option<Result<LevelResults>> {
         match self.0.try_recv() {
-            Ok(results) => Ok(results),
-            Err(TryRecvError::Empty) => Err(self),
-            Err(TryRecvError::Disconnected) => Ok(Err(levels_lost())),
+            Ok(results) => Some(results),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(Err(levels_lost())),
         }
     }
 

@@ -18,6 +18,7 @@
 //! | `stroke_page` | what a stroke has gathered on each page |
 //! | `levels` | coarser levels, at once or beside the painting |
 //! | `painter` | the [`Painter`]: an open stroke, and how it ends |
+//! | `room` | what a full disk means for changes in memory |
 //! | `layers` | layers over the base, flattened into the asset's texels |
 //! | `history` | undo and redo, kept in the asset |
 //! | `stroke_file`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
@@ -41,6 +42,7 @@ mod picture;
 mod projection;
 mod region;
 mod replay;
+mod room;
 mod smudge;
 mod stroke;
 mod stroke_file;

@@ -313,30 +313,24 @@ impl Writer<'_> {
         if let ToolSettings::Blur { radius } = &mut stroke.tool {
             self.length(radius);
         }
-        self.file(&mut stroke.brush.stamp)?;
+        stroke.brush.stamp.iter_mut().try_for_each(|path| self.file(path))?;
         for channel in &mut stroke.channels {
             match &mut channel.color {
-                ColorSettings::Image(path) => {
-                    let mut named = Some(std::mem::take(path));
-                    self.file(&mut named)?;
-                    *path = named.unwrap_or_default();
-                }
+                ColorSettings::Image(path) => self.file(path)?,
                 ColorSettings::Texture { look, .. } => self.look(look)?,
                 _ => {}
             }
         }
         if let Some(stencil) = &mut stroke.stencil {
-            let mut named = Some(std::mem::take(&mut stencil.image));
-            self.file(&mut named)?;
-            stencil.image = named.unwrap_or_default();
+            self.file(&mut stencil.image)?;
         }
         if let Some(decal) = &mut stroke.decal {
             self.length(&mut decal.size);
-            self.file(&mut decal.shape)?;
+            decal.shape.iter_mut().try_for_each(|path| self.file(path))?;
         }
         if let Some(text) = &mut stroke.text {
             self.length(&mut text.size);
-            self.file(&mut text.font)?;
+            text.font.iter_mut().try_for_each(|path| self.file(path))?;
         }
         if let Some(fill) = stroke.layer.as_mut().and_then(|layer| layer.fill.as_mut()) {
             self.look(&mut fill.look)?;
@@ -356,8 +350,7 @@ impl Writer<'_> {
     }
 
     /// Takes a file along under the hash of its contents.
-    fn file(&mut self, path: &mut Option<PathBuf>) -> Result<()> {
-        let Some(path) = path else { return Ok(()) };
+    fn file(&mut self, path: &mut PathBuf) -> Result<()> {
         let bytes = read(&self.folder.join(&*path))?;
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("bin");
         let name = hashed_name(&bytes, extension);

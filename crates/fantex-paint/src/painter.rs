@@ -14,10 +14,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use fantex_base::{Error, Result};
-use fantex_store::{
-    AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_origin,
-    write_error,
-};
+use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_origin};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -27,11 +24,12 @@ use crate::dab::PlacedDab;
 use crate::error::encoded;
 use crate::graph::FillTextures;
 use crate::history::PageStep;
-use crate::layers::{LayeredPage, Layers, ShownPage, base_name, target_name};
+use crate::layers::{LayerStack, LayeredPage, Layers, ShownPage, base_name, page_name};
 use crate::levels::{Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway, PageChange};
 use crate::log::{self, Portable, Recording, portable};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
+use crate::room::Room;
 use crate::smudge::{LaidDown, PagesUnder, SmudgeBuffer, SmudgeDab, buffer_of};
 use crate::stroke_page::{StrokePage, StrokePages};
 use crate::texel_page::{Rect, TexelPage, TexelPages};
@@ -54,6 +52,13 @@ impl Default for PaintOptions {
     /// 512 MiB, with history.
     fn default() -> Self {
         Self { memory_bytes: 512 << 20, history: true }
+    }
+}
+
+impl PaintOptions {
+    /// Bytes of each of the things that memory is for.
+    pub(crate) fn budget(&self) -> usize {
+        self.memory_bytes / 4
     }
 }
 
@@ -229,31 +234,27 @@ impl Painter {
     /// One dab of a smudge: it sees what those before have left.
     fn smudge(&mut self, dab: &Dab, strength: f32) -> Result<()> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
-        let (surface, budget) = (&*self.surface, self.options.memory_bytes / 4);
+        let (surface, budget) = (&*self.surface, self.options.budget());
         let buffer = buffer_of(&mut stroke.buffers, surface, dab);
         let placed = SmudgeDab::new(surface, dab, buffer.as_ref());
         let ids: Vec<PageId> = touched_pages(surface, std::iter::once(placed.region())).into_keys().collect();
         let maps = self.maps.get(surface, &ids, budget);
         let mut pages = PagesUnder::new();
         for (id, map) in ids.into_iter().zip(maps) {
-            let known = stroke.pages.take(id)?;
-            let page = known.unwrap_or_else(|| StrokePage::new(map.block.texel_count()));
+            let page = stroke.pages.take_or_new(id, &map)?;
             pages.insert(id, (map, page));
         }
-        let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
-        let ink = Ink { surface, paint: &stroke.paint, before: stroke.before.as_ref(), normals };
+        let ink = Ink::new(surface, self.editor.asset(), &stroke.paint, stroke.before.as_ref());
         let buffer = placed.picked_up(buffer, strength, &ink, &pages);
         let laid = LaidDown { dab: &placed, buffer: &buffer, surface };
         let channels = stroke.paint.channels.len();
         let stencil = stroke.paint.stencil.as_deref();
         pages.par_iter_mut().for_each(|(_, (map, page))| {
             cover_page_colored(map, &laid, channels, page);
-            stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+            see_through(surface, map, stencil, page);
         });
         for (id, (_, page)) in pages {
-            if !page.touched.is_empty() {
-                stroke.pages.put(id, page, budget)?;
-            }
+            stroke.pages.put(id, page, budget)?;
         }
         stroke.buffers.push(buffer);
         stroke.dabs += 1;
@@ -268,10 +269,8 @@ impl Painter {
         let surface = Arc::clone(&self.surface);
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         stroke.recording.lose();
-        let paint = stroke.paint.clone();
-        let before = stroke.before.clone();
-        let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
-        let ink = Ink { surface: &surface, paint: &paint, before: before.as_ref(), normals };
+        let (paint, before) = (stroke.paint.clone(), stroke.before.clone());
+        let ink = Ink::new(&surface, self.editor.asset(), &paint, before.as_ref());
         let placed = PlacedDecal::new(&surface, decal, &ink);
         let touched = touched_pages(&surface, std::iter::once(placed.region()));
         let touched: Vec<(PageId, ())> = touched.into_keys().map(|id| (id, ())).collect();
@@ -312,25 +311,20 @@ impl Painter {
         add: impl Fn(&Surface, &TexelPage, &T, &mut StrokePage) + Sync,
     ) -> Result<()> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
-        let budget = self.options.memory_bytes / 4;
+        let budget = self.options.budget();
         for batch in touched.chunks(PAGE_BATCH) {
             let ids: Vec<PageId> = batch.iter().map(|(id, _)| *id).collect();
             let maps = self.maps.get(&self.surface, &ids, budget);
-            let mut pages = Vec::with_capacity(batch.len());
-            for (id, map) in ids.iter().zip(&maps) {
-                let known = stroke.pages.take(*id)?;
-                pages.push(known.unwrap_or_else(|| StrokePage::new(map.block.texel_count())));
-            }
+            let pages = ids.iter().zip(&maps).map(|(id, map)| stroke.pages.take_or_new(*id, map));
+            let mut pages = pages.collect::<Result<Vec<_>>>()?;
             let surface = &*self.surface;
             let stencil = stroke.paint.stencil.as_deref();
             pages.par_iter_mut().zip(batch).zip(&maps).for_each(|((page, (_, with)), map)| {
                 add(surface, map, with, page);
-                stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+                see_through(surface, map, stencil, page);
             });
             for (id, page) in ids.into_iter().zip(pages) {
-                if !page.touched.is_empty() {
-                    stroke.pages.put(id, page, budget)?;
-                }
+                stroke.pages.put(id, page, budget)?;
             }
         }
         Ok(())
@@ -348,12 +342,12 @@ impl Painter {
             self.finish_levels()?;
         }
         let Some(stroke) = &mut self.stroke else { return Ok(Vec::new()) };
-        let budget = self.options.memory_bytes / 4;
+        let budget = self.options.budget();
         for ids in stale.chunks(PAGE_BATCH) {
             let maps = self.maps.get(&self.surface, ids, budget);
             let mut pages = Vec::with_capacity(ids.len());
-            for &id in ids {
-                let mut page = stroke.pages.take(id)?.unwrap_or_else(|| StrokePage::new(0));
+            for (&id, map) in ids.iter().zip(&maps) {
+                let mut page = stroke.pages.take_or_new(id, map)?;
                 if page.originals.is_empty() {
                     page.originals = stroke.originals(&self.editor, id)?;
                 }
@@ -362,11 +356,10 @@ impl Painter {
             let (surface, editor) = (&*self.surface, &self.editor);
             let layers = (&self.layers, &self.fills);
             let stroke_now = &*stroke;
-            let shown: Vec<ShownPage> = pages
-                .par_iter()
-                .zip(&maps)
-                .map(|((id, page), map)| stroke_now.shown(surface, editor, layers, map, *id, page))
-                .collect::<Result<_, _>>()?;
+            let shown = pages.par_iter().zip(&maps);
+            let shown =
+                shown.map(|((id, page), map)| stroke_now.shown(surface, editor, layers, map, *id, page));
+            let shown: Vec<ShownPage> = shown.collect::<Result<_>>()?;
             for ((id, mut page), shown) in pages.into_iter().zip(shown) {
                 shown.put(&mut self.editor, id, &stroke.affected)?;
                 page.stale = Rect::EMPTY;
@@ -435,7 +428,7 @@ impl OpenStroke {
     pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>> {
         let channels = self.affected.iter().map(|&channel| editor.read_page_raw(channel, id));
         let mut originals = channels.collect::<Result<Vec<_>, _>>()?;
-        let contents = editor.attachment(&target_name(self.target, id))?;
+        let contents = editor.attachment(&page_name(self.target, id))?;
         if self.target != Target::Base || contents.is_some() {
             originals.push(contents.unwrap_or_default());
         }
@@ -457,11 +450,12 @@ impl OpenStroke {
         id: PageId,
         page: &StrokePage,
     ) -> Result<ShownPage> {
-        let normals = editor.asset().channel_of_kind(ChannelKind::Normal);
-        let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref(), normals };
+        let ink = &Ink::new(surface, editor.asset(), &self.paint, self.before.as_ref());
         let (target, affected) = (self.target, self.affected.as_slice());
         if self.is_layered(page) {
-            return LayeredPage { editor, layers, fills, map, id, page, ink, target, affected }.show();
+            let (rect, replaced) = (page.stale.blocks(), None);
+            let stack = LayerStack { editor, layers, id, surface, map, fills, rect, replaced };
+            return LayeredPage { stack, page, ink, target, affected }.show();
         }
         let shown = affected.iter().map(|&channel| editor.read_page_raw(channel, id));
         let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, ink)?;
@@ -494,12 +488,7 @@ impl Painter {
     /// # Errors
     /// Pages cannot be read, encoded or written.
     pub fn end(&mut self) -> Result<StrokeSummary> {
-        self.finish_levels()?;
-        let Some((mut summary, changes, channels)) = self.close_stroke()? else {
-            return Ok(StrokeSummary::default());
-        };
-        summary.coarser_pages = self.finish_step(changes, &channels)?;
-        Ok(summary)
+        self.end_stroke(false)
     }
 
     /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
@@ -509,22 +498,21 @@ impl Painter {
     /// # Errors
     /// As [`end`](Self::end).
     pub fn end_in_background(&mut self) -> Result<StrokeSummary> {
+        self.end_stroke(true)
+    }
+
+    fn end_stroke(&mut self, is_in_background: bool) -> Result<StrokeSummary> {
         self.finish_levels()?;
         let Some((mut summary, changes, channels)) = self.close_stroke()? else {
             return Ok(StrokeSummary::default());
         };
-        let pages = summary.pages * channels.len().max(1);
-        if pages > MAX_PAGES_IN_BACKGROUND {
-            summary.coarser_pages = self.finish_step(changes, &channels)?;
-            return Ok(summary);
+        if is_in_background && summary.pages * channels.len().max(1) <= MAX_PAGES_IN_BACKGROUND {
+            let work = self.level_work(changes.clone(), &channels);
+            self.levels = LevelsUnderway::start(work, &self.level_maps);
         }
-        match LevelsUnderway::start(Box::new(self.level_work(changes, &channels)), &self.level_maps) {
-            Ok(underway) => self.levels = Some(underway),
-            Err(work) => {
-                let results = work.run(&mut self.maps)?;
-                summary.coarser_pages = self.apply_levels(results)?.len();
-                self.finish_history()?;
-            }
+        if self.levels.is_none() {
+            summary.coarser_pages = self.finish_changes(changes, &channels)?;
+            self.history.finish(&mut self.editor)?;
         }
         Ok(summary)
     }
@@ -535,14 +523,10 @@ impl Painter {
     /// # Errors
     /// As [`end`](Self::end).
     pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>> {
-        let Some(underway) = self.levels.take() else { return Ok(Some(Vec::new())) };
-        match underway.poll() {
-            Ok(results) => self.take_over(results).map(Some),
-            Err(underway) => {
-                self.levels = Some(underway);
-                Ok(None)
-            }
-        }
+        let Some(underway) = &self.levels else { return Ok(Some(Vec::new())) };
+        let Some(results) = underway.poll() else { return Ok(None) };
+        self.levels = None;
+        self.take_over(results).map(Some)
     }
 
     /// Waits for coarser levels that are being computed, and returns the pages that they change.
@@ -557,7 +541,7 @@ impl Painter {
     fn take_over(&mut self, results: Result<LevelResults>) -> Result<Vec<PageId>> {
         let applied = results.and_then(|results| self.apply_levels(results));
         // What is there of the step can be undone in any case.
-        self.finish_history()?;
+        self.history.finish(&mut self.editor)?;
         let mut ids = applied?;
         ids.dedup();
         Ok(ids)
@@ -598,7 +582,7 @@ impl Painter {
             change.is_first_layered = before.is_empty()
                 && stroke.target != Target::Base
                 && self.is_new_base(id, &page.originals, &stroke.affected)?;
-            self.remember_attachment(&target_name(stroke.target, id), before)?;
+            self.remember_attachment(&page_name(stroke.target, id), before)?;
         }
         for (&channel, before) in stroke.affected.iter().zip(page.originals) {
             change.channels.push((channel, before, self.editor.read_page_raw(channel, id)?));
@@ -663,14 +647,7 @@ impl Painter {
         }
     }
 
-    /// Computes the coarser levels of what has changed; returns how many pages that changes.
-    fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize> {
-        let count = self.finish_changes(changes, channels)?;
-        self.finish_history()?;
-        Ok(count)
-    }
-
-    /// The same, with more of the step to come.
+    /// Computes the coarser levels of what has changed; returns how many pages that changes. More of the step may come.
     pub(crate) fn finish_changes(&mut self, changes: Changes, channels: &[usize]) -> Result<usize> {
         let mut work = self.level_work(changes, channels);
         let mut groups = std::mem::take(&mut work.groups).into_iter();
@@ -694,12 +671,8 @@ impl Painter {
             pages: self.editor.snapshot(),
             groups: changes.0.into_iter().collect(),
             channels: channels.to_vec(),
-            budget_bytes: self.options.memory_bytes / 4,
+            budget_bytes: self.options.budget(),
         }
-    }
-
-    pub(crate) fn finish_history(&mut self) -> Result<()> {
-        if self.options.history { self.history.finish(&mut self.editor) } else { Ok(()) }
     }
 
     /// Puts coarser levels in their places; returns the pages, channel by channel.
@@ -718,9 +691,7 @@ impl Painter {
                 self.editor.set_mean(channel, group, mean);
                 // As it is stored, so that it comes back exactly.
                 let after = self.editor.mean(channel, group);
-                if self.options.history {
-                    self.history.add_mean(channel, group, before, after);
-                }
+                self.history.add_mean(channel, group, before, after);
             }
         }
         Ok(ids)
@@ -728,9 +699,7 @@ impl Painter {
 
     /// Enters a page's change into the history.
     pub(crate) fn remember(&mut self, change: PageStep) -> Result<()> {
-        if self.options.history {
-            self.history.add_page(change, &mut self.editor)?;
-        }
+        self.history.add_page(change, &mut self.editor)?;
         self.relieve()
     }
 
@@ -768,10 +737,10 @@ impl Painter {
 
     /// Moves changes from memory to the file where they exceed the budget.
     pub(crate) fn relieve(&mut self) -> Result<()> {
-        if self.editor.pending_bytes() > self.options.memory_bytes / 4 {
+        if self.editor.pending_bytes() > self.options.budget() {
             // What another thread reads must stay where it is.
             self.finish_levels()?;
-            self.room.relieve(&mut self.editor, self.options.memory_bytes / 4)?;
+            self.room.relieve(&mut self.editor, self.options.budget())?;
         }
         Ok(())
     }
@@ -801,16 +770,11 @@ impl Painter {
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let groups: BTreeSet<u32> = shown.iter().map(|id| id.group).collect();
         let finest = |group: u32| -> Dirty {
-            let touched = stroke.pages.touched(group).into_iter();
+            let touched = stroke.pages.touched(group);
             touched.map(|(id, rect)| (id.page, rect.moved(page_origin(id.page)))).collect()
         };
-        let work = LevelWork {
-            surface: Arc::clone(&self.surface),
-            pages: self.editor.snapshot(),
-            groups: groups.into_iter().map(|group| (group, finest(group))).collect(),
-            channels: stroke.affected.clone(),
-            budget_bytes: self.options.memory_bytes / 4,
-        };
+        let changes = Changes(groups.into_iter().map(|group| (group, finest(group))).collect());
+        let work = self.level_work(changes, &stroke.affected);
         let pages = work.run(&mut self.maps)?.into_iter().flat_map(|(_, result)| result.pages);
         Ok(pages.map(|page| PreviewPage { id: page.id, channel: page.channel, bytes: page.after }).collect())
     }
@@ -831,64 +795,5 @@ impl Painter {
             }
             Err(error) => Err(error),
         }
-    }
-}
-
-// Room on the disk for changes that memory has none for.
-
-/// Whether the disk took changes when it was last asked.
-#[derive(Debug, Default)]
-pub(crate) struct Room {
-    /// Bytes that were in memory when the disk was full.
-    full_at: Option<usize>,
-    /// Nothing is to be written: a stroke reads what was written, uncommitted, when it began.
-    is_held: bool,
-}
-
-impl Room {
-    fn is_full(&self) -> bool {
-        self.full_at.is_some()
-    }
-
-    /// Keeps all changes in memory, until [`let_go`](Self::let_go).
-    pub(crate) fn hold(&mut self) {
-        self.is_held = true;
-    }
-
-    pub(crate) fn let_go(&mut self) {
-        self.is_held = false;
-    }
-
-    /// Writes changes to the file where they exceed a budget. Where the disk is full they stay in memory, and painting goes on; it
-    /// is asked again when an eighth more has come together.
-    pub(crate) fn relieve(&mut self, editor: &mut AssetEditor, budget_bytes: usize) -> Result<()> {
-        let pending = editor.pending_bytes();
-        if self.is_held
-            || pending <= budget_bytes
-            || self.full_at.is_some_and(|full_at| pending < full_at + full_at / 8)
-        {
-            return Ok(());
-        }
-        match editor.flush() {
-            Ok(()) => self.full_at = None,
-            Err(error) if is_disk_full(&error) => self.full_at = Some(editor.pending_bytes()),
-            Err(error) => return Err(error),
-        }
-        Ok(())
-    }
-
-    /// Makes changes durable.
-    pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary> {
-        if self.is_held {
-            // As it was when the stroke began; when it ends the disk is asked again.
-            return Err(write_error(editor.asset().path(), std::io::ErrorKind::StorageFull.into()));
-        }
-        let committed = editor.commit();
-        match &committed {
-            Ok(_) => self.full_at = None,
-            Err(error) if is_disk_full(error) => self.full_at = Some(editor.pending_bytes()),
-            Err(_) => {}
-        }
-        committed
     }
 }

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 use crate::composite::{Ink, tangent_from_picture};
 use crate::cover::{Patch, TexelUnder};
-use crate::dab::{Chart, tangent_axes};
+use crate::dab::{Chart, coverage_of, tangent_axes};
 use crate::texel_page::TexelPage;
 use crate::{PaintColor, Region, Surface, SurfacePoint, Symmetry};
 
@@ -41,14 +41,7 @@ impl Picture {
 
     /// The shape of an image in white: its alpha, or, where it has none, its brightness.
     pub fn shape(image: &Image) -> Self {
-        let covered = |x, y| {
-            let [r, g, b, a] = image.linear_texel(x, y);
-            // Luminance (ITU-R BT.709).
-            if image.has_alpha() { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
-        };
-        let coverage: Vec<f32> =
-            (0..image.height).flat_map(|y| (0..image.width).map(move |x| covered(x, y))).collect();
-        Self::from_coverage([image.width as usize, image.height as usize], &coverage)
+        Self::from_coverage([image.width as usize, image.height as usize], &coverage_of(image))
     }
 
     /// A shape in white: coverage 0..1, row-major from the top, as many as `extent` has texels.
@@ -80,11 +73,6 @@ impl Picture {
         let (fine, share) = (level.floor(), level.fract());
         let value = |level: f32| self.levels[level as usize].at(texel * (-level).exp2());
         if share == 0.0 { value(fine) } else { value(fine).lerp(value(fine + 1.0), share) }
-    }
-
-    /// Alpha of [`at`](Self::at).
-    pub(crate) fn alpha(&self, place: Vec2, width: f32) -> f32 {
-        self.at(place, width).w
     }
 
     /// The colour of [`at`](Self::at) without its alpha: opaque; black where there is none.
@@ -218,7 +206,7 @@ impl Patch for PlacedDecal<'_> {
     fn at(&self, map: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
         let Some(place) = self.chart.at(under.index, under.point.lambda) else { return 0.0 };
         let (place, width) = (place * self.scale, self.texel_width(under.triangle, under.index));
-        let covered = self.shape.alpha(place, width);
+        let covered = self.shape.at(place, width).w;
         if covered <= 0.0 {
             return 0.0;
         }
@@ -340,10 +328,10 @@ mod tests {
         let texels: Vec<[f32; 4]> =
             (0..64).map(|i| [1.0, 0.0, 0.0, if i % 8 < 4 { 1.0 } else { 0.0 }]).collect();
         let picture = Picture::new(&Image::from_linear_rgba(8, 8, &texels));
-        assert_eq!(picture.alpha(Vec2::new(-0.5, 0.3), 0.0), 1.0);
-        assert_eq!(picture.alpha(Vec2::new(0.5, 0.3), 0.0), 0.0);
-        assert_eq!(picture.alpha(Vec2::new(-0.5, 1.3), 0.0), 0.0);
-        assert!((picture.alpha(Vec2::ZERO, 2.0) - 0.5).abs() < 1e-6);
+        assert_eq!(picture.at(Vec2::new(-0.5, 0.3), 0.0).w, 1.0);
+        assert_eq!(picture.at(Vec2::new(0.5, 0.3), 0.0).w, 0.0);
+        assert_eq!(picture.at(Vec2::new(-0.5, 1.3), 0.0).w, 0.0);
+        assert!((picture.at(Vec2::ZERO, 2.0).w - 0.5).abs() < 1e-6);
         assert_eq!(picture.color(Vec2::ZERO, 2.0), Vec4::new(1.0, 0.0, 0.0, 1.0));
     }
 
@@ -352,9 +340,9 @@ mod tests {
         let texels = vec![[1.0, 1.0, 1.0, 1.0]; 25 * 15];
         let picture = Picture::new(&Image::from_linear_rgba(25, 15, &texels));
         for width in [0.0, 0.08, 0.16] {
-            assert!((picture.alpha(Vec2::ZERO, width) - 1.0).abs() < 1e-6, "{width}");
+            assert!((picture.at(Vec2::ZERO, width).w - 1.0).abs() < 1e-6, "{width}");
         }
-        assert_eq!(picture.alpha(Vec2::new(0.0, 0.8), 0.0), 0.0, "above a wide picture there is nothing");
+        assert_eq!(picture.at(Vec2::new(0.0, 0.8), 0.0).w, 0.0, "above a wide picture there is nothing");
     }
 
     #[test]
@@ -362,8 +350,8 @@ mod tests {
         let [one, two] = ["I", "IIII\nI"].map(|text| draw_text(text, DEFAULT_FONT).unwrap());
         assert!(two.picture.extent()[0] > 2 * one.picture.extent()[0] - 130, "{:?}", two.picture.extent());
         assert_eq!(two.picture.extent()[1], 2 * one.picture.extent()[1]);
-        assert!(one.picture.alpha(Vec2::ZERO, 0.0) > 0.9, "a stem in the middle");
-        assert_eq!(one.picture.alpha(Vec2::new(-0.95, 0.0), 0.0), 0.0);
+        assert!(one.picture.at(Vec2::ZERO, 0.0).w > 0.9, "a stem in the middle");
+        assert_eq!(one.picture.at(Vec2::new(-0.95, 0.0), 0.0).w, 0.0);
         let kind = |text: &str, font: &[u8]| draw_text(text, font).unwrap_err().kind();
         assert_eq!(kind("  ", DEFAULT_FONT), ErrorKind::InvalidArgument);
         assert_eq!(kind("x", b"no font"), ErrorKind::Malformed);

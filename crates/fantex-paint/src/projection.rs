@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use fantex_cover::NO_OWNER;
 use glam::{DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -242,31 +241,28 @@ fn width_of(steps: [Vec3; 2]) -> f32 {
 //
 // How much a stencil lets through is asked once per texel and stroke, when the texel is first covered: sight costs rays.
 
-/// Brings the stencil of a page up to date with its coverage.
-pub(crate) fn see_through(surface: &Surface, map: &TexelPage, stencil: &Projection, page: &mut StrokePage) {
-    let rect = page.stale;
-    if rect.is_empty() {
-        return;
-    }
+/// Brings the stencil of a page, if there is one, up to date with its coverage.
+pub(crate) fn see_through(
+    surface: &Surface,
+    map: &TexelPage,
+    stencil: Option<&Projection>,
+    page: &mut StrokePage,
+) {
+    let (Some(stencil), false) = (stencil, page.stale.is_empty()) else { return };
     if page.stencil.is_empty() {
         page.stencil = vec![f32::NAN; page.coverage.len()];
     }
-    let width = map.block.extent[0];
-    let (coverage, stencil_texels) = (&page.coverage, &mut page.stencil);
-    let rows = stencil_texels.par_chunks_mut(width as usize).zip(0..map.block.extent[1]);
+    let (rect, coverage) = (page.stale, &page.coverage);
+    let rows = page.stencil.par_chunks_mut(map.block.extent[0] as usize).zip(0..map.block.extent[1]);
     let rows = rows.skip(rect.low[1] as usize).take((rect.high[1] - rect.low[1]) as usize);
     rows.for_each(|(row, y)| {
         for x in rect.low[0]..rect.high[0] {
-            let texel = (y * width + x) as usize;
-            let passes = &mut row[x as usize];
-            let owner = map.owner[texel];
-            if coverage[texel] <= 0.0 || !passes.is_nan() || owner == NO_OWNER {
-                continue;
+            let (texel, passes) = (map.texel([x, y]), &mut row[x as usize]);
+            if coverage[texel] > 0.0 && passes.is_nan() && map.is_valid(texel) {
+                let steps = position_steps(surface, map.triangle([x, y]));
+                let color = stencil.at(surface, map.point([x, y]).clamped(), steps);
+                *passes = color.map_or(0.0, |color| color.w);
             }
-            let triangle = &map.triangles[owner as usize];
-            let point = map.point(triangle, x, y).clamped();
-            let steps = position_steps(surface, triangle);
-            *passes = stencil.at(surface, point, steps).map_or(0.0, |color| color.w);
         }
     });
 }

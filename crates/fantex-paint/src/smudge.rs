@@ -170,7 +170,7 @@ fn current(ink: &Ink<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint
                 if is_tangent { tangent_from_stored(ink.surface, tap.group, point, stored) } else { stored };
             let id = PageId { group: tap.group, level: 0, page: [x / PAGE, y / PAGE] };
             let seen = pages.get(&id).map_or(original, |(map, page)| {
-                let texel = (y % PAGE * map.block.extent[0] + x % PAGE) as usize;
+                let texel = map.texel([x % PAGE, y % PAGE]);
                 match page.color(number, texel) {
                     Some(color) if page.covered(texel) > 0.0 => {
                         ink.paint.apply(original, color, page.covered(texel))

@@ -28,62 +28,54 @@ pub struct StrokeFile {
 
 /// One stroke or fill.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct StrokeSettings {
     /// Its name in the history.
-    #[serde(default = "default_label")]
     pub label: String,
     /// With what.
-    #[serde(default)]
     pub brush: Brush,
     /// How.
-    #[serde(default)]
     pub tool: ToolSettings,
     /// Into which channels, together.
-    #[serde(default)]
     pub channels: Vec<ChannelSettings>,
     /// The way of the pen; for a fill its start; for decals and texts their middles.
-    #[serde(default)]
     pub samples: Vec<SampleSettings>,
     /// Fills instead of painting along the samples.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub fill: Option<FillSettings>,
     /// Lays a picture at each sample instead.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub decal: Option<DecalSettings>,
     /// Writes at each sample instead.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub text: Option<TextSettings>,
     /// The camera through which colours that are pictures are seen.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub projection: Option<ProjectionView>,
     /// A picture that the stroke is laid on through, in the camera of `projection`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stencil: Option<StencilSettings>,
     /// Only the first and the last sample count.
-    #[serde(default)]
     pub line: bool,
     /// Copies.
-    #[serde(default)]
     pub symmetry: Symmetry,
     /// The layer to paint on, by its name; made on top of the others where there is none. Without it: under all layers.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub layer: Option<LayerSettings>,
     /// Touches of the brush, one by one, instead of samples: as they were recorded.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub dabs: Vec<DabSettings>,
     /// Replaces all layers, from the bottom to the top, and paints nothing.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub set_layers: Option<Vec<Layer>>,
     /// What was painted could not be recorded: nothing is done but counting.
-    #[serde(default)]
     pub unrecorded: bool,
 }
 
 impl Default for StrokeSettings {
     fn default() -> Self {
         Self {
-            label: default_label(),
+            label: "stroke".to_owned(),
             brush: Brush::default(),
             tool: ToolSettings::default(),
             channels: Vec::new(),
@@ -136,13 +128,11 @@ pub struct LayerSettings {
     #[serde(default = "full")]
     pub opacity: f32,
     /// Its number, which goes before its name where there is a layer of both.
-    #[serde(default)]
     pub id: Option<u64>,
     /// Paints on its mask: the luminance of the first channel's colour, 0 hides and 1 shows.
     #[serde(default)]
     pub mask: bool,
     /// The layer shows textures of a look instead of what is painted on it.
-    #[serde(default)]
     pub fill: Option<FillLayerSettings>,
 }
 
@@ -168,7 +158,6 @@ pub struct FillLayerSettings {
     /// Their names by channel.
     pub textures: Vec<FillTextureSettings>,
     /// Outside of what is painted on its mask: 1 shows the layer, 0 hides it; without it there is no mask.
-    #[serde(default)]
     pub outside: Option<f32>,
 }
 
@@ -203,7 +192,6 @@ pub enum FillSettings {
 pub struct DecalSettings {
     /// A picture, relative to the stroke file, whose alpha (or brightness, where it has none) says where the decal covers; without
     /// it the alpha of the first channel's picture does.
-    #[serde(default)]
     pub shape: Option<PathBuf>,
     /// Length of the picture's longer side.
     pub size: Size,
@@ -222,7 +210,6 @@ pub struct TextSettings {
     /// What; lines end with `\n`.
     pub text: String,
     /// A font (TrueType or OpenType), relative to the stroke file; without it the one that comes with the program.
-    #[serde(default)]
     pub font: Option<PathBuf>,
     /// Distance of lines.
     pub size: Size,
@@ -254,10 +241,6 @@ pub enum StencilBy {
     Shape,
     /// Its alpha; one without lets all through.
     Alpha,
-}
-
-fn default_label() -> String {
-    "stroke".to_owned()
 }
 
 /// What the stroke does.

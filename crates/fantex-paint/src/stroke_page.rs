@@ -10,7 +10,7 @@ use fantex_store::PageId;
 use glam::Vec4;
 
 use crate::error::temporary;
-use crate::texel_page::Rect;
+use crate::texel_page::{Rect, TexelPage};
 
 /// One page of level 0 under a stroke.
 #[derive(Clone, Debug)]
@@ -34,13 +34,12 @@ pub(crate) struct StrokePage {
 
 impl StrokePage {
     pub(crate) fn new(texels: usize) -> Self {
-        let (touched, stale) = (Rect::EMPTY, Rect::EMPTY);
         Self {
             coverage: vec![0.0; texels],
             colors: Vec::new(),
             stencil: Vec::new(),
-            touched,
-            stale,
+            touched: Rect::EMPTY,
+            stale: Rect::EMPTY,
             originals: Vec::new(),
             decoded: OnceLock::new(),
         }
@@ -60,6 +59,12 @@ impl StrokePage {
         let sum = self.colors.get(channel)?[texel];
         let color = if sum.w > 0.0 { sum.truncate() / sum.w } else { sum.truncate() };
         Some(color.extend((sum.w / self.coverage[texel]).min(1.0)))
+    }
+
+    /// A texel has been covered, or covered further.
+    pub(crate) fn touch(&mut self, place: [u32; 2]) {
+        self.touched.add(place);
+        self.stale.add(place);
     }
 
     /// Lays a colour (one per channel, multiplied by alpha) over what is gathered.
@@ -124,8 +129,16 @@ impl StrokePages {
         }
     }
 
-    /// Keeps a page; writes some to the temporary file where memory is short.
+    /// The same; a new one where the stroke has not been there.
+    pub(crate) fn take_or_new(&mut self, id: PageId, map: &TexelPage) -> Result<StrokePage> {
+        Ok(self.take(id)?.unwrap_or_else(|| StrokePage::new(map.block.texel_count())))
+    }
+
+    /// Keeps a page, if something is covered there; writes some to the temporary file where memory is short.
     pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> Result<()> {
+        if page.touched.is_empty() {
+            return Ok(());
+        }
         self.bytes += page.memory_bytes();
         self.pages.insert(id, page);
         if self.bytes > budget_bytes / 2 {
@@ -146,25 +159,30 @@ impl StrokePages {
 
     /// All pages, ascending.
     pub(crate) fn ids(&self) -> Vec<PageId> {
-        let mut ids: Vec<PageId> = self.pages.keys().chain(self.spilled.keys()).copied().collect();
+        self.ids_where(|_| true)
+    }
+
+    /// Pages that have grown since they were last shown, ascending.
+    pub(crate) fn stale(&self) -> Vec<PageId> {
+        self.ids_where(|[_, stale]| !stale.is_empty())
+    }
+
+    fn ids_where(&self, is_chosen: impl Fn([Rect; 2]) -> bool) -> Vec<PageId> {
+        let mut ids: Vec<PageId> =
+            self.rects().filter(|(_, rects)| is_chosen(*rects)).map(|(id, _)| id).collect();
         ids.sort_unstable();
         ids
     }
 
     /// The pages of a group with the texels that are covered, relative to the page.
-    pub(crate) fn touched(&self, group: u32) -> Vec<(PageId, Rect)> {
-        let kept = self.pages.iter().map(|(&id, page)| (id, page.touched));
-        let spilled = self.spilled.iter().map(|(&id, page)| (id, page.touched));
-        kept.chain(spilled).filter(|(id, touched)| id.group == group && !touched.is_empty()).collect()
+    pub(crate) fn touched(&self, group: u32) -> impl Iterator<Item = (PageId, Rect)> {
+        self.rects().filter(move |(id, _)| id.group == group).map(|(id, [touched, _])| (id, touched))
     }
 
-    /// Pages that have grown since they were last shown, ascending.
-    pub(crate) fn stale(&self) -> Vec<PageId> {
-        let kept = self.pages.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
-        let spilled = self.spilled.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
-        let mut ids: Vec<PageId> = kept.chain(spilled).collect();
-        ids.sort_unstable();
-        ids
+    /// All pages with their covered and stale texels.
+    fn rects(&self) -> impl Iterator<Item = (PageId, [Rect; 2])> {
+        let kept = self.pages.iter().map(|(&id, page)| (id, [page.touched, page.stale]));
+        kept.chain(self.spilled.iter().map(|(&id, page)| (id, [page.touched, page.stale])))
     }
 
     fn spill(&mut self, id: PageId, page: &StrokePage) -> io::Result<()> {
@@ -236,9 +254,9 @@ mod tests {
             if group % 2 == 1 {
                 page.stencil = vec![0.25; 16];
             }
-            page.touched.add(3, 0);
+            page.touched.add([3, 0]);
             if group % 2 == 0 {
-                page.stale.add(3, 0);
+                page.stale.add([3, 0]);
             }
             page.originals = vec![vec![group as u8; 8], vec![7; 4]];
             pages.put(id(group), page, 200).unwrap();

@@ -64,8 +64,7 @@ impl Surface {
 
     /// The point nearest to a mesh-space position, at most so many mesh units away.
     pub fn nearest(&self, position: Vec3, max_distance: f32) -> Option<SurfacePoint> {
-        let found = self.bvh.nearest_point(position, max_distance)?;
-        Some(SurfacePoint { triangle: found.point.triangle, lambda: found.point.lambda })
+        self.bvh.nearest_point(position, max_distance).map(|found| found.point)
     }
 
     /// The point nearest to a mesh-space position whose triangle faces about the same way as `normal`: the nearest one where
@@ -85,8 +84,7 @@ impl Surface {
     /// The first point on a ray in mesh space; of two sides of a leaf that which is seen.
     pub fn hit(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
         let is_seen = |hit: &RayHit| self.is_seen_from(hit.point.triangle, -direction);
-        let hit = self.bvh.first_hit_where(origin, direction, f32::INFINITY, is_seen)?;
-        Some(SurfacePoint { triangle: hit.point.triangle, lambda: hit.point.lambda })
+        self.bvh.first_hit_where(origin, direction, f32::INFINITY, is_seen).map(|hit| hit.point)
     }
 
     /// Whether a triangle is seen by someone in that direction: all are but those that have a twin, from behind.

@@ -47,10 +47,29 @@ impl TexelPage {
         self.owner[texel] != NO_OWNER
     }
 
-    /// The point at the centre of a texel, given by column and row within the page; beside the triangle, it is continued.
+    /// The number of a texel, given by column and row within the page.
     #[inline]
-    pub(crate) fn point(&self, triangle: &TexelTriangle, column: u32, row: u32) -> SurfacePoint {
-        let [x, y] = [self.block.origin[0] + column, self.block.origin[1] + row].map(|n| n as f32 + 0.5);
+    pub(crate) fn texel(&self, [x, y]: [u32; 2]) -> usize {
+        (y * self.block.extent[0] + x) as usize
+    }
+
+    /// Column and row of a texel.
+    pub(crate) fn place(&self, texel: usize) -> [u32; 2] {
+        let width = self.block.extent[0];
+        [texel as u32 % width, texel as u32 / width]
+    }
+
+    /// The triangle that a texel shows, which must show one.
+    #[inline]
+    pub(crate) fn triangle(&self, place: [u32; 2]) -> &TexelTriangle {
+        &self.triangles[self.owner[self.texel(place)] as usize]
+    }
+
+    /// The point at the centre of a texel that shows the surface; beside its triangle, that is continued.
+    #[inline]
+    pub(crate) fn point(&self, place: [u32; 2]) -> SurfacePoint {
+        let triangle = self.triangle(place);
+        let [x, y] = [0, 1].map(|k| (self.block.origin[k] + place[k]) as f32 + 0.5);
         SurfacePoint { triangle: triangle.triangle, lambda: triangle.lambda(Vec2::new(x, y)) }
     }
 
@@ -137,11 +156,16 @@ pub(crate) struct Rect {
 impl Rect {
     pub(crate) const EMPTY: Self = Self { low: [u32::MAX; 2], high: [0; 2] };
 
+    /// From the first texel on.
+    pub(crate) fn of(extent: [u32; 2]) -> Self {
+        Self { low: [0; 2], high: extent }
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.low[0] >= self.high[0] || self.low[1] >= self.high[1]
     }
 
-    pub(crate) fn add(&mut self, x: u32, y: u32) {
+    pub(crate) fn add(&mut self, [x, y]: [u32; 2]) {
         *self = self.union(Self { low: [x, y], high: [x + 1, y + 1] });
     }
 
@@ -179,7 +203,7 @@ impl Rect {
     }
 
     /// Columns and rows, row by row.
-    pub(crate) fn texels(self) -> impl Iterator<Item = (u32, u32)> {
-        (self.low[1]..self.high[1]).flat_map(move |y| (self.low[0]..self.high[0]).map(move |x| (x, y)))
+    pub(crate) fn texels(self) -> impl Iterator<Item = [u32; 2]> {
+        (self.low[1]..self.high[1]).flat_map(move |y| (self.low[0]..self.high[0]).map(move |x| [x, y]))
     }
 }

@@ -66,7 +66,7 @@ pub struct WorkProgress {
 enum Kept {
     Fill(KeptFill),
     Flatten(KeptFlatten),
-    Step(KeptStep),
+    Step(StepWork),
 }
 
 impl Painter {
@@ -77,11 +77,12 @@ impl Painter {
 
     /// How far it is; none where there is none.
     pub fn work_progress(&self) -> Option<WorkProgress> {
-        Some(match self.work.as_ref()? {
-            Work::Fill(work) => work.progress(),
-            Work::Flatten(work) => work.progress(),
-            Work::Step(work) => work.progress(),
-        })
+        let (label, share, is_undo) = match self.work.as_ref()? {
+            Work::Fill(work) => (&work.stroke.label, work.slices.share(), false),
+            Work::Flatten(work) => (&work.label, work.slices.share(), false),
+            Work::Step(work) => (&work.step.label, work.share(), work.direction == Direction::Back),
+        };
+        Some(WorkProgress { label: label.clone(), share, is_undo })
     }
 
     /// Goes on until a moment (a slice more, at least one); true where nothing is left to do.
@@ -129,9 +130,9 @@ impl Painter {
     /// Ends the open step, which has something in it, and begins to take it back.
     fn take_back(&mut self) -> Result<()> {
         self.room.let_go();
-        self.finish_history()?;
+        self.history.finish(&mut self.editor)?;
         if let Some(step) = self.history.next_step(Direction::Back).cloned() {
-            self.work = Some(Work::Step(StepWork::then(step, Direction::Back, Afterwards::Forget)));
+            self.work = Some(Work::Step(StepWork::new(step, Direction::Back, Afterwards::Forget)));
         }
         Ok(())
     }
@@ -139,7 +140,7 @@ impl Painter {
     /// Does what is seen first: groups of less urgency come later.
     pub fn prefer_groups(&mut self, urgency: impl Fn(u32) -> f32) {
         match &mut self.work {
-            Some(Work::Fill(work)) => work.prefer(urgency),
+            Some(Work::Fill(work)) => work.slices.prefer(urgency),
             Some(Work::Flatten(work)) => work.slices.prefer(urgency),
             Some(Work::Step(_)) | None => {}
         }
@@ -158,7 +159,7 @@ impl Painter {
                 let step = self.history.keep_open(&mut self.editor)?;
                 Kept::Flatten(work.kept(step, self.editor.asset().path()))
             }
-            Some(Work::Step(work)) => Kept::Step(work.kept()),
+            Some(Work::Step(work)) => Kept::Step(work.clone()),
         };
         let bytes = encoded(&kept)?;
         self.editor.attach(KEPT, bytes)
@@ -171,9 +172,7 @@ impl Painter {
             .map_err(|_| damaged(&self.editor, "history", "what was left to be done cannot be read"))?;
         self.work = Some(match kept {
             Kept::Fill(kept) => {
-                if let Some(step) = &kept.step {
-                    self.history.take_up(step.clone());
-                }
+                self.history.take_up(kept.step.clone());
                 match self.fill_left(&kept)? {
                     Some(work) => Work::Fill(Box::new(work)),
                     None => return self.take_back(),
@@ -181,12 +180,10 @@ impl Painter {
             }
             Kept::Flatten(kept) => {
                 self.fills.update(&self.surface, &self.layers)?;
-                if let Some(step) = &kept.step {
-                    self.history.take_up(step.clone());
-                }
+                self.history.take_up(kept.step.clone());
                 Work::Flatten(self.flatten_left(kept))
             }
-            Kept::Step(kept) => Work::Step(StepWork::left(kept)),
+            Kept::Step(work) => Work::Step(work),
         });
         Ok(())
     }
@@ -196,7 +193,7 @@ impl Painter {
         self.finish_work()?;
         self.end()?;
         let Some(step) = self.history.next_step(direction).cloned() else { return Ok(false) };
-        self.work = Some(Work::Step(StepWork::new(step, direction)));
+        self.work = Some(Work::Step(StepWork::new(step, direction, Afterwards::Move)));
         Ok(true)
     }
 
@@ -215,12 +212,6 @@ impl Painter {
     /// What is open cannot be ended.
     pub fn start_redo(&mut self) -> Result<bool> {
         self.start_step(Direction::Forth)
-    }
-
-    /// After steps: the layers as they are in the asset.
-    fn reload_layers(&mut self) -> Result<()> {
-        self.layers = Layers::load(&self.editor)?;
-        Ok(())
     }
 }
 
@@ -280,7 +271,7 @@ impl Slices {
         for &id in &current[..done] {
             // Their coarser levels are still to be computed. What exactly has changed is not known any more.
             let extent = surface.cover().groups[id.group as usize].level_extent(0);
-            changes.add(id, Rect { low: [0; 2], high: page_extent(extent, id.page) });
+            changes.add(id, Rect::of(page_extent(extent, id.page)));
         }
         let all_done =
             pages.len() - current.len() - left.iter().map(|(_, pages)| pages.len()).sum::<usize>() + done;
@@ -328,31 +319,20 @@ impl Slices {
         let to = self.pages.len().min(self.done + BATCH);
         (!self.groups.is_empty()).then(|| self.pages[self.done..to].to_vec())
     }
-
-    /// A batch is done.
-    fn add_done(&mut self, count: usize) {
-        self.done += count;
-        self.all_done += count;
-    }
-
-    /// The coarser levels of what is at work are done, too.
-    fn end_groups(&mut self) {
-        self.groups.clear();
-        self.pages.clear();
-        self.done = 0;
-        self.changes = Changes::default();
-    }
 }
 
 impl Painter {
     /// A batch is done; with the last one of its groups come their coarser levels: returns how many pages these are.
     fn end_batch(&mut self, slices: &mut Slices, count: usize, channels: &[usize]) -> Result<usize> {
-        slices.add_done(count);
-        let mut coarser = 0;
-        if slices.done == slices.pages.len() {
-            coarser = self.finish_changes(slices.changes.clone(), channels)?;
-            slices.end_groups();
+        slices.done += count;
+        slices.all_done += count;
+        if slices.done < slices.pages.len() {
+            return Ok(0);
         }
+        let coarser = self.finish_changes(slices.changes.clone(), channels)?;
+        (slices.done, slices.changes) = (0, Changes::default());
+        slices.groups.clear();
+        slices.pages.clear();
         Ok(coarser)
     }
 }
@@ -393,7 +373,7 @@ pub(crate) struct FillWork {
 pub(crate) struct KeptFill {
     label: String,
     /// None where no history is kept.
-    pub(crate) step: Option<HistoryStep>,
+    step: Option<HistoryStep>,
     target: Target,
     logged: u64,
     slices: KeptSlices,
@@ -460,15 +440,7 @@ fn pages_of(surface: &Surface, triangles: &[u32]) -> BTreeSet<PageId> {
 }
 
 impl FillWork {
-    fn progress(&self) -> WorkProgress {
-        WorkProgress { label: self.stroke.label.clone(), share: self.slices.share(), is_undo: false }
-    }
-
-    fn prefer(&mut self, urgency: impl Fn(u32) -> f32) {
-        self.slices.prefer(urgency);
-    }
-
-    pub(crate) fn kept(&self, step: Option<HistoryStep>) -> KeptFill {
+    fn kept(&self, step: Option<HistoryStep>) -> KeptFill {
         let OpenStroke { label, target, .. } = &self.stroke;
         KeptFill {
             label: label.clone(),
@@ -488,14 +460,8 @@ impl Painter {
     pub fn fill(&mut self, area: FillArea) -> Result<StrokeSummary> {
         self.start_fill(area)?;
         let mut summary = StrokeSummary::default();
-        while let Some(work) = self.work.take() {
-            match work {
-                Work::Fill(work) => summary = self.fill_on(work)?,
-                other => {
-                    self.work = Some(other);
-                    break;
-                }
-            }
+        while let Some(Work::Fill(work)) = self.work.take_if(|work| matches!(work, Work::Fill(_))) {
+            summary = self.fill_on(work)?;
         }
         Ok(summary)
     }
@@ -536,7 +502,7 @@ impl Painter {
         };
         self.check_channel(channel)?;
         let before = self.state_before()?;
-        let (surface, budget) = (&*self.surface, self.options.memory_bytes / 4);
+        let (surface, budget) = (&*self.surface, self.options.budget());
         let values: Vec<Vec4> =
             starts.iter().map(|&start| look_up(surface, &before, channel, start)).collect();
         if !fill.connected {
@@ -557,7 +523,7 @@ impl Painter {
     fn fill_on(&mut self, mut work: Box<FillWork>) -> Result<StrokeSummary> {
         let Some(ids) = work.slices.batch() else {
             self.room.let_go();
-            self.finish_history()?;
+            self.history.finish(&mut self.editor)?;
             return Ok(work.summary);
         };
         let filled = self.fill_pages(&mut work, &ids).and_then(|()| {
@@ -574,17 +540,16 @@ impl Painter {
 
     /// All that can fail because of the asset comes before the first change: a page is painted once or not at all.
     fn fill_pages(&mut self, work: &mut FillWork, ids: &[PageId]) -> Result<()> {
-        let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
+        let maps = self.maps.get(&self.surface, ids, self.options.budget());
         let mut pages = Vec::with_capacity(ids.len());
         for (&id, map) in ids.iter().zip(maps) {
-            let known = work.stroke.pages.take(id)?;
-            pages.push((id, known.unwrap_or_else(|| StrokePage::new(map.block.texel_count())), map));
+            pages.push((id, work.stroke.pages.take_or_new(id, &map)?, map));
         }
         let (surface, area) = (&*self.surface, &work.area);
         let stencil = work.stroke.paint.stencil.as_deref();
         pages.par_iter_mut().for_each(|(id, page, map)| {
             area.cover(surface, map, *id, page);
-            stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+            see_through(surface, map, stencil, page);
         });
         pages.retain(|(_, page, _)| !page.touched.is_empty());
         for (id, page, _) in &mut pages {
@@ -594,13 +559,11 @@ impl Painter {
         }
         let (editor, layers, stroke) = (&self.editor, (&self.layers, &self.fills), &work.stroke);
         let shown_page = |(id, page, map): &(PageId, StrokePage, Arc<TexelPage>)| {
-            // What dabs have covered may be all, and shown already.
-            let is_shown = page.stale.is_empty();
-            if is_shown {
-                Ok(ShownPage::default())
-            } else {
-                stroke.shown(surface, editor, layers, map, *id, page)
+            if page.stale.is_empty() {
+                // Nothing but what dabs have covered, which is shown already.
+                return Ok(ShownPage::default());
             }
+            stroke.shown(surface, editor, layers, map, *id, page)
         };
         let shown: Vec<ShownPage> = pages.par_iter().map(shown_page).collect::<Result<_>>()?;
         for ((id, page, _), shown) in pages.into_iter().zip(shown) {
@@ -645,7 +608,7 @@ pub(crate) struct FlattenWork {
 pub(crate) struct KeptFlatten {
     label: String,
     /// None where no history is kept.
-    pub(crate) step: Option<HistoryStep>,
+    step: Option<HistoryStep>,
     before: Vec<Layer>,
     slices: KeptSlices,
 }
@@ -656,11 +619,7 @@ impl FlattenWork {
         Self { label: label.to_owned(), before, slices: Slices::new(pages) }
     }
 
-    fn progress(&self) -> WorkProgress {
-        WorkProgress { label: self.label.clone(), share: self.slices.share(), is_undo: false }
-    }
-
-    pub(crate) fn kept(&self, step: Option<HistoryStep>, asset: &Path) -> KeptFlatten {
+    fn kept(&self, step: Option<HistoryStep>, asset: &Path) -> KeptFlatten {
         let mut before = self.before.clone();
         keep_folders(&mut before, asset);
         KeptFlatten { label: self.label.clone(), step, before, slices: self.slices.kept() }
@@ -670,7 +629,7 @@ impl FlattenWork {
 impl Painter {
     /// Flattens some pages, or ends the groups that are at work.
     fn flatten_on(&mut self, mut work: FlattenWork) -> Result<()> {
-        let Some(ids) = work.slices.batch() else { return self.finish_history() };
+        let Some(ids) = work.slices.batch() else { return self.history.finish(&mut self.editor) };
         let channels: Vec<usize> = (0..self.editor.asset().channels().len()).collect();
         let done = self
             .flatten_pages(&ids, &mut work.slices.changes)
@@ -691,8 +650,8 @@ impl Painter {
 
 // Taking a step back, or doing it again: part by part.
 
-/// A step whose parts are being applied.
-#[derive(Debug)]
+/// A step whose parts are being applied; so it is kept in an asset, too.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct StepWork {
     step: HistoryStep,
     direction: Direction,
@@ -714,40 +673,10 @@ pub(crate) enum Afterwards {
     Forget,
 }
 
-/// The same in an asset.
-#[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct KeptStep {
-    step: HistoryStep,
-    direction: Direction,
-    left: Range<u32>,
-    count: u32,
-    afterwards: Afterwards,
-}
-
 impl StepWork {
-    pub(crate) fn new(step: HistoryStep, direction: Direction) -> Self {
-        Self::then(step, direction, Afterwards::Move)
-    }
-
-    pub(crate) fn then(step: HistoryStep, direction: Direction, afterwards: Afterwards) -> Self {
-        let count = step.parts();
+    fn new(step: HistoryStep, direction: Direction, afterwards: Afterwards) -> Self {
+        let count = step.parts;
         Self { step, direction, left: 0..count, count, afterwards }
-    }
-
-    pub(crate) fn left(kept: KeptStep) -> Self {
-        let KeptStep { step, direction, left, count, afterwards } = kept;
-        Self { step, direction, left, count, afterwards }
-    }
-
-    pub(crate) fn kept(&self) -> KeptStep {
-        let Self { step, direction, left, count, afterwards } = self;
-        KeptStep {
-            step: step.clone(),
-            direction: *direction,
-            left: left.clone(),
-            count: *count,
-            afterwards: *afterwards,
-        }
     }
 
     /// The way back to where it started.
@@ -763,12 +692,8 @@ impl StepWork {
         Self { step: self.step, direction, left: done, count, afterwards: Afterwards::Stay }
     }
 
-    fn progress(&self) -> WorkProgress {
-        WorkProgress {
-            label: self.step.label.clone(),
-            share: 1.0 - self.left.len() as f32 / self.count.max(1) as f32,
-            is_undo: self.direction == Direction::Back,
-        }
+    fn share(&self) -> f32 {
+        1.0 - self.left.len() as f32 / self.count.max(1) as f32
     }
 }
 
@@ -796,6 +721,7 @@ impl Painter {
             Afterwards::Stay => {}
             Afterwards::Forget => self.history.forget_last(&mut self.editor)?,
         }
-        self.reload_layers()
+        self.layers = Layers::load(&self.editor)?;
+        Ok(())
     }
 }

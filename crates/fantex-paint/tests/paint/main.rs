@@ -5,7 +5,6 @@
 mod layers;
 mod painting;
 mod regions;
-mod speed;
 mod tools;
 mod views;
 mod work;
