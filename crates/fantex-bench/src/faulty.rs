@@ -26,8 +26,8 @@ pub struct ReadFaults {
 }
 
 /// Wraps a reader and injects faults.
-pub struct FaultyReader<R> {
-    inner: R,
+pub struct FaultyReader {
+    inner: Box<dyn QueuedReader>,
     faults: ReadFaults,
     /// Reads so far per offset.
     attempts: HashMap<u64, u64>,
@@ -41,9 +41,9 @@ pub struct FaultyReader<R> {
     held: Vec<(Instant, ReadCompletion)>,
 }
 
-impl<R: QueuedReader> FaultyReader<R> {
+impl FaultyReader {
     /// Wraps a reader.
-    pub fn new(inner: R, faults: ReadFaults) -> Self {
+    pub fn new(inner: Box<dyn QueuedReader>, faults: ReadFaults) -> Self {
         Self {
             inner,
             faults,
@@ -71,20 +71,16 @@ impl<R: QueuedReader> FaultyReader<R> {
     }
 }
 
-impl<R: QueuedReader> QueuedReader for FaultyReader<R> {
+impl QueuedReader for FaultyReader {
     fn submit(&mut self, request: ReadRequest) {
         let attempt = self.attempts.entry(request.offset).or_default();
         *attempt += 1;
         let mut random = Random::of_seeds([self.faults.seed, request.offset, *attempt]);
         let due = self.due_time(request.length);
-        let failure = if random.chance(self.faults.error_probability) {
-            Some(io::Error::other("an injected fault"))
-        } else if random.chance(self.faults.truncation_probability) {
-            Some(io::ErrorKind::UnexpectedEof.into())
-        } else {
-            None
-        };
-        if let Some(error) = failure {
+        let is_refused = random.chance(self.faults.error_probability);
+        if is_refused || random.chance(self.faults.truncation_probability) {
+            let end = || io::ErrorKind::UnexpectedEof.into();
+            let error = if is_refused { io::Error::other("an injected fault") } else { end() };
             self.held.push((due, ReadCompletion { token: request.token, result: Err(error) }));
             // The owner may be waiting without a limit.
             self.inner.waker().wake();
@@ -117,11 +113,10 @@ impl<R: QueuedReader> QueuedReader for FaultyReader<R> {
             let Some(mut completion) =
                 self.inner.wait(limit.map(|limit| limit.saturating_duration_since(Instant::now())))
             else {
-                let is_due = next_due.is_some_and(|due| due <= Instant::now());
-                if is_due {
-                    continue;
+                if next_due.is_none_or(|due| due > Instant::now()) {
+                    return None;
                 }
-                return None;
+                continue;
             };
             if let (Some(place), Ok(buffer)) =
                 (self.corruptions.remove(&completion.token), &mut completion.result)

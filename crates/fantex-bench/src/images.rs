@@ -30,34 +30,33 @@ pub(crate) fn rows() -> Measured {
     let wide = footprint(1.5, 1.5);
     let long = footprint(12.0, 1.5);
     let peers = [257.0, 1188.0, 2309.0];
-    for (name, filter, steps, is_random, peer) in [
-        ("nearest", Filter::Nearest, wide, false, None),
-        ("bilinear", Filter::Bilinear, wide, false, None),
-        ("bicubic", Filter::Bicubic, wide, false, None),
-        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0])),
-        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1])),
-        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2])),
-        ("EWA 8:1", Filter::Ewa, long, false, None),
-    ] {
+    let measured = |name: &str, filter, steps, is_random, peer: Option<f64>, is_many: bool| {
         let options = SampleOptions { filter, ..SampleOptions::default() };
-        let nanoseconds = fastest_look_up(seed, is_random, |uv| texture.sample(uv, steps, &options)[0]);
-        let peer_note = if peer.is_some() { " (peer: OpenImageIO elsewhere)" } else { "" };
-        let row = Row::new(format!("look-up, {name}{peer_note}"), nanoseconds, "ns");
-        rows.push(row.beside(peer));
-    }
-    for (name, filter, steps, is_random, peer) in [
-        ("bilinear", Filter::Bilinear, wide, false, None),
-        ("bilinear, random", Filter::Bilinear, wide, true, None),
-        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0])),
-        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1])),
-        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2])),
-        ("anisotropic 8:1, random", Filter::Anisotropic, long, true, None),
+        let nanoseconds = if is_many {
+            fastest_look_ups(seed, is_random, steps, |points, out| texture.sample_all(points, &options, out))
+        } else {
+            fastest_look_up(seed, is_random, |uv| texture.sample(uv, steps, &options)[0])
+        };
+        let kind = if is_many { "look-ups, many at once" } else { "look-up" };
+        let note = if peer.is_some() && !is_many { " (peer: OpenImageIO elsewhere)" } else { "" };
+        Row::new(format!("{kind}, {name}{note}"), nanoseconds, "ns").beside(peer)
+    };
+    for (name, filter, steps, is_random, peer, is_many) in [
+        ("nearest", Filter::Nearest, wide, false, None, false),
+        ("bilinear", Filter::Bilinear, wide, false, None, false),
+        ("bicubic", Filter::Bicubic, wide, false, None, false),
+        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0]), false),
+        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1]), false),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2]), false),
+        ("EWA 8:1", Filter::Ewa, long, false, None, false),
+        ("bilinear", Filter::Bilinear, wide, false, None, true),
+        ("bilinear, random", Filter::Bilinear, wide, true, None, true),
+        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0]), true),
+        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1]), true),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2]), true),
+        ("anisotropic 8:1, random", Filter::Anisotropic, long, true, None, true),
     ] {
-        let options = SampleOptions { filter, ..SampleOptions::default() };
-        let nanoseconds =
-            fastest_look_ups(seed, is_random, steps, |points, out| texture.sample_all(points, &options, out));
-        let row = Row::new(format!("look-ups, many at once, {name}"), nanoseconds, "ns");
-        rows.push(row.beside(peer));
+        rows.push(measured(name, filter, steps, is_random, peer, is_many));
     }
     let options = SampleOptions { filter: Filter::Trilinear, ..SampleOptions::default() };
     let scalar = fastest_look_up(seed, false, |uv| texture.sample_by_reference(uv, wide, &options)[0]);

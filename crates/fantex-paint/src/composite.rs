@@ -25,19 +25,19 @@ pub(crate) fn composite(
     id: PageId,
     page: &StrokePage,
     shown: Vec<Vec<u8>>,
-    ink: &Ink<'_>,
+    context: &PaintContext<'_>,
 ) -> Result<Vec<Vec<u8>>> {
     let extent = map.block.extent;
-    let mut changed = Vec::with_capacity(ink.paint.channels.len());
+    let mut changed = Vec::with_capacity(context.paint.channels.len());
     let rect = page.stale.blocks();
     let originals = match page.decoded.get() {
         Some(decoded) => decoded,
         None => {
-            let decoded = decode(asset, id, page, ink)?;
+            let decoded = decode(asset, id, page, context)?;
             page.decoded.get_or_init(|| decoded)
         }
     };
-    let channels = ink.paint.channels.iter().enumerate();
+    let channels = context.paint.channels.iter().enumerate();
     for (((number, painted), original), mut bytes) in channels.zip(originals).zip(shown) {
         let mut values = original.clone();
         for place in rect.texels() {
@@ -45,9 +45,9 @@ pub(crate) fn composite(
             let coverage = page.covered(texel);
             if coverage > 0.0
                 && map.is_valid(texel)
-                && let Some(color) = ink.color(map, page, place, number)
+                && let Some(color) = context.color(map, page, place, number)
             {
-                values[texel] = ink.paint.apply(values[texel], color, coverage);
+                values[texel] = context.paint.apply(values[texel], color, coverage);
             }
         }
         let channel = &asset.channels()[painted.channel];
@@ -58,8 +58,13 @@ pub(crate) fn composite(
 }
 
 /// The texels before the stroke, per painted channel.
-fn decode(asset: &Asset, id: PageId, page: &StrokePage, ink: &Ink<'_>) -> Result<Vec<Vec<Vec4>>> {
-    let channels = ink.paint.channels.iter().zip(&page.originals);
+fn decode(
+    asset: &Asset,
+    id: PageId,
+    page: &StrokePage,
+    context: &PaintContext<'_>,
+) -> Result<Vec<Vec<Vec4>>> {
+    let channels = context.paint.channels.iter().zip(&page.originals);
     let decoded = channels.map(|(painted, original)| {
         let texels = asset.decode_page_raw(painted.channel, id, original)?;
         Ok(texels.rgba.into_iter().map(Vec4::from).collect())
@@ -70,7 +75,7 @@ fn decode(asset: &Asset, id: PageId, page: &StrokePage, ink: &Ink<'_>) -> Result
 // What colour a stroke lays on a texel.
 
 /// The colours of a stroke.
-pub(crate) struct Ink<'a> {
+pub(crate) struct PaintContext<'a> {
     pub(crate) surface: &'a Surface,
     pub(crate) paint: &'a Paint,
     /// The texture function before the stroke, where the tool asks for it.
@@ -86,7 +91,7 @@ const RING: u32 = 6;
 /// deviation of half the radius.)
 const RINGS: [(f64, f32); 2] = [(0.5, 0.607), (1.0, 0.135)];
 
-impl<'a> Ink<'a> {
+impl<'a> PaintContext<'a> {
     pub(crate) fn new(
         surface: &'a Surface,
         asset: &Asset,
@@ -119,7 +124,7 @@ impl<'a> Ink<'a> {
         Some(painted.channel) == self.normals && (is_picture || self.paint.tool.reads_surface())
     }
 
-    /// The same for what does not depend on the dabs; of normals that are moved the tangent part (see `normals.rs`).
+    /// The same for what does not depend on the dabs; of normals that are moved the tangent part.
     pub(crate) fn at(&self, map: &TexelPage, place: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
         let (triangle, point) = (map.triangle(place), map.point(place));
         match (&self.paint.tool, self.before) {

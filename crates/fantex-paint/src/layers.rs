@@ -22,7 +22,7 @@ use half::f16;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::composite::{Ink, composite, copy_blocks, replace_blocks};
+use crate::composite::{PaintContext, composite, copy_blocks, replace_blocks};
 use crate::error::encoded;
 use crate::graph::{FillTextures, found_folder, kept_folder};
 use crate::history::PageStep;
@@ -565,7 +565,7 @@ impl ShownPage {
 pub(crate) struct LayeredPage<'a> {
     pub(crate) stack: LayerStack<'a>,
     pub(crate) page: &'a StrokePage,
-    pub(crate) ink: &'a Ink<'a>,
+    pub(crate) context: &'a PaintContext<'a>,
     pub(crate) target: Target,
     /// The channels of the asset that the stroke can change.
     pub(crate) affected: &'a [usize],
@@ -597,15 +597,15 @@ impl LayeredPage<'_> {
         let LayerStack { editor, map, id, .. } = self.stack;
         let mut base = base_bytes(editor, id, Some(before.to_vec()))?;
         let originals: Vec<Vec<u8>> =
-            self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
+            self.context.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
         let page = StrokePage {
             originals: originals.clone(),
             stale: self.page.touched,
             decoded: OnceLock::new(),
             ..self.page.clone()
         };
-        let painted = composite(editor.asset(), map, id, &page, originals, self.ink)?;
-        for (channel, bytes) in self.ink.paint.channels.iter().zip(painted) {
+        let painted = composite(editor.asset(), map, id, &page, originals, self.context)?;
+        for (channel, bytes) in self.context.paint.channels.iter().zip(painted) {
             base[channel.channel] = bytes;
         }
         Ok(base.concat())
@@ -615,10 +615,10 @@ impl LayeredPage<'_> {
         let channels = self.stack.editor.asset().channels().len();
         let mut values = decode_values(before, channels, self.page.coverage.len());
         self.for_each_covered(|texel, place| {
-            for (number, painted) in self.ink.paint.channels.iter().enumerate() {
-                if let Some(color) = self.ink.color(self.stack.map, self.page, place, number) {
+            for (number, painted) in self.context.paint.channels.iter().enumerate() {
+                if let Some(color) = self.context.color(self.stack.map, self.page, place, number) {
                     let value = &mut values[painted.channel][texel];
-                    *value = self.ink.paint.apply(*value, color, self.page.covered(texel));
+                    *value = self.context.paint.apply(*value, color, self.page.covered(texel));
                 }
             }
         });
@@ -629,10 +629,10 @@ impl LayeredPage<'_> {
         let outside = layer.and_then(|layer| layer.mask).unwrap_or(1.0);
         let mut mask = decode_mask(before, self.page.coverage.len(), outside);
         self.for_each_covered(|texel, place| {
-            if let Some(color) = self.ink.color(self.stack.map, self.page, place, 0) {
+            if let Some(color) = self.context.color(self.stack.map, self.page, place, 0) {
                 // Luminance (ITU-R BT.709).
                 let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
-                let share = self.page.covered(texel) * self.ink.paint.opacity.clamp(0.0, 1.0);
+                let share = self.page.covered(texel) * self.context.paint.opacity.clamp(0.0, 1.0);
                 mask[texel] += (goal - mask[texel]) * share;
             }
         });

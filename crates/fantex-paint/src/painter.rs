@@ -18,7 +18,7 @@ use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId, i
 use glam::Vec4;
 use rayon::prelude::*;
 
-use crate::composite::{Ink, composite, look_up_now};
+use crate::composite::{PaintContext, composite, look_up_now};
 use crate::cover::{Patch, cover_page, cover_page_colored, touched_pages};
 use crate::dab::PlacedDab;
 use crate::error::encoded;
@@ -244,8 +244,8 @@ impl Painter {
             let page = stroke.pages.take_or_new(id, &map)?;
             pages.insert(id, (map, page));
         }
-        let ink = Ink::new(surface, self.editor.asset(), &stroke.paint, stroke.before.as_ref());
-        let buffer = placed.picked_up(buffer, strength, &ink, &pages);
+        let context = PaintContext::new(surface, self.editor.asset(), &stroke.paint, stroke.before.as_ref());
+        let buffer = placed.picked_up(buffer, strength, &context, &pages);
         let laid = LaidDown { dab: &placed, buffer: &buffer, surface };
         let channels = stroke.paint.channels.len();
         let stencil = stroke.paint.stencil.as_deref();
@@ -270,8 +270,8 @@ impl Painter {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         stroke.recording.lose();
         let (paint, before) = (stroke.paint.clone(), stroke.before.clone());
-        let ink = Ink::new(&surface, self.editor.asset(), &paint, before.as_ref());
-        let placed = PlacedDecal::new(&surface, decal, &ink);
+        let context = PaintContext::new(&surface, self.editor.asset(), &paint, before.as_ref());
+        let placed = PlacedDecal::new(&surface, decal, &context);
         let touched = touched_pages(&surface, std::iter::once(placed.region()));
         let touched: Vec<(PageId, ())> = touched.into_keys().map(|id| (id, ())).collect();
         let channels = paint.channels.len();
@@ -450,15 +450,15 @@ impl OpenStroke {
         id: PageId,
         page: &StrokePage,
     ) -> Result<ShownPage> {
-        let ink = &Ink::new(surface, editor.asset(), &self.paint, self.before.as_ref());
+        let context = &PaintContext::new(surface, editor.asset(), &self.paint, self.before.as_ref());
         let (target, affected) = (self.target, self.affected.as_slice());
         if self.is_layered(page) {
             let (rect, replaced) = (page.stale.blocks(), None);
             let stack = LayerStack { editor, layers, id, surface, map, fills, rect, replaced };
-            return LayeredPage { stack, page, ink, target, affected }.show();
+            return LayeredPage { stack, page, context, target, affected }.show();
         }
         let shown = affected.iter().map(|&channel| editor.read_page_raw(channel, id));
-        let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, ink)?;
+        let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, context)?;
         Ok(ShownPage { channels, attachments: Vec::new() })
     }
 }

@@ -9,7 +9,7 @@ use fantex_texture::Image;
 use fantex_texture::filter::halved_level;
 use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 
-use crate::composite::{Ink, tangent_from_picture};
+use crate::composite::{PaintContext, tangent_from_picture};
 use crate::cover::{Patch, TexelUnder};
 use crate::dab::{Chart, coverage_of, tangent_axes};
 use crate::texel_page::TexelPage;
@@ -163,11 +163,11 @@ pub(crate) struct PlacedDecal<'a> {
     shape: &'a Picture,
     /// Coordinates of the picture per mesh unit, to the right and upwards.
     scale: Vec2,
-    ink: &'a Ink<'a>,
+    context: &'a PaintContext<'a>,
 }
 
 impl<'a> PlacedDecal<'a> {
-    pub(crate) fn new(surface: &'a Surface, decal: &'a Decal, ink: &'a Ink<'a>) -> Self {
+    pub(crate) fn new(surface: &'a Surface, decal: &'a Decal, context: &'a PaintContext<'a>) -> Self {
         let half = (0.5 * decal.size).max(0.5 / surface.cover().density);
         let [columns, rows] = decal.shape.extent().map(|n| n as f32);
         let longer = columns.max(rows);
@@ -177,7 +177,7 @@ impl<'a> PlacedDecal<'a> {
         let axes = turned_axes(surface, decal.center, decal.angle);
         let chart = Chart::unfold(surface, &region, decal.center, axes);
         let scale = Vec2::new(if decal.mirrored { -1.0 } else { 1.0 }, 1.0) / half;
-        Self { surface, region, chart, shape: &decal.shape, scale, ink }
+        Self { surface, region, chart, shape: &decal.shape, scale, context }
     }
 
     /// Where the picture's right and upright direction point on a triangle, mesh space.
@@ -210,14 +210,14 @@ impl Patch for PlacedDecal<'_> {
         if covered <= 0.0 {
             return 0.0;
         }
-        for (color, painted) in colors.iter_mut().zip(&self.ink.paint.channels) {
+        for (color, painted) in colors.iter_mut().zip(&self.context.paint.channels) {
             *color = match &painted.color {
-                PaintColor::Image(picture) if self.ink.is_tangent(painted) => {
+                PaintColor::Image(picture) if self.context.is_tangent(painted) => {
                     tangent_from_picture(picture.color(place, width), self.axes(under.triangle, under.index))
                 }
                 PaintColor::Image(picture) => picture.color(place, width),
                 _ => {
-                    let straight = self.ink.at(map, under.place, painted).unwrap_or(Vec4::ZERO);
+                    let straight = self.context.at(map, under.place, painted).unwrap_or(Vec4::ZERO);
                     (straight.truncate() * straight.w).extend(straight.w)
                 }
             };

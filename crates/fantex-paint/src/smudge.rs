@@ -13,7 +13,7 @@ use fantex_store::{PAGE, PageId, TileId, TileSource, TileTexels};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::composite::{Ink, bilinear, tangent_from_stored, texels_around};
+use crate::composite::{PaintContext, bilinear, tangent_from_stored, texels_around};
 use crate::cover::{Patch, TexelUnder};
 use crate::dab::{Chart, PlacedDab, tangent_axes};
 use crate::stroke_page::StrokePage;
@@ -87,7 +87,7 @@ impl SmudgeDab {
         &self,
         buffer: Option<SmudgeBuffer>,
         strength: f32,
-        ink: &Ink<'_>,
+        context: &PaintContext<'_>,
         pages: &PagesUnder,
     ) -> SmudgeBuffer {
         let reach = self.dab.reach();
@@ -102,7 +102,7 @@ impl SmudgeDab {
             let old = buffer.as_ref().and_then(|f| f.cells[cell].clone());
             let Some(point) = point else { return old };
             let seen: Vec<Vec4> =
-                (0..ink.paint.channels.len()).map(|k| current(ink, pages, k, point)).collect();
+                (0..context.paint.channels.len()).map(|k| current(context, pages, k, point)).collect();
             Some(match old {
                 Some(old) => old.iter().zip(&seen).map(|(old, seen)| seen.lerp(*old, carried)).collect(),
                 None => seen,
@@ -157,23 +157,26 @@ fn barycentric([a, b, c]: [Vec2; 3], p: Vec2) -> Option<Vec3> {
 }
 
 /// What is seen at a point with the stroke so far: linear RGBA, multiplied by alpha. `number`: of the painted channel.
-fn current(ink: &Ink<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint) -> Vec4 {
-    let Some(before) = ink.before else { return Vec4::ZERO };
-    let painted = &ink.paint.channels[number];
-    let is_tangent = ink.is_tangent(painted);
-    let cover = ink.surface.cover();
+fn current(context: &PaintContext<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint) -> Vec4 {
+    let Some(before) = context.before else { return Vec4::ZERO };
+    let painted = &context.paint.channels[number];
+    let is_tangent = context.is_tangent(painted);
+    let cover = context.surface.cover();
     let look_up = |tap: &Tap| {
         let tile = before.tile(painted.channel, TileId { group: tap.group, level: 0 });
         let texel = |[x, y]: [u32; 2]| {
             let stored = Vec4::from_array(tile.texel(x, y));
-            let original =
-                if is_tangent { tangent_from_stored(ink.surface, tap.group, point, stored) } else { stored };
+            let original = if is_tangent {
+                tangent_from_stored(context.surface, tap.group, point, stored)
+            } else {
+                stored
+            };
             let id = PageId { group: tap.group, level: 0, page: [x / PAGE, y / PAGE] };
             let seen = pages.get(&id).map_or(original, |(map, page)| {
                 let texel = map.texel([x % PAGE, y % PAGE]);
                 match page.color(number, texel) {
                     Some(color) if page.covered(texel) > 0.0 => {
-                        ink.paint.apply(original, color, page.covered(texel))
+                        context.paint.apply(original, color, page.covered(texel))
                     }
                     _ => original,
                 }
@@ -183,7 +186,7 @@ fn current(ink: &Ink<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint
         let (places, f) = texels_around(cover.groups[tap.group as usize].extent, tap.uv);
         tap.weight * bilinear(places.map(texel), f)
     };
-    cover.taps(ink.surface.mesh(), point).iter().map(look_up).sum()
+    cover.taps(context.surface.mesh(), point).iter().map(look_up).sum()
 }
 
 /// What a buffer lays down where its dab is.

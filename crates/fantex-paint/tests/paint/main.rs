@@ -6,6 +6,7 @@ mod layers;
 mod painting;
 mod regions;
 mod tools;
+mod values;
 mod views;
 mod work;
 

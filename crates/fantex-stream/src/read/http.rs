@@ -20,7 +20,6 @@ pub struct HttpSource {
     location: PathBuf,
     agent: ureq::Agent,
     length: OnceLock<u64>,
-    retry: RetryPolicy,
 }
 
 /// A server's answer that cannot be used.
@@ -75,14 +74,7 @@ impl HttpSource {
             location: PathBuf::from(url),
             agent: config.new_agent(),
             length: OnceLock::new(),
-            retry: RetryPolicy::NETWORK,
         }
-    }
-
-    /// With another policy than [`RetryPolicy::NETWORK`] for opening. (Queued reads are made once; their owner retries.)
-    pub fn with_retry(mut self, retry: RetryPolicy) -> Self {
-        self.retry = retry;
-        self
     }
 
     /// The URL.
@@ -157,16 +149,16 @@ impl ByteSource for HttpSource {
     }
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
-        let mut attempt = 0;
-        loop {
+        // Queued reads are made once; their owner retries.
+        for attempt in 0..RetryPolicy::NETWORK.retries {
             match self.read_once(bytes, offset) {
-                Err(error) if is_transient(&error) && attempt < self.retry.retries => {
-                    std::thread::sleep(self.retry.pause(attempt));
-                    attempt += 1;
+                Err(error) if is_transient(&error) => {
+                    std::thread::sleep(RetryPolicy::NETWORK.pause(attempt));
                 }
                 result => return result,
             }
         }
+        self.read_once(bytes, offset)
     }
 }
 

@@ -120,28 +120,6 @@ pub trait QueuedReader: Send {
     fn info(&self) -> ReaderInfo;
 }
 
-impl QueuedReader for Box<dyn QueuedReader> {
-    fn submit(&mut self, request: ReadRequest) {
-        (**self).submit(request);
-    }
-
-    fn cancel(&mut self, token: u64) -> bool {
-        (**self).cancel(token)
-    }
-
-    fn wait(&mut self, timeout: Option<Duration>) -> Option<ReadCompletion> {
-        (**self).wait(timeout)
-    }
-
-    fn waker(&self) -> ReadWaker {
-        (**self).waker()
-    }
-
-    fn info(&self) -> ReaderInfo {
-        (**self).info()
-    }
-}
-
 /// How to read a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileReadOptions {
@@ -264,6 +242,7 @@ pub fn is_transient(error: &io::Error) -> bool {
 // What the owner of a reader and its lanes share.
 
 /// What comes through the channel to the owner.
+#[derive(Debug)]
 enum Event {
     Completed(ReadCompletion),
     Woken,
@@ -272,15 +251,6 @@ enum Event {
 /// Interrupts a reader's wait, from any thread.
 #[derive(Clone, Debug)]
 pub struct ReadWaker(Sender<Event>);
-
-impl std::fmt::Debug for Event {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Completed(_) => "Completed",
-            Self::Woken => "Woken",
-        })
-    }
-}
 
 impl ReadWaker {
     /// Interrupts. No effect on a reader that is gone.
