@@ -23,7 +23,7 @@
 //!   How probes are spread over ordinary textures is the device's affair.
 //! * Blended triangles are sorted by their centres, not by what each sample sees.
 //! * Environments have at most 1024 texels along a cube's face, and mirrors see them through one trilinear look-up.
-//! * Slides are squares of 1024 texels, filtered trilinearly. An orthographic projector's shadows begin at its slide.
+//! * Cookies are squares of 1024 texels, filtered trilinearly. An orthographic projector's shadows begin at its cookie.
 //! * Shadows fall on facets, where the CPU renderer lifts them to the smooth surface: on coarse meshes the border between
 //!   light and shade can show them.
 //! * Looks on models are the CPU renderer's alone: their textures are functions. Assets that were baked from them show the same, toon

@@ -233,15 +233,15 @@ pub(crate) struct SortedTriangle {
     pub(crate) corners: [u32; 3],
     pub(crate) material: u32,
     /// It is not seen from behind.
-    pub(crate) has_twin: bool,
+    pub(crate) is_opposed: bool,
 }
 
 /// Triangles of one material that follow each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Run {
     pub(crate) material: u32,
-    /// Whether they have twins, and so are not seen from behind.
-    pub(crate) has_twins: bool,
+    /// Whether they are opposed by others, and so are not seen from behind.
+    pub(crate) is_opposed: bool,
     /// Of the sorted indices.
     pub(crate) indices: std::ops::Range<u32>,
 }
@@ -280,12 +280,12 @@ impl SortedTriangles {
         let mut runs: Vec<Run> = Vec::new();
         for (triangle, first) in sorted.clone().zip((0u32..).step_by(3)) {
             match runs.last_mut() {
-                Some(run) if run.material == triangle.material && run.has_twins == triangle.has_twin => {
+                Some(run) if run.material == triangle.material && run.is_opposed == triangle.is_opposed => {
                     run.indices.end = first + 3;
                 }
                 _ => runs.push(Run {
                     material: triangle.material,
-                    has_twins: triangle.has_twin,
+                    is_opposed: triangle.is_opposed,
                     indices: first..first + 3,
                 }),
             }
@@ -306,7 +306,7 @@ mod tests {
             centre: Vec3::Z * z,
             corners: [material; 3],
             material,
-            has_twin: false,
+            is_opposed: false,
         };
         let mut sorted = SortedTriangles::new(vec![triangle(0.5, 1), triangle(-0.5, 1), triangle(0.0, 2)]);
         let mut view =
@@ -318,6 +318,6 @@ mod tests {
         view.axes.z_axis = Vec3::NEG_Z;
         let (corners, runs) = sorted.sort(&view).unwrap();
         assert_eq!(corners.len(), 3);
-        assert_eq!(runs[0], Run { material: 1, has_twins: false, indices: 0..3 });
+        assert_eq!(runs[0], Run { material: 1, is_opposed: false, indices: 0..3 });
     }
 }

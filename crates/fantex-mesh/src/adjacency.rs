@@ -187,7 +187,7 @@ impl Edge<'_> {
 //            ^ edge
 // ```
 //
-// A triangle is never continued by its *twin*, which has the same three vertices: where only the two sides of a leaf meet, at its
+// A triangle is never continued by one that has the same three vertices: where only the two sides of a leaf meet, at its
 // rim, each of them ends.
 
 /// One triangle at an edge.
@@ -215,17 +215,16 @@ pub const MAX_AT_EDGE: usize = 8;
 /// The pairs of triangles that continue each other at an edge, as ascending indices into `sides`, which are all triangles
 /// there. Each is in one pair at most.
 ///
-/// Two triangles continue each other unless they are twins. Of more, those that run along the edge in opposite directions
-/// are candidates of each other unless they are twins, and those continue each other that have no other candidate.
+/// Two triangles continue each other unless they have the same vertices. Of more, those that run along the edge in opposite
+/// directions are candidates of each other with that exception, and those continue each other that have no other candidate.
 pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }> {
-    let are_twins = |i: usize, j: usize| sides[i].opposite == sides[j].opposite;
+    let are_same = |i: usize, j: usize| sides[i].opposite == sides[j].opposite;
     let mut pairs = ArrayVec::new();
     match sides.len() {
-        2 if !are_twins(0, 1) => pairs.push([0, 1]),
+        2 if !are_same(0, 1) => pairs.push([0, 1]),
         3..=MAX_AT_EDGE => {
             let only_candidate = |i: usize| {
-                let is_candidate =
-                    |&j: &usize| sides[j].is_forward != sides[i].is_forward && !are_twins(i, j);
+                let is_candidate = |&j: &usize| sides[j].is_forward != sides[i].is_forward && !are_same(i, j);
                 let mut candidates = (0..sides.len()).filter(is_candidate);
                 candidates.next().filter(|_| candidates.next().is_none())
             };
@@ -241,43 +240,43 @@ pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }
 //
 // A leaf or a wall modelled with both of its sides has each triangle twice, with its vertices in opposite order. Both lie at the same
 // depth, so that a renderer or a ray meets either one by chance. Seen from behind such a triangle does not
-// count, whatever its material says: what is seen there is its twin.
+// count, whatever its material says: what is seen there is the other one.
 
-/// The triangles that have a twin: the same three vertices in opposite order.
+/// The triangles that are opposed by another one: with the same three vertices in opposite order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Twins {
+pub struct OpposedTriangles {
     /// Per triangle; empty where there are none.
-    has_twin: Vec<bool>,
+    is_opposed: Vec<bool>,
 }
 
-impl Twins {
-    /// Finds them. Of more than two with the same vertices, as cleaned meshes have none, all have twins where any two are in opposite
+impl OpposedTriangles {
+    /// Finds them. Of more than two with the same vertices, as cleaned meshes have none, all are opposed where any two are in opposite
     /// order.
     pub fn of(triangles: &[[u32; 3]]) -> Self {
         let mut keys: Vec<([u32; 3], u32)> =
             triangles.par_iter().enumerate().map(|(t, &triangle)| (sorted(triangle), t as u32)).collect();
         keys.par_sort_unstable();
-        let mut twins = Self::default();
+        let mut opposed = Self::default();
         for alike in keys.chunk_by(|a, b| a.0 == b.0).filter(|alike| alike.len() > 1) {
             let is_even = |&(key, t): &([u32; 3], u32)| is_turned(triangles[t as usize], key);
             let even = alike.iter().filter(|one| is_even(one)).count();
             if even > 0 && even < alike.len() {
-                twins.has_twin.resize(triangles.len(), false);
-                alike.iter().for_each(|&(_, t)| twins.has_twin[t as usize] = true);
+                opposed.is_opposed.resize(triangles.len(), false);
+                alike.iter().for_each(|&(_, t)| opposed.is_opposed[t as usize] = true);
             }
         }
-        twins
+        opposed
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.has_twin.is_empty()
+        self.is_opposed.is_empty()
     }
 
-    /// Whether a triangle has a twin, so that it counts from its front only.
+    /// Whether a triangle is opposed, so that it counts from its front only.
     #[inline]
     pub fn contains(&self, triangle: usize) -> bool {
-        self.has_twin.get(triangle).copied().unwrap_or(false)
+        self.is_opposed.get(triangle).copied().unwrap_or(false)
     }
 }
 
@@ -492,16 +491,16 @@ mod tests {
     }
 
     #[test]
-    fn both_of_a_pair_are_twins_and_nothing_else() {
+    fn both_of_a_pair_are_same_and_nothing_else() {
         let triangles = [[5, 3, 9], [0, 1, 2], [9, 3, 5], [1, 2, 3], [3, 9, 5], [2, 1, 7]];
         // The fifth is the first once more.
-        let found = Twins::of(&triangles);
+        let found = OpposedTriangles::of(&triangles);
         let all: Vec<bool> = (0..triangles.len()).map(|t| found.contains(t)).collect();
         assert_eq!(all, [true, false, true, false, true, false]);
         assert!(!found.contains(99));
-        // Copies in the same order are no twins.
-        assert!(Twins::of(&[[0, 1, 2], [1, 2, 0], [2, 3, 4]]).is_empty());
-        assert_eq!(Twins::of(&[]), Twins::default());
+        // Copies in the same order do not oppose each other.
+        assert!(OpposedTriangles::of(&[[0, 1, 2], [1, 2, 0], [2, 3, 4]]).is_empty());
+        assert_eq!(OpposedTriangles::of(&[]), OpposedTriangles::default());
     }
 
     #[test]
@@ -509,7 +508,7 @@ mod tests {
         let orders = [[4, 6, 8], [6, 8, 4], [8, 4, 6], [4, 8, 6], [8, 6, 4], [6, 4, 8]];
         for (i, a) in orders.into_iter().enumerate() {
             for (j, b) in orders.into_iter().enumerate() {
-                assert_eq!(Twins::of(&[a, b]).contains(1), (i < 3) != (j < 3), "{a:?} {b:?}");
+                assert_eq!(OpposedTriangles::of(&[a, b]).contains(1), (i < 3) != (j < 3), "{a:?} {b:?}");
             }
         }
     }

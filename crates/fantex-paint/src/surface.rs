@@ -3,7 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use fantex_cover::{Cover, GroupTriangles};
-use fantex_mesh::{CornerNormals, Edges, Mesh, RayHit, SurfacePoint, TriangleBvh, Twins, interpolate};
+use fantex_mesh::{
+    CornerNormals, Edges, Mesh, OpposedTriangles, RayHit, SurfacePoint, TriangleBvh, interpolate,
+};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
 
@@ -18,7 +20,7 @@ pub struct Surface {
     /// Per half-edge `3 * triangle + k` (from corner `k` to `k + 1`) the half-edge on the other side, or `NONE`.
     opposite: Vec<u32>,
     triangles_of_groups: GroupTriangles,
-    twins: Twins,
+    opposed: OpposedTriangles,
     /// The mesh is closed and wound so that its facets face inwards.
     is_inside_out: bool,
     /// Per corner; made when first asked for.
@@ -42,9 +44,9 @@ impl Surface {
         let opposite = opposite_edges(&mesh.triangles);
         let triangles_of_groups = GroupTriangles::of(&cover);
         let bvh = TriangleBvh::new(&mesh);
-        let twins = Twins::of(&mesh.triangles);
+        let opposed = OpposedTriangles::of(&mesh.triangles);
         let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
-        Self { mesh, cover, bvh, opposite, triangles_of_groups, twins, is_inside_out, normals }
+        Self { mesh, cover, bvh, opposite, triangles_of_groups, opposed, is_inside_out, normals }
     }
 
     /// The mesh.
@@ -87,9 +89,9 @@ impl Surface {
         self.bvh.first_hit_where(origin, direction, f32::INFINITY, is_seen).map(|hit| hit.point)
     }
 
-    /// Whether a triangle is seen by someone in that direction: all are but those that have a twin, from behind.
+    /// Whether a triangle is seen by someone in that direction: all are but opposed ones from behind.
     pub(crate) fn is_seen_from(&self, triangle: u32, to_eye: Vec3) -> bool {
-        !self.twins.contains(triangle as usize) || self.facet_normal(triangle).dot(to_eye.as_dvec3()) >= 0.0
+        !self.opposed.contains(triangle as usize) || self.facet_normal(triangle).dot(to_eye.as_dvec3()) >= 0.0
     }
 
     /// Mesh-space position of a point.

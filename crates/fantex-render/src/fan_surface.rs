@@ -1,6 +1,6 @@
 //! A baked asset: fan tiles through the texture function.
 
-use fantex_mesh::{Material, Twins};
+use fantex_mesh::{Material, OpposedTriangles};
 use fantex_store::{
     ChannelKind, Footprint, PageCache, SamplePoint, Sampler, Stretch, SurfaceValues, TileSource,
 };
@@ -31,7 +31,7 @@ pub struct FanSurface<S = PageCache> {
     has_light: bool,
     /// Per material.
     toon: Vec<Option<ColorRamp>>,
-    twins: Twins,
+    opposed: OpposedTriangles,
 }
 
 impl FanSurface {
@@ -52,7 +52,7 @@ impl<S: TileSource> FanSurface<S> {
             has_emission: sampler.has(ChannelKind::Emission),
             has_light: sampler.has(ChannelKind::Light),
             toon: mesh.materials.iter().map(toon_ramp).collect(),
-            twins: Twins::of(&mesh.triangles),
+            opposed: OpposedTriangles::of(&mesh.triangles),
             sampler,
         }
     }
@@ -155,6 +155,6 @@ impl<S: TileSource> Surface for FanSurface<S> {
     }
 
     fn is_double_sided(&self, triangle: usize) -> bool {
-        self.material(triangle).is_none_or(|m| m.double_sided) && !self.twins.contains(triangle)
+        self.material(triangle).is_none_or(|m| m.double_sided) && !self.opposed.contains(triangle)
     }
 }

@@ -2,7 +2,7 @@
 
 use fantex_mesh::Mesh;
 use fantex_scene::{
-    AmbientLight, Falloff, LampView, Light, LightKind, Lights, Projector, Slide, SpotLight, projector_view,
+    AmbientLight, Cookie, Falloff, LampView, Light, LightKind, Lights, Projector, SpotLight, projector_view,
 };
 use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -218,7 +218,7 @@ impl<'a> Source<'a> {
                 (factor > 0.0).then_some((to_light, Vec3::splat(factor)))
             }
             Self::Projector { view, projector } => {
-                let slide = projected(view, &projector.slide, point, lights.time)?;
+                let cookie = projected(view, &projector.cookie, point, lights.time)?;
                 let (to_light, distance) = match projector.lens {
                     Lens::Perspective { .. } => towards(view.origin.as_vec3()),
                     Lens::Orthographic { .. } => {
@@ -226,14 +226,14 @@ impl<'a> Source<'a> {
                         (-view.forward().as_vec3(), depth * f64::from(lights.world_per_mesh))
                     }
                 };
-                Some((to_light, slide * projector.falloff.factor(distance)))
+                Some((to_light, cookie * projector.falloff.factor(distance)))
             }
         }
     }
 }
 
-/// The slide's light at a point, filtered over the point's footprint.
-fn projected(view: &LampView, slide: &Slide, point: &LitPoint, time: f32) -> Option<Vec3> {
+/// The cookie's light at a point, filtered over the point's footprint.
+fn projected(view: &LampView, cookie: &Cookie, point: &LitPoint, time: f32) -> Option<Vec3> {
     let at = view.project(point.position);
     if at.w <= 0.0 || at.depth <= 0.0 {
         return None;
@@ -244,12 +244,12 @@ fn projected(view: &LampView, slide: &Slide, point: &LitPoint, time: f32) -> Opt
         return None;
     }
     let uv = uv.clamp(Vec2::ZERO, Vec2::ONE);
-    let value = match slide {
-        Slide::Image { image, options } => {
+    let value = match cookie {
+        Cookie::Image { image, options } => {
             let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
             Vec4::from_array(image.sample(uv, steps, &options))
         }
-        Slide::Texture(texture) => texture.evaluate(&ShadingPoint {
+        Cookie::Texture(texture) => texture.evaluate(&ShadingPoint {
             position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
             position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
             normal: Vec3::Z,

@@ -2,7 +2,7 @@
 //! points at once.
 
 use fantex_base::Result;
-use fantex_mesh::{Material, Mesh, SurfacePoint, Twins};
+use fantex_mesh::{Material, Mesh, OpposedTriangles, SurfacePoint};
 use fantex_texture::material::{
     ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
@@ -22,7 +22,7 @@ pub(crate) struct ImageSurface<'a> {
     tangents: Vec<Vec4>,
     textures: Vec<MaterialTextures>,
     filter: FilterOptions,
-    twins: Twins,
+    opposed: OpposedTriangles,
 }
 
 impl<'a> ImageSurface<'a> {
@@ -36,7 +36,7 @@ impl<'a> ImageSurface<'a> {
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = normal_map_tangents(mesh, normals.all(), &textures);
-        Ok(Self { mesh, normals, tangents, textures, filter, twins: Twins::of(&mesh.triangles) })
+        Ok(Self { mesh, normals, tangents, textures, filter, opposed: OpposedTriangles::of(&mesh.triangles) })
     }
 
     fn material(&self, triangle: usize) -> Option<(&Material, &MaterialTextures)> {
@@ -190,6 +190,6 @@ impl Surface for ImageSurface<'_> {
 
     fn is_double_sided(&self, triangle: usize) -> bool {
         let is_double_sided = self.material(triangle).is_none_or(|(material, _)| material.double_sided);
-        is_double_sided && !self.twins.contains(triangle)
+        is_double_sided && !self.opposed.contains(triangle)
     }
 }

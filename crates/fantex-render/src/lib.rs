@@ -32,8 +32,8 @@ mod vectors;
 
 pub use fan_surface::FanSurface;
 pub use fantex_scene::{
-    AmbientLight, Background, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Interpolation, Lens,
-    Light, LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadingRate, ShadowOptions, Slide,
+    AmbientLight, Background, Camera, Cookie, EnvironmentLight, Falloff, FilterOptions, Glow, Interpolation,
+    Lens, Light, LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadingRate, ShadowOptions,
     SpotLight, ToneMap, world_bounds,
 };
 pub use hit::Hit;

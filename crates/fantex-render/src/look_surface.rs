@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use fantex_base::Result;
-use fantex_mesh::{Mesh, Twins};
+use fantex_mesh::{Mesh, OpposedTriangles};
 use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
     Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity,
@@ -104,7 +104,7 @@ struct TextureSurface<'a> {
     tangents: Vec<Vec<Vec4>>,
     materials: Vec<Arc<LookMaterial>>,
     time: f32,
-    twins: Twins,
+    opposed: OpposedTriangles,
 }
 
 impl<'a> TextureSurface<'a> {
@@ -114,7 +114,7 @@ impl<'a> TextureSurface<'a> {
         }
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = look_tangents(mesh, normals.all(), materials.iter().map(AsRef::as_ref));
-        Self { mesh, normals, tangents, materials, time: 0.0, twins: Twins::of(&mesh.triangles) }
+        Self { mesh, normals, tangents, materials, time: 0.0, opposed: OpposedTriangles::of(&mesh.triangles) }
     }
 
     fn material_of(&self, triangle: usize) -> &LookMaterial {
@@ -275,7 +275,7 @@ impl Surface for TextureSurface<'_> {
     }
 
     fn is_double_sided(&self, triangle: usize) -> bool {
-        self.material_of(triangle).double_sided && !self.twins.contains(triangle)
+        self.material_of(triangle).double_sided && !self.opposed.contains(triangle)
     }
 }
 

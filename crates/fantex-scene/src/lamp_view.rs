@@ -1,4 +1,4 @@
-//! The scene as a lamp sees it: the projection of slides and of shadow maps. Mesh space.
+//! The scene as a lamp sees it: the projection of cookies and of shadow maps. Mesh space.
 
 use fantex_mesh::WorldFromMesh;
 use glam::{DMat3, DMat4, DVec2, DVec3, Vec2, Vec3};
@@ -174,7 +174,7 @@ pub fn lamp_views(
     }
 }
 
-/// The view through a projector's slide.
+/// The view through a projector's cookie.
 pub fn projector_view(projector: &Projector, space: &WorldFromMesh) -> LampView {
     let Projector { position, target, up, lens, aspect, .. } = projector;
     let (half_height, spread) = match lens {

@@ -57,23 +57,23 @@ pub struct SpotLight {
     pub falloff: Falloff,
 }
 
-/// A lamp whose colour is a texture: `L'_i = C_tex(f^-1(l_i)) L_i`, where `f` projects the slide into the scene (M. Segal
-/// et al., "Fast Shadows and Lighting Effects Using Texture Mapping", 1992). Nothing outside the slide or behind the lamp
+/// A lamp whose colour is a texture: `L'_i = C_tex(f^-1(l_i)) L_i`, where `f` projects the cookie into the scene (M. Segal
+/// et al., "Fast Shadows and Lighting Effects Using Texture Mapping", 1992). Nothing outside the cookie or behind the lamp
 /// is lit. World space.
 #[derive(Clone, Debug)]
 pub struct Projector {
-    /// The pinhole, or the middle of the slide of an orthographic projector.
+    /// The pinhole, or the middle of the cookie of an orthographic projector.
     pub position: DVec3,
-    /// A point on which the slide's middle falls.
+    /// A point on which the cookie's middle falls.
     pub target: DVec3,
-    /// Points to the top of the slide; need not be orthogonal to the axis.
+    /// Points to the top of the cookie; need not be orthogonal to the axis.
     pub up: DVec3,
     /// How the light spreads.
     pub lens: Lens,
-    /// Width of the slide over its height.
+    /// Width of the cookie over its height.
     pub aspect: f64,
     /// What is projected.
-    pub slide: Slide,
+    pub cookie: Cookie,
     /// How the light weakens with distance.
     pub falloff: Falloff,
 }
@@ -93,9 +93,9 @@ pub enum Lens {
     },
 }
 
-/// What a projector projects: linear RGB times alpha.
+/// What a projector projects (the slide, or gobo): linear RGB times alpha.
 #[derive(Clone, Debug)]
-pub enum Slide {
+pub enum Cookie {
     /// An image, filtered over the pixel's footprint; outside it there is no light, whatever its wrap mode.
     Image {
         /// The image, upright.
@@ -103,7 +103,7 @@ pub enum Slide {
         /// How it is filtered.
         options: SampleOptions,
     },
-    /// Any texture: texture coordinates are `[0,1]` over the slide, the position is `(u - 0.5, 0.5 - v, 0)`.
+    /// Any texture: texture coordinates are `[0,1]` over the cookie, the position is `(u - 0.5, 0.5 - v, 0)`.
     Texture(Arc<dyn Texture>),
 }
 
@@ -211,7 +211,7 @@ impl Projector {
         } else if !opening {
             Some("its opening angle must be between 0 and 180 degrees, its height positive")
         } else if !(self.aspect > 0.0 && self.aspect.is_finite()) {
-            Some("the aspect of its slide must be positive")
+            Some("the aspect of its cookie must be positive")
         } else {
             place_defect(self.position, &self.falloff)
         }

@@ -368,9 +368,9 @@ impl Surface {
         }
     }
 
-    /// The same for triangles that may have twins: these are not seen from behind.
-    pub(crate) fn with_twins(self, has_twins: bool) -> Self {
-        Self { is_double_sided: self.is_double_sided && !has_twins, ..self }
+    /// The same for triangles that may be opposed by others: these are not seen from behind.
+    pub(crate) fn opposed(self, is_opposed: bool) -> Self {
+        Self { is_double_sided: self.is_double_sided && !is_opposed, ..self }
     }
 }
 

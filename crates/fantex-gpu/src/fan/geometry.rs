@@ -10,7 +10,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use fantex_cover::{Cover, Group, GroupKind};
-use fantex_mesh::{AlphaMode, Mesh, Twins};
+use fantex_mesh::{AlphaMode, Mesh, OpposedTriangles};
 use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -65,8 +65,8 @@ pub(crate) struct MaterialRun {
     pub(crate) material: u32,
     /// Whether any of their tiles is larger than a page.
     pub(crate) is_paged: bool,
-    /// Whether they have twins, and so are not seen from behind.
-    pub(crate) has_twins: bool,
+    /// Whether they are opposed by others, and so are not seen from behind.
+    pub(crate) is_opposed: bool,
     /// Into the indices of plain triangles.
     pub(crate) plain: std::ops::Range<u32>,
     /// Into the vertices of border triangles.
@@ -81,7 +81,7 @@ pub(crate) struct GeometrySource<'a> {
     /// Unit normals, one per corner.
     pub(crate) normals: &'a [Vec3],
     /// Of the mesh's triangles.
-    pub(crate) twins: &'a Twins,
+    pub(crate) opposed: &'a OpposedTriangles,
 }
 
 impl<'a> GeometrySource<'a> {
@@ -96,7 +96,7 @@ impl<'a> GeometrySource<'a> {
         let (blended, mut solid): (Vec<u32>, Vec<u32>) =
             (0..self.mesh.triangles.len() as u32).partition(|&t| is_blended(t));
         let is_uniform =
-            materials.len() <= 1 && self.twins.is_empty() && self.cover.groups.iter().all(|g| !is_paged(g));
+            materials.len() <= 1 && self.opposed.is_empty() && self.cover.groups.iter().all(|g| !is_paged(g));
         if !is_uniform {
             solid.par_sort_by_key(|&t| self.run_key(t));
         }
@@ -127,11 +127,11 @@ impl<'a> GeometrySource<'a> {
                     None => chunk.border_vertices.extend(self.border_corners(triangle as usize)),
                 }
             }
-            let (material, has_twins, is_paged) = self.run_key(run[0]);
+            let (material, is_opposed, is_paged) = self.run_key(run[0]);
             chunk.runs.push(MaterialRun {
                 material,
                 is_paged,
-                has_twins,
+                is_opposed,
                 plain: plain_first as u32..chunk.plain_indices.len() as u32,
                 border: border_first as u32..chunk.border_vertices.len() as u32,
             });
@@ -143,11 +143,11 @@ impl<'a> GeometrySource<'a> {
         self.mesh.material_of(triangle as usize) as u32
     }
 
-    /// Material, whether it has a twin, and whether any tile is larger than a page.
+    /// Material, whether it is opposed, and whether any tile is larger than a page.
     fn run_key(&self, triangle: u32) -> (u32, bool, bool) {
         let groups = self.cover.corner_groups[triangle as usize];
         let is_paged = groups.iter().any(|&g| is_paged(&self.cover.groups[g as usize]));
-        (self.material(triangle), self.twins.contains(triangle as usize), is_paged)
+        (self.material(triangle), self.opposed.contains(triangle as usize), is_paged)
     }
 
     /// The projected group that all corners share, if there is one.
@@ -244,7 +244,7 @@ struct FanVertex {
 
 #[derive(Debug)]
 pub(crate) struct FanColors {
-    /// Buffers and their numbers of vertices: of triangles without twins and with them.
+    /// Buffers and their numbers of vertices: of triangles that are not opposed by others and of those that are.
     chunks: [Vec<(wgpu::Buffer, u32)>; 2],
     module: wgpu::ShaderModule,
     /// For the same.
@@ -261,11 +261,11 @@ impl FanColors {
             let bytes = bytemuck::cast_slice(&vertices);
             (gpu.buffer("fan colours", bytes, wgpu::BufferUsages::VERTEX), vertices.len() as u32)
         };
-        let twins = Twins::of(&space.triangles);
-        let of_kind = |has_twin: bool| -> Vec<_> {
+        let opposed = OpposedTriangles::of(&space.triangles);
+        let of_kind = |is_opposed: bool| -> Vec<_> {
             let triangles = space.triangles.iter().enumerate();
             let chosen =
-                triangles.filter(|(t, _)| twins.contains(*t) == has_twin).map(|(_, triangle)| *triangle);
+                triangles.filter(|(t, _)| opposed.contains(*t) == is_opposed).map(|(_, triangle)| *triangle);
             chosen.collect::<Vec<[u32; 3]>>().chunks(CHUNK).map(chunk).collect()
         };
         let source = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS]);
@@ -354,8 +354,8 @@ mod tests {
             CoverOptions { tile: 48, budget: TexelBudget::Total(1 << 18), ..CoverOptions::default() };
         let cover = build_cover(&mesh, &options).unwrap().0;
         let normals = shading_normals(&mesh);
-        let twins = Twins::of(&mesh.triangles);
-        let source = GeometrySource { mesh: &mesh, cover: &cover, normals: &normals, twins: &twins };
+        let opposed = OpposedTriangles::of(&mesh.triangles);
+        let source = GeometrySource { mesh: &mesh, cover: &cover, normals: &normals, opposed: &opposed };
         let [order, blended] = source.order();
         assert!(blended.is_empty());
         let chunk = source.chunk(&order, &mut vec![0; mesh.positions.len()]);

@@ -32,7 +32,7 @@ use atlas::{AtlasGrid, PageWords, Uploader};
 use bindings::{BindingSource, FanBindings, FanMaterials, FanPipelines, FanTables, Part, Shape, Surface};
 use fantex_base::Result;
 use fantex_cover::Cover;
-use fantex_mesh::{Material, Mesh, Twins, shading_normals};
+use fantex_mesh::{Material, Mesh, OpposedTriangles, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::{Asset, Channel};
 use fantex_stream::{
@@ -155,8 +155,8 @@ impl FanModel {
         let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(gpu, parts, mean);
         let normals = shading_normals(mesh);
-        let twins = Twins::of(&mesh.triangles);
-        let geometry = GeometrySource { mesh, cover, normals: &normals, twins: &twins };
+        let opposed = OpposedTriangles::of(&mesh.triangles);
+        let geometry = GeometrySource { mesh, cover, normals: &normals, opposed: &opposed };
         let [solid, blended] = geometry.order();
         let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(gpu, chunk)).collect();
         let blended = Blended::new(gpu, &geometry, &blended)?;
@@ -318,12 +318,12 @@ impl FanModel {
     }
 
     fn part(&self, shape: Shape, run: &MaterialRun) -> Part {
-        let surface = self.surfaces[run.material as usize].with_twins(run.has_twins);
+        let surface = self.surfaces[run.material as usize].opposed(run.is_opposed);
         Part { shape, surface, is_paged: run.is_paged }
     }
 
     fn blended_part(&self, run: &Run) -> Part {
-        let surface = self.surfaces[run.material as usize].with_twins(run.has_twins);
+        let surface = self.surfaces[run.material as usize].opposed(run.is_opposed);
         Part { shape: Shape::Border, surface, is_paged: true }
     }
 
@@ -431,12 +431,12 @@ impl Blended {
         let corners: Vec<_> = triangles.iter().flat_map(|&t| geometry.border_corners(t as usize)).collect();
         let (bytes, allowed) = (size_of_val(corners.as_slice()) as u64, gpu.limits().max_buffer_size);
         gpu.allow("the blended part of a model", bytes, allowed, "bytes")?;
-        let twins = geometry.twins;
+        let opposed = geometry.opposed;
         let sorted = triangles.iter().zip(0u32..).map(|(&t, i)| SortedTriangle {
             centre: geometry.mesh.triangle_positions(t as usize).iter().sum::<Vec3>() / 3.0,
             corners: [3 * i, 3 * i + 1, 3 * i + 2],
             material: geometry.material(t),
-            has_twin: twins.contains(t as usize),
+            is_opposed: opposed.contains(t as usize),
         });
         let sorted = SortedTriangles::new(sorted.collect());
         let indices = sorted.index_buffer(gpu);

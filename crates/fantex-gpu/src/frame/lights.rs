@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_base::Result;
 use fantex_mesh::WorldFromMesh;
 use fantex_scene::{
-    Falloff, FittedView, LampView, Lens, Light, LightKind, Penumbra, Projector, ShadowOptions, Slide,
+    Cookie, Falloff, FittedView, LampView, Lens, Light, LightKind, Penumbra, Projector, ShadowOptions,
     SpotLight, Spread, lamp_views, projector_view,
 };
 use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
@@ -18,15 +18,15 @@ use super::{LampRecord, SHADOW_FORMAT, ShadowFaceRecord};
 use crate::gpu::SAMPLED;
 use crate::{Gpu, ModelSpace};
 
-/// The records of lamps that have no defect, without their shadow maps. Slides are numbered in the order of the projectors.
+/// The records of lamps that have no defect, without their shadow maps. Cookies are numbered in the order of the projectors.
 pub(super) fn lamp_records(lamps: &[Light], space: &WorldFromMesh) -> Vec<LampRecord> {
-    let mut slides = 0..;
+    let mut cookies = 0..;
     lamps
         .iter()
         .map(|light| {
             let record = LampRecord { color: light.color, ..of_kind(&light.kind, space) };
             let is_projector = matches!(light.kind, LightKind::Projector(_));
-            LampRecord { slide: if is_projector { slides.next().unwrap_or(0) } else { 0 }, ..record }
+            LampRecord { cookie: if is_projector { cookies.next().unwrap_or(0) } else { 0 }, ..record }
         })
         .collect()
 }
@@ -71,38 +71,38 @@ fn projector(light: &Projector, space: &WorldFromMesh) -> LampRecord {
     let view: LampView = projector_view(light, space);
     LampRecord {
         direction: view.forward().as_vec3(),
-        slide_from_mesh: view.matrix().as_mat4(),
+        cookie_from_mesh: view.matrix().as_mat4(),
         ..placed(kind, light.position, &light.falloff, space)
     }
 }
 
 // What projectors project, as the layers of one texture.
 
-/// Texels along the sides of a slide; sharper images and procedural textures are reduced to it.
+/// Texels along the sides of a cookie; sharper images and procedural textures are reduced to it.
 const SIDE: u32 = 1024;
 
-/// The slides of a scene's projectors.
+/// The cookies of a scene's projectors.
 #[derive(Debug)]
-pub(super) struct SlideTextures {
-    shown: Vec<(Slide, f32)>,
+pub(super) struct CookieTextures {
+    shown: Vec<(Cookie, f32)>,
     pub(super) view: wgpu::TextureView,
 }
 
-impl SlideTextures {
+impl CookieTextures {
     /// None.
     pub(super) fn none(gpu: &Gpu) -> Self {
         let texture = texture(gpu, 1, 1);
         Self { shown: Vec::new(), view: array_view(&texture) }
     }
 
-    /// Draws the slides of all projectors among the lamps, in their order, unless they are there already.
+    /// Draws the cookies of all projectors among the lamps, in their order, unless they are there already.
     pub(super) fn update(&mut self, gpu: &Gpu, lamps: &[Light], seconds: f32) -> bool {
-        let slides = lamps.iter().filter_map(|lamp| match &lamp.kind {
-            LightKind::Projector(projector) => Some(&projector.slide),
+        let cookies = lamps.iter().filter_map(|lamp| match &lamp.kind {
+            LightKind::Projector(projector) => Some(&projector.cookie),
             _ => None,
         });
-        let wanted: Vec<_> = slides.map(|slide| (slide.clone(), shown_time(slide, seconds))).collect();
-        let same = |(a, b): (&(Slide, f32), &(Slide, f32))| a.1 == b.1 && is_same(&a.0, &b.0);
+        let wanted: Vec<_> = cookies.map(|cookie| (cookie.clone(), shown_time(cookie, seconds))).collect();
+        let same = |(a, b): (&(Cookie, f32), &(Cookie, f32))| a.1 == b.1 && is_same(&a.0, &b.0);
         if wanted.is_empty() || wanted.len() == self.shown.len() && wanted.iter().zip(&self.shown).all(same) {
             return false;
         }
@@ -110,7 +110,7 @@ impl SlideTextures {
         for level in 0..texture.mip_level_count() {
             let side = SIDE >> level;
             let texels: Vec<[f16; 4]> =
-                wanted.iter().flat_map(|(slide, seconds)| draw(slide, side, *seconds)).collect();
+                wanted.iter().flat_map(|(cookie, seconds)| draw(cookie, side, *seconds)).collect();
             write_level(gpu, &texture, level, [side, side, wanted.len() as u32], &texels);
         }
         self.view = array_view(&texture);
@@ -120,33 +120,33 @@ impl SlideTextures {
 }
 
 /// The time of an animation; of a still the same always.
-fn shown_time(slide: &Slide, seconds: f32) -> f32 {
-    match slide {
-        Slide::Texture(texture) if texture.is_animated() => seconds,
+fn shown_time(cookie: &Cookie, seconds: f32) -> f32 {
+    match cookie {
+        Cookie::Texture(texture) if texture.is_animated() => seconds,
         _ => 0.0,
     }
 }
 
-fn is_same(a: &Slide, b: &Slide) -> bool {
+fn is_same(a: &Cookie, b: &Cookie) -> bool {
     match (a, b) {
-        (Slide::Image { image: a, options: x }, Slide::Image { image: b, options: y }) => {
+        (Cookie::Image { image: a, options: x }, Cookie::Image { image: b, options: y }) => {
             Arc::ptr_eq(a, b) && x == y
         }
-        (Slide::Texture(a), Slide::Texture(b)) => Arc::ptr_eq(a, b),
+        (Cookie::Texture(a), Cookie::Texture(b)) => Arc::ptr_eq(a, b),
         _ => false,
     }
 }
 
 /// Colour times alpha at the texels of a square of the given side.
-fn draw(slide: &Slide, side: u32, seconds: f32) -> Vec<[f16; 4]> {
+fn draw(cookie: &Cookie, side: u32, seconds: f32) -> Vec<[f16; 4]> {
     let texel = 1.0 / side as f32;
     let steps = [Vec2::X * texel, Vec2::Y * texel];
-    let value = |uv: Vec2| match slide {
-        Slide::Image { image, options } => {
+    let value = |uv: Vec2| match cookie {
+        Cookie::Image { image, options } => {
             let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
             Vec4::from_array(image.sample(uv, steps, &options))
         }
-        Slide::Texture(texture) => texture.evaluate(&ShadingPoint {
+        Cookie::Texture(texture) => texture.evaluate(&ShadingPoint {
             position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
             position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
             normal: Vec3::Z,
@@ -168,7 +168,7 @@ fn draw(slide: &Slide, side: u32, seconds: f32) -> Vec<[f16; 4]> {
 
 fn texture(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {
     let levels = side.ilog2() + 1;
-    gpu.texture("slides", [side, side, layers], levels, wgpu::TextureFormat::Rgba16Float, SAMPLED)
+    gpu.texture("cookies", [side, side, layers], levels, wgpu::TextureFormat::Rgba16Float, SAMPLED)
 }
 
 fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {

@@ -10,7 +10,7 @@ use environment::{EnvironmentTextures, split_sum_texture};
 use fantex_base::Result;
 use fantex_scene::{AmbientLight, Background, Camera, Light, Lights, ToneMap, view_axes};
 use glam::{DVec3, Mat3, Mat4, Vec3, Vec4};
-use lights::{ShadowFace, ShadowMaps, SlideTextures, lamp_records};
+use lights::{CookieTextures, ShadowFace, ShadowMaps, lamp_records};
 
 use crate::gpu::{FILTERED, SAMPLER, STORAGE, UNIFORM, dynamic_uniform, texture_type};
 use crate::{DrawOptions, Gpu, ModelSpace};
@@ -188,7 +188,7 @@ pub(crate) struct LampRecord {
     pub(crate) kind: u32,
     pub(crate) first_face: u32,
     pub(crate) face_count: u32,
-    pub(crate) slide: u32,
+    pub(crate) cookie: u32,
     pub(crate) color: Vec3,
     pub(crate) inverse_reference: f32,
     pub(crate) position: Vec3,
@@ -197,7 +197,7 @@ pub(crate) struct LampRecord {
     pub(crate) cosine_outer: f32,
     pub(crate) inverse_cosine_range: f32,
     pub(crate) pad: [f32; 3],
-    pub(crate) slide_from_mesh: Mat4,
+    pub(crate) cookie_from_mesh: Mat4,
 }
 
 /// `ShadowFace` of `frame.wgsl`.
@@ -241,7 +241,7 @@ pub(crate) struct FrameState {
     /// Bytes from one caster's uniforms to the next.
     caster_stride: u64,
     environment: EnvironmentTextures,
-    slides: SlideTextures,
+    cookies: CookieTextures,
     shadows: ShadowMaps,
     split_sum: wgpu::TextureView,
     sampler: wgpu::Sampler,
@@ -269,7 +269,7 @@ impl FrameState {
             casters: buffer(gpu, caster_stride, wgpu::BufferUsages::UNIFORM),
             caster_stride,
             environment: EnvironmentTextures::none(gpu),
-            slides: SlideTextures::none(gpu),
+            cookies: CookieTextures::none(gpu),
             shadows: ShadowMaps::none(gpu),
             split_sum: split_sum_texture(gpu),
             sampler,
@@ -292,7 +292,7 @@ impl FrameState {
         }
         let environment = frame.lights.ambient.environment.as_ref();
         let mut rebind = self.environment.update(gpu, environment) | shadows.moved;
-        rebind |= self.slides.update(gpu, lamps, frame.options.seconds);
+        rebind |= self.cookies.update(gpu, lamps, frame.options.seconds);
         let faces: Vec<_> = self.shadows.faces.iter().map(|face| face.record).collect();
         let storage = wgpu::BufferUsages::STORAGE;
         rebind |= make_room(gpu, &mut self.lamps, size_of_val(&records[..]) as u64, storage);
@@ -345,7 +345,7 @@ impl FrameState {
             TextureView(&self.environment.first),
             TextureView(&self.environment.rough),
             TextureView(&self.split_sum),
-            TextureView(&self.slides.view),
+            TextureView(&self.cookies.view),
             Sampler(&self.sampler),
         ];
         let surfaces = gpu.bind_group("frame", gpu.frame_layout().surfaces(), resources);
@@ -496,8 +496,8 @@ mod tests {
             "uv",
             "Lamp",
             size_of::<LampRecord>(),
-            fields!(LampRecord: kind, first_face, face_count, slide, color, inverse_reference, position,
-                inverse_range, direction, cosine_outer, inverse_cosine_range, slide_from_mesh),
+            fields!(LampRecord: kind, first_face, face_count, cookie, color, inverse_reference, position,
+                inverse_range, direction, cosine_outer, inverse_cosine_range, cookie_from_mesh),
         );
         assert_same_layout(
             "uv",

@@ -48,8 +48,8 @@ struct Lamp {
     // Shadow maps: the first and their number, 0, 1 or 6.
     first_face: u32,
     face_count: u32,
-    // Layer of a projector's slide.
-    slide: u32,
+    // Layer of a projector's cookie.
+    cookie: u32,
     color: vec3<f32>,
     // One over the distance at which the falloff is one, world units; 0 without falloff.
     inverse_reference: f32,
@@ -63,8 +63,8 @@ struct Lamp {
     pad0: f32,
     pad1: f32,
     pad2: f32,
-    // Projector: from (p, 1) to (u w, v w, w, depth) of its slide.
-    slide_from_mesh: mat4x4<f32>,
+    // Projector: from (p, 1) to (u w, v w, w, depth) of its cookie.
+    cookie_from_mesh: mat4x4<f32>,
 }
 
 struct ShadowFace {
@@ -101,7 +101,7 @@ struct ShadowFace {
 @group(0) @binding(5) var environment_first: texture_cube<f32>;
 @group(0) @binding(6) var environment_rough: texture_cube_array<f32>;
 @group(0) @binding(7) var split_sum_table: texture_2d<f32>;
-@group(0) @binding(8) var slides: texture_2d_array<f32>;
+@group(0) @binding(8) var cookies: texture_2d_array<f32>;
 @group(0) @binding(9) var smooth_sampler: sampler;
 
 // The offset of a mesh-space point from the eye.

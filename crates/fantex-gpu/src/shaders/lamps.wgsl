@@ -68,8 +68,8 @@ fn share_inside(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> f32 {
     return inside.x * inside.y;
 }
 
-fn slide_light(lamp_index: u32, at: SurfacePoint) -> vec3<f32> {
-    let view = lamps[lamp_index].slide_from_mesh;
+fn cookie_light(lamp_index: u32, at: SurfacePoint) -> vec3<f32> {
+    let view = lamps[lamp_index].cookie_from_mesh;
     let h = view * vec4<f32>(at.position, 1.0);
     if h.z <= 0.0 || h.w <= 0.0 {
         return vec3<f32>(0.0);
@@ -81,8 +81,8 @@ fn slide_light(lamp_index: u32, at: SurfacePoint) -> vec3<f32> {
     let dy = (hy.xy - uv * hy.z) / h.z;
     let share = share_inside(uv, dx, dy);
     let inside = clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0));
-    // Slides hold colour times alpha.
-    return textureSampleGrad(slides, smooth_sampler, inside, lamps[lamp_index].slide, dx, dy).rgb * share;
+    // Cookies hold colour times alpha.
+    return textureSampleGrad(cookies, smooth_sampler, inside, lamps[lamp_index].cookie, dx, dy).rgb * share;
 }
 
 fn incoming(lamp_index: u32, at: SurfacePoint) -> Incoming {
@@ -97,7 +97,7 @@ fn incoming(lamp_index: u32, at: SurfacePoint) -> Incoming {
     if kind == 4u {
         light.to_light = -lamps[lamp_index].direction;
         let depth = -dot(way, lamps[lamp_index].direction);
-        light.color *= slide_light(lamp_index, at) * falloff(lamp_index, depth);
+        light.color *= cookie_light(lamp_index, at) * falloff(lamp_index, depth);
         return light;
     }
     light.to_light = unit_or(way, vec3<f32>(0.0, 1.0, 0.0));
@@ -107,7 +107,7 @@ fn incoming(lamp_index: u32, at: SurfacePoint) -> Incoming {
         let ramp = clamp((cosine - lamps[lamp_index].cosine_outer) * lamps[lamp_index].inverse_cosine_range, 0.0, 1.0);
         light.color *= ramp * ramp;
     } else if kind == 3u {
-        light.color *= slide_light(lamp_index, at);
+        light.color *= cookie_light(lamp_index, at);
     }
     return light;
 }

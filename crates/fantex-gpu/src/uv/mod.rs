@@ -12,7 +12,7 @@ mod vertices;
 use std::collections::HashMap;
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{AlphaMode, Material, Mesh, Twins};
+use fantex_mesh::{AlphaMode, Material, Mesh, OpposedTriangles};
 use fantex_scene::FilterOptions;
 use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
 use materials::{TexturePool, UvMaterial, material_layout};
@@ -31,8 +31,8 @@ pub struct UvModel {
     solid: Vec<Run>,
     sorted: SortedTriangles,
     runs: Vec<Run>,
-    /// Whether any triangles have twins.
-    has_twins: bool,
+    /// Whether any triangles are opposed by others.
+    has_opposed: bool,
     materials: Vec<UvMaterial>,
     layout: wgpu::BindGroupLayout,
     filter: FilterOptions,
@@ -82,15 +82,15 @@ impl UvModel {
             })
             .collect::<Result<Vec<_>>>()?;
         let vertices = Vertices::of_mesh(mesh, textures, &uv_sets);
-        let twins = Twins::of(&mesh.triangles);
-        let (solid, indices, sorted) = arrange(mesh, &twins, &vertices, &materials);
+        let opposed = OpposedTriangles::of(&mesh.triangles);
+        let (solid, indices, sorted) = arrange(mesh, &opposed, &vertices, &materials);
         Ok(Self {
             space: ModelSpace::of_mesh(mesh),
             buffers: Buffers::new(gpu, &vertices, &indices, &sorted)?,
             solid,
             sorted,
             runs: Vec::new(),
-            has_twins: !twins.is_empty(),
+            has_opposed: !opposed.is_empty(),
             materials,
             layout,
             filter,
@@ -107,7 +107,7 @@ impl UvModel {
 
     fn draw_surface(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run) {
         let Some(frame) = self.key else { return };
-        let key = PipelineKey::new(&self.materials[part.material as usize], part.has_twins, frame);
+        let key = PipelineKey::new(&self.materials[part.material as usize], part.is_opposed, frame);
         self.draw(pass, part, self.pipelines.surfaces.get(&key));
     }
 
@@ -143,8 +143,8 @@ impl Model for UvModel {
         }
         self.key = Some(frame.key);
         for material in &self.materials {
-            for has_twins in [false, true].into_iter().take(1 + usize::from(self.has_twins)) {
-                let key = PipelineKey::new(material, has_twins, frame.key);
+            for is_opposed in [false, true].into_iter().take(1 + usize::from(self.has_opposed)) {
+                let key = PipelineKey::new(material, is_opposed, frame.key);
                 self.pipelines.make_surface(gpu, &self.layout, &self.buffers, key);
             }
             if frame.draws_shadows {
@@ -189,21 +189,21 @@ impl Model for UvModel {
 /// Solid parts with their indices, one after the other, and the triangles that are blended.
 fn arrange(
     mesh: &Mesh,
-    twins: &Twins,
+    opposed: &OpposedTriangles,
     vertices: &Vertices,
     materials: &[UvMaterial],
 ) -> (Vec<Run>, Vec<[u32; 3]>, SortedTriangles) {
-    // Per material those without and those with twins.
+    // Per material those that are not opposed by others and those that are.
     let mut of_material: Vec<[Vec<[u32; 3]>; 2]> = vec![Default::default(); materials.len()];
     let mut blended = Vec::new();
     for (t, &corners) in vertices.triangles.iter().enumerate() {
-        let (material, has_twin) = (mesh.material_of(t).min(materials.len() - 1), twins.contains(t));
+        let (material, is_opposed) = (mesh.material_of(t).min(materials.len() - 1), opposed.contains(t));
         if materials[material].alpha == AlphaMode::Blend {
             let [a, b, c] = mesh.triangle_positions(t);
             let centre = (a + b + c) / 3.0;
-            blended.push(SortedTriangle { centre, corners, material: material as u32, has_twin });
+            blended.push(SortedTriangle { centre, corners, material: material as u32, is_opposed });
         } else {
-            of_material[material][usize::from(has_twin)].push(corners);
+            of_material[material][usize::from(is_opposed)].push(corners);
         }
     }
     let mut order: Vec<usize> = (0..materials.len()).collect();
@@ -212,12 +212,12 @@ fn arrange(
     });
     let (mut parts, mut indices) = (Vec::new(), Vec::new());
     for material in order {
-        for (triangles, has_twins) in of_material[material].iter().zip([false, true]) {
+        for (triangles, is_opposed) in of_material[material].iter().zip([false, true]) {
             let first = 3 * indices.len() as u32;
             indices.extend(triangles);
             let last = 3 * indices.len() as u32;
             if first < last {
-                parts.push(Run { material: material as u32, has_twins, indices: first..last });
+                parts.push(Run { material: material as u32, is_opposed, indices: first..last });
             }
         }
     }
@@ -246,13 +246,13 @@ struct Pipelines {
 }
 
 impl PipelineKey {
-    /// `has_twins`: for triangles that are not seen from behind, whatever the material says.
-    fn new(material: &UvMaterial, has_twins: bool, frame: SurfaceKey) -> Self {
+    /// `is_opposed`: for triangles that are not seen from behind, whatever the material says.
+    fn new(material: &UvMaterial, is_opposed: bool, frame: SurfaceKey) -> Self {
         Self {
             frame,
             layers: material.layers,
             alpha: alpha_code(material.alpha),
-            is_double_sided: material.is_double_sided && !has_twins,
+            is_double_sided: material.is_double_sided && !is_opposed,
         }
     }
 }

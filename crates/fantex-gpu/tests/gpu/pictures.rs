@@ -14,8 +14,8 @@ use fantex_mesh::{
     AlphaMode, CleanOptions, CornerAttributes, Material, Mesh, Model, TextureRef, WrapMode, clean, generate,
 };
 use fantex_scene::{
-    Background, Camera, EnvironmentLight, Falloff, FilterOptions, Lens, Light, LightKind, Lights, Penumbra,
-    Projector, Shading, ShadowOptions, Slide, SpotLight,
+    Background, Camera, Cookie, EnvironmentLight, Falloff, FilterOptions, Lens, Light, LightKind, Lights,
+    Penumbra, Projector, Shading, ShadowOptions, SpotLight,
 };
 use fantex_texture::environment::{EnvironmentMap, PrefilteredEnvironment};
 use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
@@ -304,7 +304,7 @@ fn projectors() {
             up: DVec3::Y,
             lens,
             aspect: 1.3,
-            slide: Slide::Image { image: Arc::clone(&image), options: SampleOptions::default() },
+            cookie: Cookie::Image { image: Arc::clone(&image), options: SampleOptions::default() },
             falloff: Falloff::None,
         };
         let lights = lit_by(LightKind::Projector(projector), Some(ShadowOptions::default()));

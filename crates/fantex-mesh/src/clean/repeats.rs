@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn turned_copies_are_repeats_and_reversed_ones_are_twins() {
+    fn turned_copies_are_repeats_and_reversed_ones_are_opposed() {
         let found = find(&[[5, 3, 9], [3, 9, 5], [9, 3, 5], [5, 9, 3], [1, 2, 3], [9, 5, 3]]);
         assert_eq!(found.repeated, [1, 3, 5]);
         assert_eq!(found.double_sided_pairs, 1);

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_render::{
-    AmbientLight, Background, Camera, Falloff, FilterOptions, FlatShading, FlatSurface, Interpolation, Lens,
-    Light, LightKind, Lights, LookSurface, Projector, RenderOptions, Scene, SceneObject, Shading,
-    ShadowOptions, Slide, SpotLight, render,
+    AmbientLight, Background, Camera, Cookie, Falloff, FilterOptions, FlatShading, FlatSurface,
+    Interpolation, Lens, Light, LightKind, Lights, LookSurface, Projector, RenderOptions, Scene, SceneObject,
+    Shading, ShadowOptions, SpotLight, render,
 };
 use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Slot};
 use fantex_texture::{Image, ImageTexture, SampleOptions, Texture};
@@ -168,7 +168,7 @@ fn projectors_land_where_the_inverse_projection_says() {
     let up = right.cross(forward);
     let aspect = 1.5;
     for lens in [Lens::Perspective { fov_degrees: 30.0 }, Lens::Orthographic { height: 1.1 }] {
-        let slide = Slide::Texture(Arc::new(Function(|at: &fantex_texture::ShadingPoint<'_>| {
+        let cookie = Cookie::Texture(Arc::new(Function(|at: &fantex_texture::ShadingPoint<'_>| {
             at.uv[0].uv.extend(0.5).extend(1.0)
         })));
         let kind = LightKind::Projector(Projector {
@@ -177,7 +177,7 @@ fn projectors_land_where_the_inverse_projection_says() {
             up: DVec3::Y,
             lens,
             aspect,
-            slide,
+            cookie,
             falloff: Falloff::None,
         });
         let lights = lit_by(vec![Light::new(kind, Vec3::ONE)]);
@@ -215,12 +215,12 @@ fn projectors_land_where_the_inverse_projection_says() {
 }
 
 #[test]
-fn slides_are_filtered_and_move_with_time() {
+fn cookies_are_filtered_and_move_with_time() {
     let floor = ground();
     let surface = LookSurface::new(&floor, look(matte()));
     let place = DAffine3::from_scale(DVec3::splat(6.0));
     let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
-    let lit_by_slide = |slide| {
+    let lit_by_cookie = |cookie| {
         lit_by(vec![Light::new(
             LightKind::Projector(Projector {
                 position: DVec3::Y * 2.0,
@@ -228,22 +228,22 @@ fn slides_are_filtered_and_move_with_time() {
                 up: DVec3::NEG_Z,
                 lens: Lens::Orthographic { height: 4.0 },
                 aspect: 1.0,
-                slide,
+                cookie,
                 falloff: Falloff::None,
             }),
             Vec3::ONE,
         )])
     };
     let camera = above(2.5);
-    let seen = |slide, seconds| {
+    let seen = |cookie, seconds| {
         let options = RenderOptions { samples: 1, time: seconds, ..options(Shading::BlinnPhong) };
-        picture(&scene, &camera, &lit_by_slide(slide), &options)
+        picture(&scene, &camera, &lit_by_cookie(cookie), &options)
     };
     // Checks far smaller than pixels are grey.
     let checks: Vec<_> = (0..1024 * 1024).map(|i| [((i ^ (i >> 10)) & 1) as f32; 4]).collect();
     let image = Image::from_linear_rgb(1024, 1024, &checks);
     let image = Arc::new(ImageTexture::new(Arc::new(image)));
-    let grey = seen(Slide::Image { image, options: SampleOptions::default() }, 0.0);
+    let grey = seen(Cookie::Image { image, options: SampleOptions::default() }, 0.0);
     for (x, y) in [(60, 45), (40, 30), (80, 60)] {
         assert!((grey.pixel(x, y)[0] - 0.5).abs() < 0.02, "{x},{y}: {}", grey.pixel(x, y)[0]);
     }
@@ -254,7 +254,7 @@ fn slides_are_filtered_and_move_with_time() {
     });
     let spot: Arc<dyn Texture> = Arc::new(spot);
     let brightest = |seconds| {
-        let seen = seen(Slide::Texture(Arc::clone(&spot)), seconds);
+        let seen = seen(Cookie::Texture(Arc::clone(&spot)), seconds);
         (0..120).filter(|&x| seen.pixel(x, 45)[0] > 0.5).sum::<u32>() as f32
             / (0..120).filter(|&x| seen.pixel(x, 45)[0] > 0.5).count() as f32
     };
@@ -328,7 +328,7 @@ fn pictures() {
         up: DVec3::Y,
         lens: Lens::Perspective { fov_degrees: 40.0 },
         aspect: 1.5,
-        slide: Slide::Texture(Arc::new(stripes)),
+        cookie: Cookie::Texture(Arc::new(stripes)),
         falloff: Falloff::None,
     });
     let shadow = ShadowOptions { resolution: 512, ..ShadowOptions::default() };

@@ -13,7 +13,7 @@ use fantex_look::problem;
 use fantex_look::{Key, Resolver};
 use fantex_mesh::Mesh;
 use fantex_render::{
-    AmbientLight, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, Projector, Slide, SpotLight,
+    AmbientLight, Cookie, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, Projector, SpotLight,
 };
 use fantex_texture::environment::{EnvironmentForm, EnvironmentMap, PrefilteredEnvironment, Sky};
 use fantex_texture::look::{LookMaterial, Slot};
@@ -85,7 +85,7 @@ impl MaterialResolver<'_> {
     fn projector(&self, table: &ProjectorTable, key: &Key) -> Result<Light> {
         let (position, target) = (DVec3::from_array(table.position), DVec3::from_array(table.target));
         self.check_direction((target - position).as_vec3(), &key.name("target"))?;
-        let (slide, own_aspect) = match (&table.image, &table.texture) {
+        let (cookie, own_aspect) = match (&table.image, &table.texture) {
             (Some(_), Some(_)) => {
                 return Err(self.file.error(key, problem::exclusive("image", "texture")));
             }
@@ -97,11 +97,11 @@ impl MaterialResolver<'_> {
                 let image = self.accept(&key.name("image"), image)?;
                 let aspect = f64::from(image.width) / f64::from(image.height);
                 let image = Arc::new(ImageTexture::new(Arc::new(image)));
-                (Slide::Image { image, options: SampleOptions::default() }, aspect)
+                (Cookie::Image { image, options: SampleOptions::default() }, aspect)
             }
             (None, Some(name)) => {
                 let mut resolver = Resolver::without_model(self.file, self.images, self.options);
-                (Slide::Texture(resolver.texture(&name.0)?), 1.0)
+                (Cookie::Texture(resolver.texture(&name.0)?), 1.0)
             }
         };
         let lens = match table.height {
@@ -114,7 +114,7 @@ impl MaterialResolver<'_> {
             up: DVec3::from_array(table.up),
             lens,
             aspect: table.aspect.unwrap_or(own_aspect),
-            slide,
+            cookie,
             falloff: self.falloff(&table.beam, key)?,
         };
         Ok(beaming(LightKind::Projector(projector), &table.beam))
