@@ -130,27 +130,3 @@ impl Aabb<DVec3> {
         })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_box_holds_its_points() {
-        let points = [Vec3::new(1.0, -2.0, 0.5), Vec3::new(-1.0, 3.0, 0.25), Vec3::ZERO];
-        let around = Aabb::of_points(points);
-        assert!(points.iter().all(|&p| around.contains(p)));
-        assert_eq!(around.size(), Vec3::new(2.0, 5.0, 0.5));
-        assert_eq!(around.center(), Vec3::new(0.0, 0.5, 0.25));
-        assert!(Aabb::<Vec3>::EMPTY.is_empty());
-        assert_eq!(Aabb::EMPTY.union(around), around);
-    }
-
-    #[test]
-    fn boxes_that_touch_overlap() {
-        let a = Aabb { min: Vec2::ZERO, max: Vec2::ONE };
-        let b = Aabb { min: Vec2::ONE, max: Vec2::splat(2.0) };
-        assert!(a.overlaps(&b) && b.overlaps(&a));
-        assert!(!a.overlaps(&Aabb { min: Vec2::splat(1.5), max: Vec2::splat(2.0) }));
-    }
-}

@@ -215,38 +215,3 @@ impl StdError for Error {
         self.0.source.as_deref().map(|source| source as _)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn context_is_put_before_the_sentence() {
-        let error = Error::malformed("expected 3 numbers, found 2").at(Place::Line(7)).in_file("a.ply");
-        let error = error.context("cannot bake");
-        assert_eq!(error.to_string(), "cannot bake: a.ply: line 7: expected 3 numbers, found 2");
-        assert_eq!(error.path(), Some(Path::new("a.ply")));
-        assert_eq!(error.place(), Some(&Place::Line(7)));
-    }
-
-    #[test]
-    fn the_innermost_file_and_place_are_kept() {
-        let error = Error::malformed("no such column").at(Place::Byte(3)).in_file("inner.mtl");
-        let error = error.at(Place::Line(2)).in_file("outer.obj");
-        assert_eq!(error.path(), Some(Path::new("inner.mtl")));
-        assert_eq!(error.place(), Some(&Place::Byte(3)));
-    }
-
-    #[test]
-    fn a_missing_file_is_not_found() {
-        let error = Error::reading("none.obj", io::Error::from(io::ErrorKind::NotFound));
-        assert_eq!(error.kind(), ErrorKind::NotFound);
-        assert!(error.to_string().starts_with("cannot read none.obj: "));
-        assert!(error.source().is_some());
-    }
-
-    #[test]
-    fn an_error_is_one_pointer() {
-        assert_eq!(size_of::<Error>(), size_of::<usize>());
-    }
-}

@@ -60,32 +60,3 @@ pub fn mix64(x: u64) -> u64 {
 pub fn nth_random(seed: u64, index: u64) -> u64 {
     mix64(seed.wrapping_add(GOLDEN_GAMMA.wrapping_mul(index.wrapping_add(1))))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_those_of_the_reference_implementation() {
-        // Sebastiano Vigna's splitmix64.c with the state 1234567.
-        let mut random = Random::new(1_234_567);
-        let expected = [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423];
-        assert_eq!([(); 3].map(|()| random.next_u64()), expected);
-        assert_eq!([0, 1, 2].map(|index| nth_random(1_234_567, index)), expected);
-    }
-
-    #[test]
-    fn units_and_limits_hold() {
-        let mut random = Random::new(5);
-        let mut sum = 0.0;
-        for _ in 0..10_000 {
-            let unit = random.unit();
-            assert!((0.0..1.0).contains(&unit));
-            sum += unit;
-            assert!(random.below(7) < 7);
-        }
-        assert!((sum / 10_000.0 - 0.5).abs() < 0.02);
-        assert!(!random.chance(0.0));
-        assert!(random.chance(1.0));
-    }
-}

@@ -40,25 +40,3 @@ pub fn grouped(number: u64, separator: char) -> String {
     }
     text
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nouns_follow_their_counts() {
-        let text = |count: u64, noun| counted(count, noun).to_string();
-        assert_eq!(text(0, "triangle"), "0 triangles");
-        assert_eq!(text(1, "index"), "1 index");
-        assert_eq!(text(2, "index"), "2 indices");
-        assert_eq!(text(2, "patch"), "2 patches");
-        assert_eq!(text(7, "box"), "7 boxes");
-    }
-
-    #[test]
-    fn digits_stand_in_groups_of_three() {
-        assert_eq!(grouped(7, ' '), "7");
-        assert_eq!(grouped(69_451, ' '), "69 451");
-        assert_eq!(grouped(1_234_567, ','), "1,234,567");
-    }
-}

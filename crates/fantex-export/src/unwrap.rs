@@ -52,23 +52,3 @@ pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
     let layout = atlas(mesh, &cover, &request, &NoProgress).map_err(refused)?;
     Ok(Unwrapped { uv: layout.uv, charts: layout.charts, padding: layout.padding })
 }
-
-#[cfg(test)]
-mod tests {
-    use fantex_mesh::generate::torus;
-    use fantex_mesh::{CleanOptions, clean};
-
-    use super::*;
-
-    #[test]
-    fn every_corner_lies_in_the_picture_and_no_triangle_is_flat() {
-        let (mesh, _) = clean(torus(32, 16), &CleanOptions::default()).unwrap();
-        let unwrapped = unwrap_mesh(&mesh, &UnwrapOptions { side: 256, padding: Some(2) }).unwrap();
-        assert_eq!(unwrapped.uv.len(), mesh.triangles.len());
-        assert!(unwrapped.charts > 1 && unwrapped.charts < 40, "{} charts", unwrapped.charts);
-        for corners in &unwrapped.uv {
-            assert!(corners.iter().all(|uv| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all()));
-            assert!((corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs() > 1e-7);
-        }
-    }
-}

@@ -19,19 +19,3 @@ pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
     let cosine = a.dot(b) / (a.length_squared() * b.length_squared()).sqrt();
     libm::acos(cosine.clamp(-1.0, 1.0))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn angles_are_those_of_the_library() {
-        for step in 0..1000 {
-            // Half of it is at most half a turn.
-            let angle = step as f32 * 0.006;
-            assert!(unit_vector(angle).distance(Vec2::from_angle(angle)) < 2e-7);
-            let [a, b] = [0.0, f64::from(angle) / 2.0].map(|t| DVec3::new(t.cos(), t.sin(), 0.0) * (1.0 + t));
-            assert!((angle_between(a, b) - f64::from(angle) / 2.0).abs() < 1e-7);
-        }
-    }
-}

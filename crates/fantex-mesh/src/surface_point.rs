@@ -100,33 +100,3 @@ impl SurfacePoint {
         Self { lambda: inside / inside.element_sum().max(f32::MIN_POSITIVE), ..self }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn mesh() -> Mesh {
-        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
-        Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() }
-    }
-
-    #[test]
-    fn corners_and_centroid_are_where_they_should_be() {
-        let mesh = mesh();
-        for (corner, &position) in mesh.positions.iter().enumerate() {
-            assert_eq!(SurfacePoint::corner(0, corner).position(&mesh), position);
-        }
-        let centroid = SurfacePoint::centroid(0);
-        assert!(centroid.position(&mesh).distance(Vec3::new(1.0, 1.0, 0.0) / 3.0) < 1e-7);
-        assert_eq!(centroid.facet_normal(&mesh), Vec3::Z);
-        assert_eq!(interpolate([1.0, 2.0, 4.0], DVec3::new(0.5, 0.25, 0.25)), 2.0);
-    }
-
-    #[test]
-    fn points_beside_a_triangle_are_moved_onto_it() {
-        let beside = SurfacePoint { triangle: 0, lambda: Vec3::new(0.75, 0.75, -0.5) };
-        assert_eq!(beside.clamped().lambda, Vec3::new(0.5, 0.5, 0.0));
-        let inside = SurfacePoint::corner(0, 1);
-        assert_eq!(inside.clamped(), inside);
-    }
-}

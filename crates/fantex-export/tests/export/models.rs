@@ -4,12 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fantex_bake::{BakeFormat, NoProgress, Progress};
 use fantex_base::ErrorKind;
-use fantex_export::{ChannelMap, Depth, ExportOptions, export_channel, export_model};
-use fantex_mesh::generate::{cube, icosphere};
+use fantex_export::{
+    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_channel, export_model, unwrap_mesh,
+};
+use fantex_mesh::generate::{cube, icosphere, torus};
 use fantex_mesh::{AlphaMode, Mesh};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 
@@ -357,4 +359,16 @@ fn a_picture_that_must_be_whole_in_memory_says_so() {
             .unwrap_err();
     assert!(error.kind() == ErrorKind::TooLarge && error.to_string().contains("needs"), "{error}");
     assert!(!path.exists());
+}
+
+#[test]
+fn every_corner_lies_in_the_picture_and_no_triangle_is_flat() {
+    let mesh = cleaned(torus(32, 16));
+    let unwrapped = unwrap_mesh(&mesh, &UnwrapOptions { side: 256, padding: Some(2) }).unwrap();
+    assert_eq!(unwrapped.uv.len(), mesh.triangles.len());
+    assert!(unwrapped.charts > 1 && unwrapped.charts < 40, "{} charts", unwrapped.charts);
+    for corners in &unwrapped.uv {
+        assert!(corners.iter().all(|uv| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all()));
+        assert!((corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs() > 1e-7);
+    }
 }

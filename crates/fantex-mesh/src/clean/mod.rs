@@ -406,22 +406,3 @@ fn check(model: &Model) -> Result<()> {
     }
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_clean_mesh_has_nothing_to_say() {
-        assert!(CleanReport { triangles_in: 12, vertices_in: 8, ..Default::default() }.lines().is_empty());
-    }
-
-    #[test]
-    fn findings_are_counted_in_words() {
-        let report = CleanReport { vertices_welded: 2, triangles_degenerate: 1, ..Default::default() };
-        assert_eq!(
-            report.lines(),
-            ["1 triangle dropped: no area.", "2 vertices welded to an earlier vertex at the same place."]
-        );
-    }
-}

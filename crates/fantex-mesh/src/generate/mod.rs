@@ -178,36 +178,3 @@ fn model(name: &str, positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Model {
         ..Model::default()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{CleanOptions, clean};
-
-    #[test]
-    fn shapes_are_closed_oriented_outward_and_of_the_right_genus() {
-        let shapes = [(uv_sphere(12, 7), 0), (icosphere(2), 0), (cube(1), 0), (cube(5), 0), (torus(9, 5), 1)];
-        for (shape, genus) in shapes {
-            let volume: f64 = shape
-                .triangles
-                .iter()
-                .map(|t| t.map(|v| shape.positions[v as usize]))
-                .map(|[a, b, c]| a.dot(b.cross(c)))
-                .sum();
-            let name = shape.name.clone();
-            assert!(volume > 0.0, "{name}");
-            let (mesh, report) = clean(shape, &CleanOptions::default()).unwrap();
-            assert_eq!(report.lines(), Vec::<String>::new(), "{name}");
-            assert_eq!(report.topology.genus(), Some(genus), "{name}");
-            assert_eq!(mesh.triangles.len() as u64, report.triangles_in);
-        }
-    }
-
-    #[test]
-    fn a_book_has_one_edge_with_all_its_pages() {
-        let (_, report) = clean(book(5), &CleanOptions::default()).unwrap();
-        assert_eq!((report.topology.edges_non_manifold, report.topology.edges_boundary), (1, 10));
-        let (_, report) = clean(grid(3), &CleanOptions::default()).unwrap();
-        assert_eq!((report.topology.euler_characteristic(), report.topology.edges_boundary), (1, 12));
-    }
-}

@@ -547,3 +547,17 @@ fn large_soups_do_not_depend_on_threads_either() {
     let one = on_threads(1, model.clone());
     assert!(one.is_some() && one == on_threads(6, model));
 }
+
+#[test]
+fn a_clean_mesh_has_nothing_to_say() {
+    assert!(CleanReport { triangles_in: 12, vertices_in: 8, ..Default::default() }.lines().is_empty());
+}
+
+#[test]
+fn findings_are_counted_in_words() {
+    let report = CleanReport { vertices_welded: 2, triangles_degenerate: 1, ..Default::default() };
+    assert_eq!(
+        report.lines(),
+        ["1 triangle dropped: no area.", "2 vertices welded to an earlier vertex at the same place."]
+    );
+}

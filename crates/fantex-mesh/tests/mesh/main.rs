@@ -6,6 +6,8 @@ mod clean;
 mod common;
 mod displace;
 mod files;
+mod generate;
 mod gltf_files;
 mod hostile;
+mod parts;
 mod surface;

@@ -395,3 +395,70 @@ fn samples_once() -> &'static [(&'static str, Vec<u8>)] {
     static SAMPLES: std::sync::OnceLock<Vec<(&'static str, Vec<u8>)>> = std::sync::OnceLock::new();
     SAMPLES.get_or_init(samples)
 }
+
+const BARREL: Distortion =
+    Distortion::Perspective { radial: [-0.2, 0.03, 0.0, 0.0, 0.0, 0.0], tangential: [0.001, -0.002] };
+const FISHEYE: Distortion = Distortion::fisheye([-0.02, 0.003, -0.001, 0.0]);
+const PRISM: Distortion =
+    Distortion::Fisheye { radial: [0.1, -0.05, 0.0, 0.0], tangential: [0.002, -0.001], prism: [0.01, -0.02] };
+const FIELD_OF_VIEW: Distortion = Distortion::FieldOfView { omega: 0.9 };
+
+#[test]
+fn distortion_is_that_of_the_formulas() {
+    // By hand: n = (0.3, -0.2), r^2 = 0.13; radial 1 - 0.2*0.13 + 0.03*0.0169 = 0.974507;
+    // x: 0.2923521 + 2*0.001*(-0.06) - 0.002*(0.13 + 0.18), y: -0.1949014 + 0.001*(0.13 + 0.08) - 2*0.002*(-0.06).
+    let seen = Lens::new(BARREL).project(DVec3::new(0.6, -0.4, 2.0)).unwrap();
+    assert!((seen.position - DVec2::new(0.2916121, -0.1944514)).length() < 1e-7, "{seen:?}");
+    // theta = atan(0.5): 0.46364761; radius theta (1 - 0.02 t2 + 0.003 t4 - 0.001 t6).
+    let seen = Lens::new(FISHEYE).project(DVec3::new(0.0, 1.0, 2.0)).unwrap();
+    let t2 = 0.463_647_61_f64.powi(2);
+    let radius = 0.463_647_61 * (1.0 - 0.02 * t2 + 0.003 * t2 * t2 - 0.001 * t2 * t2 * t2);
+    assert!((seen.position - DVec2::new(0.0, radius)).length() < 1e-8);
+    // theta = atan(0.5), along (0.6, 0.8); n = theta * (0.6, 0.8) = (0.27818857, 0.37091809), r^2 = 0.21496911; radial
+    // 1 + 0.1 * 0.21496911 - 0.05 * 0.04621172 = 1.01918633; x: 0.28352596 + 2 * 0.002 * 0.10318517
+    // - 0.001 * (0.21496911 + 0.15477776) + 0.01 * 0.21496911, y: 0.37803465 + 0.002 * (0.21496911 + 0.27516046)
+    // - 2 * 0.001 * 0.10318517 - 0.02 * 0.21496911.
+    let seen = Lens::new(PRISM).project(DVec3::new(0.6, 0.8, 2.0)).unwrap();
+    assert!((seen.position - DVec2::new(0.285_718_65, 0.374_509_16)).length() < 1e-7, "{seen:?}");
+    // At r = 0.5, atan(2 * 0.5 * tan(0.45)) / 0.9 = atan(0.48305507) / 0.9 = 0.5.
+    let seen = Lens::new(FIELD_OF_VIEW).project(DVec3::new(0.0, 1.0, 2.0)).unwrap();
+    assert!((seen.position - DVec2::new(0.0, 0.5)).length() < 1e-12, "{seen:?}");
+    let seen = Lens::new(FIELD_OF_VIEW).project(DVec3::new(1.0, 0.0, 1.0)).unwrap();
+    assert!((seen.position.x - (2.0 * 0.45_f64.tan()).atan() / 0.9).abs() < 1e-12, "{seen:?}");
+    for omega in [0.0, 1e-9, -1e-9] {
+        let seen = Lens::new(Distortion::FieldOfView { omega }).project(DVec3::new(1.0, 2.0, 4.0)).unwrap();
+        assert!((seen.position - DVec2::new(0.25, 0.5)).length() < 1e-12, "{omega}");
+    }
+    let pinhole = Lens::new(Distortion::PINHOLE).project(DVec3::new(1.0, 2.0, 4.0)).unwrap();
+    assert_eq!(pinhole.position, DVec2::new(0.25, 0.5));
+}
+
+#[test]
+fn the_way_back_is_the_way() {
+    for distortion in [Distortion::PINHOLE, BARREL, FISHEYE, PRISM, FIELD_OF_VIEW] {
+        let lens = Lens::new(distortion);
+        for i in 0..200_u32 {
+            let angle = f64::from(i) * 2.399;
+            let off = 0.8 * f64::from(i) / 200.0;
+            let direction = DVec3::new(off.sin() * angle.cos(), off.sin() * angle.sin(), off.cos());
+            let back = lens.direction(lens.project(direction).unwrap().position).unwrap();
+            assert!((back - direction).length() < 1e-9, "{distortion:?} {i}");
+        }
+    }
+}
+
+#[test]
+fn polynomials_do_not_fold_back() {
+    // r (1 - 0.3 r^2) grows up to r = 1.054, and would bring r = 1.8 back to 0.05.
+    let lens =
+        Lens::new(Distortion::Perspective { radial: [-0.3, 0.0, 0.0, 0.0, 0.0, 0.0], tangential: [0.0; 2] });
+    let room = lens.project(DVec3::new(1.0, 0.0, 1.0)).unwrap().room;
+    assert!(room < 0.06 && (1.0 / (1.0 - room) - (1.0_f64 / 0.9).sqrt()).abs() < 2e-3, "{room}");
+    assert_eq!(lens.project(DVec3::new(1.8, 0.0, 1.0)), None);
+    assert_eq!(lens.project(DVec3::new(0.1, 0.0, -1.0)), None);
+    // Nothing is seen where the lens reaches no more.
+    assert_eq!(lens.direction(DVec2::new(0.9, 0.0)), None);
+    // A fisheye sees behind.
+    assert!(Lens::new(Distortion::fisheye([0.0; 4])).project(DVec3::new(1.0, 0.0, -0.2)).is_some());
+    assert_eq!(Lens::new(Distortion::fisheye([0.0; 4])).project(DVec3::NEG_Z), None);
+}

@@ -1,0 +1,149 @@
+//! Tests of the crate `fantex-base` from outside.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+use std::error::Error as _;
+use std::io;
+use std::path::Path;
+
+use fantex_base::random::nth_random;
+use fantex_base::srgb::*;
+use fantex_base::{Aabb, Error, ErrorKind, Place, Random, UnionFind, counted, grouped};
+use glam::{Vec2, Vec3};
+
+#[test]
+fn context_is_put_before_the_sentence() {
+    let error = Error::malformed("expected 3 numbers, found 2").at(Place::Line(7)).in_file("a.ply");
+    let error = error.context("cannot bake");
+    assert_eq!(error.to_string(), "cannot bake: a.ply: line 7: expected 3 numbers, found 2");
+    assert_eq!(error.path(), Some(Path::new("a.ply")));
+    assert_eq!(error.place(), Some(&Place::Line(7)));
+}
+
+#[test]
+fn the_innermost_file_and_place_are_kept() {
+    let error = Error::malformed("no such column").at(Place::Byte(3)).in_file("inner.mtl");
+    let error = error.at(Place::Line(2)).in_file("outer.obj");
+    assert_eq!(error.path(), Some(Path::new("inner.mtl")));
+    assert_eq!(error.place(), Some(&Place::Byte(3)));
+}
+
+#[test]
+fn a_missing_file_is_not_found() {
+    let error = Error::reading("none.obj", io::Error::from(io::ErrorKind::NotFound));
+    assert_eq!(error.kind(), ErrorKind::NotFound);
+    assert!(error.to_string().starts_with("cannot read none.obj: "));
+    assert!(error.source().is_some());
+}
+
+#[test]
+fn an_error_is_one_pointer() {
+    assert_eq!(size_of::<Error>(), size_of::<usize>());
+}
+
+#[test]
+fn nouns_follow_their_counts() {
+    let text = |count: u64, noun| counted(count, noun).to_string();
+    assert_eq!(text(0, "triangle"), "0 triangles");
+    assert_eq!(text(1, "index"), "1 index");
+    assert_eq!(text(2, "index"), "2 indices");
+    assert_eq!(text(2, "patch"), "2 patches");
+    assert_eq!(text(7, "box"), "7 boxes");
+}
+
+#[test]
+fn digits_stand_in_groups_of_three() {
+    assert_eq!(grouped(7, ' '), "7");
+    assert_eq!(grouped(69_451, ' '), "69 451");
+    assert_eq!(grouped(1_234_567, ','), "1,234,567");
+}
+
+#[test]
+fn numbers_are_those_of_the_reference_implementation() {
+    // Sebastiano Vigna's splitmix64.c with the state 1234567.
+    let mut random = Random::new(1_234_567);
+    let expected = [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423];
+    assert_eq!([(); 3].map(|()| random.next_u64()), expected);
+    assert_eq!([0, 1, 2].map(|index| nth_random(1_234_567, index)), expected);
+}
+
+#[test]
+fn units_and_limits_hold() {
+    let mut random = Random::new(5);
+    let mut sum = 0.0;
+    for _ in 0..10_000 {
+        let unit = random.unit();
+        assert!((0.0..1.0).contains(&unit));
+        sum += unit;
+        assert!(random.below(7) < 7);
+    }
+    assert!((sum / 10_000.0 - 0.5).abs() < 0.02);
+    assert!(!random.chance(0.0));
+    assert!(random.chance(1.0));
+}
+
+#[test]
+fn a_box_holds_its_points() {
+    let points = [Vec3::new(1.0, -2.0, 0.5), Vec3::new(-1.0, 3.0, 0.25), Vec3::ZERO];
+    let around = Aabb::of_points(points);
+    assert!(points.iter().all(|&p| around.contains(p)));
+    assert_eq!(around.size(), Vec3::new(2.0, 5.0, 0.5));
+    assert_eq!(around.center(), Vec3::new(0.0, 0.5, 0.25));
+    assert!(Aabb::<Vec3>::EMPTY.is_empty());
+    assert_eq!(Aabb::EMPTY.union(around), around);
+}
+
+#[test]
+fn boxes_that_touch_overlap() {
+    let a = Aabb { min: Vec2::ZERO, max: Vec2::ONE };
+    let b = Aabb { min: Vec2::ONE, max: Vec2::splat(2.0) };
+    assert!(a.overlaps(&b) && b.overlaps(&a));
+    assert!(!a.overlaps(&Aabb { min: Vec2::splat(1.5), max: Vec2::splat(2.0) }));
+}
+
+#[test]
+fn bytes_survive_decoding_and_encoding() {
+    for code in 0..=255_u8 {
+        assert_eq!(srgb8_from_linear(linear_from_srgb8_table()[usize::from(code)]), code);
+    }
+    for code in 0..=65535_u16 {
+        assert_eq!(srgb16_from_linear(linear_from_srgb16_table()[usize::from(code)]), code);
+    }
+}
+
+#[test]
+fn encoder_equals_the_rounded_formula() {
+    for i in 0..2_000_000_u32 {
+        let linear = i as f32 / 1_999_999.0;
+        let exact = srgb_from_linear(linear) * 255.0;
+        let code = f32::from(srgb8_from_linear(linear));
+        assert!((exact - code).abs() <= 0.5 + 2e-4, "{linear} gave {code}, the curve says {exact}");
+    }
+}
+
+#[test]
+fn encoder_takes_any_float() {
+    assert_eq!(srgb8_from_linear(f32::NAN), 0);
+    assert_eq!(srgb8_from_linear(-1.0), 0);
+    assert_eq!(srgb8_from_linear(f32::INFINITY), 255);
+    assert_eq!(srgb8_from_linear(f32::MIN_POSITIVE), 0);
+    assert_eq!(unorm8(f32::NAN), 0);
+    assert_eq!(unorm16(f32::NEG_INFINITY), 0);
+}
+
+#[test]
+fn curve_and_inverse_agree() {
+    for i in -100..=200 {
+        let encoded = i as f32 / 100.0;
+        assert!((srgb_from_linear(linear_from_srgb(encoded)) - encoded).abs() < 2e-6);
+    }
+}
+
+#[test]
+fn sets_are_named_by_their_smallest_element() {
+    let mut sets = UnionFind::new(6);
+    assert!(sets.union(5, 3));
+    assert!(sets.union(3, 1));
+    assert!(!sets.union(1, 5));
+    assert_eq!([0, 1, 2, 3, 4, 5].map(|e| sets.find(e)), [0, 1, 2, 1, 4, 1]);
+}
