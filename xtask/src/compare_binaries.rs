@@ -2,15 +2,13 @@
 //! byte for byte.
 //!
 //! Every model of the data folder and of `assets` goes through every command that needs no window; the gallery stands for the looks.
-//! Of JSON output times, memory and the names of graphics cards are left out. Both programs run in folders of their own with
-//! relative outputs, on one thread each, several models at a time.
+//! Of JSON output times, memory and the names of graphics cards are left out. Both programs run side by side, on one thread each, in
+//! folders of their own with relative outputs. Extents are small: whatever differs differs in small pictures, too.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::process::{Command, Output, Stdio};
 use std::time::Instant;
 
 use serde_json::Value;
@@ -19,6 +17,52 @@ use crate::shell::{Failure, data_folder, root};
 
 /// Keys of JSON output that may differ from run to run.
 const VOLATILE_KEYS: [&str; 4] = ["seconds", "peak_memory_bytes", "adapter", "scratch_bytes"];
+
+/// Commands that build on each other, one a line: `MODEL` stands for the path of a model, `ASSETS` for the folder of assets.
+const OF_MODEL: &str = "
+    info MODEL --texels 200k
+    info MODEL --look
+    bake MODEL -o own.fan --texels 20k --format rgba8
+    bake MODEL -o uv.fan --texels 20k --format rgba8 --source uv
+    bake MODEL -o vertex.fan --texels 20k --format rgba8 --source vertex
+    bake MODEL -o solid.fan --texels 20k --format rgba8 --source solid=marble
+    bake MODEL -o image.fan --texels 20k --format rgba8 --source image=ASSETS/images/rock-color.jpg,mapping=triplanar
+    bake MODEL -o mesh.fan --texels 20k --format rgba8 --source mesh=ASSETS/models/suzanne.ply
+    bake MODEL -o look.fan --texels 20k --format rgba8 --source look=look.toml
+    bake MODEL -o coarse.fan --texels 8k --source solid=wood --fit box --tile 32
+    bake MODEL -o bc7.fan --texels 8k --source solid=rock
+    info solid.fan
+    verify solid.fan
+    verify mesh.fan
+    render MODEL -o model.png --size 64x48 --samples 2
+    render own.fan -o own.png --size 64x48 --samples 2 --filter ewa
+    render look.fan -o look.exr --size 64x48 --samples 2
+    render MODEL --look look.toml -o dressed.png --size 64x48 --samples 2
+    render mesh.fan -o sky.png --size 64x48 --samples 2 --environment sky --filter trilinear
+    compare MODEL own.fan --views 1 -o views --size 64x48 --samples 2
+    export own.fan -o own.glb --size 128
+    export solid.fan -o color.png --channel base-color --size 64
+    paint solid.fan --replay strokes.json -o painted.fan
+    paint coarse.fan --replay-log painted.fan -o repainted.fan
+    paint painted.fan --export-log log.json
+    verify painted.fan";
+
+const OF_PHOTOGRAPHS: &str = "
+    generate photographs ASSETS/WaterBottle/WaterBottle.gltf -o shoot --count 6 --size 160x120 --lens radial
+    bake ASSETS/WaterBottle/WaterBottle.gltf -o photos.fan --source photos=shoot --texels 40k
+    bake ASSETS/WaterBottle/WaterBottle.gltf -o plain.fan --source photos=shoot,exposure=off,unseen=ff8000 --texels 40k
+    verify photos.fan
+    export photos.fan -o turn.png --turntable 3 --size 96x72 --samples 1
+    bake ASSETS/models/spot.obj -o match.fan --match --format bc1";
+
+const OF_LANDSCAPE: &str = "
+    generate landscape -o cave.ply --triangles 10k --seed 7
+    generate landscape -o world.fan --triangles 10k --texels 100k
+    verify world.fan
+    info world.fan
+    demo -o demo --triangles 10k --texels 100k";
+
+const OF_GALLERY: &str = "gallery -o gallery --width 32";
 
 /// A brush stroke, a fill, and a stroke in a mirror.
 const STROKES: &str = r#"{ "version": 1, "strokes": [
@@ -31,67 +75,55 @@ const STROKES: &str = r#"{ "version": 1, "strokes": [
     "channels": [{ "kind": "base_color", "color": { "srgb": [0.1, 0.2, 0.7] } }],
     "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 1] } }] } ] }"#;
 
-/// One series of commands that build on each other, in a folder of its own.
+/// A look for any model.
+const LOOK: &str = "\
+[textures.rings]\nkind = \"wood\"\n\n[textures.bumps]\nkind = \"noise\"\ncell = 0.1\n\n\
+[materials.oak]\nbase_color = \"rings\"\nroughness = { texture = \"bumps\", factor = 0.3, offset = 0.4 }\n";
+
+/// Commands in a folder of their own.
 struct Series {
     name: String,
-    /// Files that are there at the start: name, content.
-    files: Vec<(&'static str, String)>,
     commands: Vec<Vec<String>>,
 }
 
-/// What a program did.
-struct Outcome {
-    exit_code: Option<i32>,
-    stdout: Vec<u8>,
-    stderr: String,
-}
-
-/// A difference between the programs.
-struct Difference {
-    series: String,
-    command: String,
-    what: String,
-}
-
-/// Runs both programs and prints a table of differences.
-pub(crate) fn run(old: &str, new: &str) -> Result<(), Failure> {
-    let started = Instant::now();
-    let programs =
-        [old, new].map(|path| Path::new(path).canonicalize().map_err(|e| Failure(format!("{path}: {e}"))));
-    let [old, new] = programs;
-    let programs = [old?, new?];
-    let folder = std::env::temp_dir().join(format!("fantex-compare-{}", std::process::id()));
-    let all = all_series()?;
-    let differences = Mutex::new(Vec::new());
-    let (next, commands) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let workers = std::thread::available_parallelism().map_or(2, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            scope.spawn(|| {
-                while let Some(series) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let found = compare(series, &programs, &folder);
-                    commands.fetch_add(series.commands.len(), Ordering::Relaxed);
-                    let done = if found.is_empty() { "equal" } else { "DIFFERENT" };
-                    eprintln!("{done:<9} {} ({:.0} s)", series.name, started.elapsed().as_secs_f64());
-                    differences.lock().unwrap_or_else(std::sync::PoisonError::into_inner).extend(found);
-                }
-            });
-        }
-    });
-    remove(&folder);
-    let differences = differences.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    for Difference { series, command, what } in &differences {
-        println!("{series:<28} {command:<60} {what}");
+impl Series {
+    fn new(name: &str, commands: &str, model: &Path) -> Self {
+        let (model, assets) = (model.display().to_string(), root().join("assets").display().to_string());
+        let word = |word: &str| word.replace("MODEL", &model).replace("ASSETS", &assets);
+        let lines = commands.lines().filter(|line| !line.trim().is_empty());
+        let commands = lines.map(|line| line.split_whitespace().map(word).collect()).collect();
+        Self { name: name.to_owned(), commands }
     }
-    let (series, commands) = (all.len(), commands.into_inner());
-    println!(
-        "{commands} commands in {series} series, {} differences, {:.0} s",
-        differences.len(),
-        started.elapsed().as_secs_f64()
-    );
+}
+
+/// Runs both programs on the series whose name contains `only`, and prints a table of differences.
+pub(crate) fn run(old: &str, new: &str, only: &str) -> Result<(), Failure> {
+    let started = Instant::now();
+    let program = |path: &str| Path::new(path).canonicalize().map_err(|e| Failure(format!("{path}: {e}")));
+    let programs = [program(old)?, program(new)?];
+    let folder = std::env::temp_dir().join(format!("fantex-compare-{}", std::process::id()));
+    let series: Vec<Series> = all_series()?.into_iter().filter(|series| series.name.contains(only)).collect();
+    if series.is_empty() {
+        return Err(Failure(format!("nothing to compare is called {only}")));
+    }
+    let mut differences = Vec::new();
+    for (number, series) in (1..).zip(&series) {
+        let found = compare(series, &programs, &folder);
+        let (word, secs) =
+            (if found.is_empty() { "equal" } else { "DIFFERENT" }, started.elapsed().as_secs());
+        eprintln!("{number:>3}  {word:<9}  {} ({secs} s)", series.name);
+        differences.extend(found.into_iter().map(|what| format!("{:<28} {what}", series.name)));
+        // The next one begins from nothing; what is left at the end is nobody's.
+        fs::remove_dir_all(&folder).unwrap_or_else(|e| eprintln!("cannot remove {}: {e}", folder.display()));
+    }
+    differences.iter().for_each(|difference| println!("{difference}"));
+    let commands: usize = series.iter().map(|series| series.commands.len()).sum();
+    let (count, secs) = (differences.len(), started.elapsed().as_secs());
+    println!("{commands} commands in {} series, {count} differences, {secs} s", series.len());
     if differences.is_empty() { Ok(()) } else { Err(Failure::new("the programs differ")) }
 }
 
+/// Quick models first; of equal files the first.
 fn all_series() -> Result<Vec<Series>, Failure> {
     let mut models = Vec::new();
     match data_folder() {
@@ -99,228 +131,80 @@ fn all_series() -> Result<Vec<Series>, Failure> {
         None => eprintln!("SKIPPED: the real models (set FANTEX_DATA to the folder that holds them)"),
     }
     find_models(&root().join("assets/models"), &mut models)?;
-    let assets = root().join("assets");
-    let file = |name: &str| assets.join(name).display().to_string();
-    let mut all = vec![
-        // The longest first.
-        Series {
-            name: "gallery".to_owned(),
-            files: Vec::new(),
-            commands: vec![words(&["gallery", "-o", "gallery", "--width", "48"])],
-        },
-        photographs(&file("WaterBottle/WaterBottle.gltf")),
-        landscape(),
-    ];
-    all.extend(models.iter().map(|model| series_of(model, &file)));
+    models.sort_by_key(|model| fs::metadata(model).map_or(0, |metadata| metadata.len()));
+    let mut known = BTreeSet::new();
+    models.retain(|model| known.insert(fs::read(model).unwrap_or_default()));
+    let of_model = |model: &PathBuf| {
+        Series::new(&model.file_name().unwrap_or_default().to_string_lossy(), OF_MODEL, model)
+    };
+    let mut all: Vec<Series> = models.iter().map(of_model).collect();
+    for (name, commands) in
+        [("landscape", OF_LANDSCAPE), ("photographs", OF_PHOTOGRAPHS), ("gallery", OF_GALLERY)]
+    {
+        all.push(Series::new(name, commands, Path::new("")));
+    }
     Ok(all)
 }
 
-fn words(words: &[&str]) -> Vec<String> {
-    words.iter().map(|word| (*word).to_owned()).collect()
-}
-
-/// All commands on one model.
-fn series_of(model: &Path, file: &dyn Fn(&str) -> String) -> Series {
-    let path = model.display().to_string();
-    let image = format!("image={},mapping=triplanar", file("images/rock-color.jpg"));
-    let detailed = format!("mesh={}", file("models/suzanne.ply"));
-    let mut commands = vec![words(&["info", &path, "--texels", "200k"]), words(&["info", &path, "--look"])];
-    for (name, source) in [
-        ("own", None),
-        ("uv", Some("uv")),
-        ("vertex", Some("vertex")),
-        ("solid", Some("solid=marble")),
-        ("image", Some(image.as_str())),
-        ("mesh", Some(detailed.as_str())),
-        ("look", Some("look=look.toml")),
-    ] {
-        let asset = format!("{name}.fan");
-        let mut bake = words(&["bake", &path, "-o", &asset, "--texels", "60k", "--format", "rgba8"]);
-        bake.extend(source.into_iter().flat_map(|source| words(&["--source", source])));
-        commands.push(bake);
-    }
-    let picture = ["--size", "128x96", "--samples", "2"];
-    let with_picture = |start: &[&str]| words(&[start, &picture[..]].concat());
-    commands.extend([
-        words(&[
-            "bake",
-            &path,
-            "-o",
-            "coarse.fan",
-            "--source",
-            "solid=wood",
-            "--texels",
-            "20k",
-            "--fit",
-            "box",
-            "--tile",
-            "32",
-        ]),
-        words(&["bake", &path, "-o", "bc7.fan", "--source", "solid=rock", "--texels", "20k"]),
-        words(&["info", "solid.fan"]),
-        words(&["verify", "solid.fan"]),
-        words(&["verify", "mesh.fan"]),
-        with_picture(&["render", &path, "-o", "model.png"]),
-        with_picture(&["render", "own.fan", "-o", "own.png", "--filter", "ewa"]),
-        with_picture(&["render", "look.fan", "-o", "look.exr"]),
-        with_picture(&["render", &path, "--look", "look.toml", "-o", "dressed.png"]),
-        with_picture(&[
-            "render",
-            "mesh.fan",
-            "-o",
-            "sky.png",
-            "--environment",
-            "sky",
-            "--filter",
-            "trilinear",
-        ]),
-        with_picture(&["compare", &path, "own.fan", "--views", "1", "-o", "views"]),
-        words(&["export", "own.fan", "-o", "own.glb", "--size", "256"]),
-        words(&["export", "solid.fan", "-o", "color.png", "--channel", "base-color", "--size", "128"]),
-        words(&["paint", "solid.fan", "--replay", "strokes.json", "-o", "painted.fan"]),
-        words(&["paint", "coarse.fan", "--replay-log", "painted.fan", "-o", "repainted.fan"]),
-        words(&["paint", "painted.fan", "--export-log", "log.json"]),
-        words(&["verify", "painted.fan"]),
-    ]);
-    let name = model.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Series {
-        name,
-        files: vec![("look.toml", LOOK.to_owned()), ("strokes.json", STROKES.to_owned())],
-        commands,
-    }
-}
-
-/// A look for any model.
-const LOOK: &str = "\
-[textures.rings]\nkind = \"wood\"\n\n[textures.bumps]\nkind = \"noise\"\ncell = 0.1\n\n\
-[materials.oak]\nbase_color = \"rings\"\nroughness = { texture = \"bumps\", factor = 0.3, offset = 0.4 }\n";
-
-fn photographs(model: &str) -> Series {
-    let take = words(&[
-        "generate",
-        "photographs",
-        model,
-        "-o",
-        "shoot",
-        "--count",
-        "6",
-        "--size",
-        "160x120",
-        "--lens",
-        "radial",
-    ]);
-    let bake = |source: &str, asset: &str| {
-        words(&["bake", model, "-o", asset, "--source", source, "--texels", "60k"])
-    };
-    let commands = vec![
-        take,
-        bake("photos=shoot", "photos.fan"),
-        bake("photos=shoot,exposure=off,unseen=ff8000", "plain.fan"),
-        words(&["verify", "photos.fan"]),
-        words(&[
-            "export",
-            "photos.fan",
-            "-o",
-            "turn.png",
-            "--turntable",
-            "3",
-            "--size",
-            "96x72",
-            "--samples",
-            "1",
-        ]),
-        words(&["bake", model, "-o", "match.fan", "--match", "--format", "bc1"]),
-    ];
-    Series { name: "photographs".to_owned(), files: Vec::new(), commands }
-}
-
-fn landscape() -> Series {
-    let commands = vec![
-        words(&["generate", "landscape", "-o", "cave.ply", "--triangles", "20k", "--seed", "7"]),
-        words(&["generate", "landscape", "-o", "world.fan", "--triangles", "20k", "--texels", "200k"]),
-        words(&["verify", "world.fan"]),
-        words(&["info", "world.fan"]),
-        words(&["demo", "-o", "demo", "--triangles", "20k", "--texels", "200k"]),
-    ];
-    Series { name: "landscape".to_owned(), files: Vec::new(), commands }
-}
-
-/// Runs a series by both programs.
-fn compare(series: &Series, programs: &[PathBuf; 2], folder: &Path) -> Vec<Difference> {
-    let difference = |command: &[String], what: String| {
-        let shown: Vec<&str> = command.iter().map(|word| word.rsplit('/').next().unwrap_or(word)).collect();
-        Difference { series: series.name.clone(), command: shown.join(" ").chars().take(60).collect(), what }
-    };
-    let folders = ["old", "new"].map(|side| folder.join(&series.name).join(side));
-    let mut found = Vec::new();
+/// Runs a series by both programs; a sentence per difference.
+fn compare(series: &Series, programs: &[PathBuf; 2], folder: &Path) -> Vec<String> {
+    let folders = ["old", "new"].map(|side| folder.join(side));
     for folder in &folders {
-        let made = fs::create_dir_all(folder).and_then(|()| {
-            series.files.iter().try_for_each(|(name, text)| fs::write(folder.join(name), text))
-        });
+        let files = [("look.toml", LOOK), ("strokes.json", STROKES)];
+        let made = fs::create_dir_all(folder)
+            .and_then(|()| files.iter().try_for_each(|(name, text)| fs::write(folder.join(name), text)));
         if let Err(error) = made {
-            return vec![difference(&[], format!("cannot write {}: {error}", folder.display()))];
+            return vec![format!("cannot write {}: {error}", folder.display())];
         }
     }
+    let mut found = Vec::new();
     for command in &series.commands {
-        let [old, new] = [0, 1].map(|side| execute(&programs[side], command, &folders[side]));
-        let (old, new) = match (old, new) {
-            (Ok(old), Ok(new)) => (old, new),
-            (Err(error), _) | (_, Err(error)) => {
-                found.push(difference(command, format!("cannot run: {error}")));
-                continue;
-            }
+        let shown: Vec<&str> = command.iter().map(|word| word.rsplit('/').next().unwrap_or(word)).collect();
+        let shown: String = shown.join(" ").chars().take(60).collect();
+        let (old, new) = std::thread::scope(|scope| {
+            let old = scope.spawn(|| execute(&programs[0], command, &folders[0]));
+            let new = execute(&programs[1], command, &folders[1]);
+            (old.join(), new)
+        });
+        let (Ok(Ok(old)), Ok(new)) = (old, new) else {
+            found.push(format!("{shown:<60} cannot be run"));
+            continue;
         };
-        if old.exit_code != new.exit_code {
-            let why = new.stderr.lines().last().unwrap_or_default();
-            found.push(difference(
-                command,
-                format!("exit code {:?} instead of {:?}: {why}", new.exit_code, old.exit_code),
-            ));
-        }
-        if let Some(what) = different_output(&old.stdout, &new.stdout) {
-            found.push(difference(command, what));
-        }
-        if old.stderr != new.stderr {
-            found.push(difference(
-                command,
-                format!("says {:?} instead of {:?}", new.stderr.trim(), old.stderr.trim()),
-            ));
-        }
-        let [old, new] = folders.each_ref().map(|folder| contents(folder));
-        for (name, bytes) in &old {
-            match new.get(name) {
-                None => found.push(difference(command, format!("{name} is missing"))),
-                Some(other) if other != bytes => {
-                    let at = bytes.iter().zip(other).take_while(|(a, b)| a == b).count();
-                    let (old, new) = (bytes.len(), other.len());
-                    found.push(difference(
-                        command,
-                        format!("{name} differs from byte {at} on ({new} bytes, {old} before)"),
-                    ));
-                }
-                Some(_) => {}
+        found.extend(differences(&old, &new).into_iter().map(|what| format!("{shown:<60} {what}")));
+    }
+    let [old, new] = folders.each_ref().map(|folder| contents(folder));
+    for name in old.keys().chain(new.keys()).collect::<BTreeSet<_>>() {
+        match (old.get(name), new.get(name)) {
+            (Some(old), Some(new)) if old == new => {}
+            (Some(old), Some(new)) => {
+                let at = old.iter().zip(new).take_while(|(a, b)| a == b).count();
+                let (old, new) = (old.len(), new.len());
+                found.push(format!("{name} differs from byte {at} on ({new} bytes, {old} before)"));
             }
-        }
-        let more = new.keys().filter(|name| !old.contains_key(*name));
-        found.extend(more.map(|name| difference(command, format!("{name} is new"))));
-        // Compared once: what follows reads the inputs only.
-        if !found.is_empty() && found.len() > 20 {
-            break;
+            (Some(_), None) => found.push(format!("{name} is missing")),
+            (None, _) => found.push(format!("{name} is new")),
         }
     }
-    folders.iter().for_each(|folder| remove(folder));
     found
 }
 
-fn execute(program: &Path, command: &[String], folder: &Path) -> std::io::Result<Outcome> {
-    let output = Command::new(program)
-        .args(command)
-        .args(["--json", "--threads", "1"])
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .output()?;
-    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    Ok(Outcome { exit_code: output.status.code(), stdout: output.stdout, stderr })
+fn execute(program: &Path, command: &[String], folder: &Path) -> std::io::Result<Output> {
+    let mut run = Command::new(program);
+    run.args(command).args(["--json", "--threads", "1"]).current_dir(folder).stdin(Stdio::null()).output()
+}
+
+/// What differs in exit code and output.
+fn differences(old: &Output, new: &Output) -> Vec<String> {
+    let mut found = Vec::new();
+    if old.status != new.status {
+        found.push(format!("ends with {} instead of {}", new.status, old.status));
+    }
+    found.extend(different_output(&old.stdout, &new.stdout));
+    let [old, new] = [old, new].map(|output| String::from_utf8_lossy(&output.stderr).trim().to_owned());
+    if old != new {
+        found.push(format!("says {new:?} instead of {old:?}"));
+    }
+    found
 }
 
 /// What differs between two JSON outputs, volatile keys apart.
@@ -333,10 +217,8 @@ fn different_output(old: &[u8], new: &[u8]) -> Option<String> {
         [Some(old), Some(new)] if old == new => None,
         [Some(Value::Object(old)), Some(Value::Object(new))] => {
             let keys = old.keys().chain(new.keys()).filter(|key| old.get(*key) != new.get(*key));
-            let mut keys: Vec<&str> = keys.map(String::as_str).collect();
-            keys.sort_unstable();
-            keys.dedup();
-            Some(format!("printed other values of {}", keys.join(", ")))
+            let keys: BTreeSet<&str> = keys.map(String::as_str).collect();
+            Some(format!("printed other values of {}", Vec::from_iter(keys).join(", ")))
         }
         _ => Some("printed something else".to_owned()),
     }
@@ -371,19 +253,10 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-fn remove(folder: &Path) {
-    if let Err(error) = fs::remove_dir_all(folder) {
-        eprintln!("cannot remove {}: {error}", folder.display());
-    }
-}
-
-/// All model files below a folder, sorted.
+/// All model files below a folder.
 fn find_models(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let failed = |e| Failure(format!("cannot list {}: {e}", folder.display()));
-    let entries = fs::read_dir(folder).map_err(failed)?;
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
-    for path in paths {
+    for path in fs::read_dir(folder).map_err(failed)?.flatten().map(|entry| entry.path()) {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         if path.is_dir() {
             find_models(&path, found)?;

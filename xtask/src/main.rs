@@ -21,7 +21,9 @@ usage: cargo xtask CHORE
   demo                       the tour of the README
   schema                     writes docs/look.schema.json and the tables of docs/look.md
   goldens [PROGRAM]          draws the gallery's small pictures anew; look at what changed before you commit it
-  compare-binaries OLD NEW   runs two builds of the command line on every model and compares all they write";
+  compare-binaries OLD NEW [--only NAME]
+                             runs two builds of the command line on every model (or those whose name contains NAME, or landscape,
+                             photographs, gallery) and compares all they write";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -34,7 +36,8 @@ fn main() -> ExitCode {
         ["schema"] => shell::cargo(&["run", "-p", "fantex-look", "--example", "write_reference"]),
         ["goldens"] => goldens::run(None),
         ["goldens", program] => goldens::run(Some(program)),
-        ["compare-binaries", old, new] => compare_binaries::run(old, new),
+        ["compare-binaries", old, new] => compare_binaries::run(old, new, ""),
+        ["compare-binaries", old, new, "--only", name] => compare_binaries::run(old, new, name),
         ["demo", ref rest @ ..] => shell::cargo(&[&["run", "--release", "--", "demo"], rest].concat()),
         _ => {
             eprintln!("{USAGE}");

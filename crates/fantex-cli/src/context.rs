@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fantex::bake::Progress;
+use fantex::base::files::exists;
 use fantex::look::ResolveOptions;
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -149,12 +150,6 @@ impl Context {
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
     }
-}
-
-/// The output exists.
-pub(crate) fn exists(path: &Path) -> Error {
-    Error::already_exists(format!("{} exists already; use --force to overwrite it", path.display()))
-        .with_path(path)
 }
 
 /// The exit code of a program that was interrupted: 128 + SIGINT.

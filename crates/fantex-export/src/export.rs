@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
+use fantex_base::files::folder_of;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, corner_tangents, shading_normals};
 use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
@@ -13,7 +14,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
-use crate::model_file::{Document, Geometry, ImageFile, Outputs, folder_of, write_glb, write_gltf};
+use crate::model_file::{Document, Geometry, ImageFile, Outputs, write_glb, write_gltf};
 use crate::pictures::{Depth, FloatSink, Ktx2Sink, PngSink};
 use crate::texels::{RowSink, TexelSampler, make_page};
 

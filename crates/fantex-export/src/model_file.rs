@@ -5,9 +5,11 @@ use std::io;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::files::{exists, persist, temporary_file};
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh, VertexCorners};
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
 use tempfile::NamedTempFile;
 
@@ -266,17 +268,12 @@ impl Document<'_> {
     }
 }
 
-/// A file's name as a relative URI: all but unreserved characters as escaped bytes.
+/// Bytes of a name that a URI must escape: all but unreserved characters.
+const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+
+/// A file's name as a relative URI.
 fn uri(name: &str) -> String {
-    let mut uri = String::with_capacity(name.len());
-    for byte in name.bytes() {
-        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
-            uri.push(char::from(byte));
-        } else {
-            uri.push_str(&format!("%{byte:02X}"));
-        }
-    }
-    uri
+    utf8_percent_encode(name, &ESCAPED).to_string()
 }
 
 // ---- Vertices as glTF wants them: one index for position, normal, tangent and texture coordinates.
@@ -382,16 +379,6 @@ pub(crate) struct Outputs {
     files: Vec<(NamedTempFile, PathBuf)>,
 }
 
-/// The folder that a file lies in.
-pub(crate) fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-fn exists(path: &Path) -> Error {
-    Error::already_exists(format!("{} exists already; use --force to overwrite it", path.display()))
-        .with_path(path)
-}
-
 impl Outputs {
     /// Nothing yet. With `force`, files that exist are replaced.
     pub(crate) fn new(force: bool) -> Self {
@@ -405,12 +392,7 @@ impl Outputs {
             return Err(exists(path));
         }
         let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".fantex-").suffix(&suffix);
-        // Temporary files are private by default.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder_of(path)).map_err(failed)?;
+        let file = temporary_file(path, &suffix).map_err(failed)?;
         let opened = (file.as_file().try_clone().map_err(failed)?, file.path().to_owned());
         self.files.push((file, path.into()));
         Ok(opened)
@@ -428,16 +410,12 @@ impl Outputs {
         }
         let mut named: Vec<PathBuf> = Vec::with_capacity(self.files.len());
         for (file, path) in self.files {
-            let persisted = if self.force { file.persist(&path) } else { file.persist_noclobber(&path) };
-            if let Err(error) = persisted {
+            if let Err(error) = persist(file.into_temp_path(), &path, self.force) {
                 // Only what was new is taken back; what was replaced is gone.
                 if !self.force {
                     named.iter().for_each(|path| drop(std::fs::remove_file(path)));
                 }
-                return Err(match error.error.kind() {
-                    io::ErrorKind::AlreadyExists => exists(&path),
-                    _ => Error::writing(path, error.error),
-                });
+                return Err(error);
             }
             named.push(path);
         }

@@ -5,6 +5,7 @@ use std::io;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::files::folder_of;
 use fantex_base::{Error, Result};
 use fantex_store::{Quality, TexelFormat, TexelSlice, encode};
 use fantex_texture::Image;
@@ -15,7 +16,6 @@ use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent, StreamWriter};
 use rayon::prelude::*;
 
 use crate::export::{ChannelMap, Components, Map};
-use crate::model_file::folder_of;
 use crate::texels::RowSink;
 
 /// Collects a map and writes it as OpenEXR.

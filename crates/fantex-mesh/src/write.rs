@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use fantex_base::files::{exists, persist, temporary_file};
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, ErrorKind, Result};
 use glam::{DVec3, Vec3, Vec4};
@@ -45,12 +46,8 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
     let container = match format {
         ModelFormat::Glb => {
             let too_large = |bytes| {
-                let kind = ErrorKind::TooLarge;
-                refused(
-                    path,
-                    kind,
-                    format!("the model takes {bytes} bytes, but a GLB file holds 4 GiB; use .ply"),
-                )
+                let why = format!("the model takes {bytes} bytes, but a GLB file holds 4 GiB; use .ply");
+                refused(path, ErrorKind::TooLarge, why)
             };
             Some(Layout::new(geometry).map_err(too_large)?)
         }
@@ -65,10 +62,6 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
 
 fn refused(path: &Path, kind: ErrorKind, why: String) -> Error {
     about(path, kind, format!("was not written: {why}"))
-}
-
-fn exists(path: &Path) -> Error {
-    about(path, ErrorKind::AlreadyExists, "exists already; use --force to overwrite it")
 }
 
 fn check(path: &Path, geometry: &WriteGeometry) -> Result<()> {
@@ -100,29 +93,12 @@ fn write_atomically(
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<()> {
     let failed = |source| Error::writing(path, source);
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let temporary = temporary_file(folder).map_err(failed)?;
+    let temporary = temporary_file(path, "").map_err(failed)?;
     let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file());
     write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
     temporary.as_file().sync_all().map_err(failed)?;
-    let persisted = if force { temporary.persist(path) } else { temporary.persist_noclobber(path) };
-    match persisted {
-        Ok(_) => Ok(()),
-        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => Err(exists(path)),
-        Err(error) => Err(failed(error.error)),
-    }
-}
-
-/// A new file with the permissions that any new file gets (temporary files are private by default).
-fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    let builder = {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666))
-    };
-    builder.prefix(".fantex-").tempfile_in(folder)
+    persist(temporary.into_temp_path(), path, force)
 }
 
 /// True if single precision holds all positions exactly.
@@ -192,7 +168,14 @@ impl Layout {
     fn new(geometry: &WriteGeometry) -> Result<Self, u64> {
         let origin = match fits_single_precision(geometry.positions) {
             true => DVec3::ZERO,
-            false => centre(geometry.positions),
+            // The centre of the bounding box.
+            false => {
+                let (low, high) = geometry
+                    .positions
+                    .iter()
+                    .fold((DVec3::MAX, DVec3::MIN), |(low, high), &p| (low.min(p), high.max(p)));
+                low + (high - low) * 0.5
+            }
         };
         let vertices = geometry.positions.len() as u64;
         let position_bytes = 12 * vertices;
@@ -208,15 +191,7 @@ impl Layout {
     }
 }
 
-/// Centre of the bounding box.
-fn centre(positions: &[DVec3]) -> DVec3 {
-    let low = positions.iter().copied().fold(DVec3::MAX, DVec3::min);
-    let high = positions.iter().copied().fold(DVec3::MIN, DVec3::max);
-    low + (high - low) * 0.5
-}
-
-/// The JSON text, by `serde_json` alone: the types of the crate `gltf-json` name every optional field and order keys differently.
-/// Binary data are positions, colours, indices, in this order.
+/// The JSON text. Binary data are positions, colours, indices, in this order.
 fn describe(geometry: &WriteGeometry, origin: DVec3, [positions, colors, indices]: [u64; 3]) -> String {
     let vertices = geometry.positions.len();
     let local = geometry.positions.iter().map(|p| (*p - origin).as_vec3());

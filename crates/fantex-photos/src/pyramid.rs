@@ -5,14 +5,13 @@
 //! by alpha, which says how much of a texel is to be used: that of the image, if it has any, times that of its mask, if it has one.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io;
 use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use fantex_store::{read_exact_at, write_all_at};
 use fantex_texture::color::{linear_from_srgb8_table, srgb8_from_linear};
@@ -20,6 +19,8 @@ use fantex_texture::filter::halved_row;
 use fantex_texture::{Image, Samples};
 use glam::{DVec2, Vec2, Vec4};
 use half::f16;
+use quick_cache::Weighter;
+use quick_cache::sync::Cache;
 
 use crate::view::Mask;
 
@@ -329,9 +330,6 @@ impl Deref for PageBytes<'_> {
     }
 }
 
-/// Locks of the cache, so that threads seldom wait for each other.
-const SHARDS: usize = 32;
-
 /// All pages of a set of photographs.
 #[derive(Debug)]
 pub(crate) struct PageStore {
@@ -340,42 +338,34 @@ pub(crate) struct PageStore {
     pinned_limit: u64,
     pinned: AtomicU64,
     /// Made when it is needed.
-    scratch: Mutex<Option<Arc<File>>>,
-    /// The same, for readers.
-    readable: OnceLock<Arc<File>>,
+    scratch: OnceLock<File>,
     end: AtomicU64,
-    shards: Vec<Mutex<Shard>>,
-    shard_limit: u64,
+    /// Pages of the scratch file by their offsets.
+    cache: Cache<u64, Arc<[u8]>, Bytes>,
     failure: OnceLock<io::Error>,
 }
 
-/// A part of the cache: pages by offset, and their order of arrival for the clock that evicts them.
-#[derive(Debug, Default)]
-struct Shard {
-    pages: BTreeMap<u64, CachedPage>,
-    order: VecDeque<u64>,
-    bytes: u64,
-}
+#[derive(Clone, Debug)]
+struct Bytes;
 
-#[derive(Debug)]
-struct CachedPage {
-    bytes: Arc<[u8]>,
-    /// Looked up since the clock's hand passed.
-    is_used: bool,
+impl Weighter<u64, Arc<[u8]>> for Bytes {
+    fn weight(&self, _: &u64, page: &Arc<[u8]>) -> u64 {
+        page.len() as u64
+    }
 }
 
 impl PageStore {
     /// A store whose pages take `memory_bytes` at most; what does not fit goes to a file in `folder`.
     pub(crate) fn new(memory_bytes: u64, folder: PathBuf) -> Self {
+        let cached_bytes = memory_bytes / 4;
+        let pages = cached_bytes / (PAGE * PAGE * 8) as u64 + 1;
         Self {
             folder,
-            pinned_limit: memory_bytes / 4 * 3,
+            pinned_limit: cached_bytes * 3,
             pinned: AtomicU64::new(0),
-            scratch: Mutex::new(None),
-            readable: OnceLock::new(),
+            scratch: OnceLock::new(),
             end: AtomicU64::new(0),
-            shards: (0..SHARDS).map(|_| Mutex::default()).collect(),
-            shard_limit: memory_bytes / 4 / SHARDS as u64,
+            cache: Cache::with_weighter(pages as usize, cached_bytes, Bytes),
             failure: OnceLock::new(),
         }
     }
@@ -389,19 +379,17 @@ impl PageStore {
         self.pinned.fetch_sub(length, Relaxed);
         let file = self.scratch_file()?;
         let offset = self.end.fetch_add(length, Relaxed);
-        write_all_at(&file, &page, offset)?;
+        write_all_at(file, &page, offset)?;
         Ok(Stored::File { offset, bytes: page.len() as u32 })
     }
 
-    fn scratch_file(&self) -> io::Result<Arc<File>> {
-        let mut scratch = locked(&self.scratch);
-        if let Some(file) = &*scratch {
-            return Ok(file.clone());
+    fn scratch_file(&self) -> io::Result<&File> {
+        if let Some(file) = self.scratch.get() {
+            return Ok(file);
         }
-        let file = Arc::new(tempfile::tempfile_in(&self.folder)?);
-        self.readable.get_or_init(|| file.clone());
-        *scratch = Some(file.clone());
-        Ok(file)
+        // Of two threads that come here at once, the file of one goes away: it has no name.
+        let file = tempfile::tempfile_in(&self.folder)?;
+        Ok(self.scratch.get_or_init(|| file))
     }
 
     /// Bytes of pages in memory for good, and in the scratch file.
@@ -415,51 +403,14 @@ impl PageStore {
     }
 
     fn cached(&self, offset: u64, bytes: u32) -> Option<Arc<[u8]>> {
-        let shard = &self.shards[(offset / u64::from(bytes.max(1)) % SHARDS as u64) as usize];
-        if let Some(page) = locked(shard).pages.get_mut(&offset) {
-            page.is_used = true;
-            return Some(page.bytes.clone());
-        }
-        // Read without the lock; if two threads read the same page, the second one finds it there.
-        let mut page = vec![0; bytes as usize];
-        let read = match self.readable.get() {
-            Some(file) => read_exact_at(file, &mut page, offset),
-            None => Err(io::ErrorKind::NotFound.into()),
+        let read = || {
+            let mut page = vec![0; bytes as usize];
+            let file = self.scratch.get().ok_or(io::ErrorKind::NotFound)?;
+            read_exact_at(file, &mut page, offset)?;
+            Ok(page.into())
         };
-        match read {
-            Ok(()) => Some(locked(shard).insert(offset, page.into(), self.shard_limit)),
-            Err(error) => {
-                self.failure.get_or_init(|| error);
-                None
-            }
-        }
-    }
-}
-
-impl Shard {
-    /// Keeps a page, at the price of others that were not looked up for longer.
-    fn insert(&mut self, offset: u64, bytes: Arc<[u8]>, limit: u64) -> Arc<[u8]> {
-        if let Some(page) = self.pages.get(&offset) {
-            return page.bytes.clone();
-        }
-        self.bytes += bytes.len() as u64;
-        while self.bytes > limit {
-            let Some(oldest) = self.order.pop_front() else { break };
-            match self.pages.get_mut(&oldest) {
-                Some(page) if page.is_used => {
-                    page.is_used = false;
-                    self.order.push_back(oldest);
-                }
-                Some(page) => {
-                    self.bytes -= page.bytes.len() as u64;
-                    self.pages.remove(&oldest);
-                }
-                None => {}
-            }
-        }
-        self.order.push_back(offset);
-        self.pages.insert(offset, CachedPage { bytes: bytes.clone(), is_used: false });
-        bytes
+        let page = self.cache.get_or_insert_with(&offset, read);
+        page.map_err(|error| self.failure.get_or_init(|| error)).ok()
     }
 }
 
@@ -500,11 +451,6 @@ impl<'a> PageReader<'a> {
             }
         }
     }
-}
-
-/// What a panicking thread leaves behind is whole: nothing in between can fail.
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -591,8 +537,8 @@ mod tests {
                 assert_eq!(*reader.page(&stored[i]).unwrap(), *page(i as u32), "{i}");
             }
         }
-        let cached: u64 = store.shards.iter().map(|s| locked(s).bytes).sum();
-        assert!(cached <= 32 << 10, "the cache holds {cached} bytes");
+        let cached = store.cache.weight();
+        assert!(cached <= 16 << 10, "the cache holds {cached} bytes");
         assert!(store.failure().is_none());
     }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use fantex_bake::{Progress, Source, TexelPoint, TriangleFootprint, TriangleSource};
 use fantex_base::{Error, ErrorKind, Result};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, SurfacePoint};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::Photograph;
@@ -124,8 +124,8 @@ impl<'a> PhotoSource<'a> {
     /// How sure it is that a photograph sees a point of a triangle: 0 where none does, 1 far from all edges of what is seen.
     pub fn confidence(&self, triangle: usize, lambda: Vec3) -> f32 {
         let views = self.views_of(triangle);
-        let place = self.place(triangle, lambda);
-        let looked = look(&views, &PageReader::new(&self.store), &place);
+        let at = SurfacePoint { triangle: triangle as u32, lambda }.clamped();
+        let looked = look(&views, &PageReader::new(&self.store), &self.spot(at));
         confidence_of(&looked)
     }
 
@@ -133,40 +133,38 @@ impl<'a> PhotoSource<'a> {
         self.clusters.views_of(triangle).filter_map(|view| self.views[view as usize].as_ref()).collect()
     }
 
-    /// A point that may lie beside its triangle is moved onto it.
-    fn place(&self, triangle: usize, lambda: Vec3) -> Place {
-        let inside = lambda.max(Vec3::ZERO);
-        let mut place = Place {
-            corners: self.mesh.triangles[triangle],
-            lambda: inside / inside.element_sum(),
-            spot: Spot {
-                position: Vec3::ZERO,
-                normal: Vec3::ZERO,
-                face: Some(face_normal(self.mesh, triangle)),
-            },
-        };
-        place.spot.position = place.blend(&self.mesh.positions);
-        place.spot.normal = place.blend(&self.normals).normalize_or_zero();
-        place
+    /// What is given per vertex, at a point.
+    fn blend(&self, at: SurfacePoint, values: &[Vec3]) -> Vec3 {
+        at.interpolate(self.mesh.triangles[at.index()].map(|v| values[v as usize]))
+    }
+
+    fn spot(&self, at: SurfacePoint) -> Spot {
+        Spot {
+            position: at.position(self.mesh),
+            normal: self.blend(at, &self.normals).normalize_or_zero(),
+            face: Some(face_normal(self.mesh, at.index())),
+        }
     }
 
     /// The colour of a point.
     fn color(&self, views: &[&View], reader: &PageReader<'_>, point: &TexelPoint) -> Vec3 {
-        let place = self.place(point.at.index(), point.at.lambda);
-        let looked = look(views, reader, &place);
+        // It may lie beside its triangle.
+        let at = point.at.clamped();
+        let spot = self.spot(at);
+        let looked = look(views, reader, &spot);
         let largest = looked.iter().map(|(_, seen)| seen.weight).fold(0.0, f32::max);
         // Colours count by weight and mask; how much of the masks is open counts as confidence.
         let (mut sum, mut open, mut total) = (Vec3::ZERO, 0.0, 0.0);
         for (view, seen) in looked.iter().filter(|(_, seen)| seen.weight > largest * KEPT_SHARE) {
             let weight = kept_weight(seen.weight, largest);
-            let color = view.color(reader, seen, place.spot.position, point.position_steps);
+            let color = view.color(reader, seen, spot.position, point.position_steps);
             sum += color.truncate() * (weight * color.w);
             open += weight * color.w;
             total += weight;
         }
         let fill = || match &self.fill {
             Fill::Constant(color) => *color,
-            Fill::Spread(colors) => place.blend(colors),
+            Fill::Spread(colors) => self.blend(at, colors),
         };
         if open <= 0.0 {
             return fill();
@@ -178,24 +176,9 @@ impl<'a> PhotoSource<'a> {
     }
 }
 
-/// A point on a triangle.
-struct Place {
-    corners: [u32; 3],
-    lambda: Vec3,
-    spot: Spot,
-}
-
-impl Place {
-    /// What is given per vertex, at the point.
-    fn blend(&self, values: &[Vec3]) -> Vec3 {
-        let [a, b, c] = self.corners.map(|v| values[v as usize]);
-        a * self.lambda.x + b * self.lambda.y + c * self.lambda.z
-    }
-}
-
 /// The photographs that see a point.
-fn look<'v>(views: &[&'v View], reader: &PageReader<'_>, place: &Place) -> Vec<(&'v View, Seen)> {
-    let sees = |&view: &&'v View| Some((view, view.seen(reader, &place.spot)?));
+fn look<'v>(views: &[&'v View], reader: &PageReader<'_>, spot: &Spot) -> Vec<(&'v View, Seen)> {
+    let sees = |&view: &&'v View| Some((view, view.seen(reader, spot)?));
     views.iter().filter_map(sees).collect()
 }
 

@@ -13,6 +13,7 @@ use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::files::{folder_of, temporary_file};
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, level_count};
 use fantex_mesh::Mesh;
@@ -331,7 +332,7 @@ pub(crate) struct NewFile {
 
 impl NewFile {
     pub(crate) fn create(path: &Path, generation: u64, levels: usize) -> io::Result<Self> {
-        let (file, slot) = (temporary_file(path)?, Slot::new(generation));
+        let (file, slot) = (temporary_file(path, ".tmp")?, Slot::new(generation));
         Ok(Self { file, end: HEADER_BYTES, slot, levels: vec![Vec::new(); levels] })
     }
 
@@ -442,22 +443,6 @@ fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
         stored.extend((skipped as u32).to_le_bytes());
         stored.resize(stored.len() + skipped, 0);
     }
-}
-
-/// The folder that holds `path`.
-pub(crate) fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
-fn temporary_file(path: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".fantex-").suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder_of(path))
 }
 
 /// Renames the finished file; without `force` never over another.

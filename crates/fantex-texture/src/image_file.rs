@@ -10,6 +10,7 @@ use std::fs;
 use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
 
+use fantex_base::files::temporary_file;
 use fantex_base::{Error, Result};
 use image::error::{ImageError, LimitErrorKind};
 use image::{
@@ -395,16 +396,7 @@ fn write_exr(image: &Image, bytes: &mut Vec<u8>) -> Result<(), ImageError> {
 }
 
 fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".fantex-");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // What a plainly created file would get: the process's mask still applies.
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder)?;
+    let mut file = temporary_file(path, "")?;
     let mut writer = BufWriter::new(file.as_file_mut());
     writer.write_all(bytes)?;
     writer.flush()?;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, Subcommand, ValueEnum};
+use fantex::base::files::exists;
 use fantex::mesh::generate::{Landscape, LandscapeOptions, landscape};
 use fantex::mesh::{Model, TriangleBvh, WriteGeometry, write_model};
 use fantex::photos::{
@@ -19,7 +20,7 @@ use serde::Serialize;
 use crate::commands::bake;
 use crate::commands::bake::{BakeJob, EncodingArgs};
 use crate::commands::info::CoverArgs;
-use crate::context::{Context, exists};
+use crate::context::Context;
 use crate::scene::{open_model, show_notes, size};
 use crate::sources::SourceArg;
 use crate::text::{Count, counted, positive, share};

@@ -6,12 +6,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::base::files::{persist, temporary_file};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
 use fantex::{Error, Result};
 use serde::Serialize;
 
 use super::view;
-use crate::context::{Context, exists};
+use crate::context::Context;
 use crate::scene::open_asset;
 use crate::text::{counted, megabytes};
 
@@ -116,11 +117,7 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
             context.check_output(output)?;
             let copy = copy_beside(&args.asset, output)?;
             let info = paint(&copy, &strokes, args, context)?;
-            let renamed = if context.force { copy.persist(output) } else { copy.persist_noclobber(output) };
-            renamed.map_err(|e| match e.error.kind() {
-                io::ErrorKind::AlreadyExists => exists(output),
-                _ => Error::writing(output, e.error),
-            })?;
+            persist(copy, output, context.force)?;
             PaintInfo { output: output.clone(), ..info }
         }
     };
@@ -180,13 +177,8 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
 
 /// A copy in the folder of the output, which goes away unless it is renamed.
 fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath> {
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = |error| Error::writing(output, error);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".fantex-").suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut copy = builder.tempfile_in(folder).map_err(write)?;
+    let mut copy = temporary_file(output, ".tmp").map_err(write)?;
     let mut from = std::fs::File::open(asset).map_err(|error| Error::reading(asset, error))?;
     io::copy(&mut from, copy.as_file_mut()).map_err(write)?;
     Ok(copy.into_temp_path())

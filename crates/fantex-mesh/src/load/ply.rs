@@ -1,9 +1,5 @@
 //! PLY, ASCII and binary of both endiannesses (G. Turk, "The PLY Polygon File Format", 1994).
 //!
-//! The parser is our own because the kept crate (ply-rs-bw) reads every row into a map from property names to tagged
-//! values and every list into a vector of its own: 7.2 s for a binary file of 2 million triangles, of which this one takes
-//! 0.2 s.
-//!
 //! ```text
 //!  header --> layout of elements --> rows: a binary or an ASCII source of numbers --> vertices, faces --> Model
 //! ```
@@ -44,8 +40,7 @@ fn no_positions() -> Error {
 
 // The header: which elements with which properties, how many of each.
 
-/// How the numbers are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Encoding {
     Ascii,
     LittleEndian,
@@ -53,7 +48,7 @@ enum Encoding {
 }
 
 /// Type of a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Scalar {
     I8,
     U8,
@@ -105,7 +100,6 @@ impl Scalar {
 }
 
 /// A column of an element.
-#[derive(Clone, Debug)]
 struct Property {
     /// Lower case.
     name: String,
@@ -115,7 +109,6 @@ struct Property {
 }
 
 /// A table of the file.
-#[derive(Clone, Debug)]
 struct Element {
     name: String,
     count: u64,
@@ -134,8 +127,6 @@ impl Element {
     }
 }
 
-/// A parsed header.
-#[derive(Debug)]
 struct Header {
     encoding: Encoding,
     elements: Vec<Element>,
@@ -166,8 +157,9 @@ fn parse(bytes: &[u8]) -> Result<Header> {
         let Some(end) = visible.iter().position(|&b| b == b'\n' || b == b'\r') else {
             return Err(endless());
         };
-        let line = String::from_utf8_lossy(&bytes[offset..offset + end]).into_owned();
-        offset += end + line_break_length(&bytes[offset + end..]);
+        let line = String::from_utf8_lossy(&rest[..end]).into_owned();
+        // `\n`, `\r\n`, or `\r` alone (old Macintosh files).
+        offset += end + if rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
         let wrong = |expected| {
             let found: String = line.chars().take(60).collect();
             let place = format!("header line {line_number}");
@@ -183,10 +175,12 @@ fn parse(bytes: &[u8]) -> Result<Header> {
             }
             ["comment", ..] => {}
             ["format", name, _version] => {
-                encoding = Some(
-                    encoding_from_name(name)
-                        .ok_or_else(|| wrong("format ascii, binary_little_endian or binary_big_endian"))?,
-                );
+                encoding = Some(match name {
+                    "ascii" => Encoding::Ascii,
+                    "binary_little_endian" => Encoding::LittleEndian,
+                    "binary_big_endian" => Encoding::BigEndian,
+                    _ => return Err(wrong("format ascii, binary_little_endian or binary_big_endian")),
+                });
             }
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| wrong("element NAME COUNT"))?;
@@ -212,20 +206,6 @@ fn parse(bytes: &[u8]) -> Result<Header> {
         }
     }
     Err(endless())
-}
-
-/// `\n`, `\r\n`, or `\r` alone (old Macintosh files).
-fn line_break_length(bytes: &[u8]) -> usize {
-    if bytes.starts_with(b"\r\n") { 2 } else { 1 }
-}
-
-fn encoding_from_name(name: &str) -> Option<Encoding> {
-    match name {
-        "ascii" => Some(Encoding::Ascii),
-        "binary_little_endian" => Some(Encoding::LittleEndian),
-        "binary_big_endian" => Some(Encoding::BigEndian),
-        _ => None,
-    }
 }
 
 fn parse_property(definition: &[&str]) -> Option<Property> {
@@ -371,12 +351,11 @@ struct Faces {
     corners: Vec<u32>,
     /// Where each face's corners end in `corners`. Empty as long as all faces are triangles.
     ends: Vec<usize>,
-    is_mixed: bool,
-    /// One per corner (v upwards), or empty.
+    /// One per corner (v upwards); what is missing at the end is zero.
     corner_uvs: Vec<Vec2>,
-    /// sRGB, one per face, or empty.
+    /// sRGB, one per face; what is missing at the end is white.
     colors_srgb: Vec<Vec4>,
-    /// Texture of each face, or empty.
+    /// Texture of each face; what is missing at the end is 0.
     textures: Vec<i64>,
     /// Faces with fewer than three corners.
     short: u64,
@@ -384,20 +363,15 @@ struct Faces {
 
 impl Faces {
     fn len(&self) -> usize {
-        if self.is_mixed { self.ends.len() } else { self.corners.len() / 3 }
+        if self.ends.is_empty() { self.corners.len() / 3 } else { self.ends.len() }
     }
 
     /// The range in `corners` of a face.
     fn range(&self, face: usize) -> std::ops::Range<usize> {
-        match self.is_mixed {
-            true => face.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[face],
-            false => 3 * face..3 * face + 3,
+        match self.ends.is_empty() {
+            true => 3 * face..3 * face + 3,
+            false => face.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[face],
         }
-    }
-
-    /// Triangles that the polygons will become.
-    fn triangle_count(&self) -> usize {
-        self.corners.len() - 2 * self.len()
     }
 
     /// The corners from `first` on become a face; fewer than three are taken back. Says whether it was kept.
@@ -408,15 +382,56 @@ impl Faces {
             self.short += 1;
             return false;
         }
-        if corners != 3 && !self.is_mixed {
-            self.is_mixed = true;
+        if corners != 3 && self.ends.is_empty() {
             self.ends = (3..=first).step_by(3).collect();
         }
-        if self.is_mixed {
+        if corners != 3 || !self.ends.is_empty() {
             self.ends.push(self.corners.len());
         }
         true
     }
+
+    /// Triangles that the polygons will become.
+    fn triangle_count(&self) -> usize {
+        self.corners.len() - 2 * self.len()
+    }
+
+    /// Cuts the polygons into triangles.
+    fn triangulated(self, positions: &[DVec3]) -> Self {
+        if self.ends.is_empty() {
+            return self;
+        }
+        let mut corners = Vec::with_capacity(3 * self.triangle_count());
+        let mut faces = Vec::with_capacity(self.triangle_count());
+        let mut triangulator = Triangulator::default();
+        let mut outline: Vec<DVec3> = Vec::new();
+        for face in 0..self.len() {
+            let range = self.range(face);
+            let first = range.start;
+            outline.clear();
+            outline.extend(self.corners[range].iter().map(|&v| positions[v as usize]));
+            triangulator.triangulate(&outline, |t| {
+                corners.extend(t.map(|k| first + k));
+                faces.push(face);
+            });
+        }
+        Self {
+            corners: gathered(&self.corners, &corners, 0),
+            ends: Vec::new(),
+            corner_uvs: gathered(&self.corner_uvs, &corners, Vec2::ZERO),
+            colors_srgb: gathered(&self.colors_srgb, &faces, Vec4::ONE),
+            textures: gathered(&self.textures, &faces, 0),
+            short: self.short,
+        }
+    }
+}
+
+/// The values at these indices; empty where there are none at all.
+fn gathered<T: Copy>(values: &[T], indices: &[usize], missing: T) -> Vec<T> {
+    if values.is_empty() {
+        return Vec::new();
+    }
+    indices.iter().map(|&i| values.get(i).copied().unwrap_or(missing)).collect()
 }
 
 /// Reads all elements after the header.
@@ -435,7 +450,7 @@ fn read_elements(file: &SourceFile, header: &Header, mut source: impl NumberSour
     let vertex_count = vertices.count as usize;
     for element in &header.elements {
         check_count(element, header.encoding, source.left())?;
-        let mut rows = Rows { file, vertex_count, element, source: &mut source };
+        let mut rows = Rows { file, vertex_count, element, row: 0, source: &mut source };
         match element.name.as_str() {
             // A second table of vertices would have nothing that refers to it.
             "vertex" if content.positions.is_empty() => rows.read_vertices(&mut content)?,
@@ -506,17 +521,19 @@ fn color_slot(name: &str) -> Option<usize> {
 }
 
 /// What a face property holds.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum FaceColumn {
+    /// A list.
     Vertices,
+    /// A list.
     TextureCoordinates,
     TextureNumber,
     Color(usize),
     Ignored,
 }
 
-fn face_column(name: &str, is_list: bool) -> FaceColumn {
-    match (name, is_list) {
+fn face_column(property: &Property) -> FaceColumn {
+    match (property.name.as_str(), property.list_length.is_some()) {
         ("vertex_indices" | "vertex_index", true) => FaceColumn::Vertices,
         ("texcoord", true) => FaceColumn::TextureCoordinates,
         ("texnumber", false) => FaceColumn::TextureNumber,
@@ -531,12 +548,14 @@ struct Rows<'a, S> {
     /// Vertices that the header announces.
     vertex_count: usize,
     element: &'a Element,
+    /// The row being read.
+    row: u64,
     source: &'a mut S,
 }
 
 impl<S: NumberSource> Rows<'_, S> {
-    fn failed(&self, row: u64, error: SourceError) -> Error {
-        let Element { name, count, .. } = self.element;
+    fn failed(&self, error: SourceError) -> Error {
+        let (Element { name, count, .. }, row) = (self.element, self.row);
         Error::malformed(match error {
             SourceError::End => {
                 format!("the file ends in {name} {row} of {count}; it is truncated or damaged")
@@ -547,48 +566,63 @@ impl<S: NumberSource> Rows<'_, S> {
         })
     }
 
-    fn skip_all(&mut self) -> Result<()> {
-        if self.element.properties.is_empty() {
-            return Ok(());
-        }
-        for row in 0..self.element.count {
-            for property in &self.element.properties {
-                self.skip(property.scalar, property.list_length).map_err(|e| self.failed(row, e))?;
-            }
-        }
-        Ok(())
+    #[inline]
+    fn next(&mut self, scalar: Scalar) -> Result<f64> {
+        self.source.next(scalar).map_err(|error| self.failed(error))
     }
 
-    fn skip(&mut self, scalar: Scalar, list_length: Option<Scalar>) -> Result<(), SourceError> {
-        let count = match list_length {
-            Some(length) => self.source.next(length)? as u64,
-            None => 1,
-        };
-        self.source.skip(scalar, count)
+    /// How many numbers a property has in this row.
+    #[inline]
+    fn length(&mut self, property: &Property) -> Result<u64> {
+        property.list_length.map_or(Ok(1), |length| self.next(length).map(|n| n as u64))
+    }
+
+    fn skip(&mut self, property: &Property) -> Result<()> {
+        let count = self.length(property)?;
+        self.source.skip(property.scalar, count).map_err(|error| self.failed(error))
+    }
+
+    /// Calls `read` for every row. Rows without properties take no bytes, so their number is not to be believed.
+    fn each(&mut self, mut read: impl FnMut(&mut Self) -> Result<()>) -> Result<()> {
+        let count = if self.element.properties.is_empty() { 0 } else { self.element.count };
+        (0..count).try_for_each(|row| {
+            self.row = row;
+            read(self)
+        })
+    }
+
+    fn skip_all(&mut self) -> Result<()> {
+        let properties = &self.element.properties;
+        self.each(|rows| properties.iter().try_for_each(|property| rows.skip(property)))
     }
 
     fn read_vertices(&mut self, content: &mut Content) -> Result<()> {
         let element = self.element;
-        let slots: Vec<usize> = element
-            .properties
-            .iter()
-            .map(|p| if p.list_length.is_some() { IGNORED } else { vertex_slot(&p.name) })
-            .collect();
+        let slot = |p: &Property| if p.list_length.is_some() { IGNORED } else { vertex_slot(&p.name) };
+        let slots: Vec<usize> = element.properties.iter().map(slot).collect();
         let has = |slot: usize, count: usize| (slot..slot + count).all(|s| slots.contains(&s));
         if !has(0, 3) {
             return Err(no_positions());
         }
         self.file.check_positions(usize::try_from(element.count).unwrap_or(usize::MAX))?;
         let (has_normals, has_uvs, has_colors) = (has(3, 3), has(6, 2), has(8, 3));
-        let units = color_units(element, &slots);
-
+        // What stands for 1 in each of the four colour columns.
+        let units: [f64; 4] = std::array::from_fn(|channel| {
+            let column = slots.iter().position(|&slot| slot == 8 + channel);
+            column.map_or(1.0, |column| element.properties[column].scalar.color_unit())
+        });
         content.positions.reserve(element.count as usize);
-        for row in 0..element.count {
+        self.each(|rows| {
             let mut values = [0.0; SLOTS];
             // Without an alpha column colours are opaque.
             values[11] = units[3];
-            self.read_vertex(&slots, &mut values).map_err(|e| self.failed(row, e))?;
-            let [x, y, z, nx, ny, nz, s, t, r, g, b, a, _] = values;
+            for (property, &slot) in element.properties.iter().zip(&slots) {
+                match property.list_length {
+                    None => values[slot] = rows.next(property.scalar)?,
+                    Some(_) => rows.skip(property)?,
+                }
+            }
+            let [x, y, z, nx, ny, nz, s, t, color @ .., _] = values;
             content.positions.push(DVec3::new(x, y, z));
             if has_normals {
                 content.normals.push(DVec3::new(nx, ny, nz).as_vec3());
@@ -597,57 +631,37 @@ impl<S: NumberSource> Rows<'_, S> {
                 content.uvs.push(Vec2::new(s as f32, t as f32));
             }
             if has_colors {
-                content.colors_srgb.push(color([r, g, b, a], units));
+                let color: [f64; 4] = color;
+                content.colors_srgb.push(Vec4::from(std::array::from_fn(|k| (color[k] / units[k]) as f32)));
             }
-        }
-        Ok(())
-    }
-
-    #[inline]
-    fn read_vertex(&mut self, slots: &[usize], values: &mut [f64; SLOTS]) -> Result<(), SourceError> {
-        for (property, &slot) in self.element.properties.iter().zip(slots) {
-            match property.list_length {
-                None => values[slot] = self.source.next(property.scalar)?,
-                length => self.skip(property.scalar, length)?,
-            }
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
     fn read_faces(&mut self, faces: &mut Faces) -> Result<()> {
-        let element = self.element;
-        let columns: Vec<FaceColumn> =
-            element.properties.iter().map(|p| face_column(&p.name, p.list_length.is_some())).collect();
-        if !columns.iter().any(|c| matches!(c, FaceColumn::Vertices)) {
+        let columns: Vec<FaceColumn> = self.element.properties.iter().map(face_column).collect();
+        if !columns.contains(&FaceColumn::Vertices) {
             return self.skip_all();
         }
-        faces.corners.reserve(3 * element.count as usize);
-        for row in 0..element.count {
-            self.read_face(row, &columns, faces)?;
-        }
-        Ok(())
+        faces.corners.reserve(3 * self.element.count as usize);
+        self.each(|rows| rows.read_face(&columns, faces))
     }
 
-    fn read_face(&mut self, row: u64, columns: &[FaceColumn], faces: &mut Faces) -> Result<()> {
+    fn read_face(&mut self, columns: &[FaceColumn], faces: &mut Faces) -> Result<()> {
         let (face, first) = (faces.len(), faces.corners.len());
         let mut rgba: Option<Vec4> = None;
         let mut texture = None;
-        let mut uvs = None;
+        let mut uvs = Vec::new();
         for (property, column) in self.element.properties.iter().zip(columns) {
-            let (scalar, length) = (property.scalar, property.list_length);
-            match (column, length) {
-                (FaceColumn::Vertices, Some(length)) => self.read_corners(row, length, scalar, faces)?,
-                (FaceColumn::TextureCoordinates, Some(length)) => {
-                    uvs = Some(self.read_uvs(length, scalar).map_err(|e| self.failed(row, e))?);
+            match column {
+                FaceColumn::Vertices => self.read_corners(property, faces)?,
+                FaceColumn::TextureCoordinates => uvs = self.read_uvs(property)?,
+                FaceColumn::TextureNumber => texture = Some(self.next(property.scalar)? as i64),
+                FaceColumn::Color(channel) => {
+                    let value = self.next(property.scalar)? / property.scalar.color_unit();
+                    rgba.get_or_insert(Vec4::ONE)[*channel] = value as f32;
                 }
-                (FaceColumn::TextureNumber, None) => {
-                    texture = Some(self.source.next(scalar).map_err(|e| self.failed(row, e))? as i64);
-                }
-                (FaceColumn::Color(channel), None) => {
-                    let value = self.source.next(scalar).map_err(|e| self.failed(row, e))?;
-                    rgba.get_or_insert(Vec4::ONE)[*channel] = (value / scalar.color_unit()) as f32;
-                }
-                (_, length) => self.skip(scalar, length).map_err(|e| self.failed(row, e))?,
+                FaceColumn::Ignored => self.skip(property)?,
             }
         }
         if !faces.end_face(first) {
@@ -661,7 +675,7 @@ impl<S: NumberSource> Rows<'_, S> {
             pad(&mut faces.textures, face, 0);
             faces.textures.push(texture);
         }
-        if let Some(uvs) = uvs.filter(|uvs| uvs.len() == faces.corners.len() - first) {
+        if uvs.len() == faces.corners.len() - first {
             pad(&mut faces.corner_uvs, first, Vec2::ZERO);
             faces.corner_uvs.extend(uvs);
         }
@@ -669,94 +683,77 @@ impl<S: NumberSource> Rows<'_, S> {
     }
 
     #[inline]
-    fn read_corners(&mut self, face: u64, length: Scalar, scalar: Scalar, faces: &mut Faces) -> Result<()> {
-        let corners = self.source.next(length).map_err(|e| self.failed(face, e))? as u64;
+    fn read_corners(&mut self, property: &Property, faces: &mut Faces) -> Result<()> {
+        let corners = self.length(property)?;
         let limit = self.file.limits.max_face_corners;
         if corners > limit as u64 {
+            let face = self.row;
             let sentence = format!("face {face} has {corners} corners, more than the limit of {limit}");
             return Err(Error::too_large(sentence));
         }
         for _ in 0..corners {
-            let index = self.source.next(scalar).map_err(|e| self.failed(face, e))?;
-            let vertex = index as u32;
-            if f64::from(vertex) != index {
-                return Err(index_out_of_range(face, index as i64, self.vertex_count));
-            }
-            faces.corners.push(vertex);
+            let index = self.next(property.scalar)?;
+            faces.corners.push(self.vertex(index)?);
         }
         Ok(())
     }
 
+    /// An index as what it should be, a whole number.
+    #[inline]
+    fn vertex(&self, index: f64) -> Result<u32> {
+        let vertex = index as u32;
+        match f64::from(vertex) == index {
+            true => Ok(vertex),
+            false => Err(index_out_of_range(self.row, index as i64, self.vertex_count)),
+        }
+    }
+
     /// Texture coordinates of a face, a flat list of pairs.
-    fn read_uvs(&mut self, length: Scalar, scalar: Scalar) -> Result<Vec<Vec2>, SourceError> {
-        let numbers = self.source.next(length)? as u64;
+    fn read_uvs(&mut self, property: &Property) -> Result<Vec<Vec2>> {
+        let numbers = self.length(property)?;
         let mut uvs = Vec::with_capacity(numbers.min(self.source.left()) as usize / 2);
         for _ in 0..numbers / 2 {
-            uvs.push(Vec2::new(self.source.next(scalar)? as f32, self.source.next(scalar)? as f32));
+            uvs.push(Vec2::new(self.next(property.scalar)? as f32, self.next(property.scalar)? as f32));
         }
-        self.source.skip(scalar, numbers % 2)?;
+        self.source.skip(property.scalar, numbers % 2).map_err(|error| self.failed(error))?;
         Ok(uvs)
     }
 
     /// Each strip is a list of vertices; a negative index ends a strip and begins the next within the same list.
     fn read_strips(&mut self, faces: &mut Faces) -> Result<()> {
-        for row in 0..self.element.count {
-            for property in &self.element.properties {
-                let (scalar, length) = (property.scalar, property.list_length);
-                match (face_column(&property.name, length.is_some()), length) {
-                    (FaceColumn::Vertices, Some(length)) => self.read_strip(row, length, scalar, faces)?,
-                    _ => self.skip(scalar, length).map_err(|e| self.failed(row, e))?,
-                }
-            }
-        }
-        Ok(())
+        let properties = &self.element.properties;
+        self.each(|rows| {
+            properties.iter().try_for_each(|property| match face_column(property) {
+                FaceColumn::Vertices => rows.read_strip(property, faces),
+                _ => rows.skip(property),
+            })
+        })
     }
 
-    fn read_strip(&mut self, strip: u64, length: Scalar, scalar: Scalar, faces: &mut Faces) -> Result<()> {
-        let count = self.source.next(length).map_err(|e| self.failed(strip, e))? as u64;
+    fn read_strip(&mut self, property: &Property, faces: &mut Faces) -> Result<()> {
         let mut window: Vec<u32> = Vec::with_capacity(3);
         let mut is_turned = false;
-        for _ in 0..count {
-            let index = self.source.next(scalar).map_err(|e| self.failed(strip, e))?;
+        for _ in 0..self.length(property)? {
+            let index = self.next(property.scalar)?;
             if index < 0.0 {
                 window.clear();
                 is_turned = false;
                 continue;
             }
-            let vertex = index as u32;
-            if f64::from(vertex) != index {
-                return Err(index_out_of_range(strip, index as i64, self.vertex_count));
-            }
-            window.push(vertex);
+            window.push(self.vertex(index)?);
             if let [a, b, c] = window[..] {
-                self.end_strip_triangle(if is_turned { [b, a, c] } else { [a, b, c] }, faces);
+                // Strips are stitched together by triangles with a repeated vertex, which mean nothing.
+                if a != b && b != c && c != a {
+                    let first = faces.corners.len();
+                    faces.corners.extend(if is_turned { [b, a, c] } else { [a, b, c] });
+                    faces.end_face(first);
+                }
                 window.remove(0);
                 is_turned = !is_turned;
             }
         }
         Ok(())
     }
-
-    /// Strips are stitched together by triangles with a repeated vertex, which mean nothing.
-    fn end_strip_triangle(&self, [a, b, c]: [u32; 3], faces: &mut Faces) {
-        if a != b && b != c && c != a {
-            let first = faces.corners.len();
-            faces.corners.extend([a, b, c]);
-            faces.end_face(first);
-        }
-    }
-}
-
-/// What stands for 1 in each of the four colour columns.
-fn color_units(element: &Element, slots: &[usize]) -> [f64; 4] {
-    std::array::from_fn(|channel| {
-        let column = slots.iter().position(|&slot| slot == 8 + channel);
-        column.map_or(1.0, |column| element.properties[column].scalar.color_unit())
-    })
-}
-
-fn color(values: [f64; 4], units: [f64; 4]) -> Vec4 {
-    Vec4::from(std::array::from_fn(|channel| (values[channel] / units[channel]) as f32))
 }
 
 // From a PLY file's tables to a model.
@@ -764,104 +761,46 @@ fn color(values: [f64; 4], units: [f64; 4]) -> Vec4 {
 /// Cuts the polygons and spreads attributes over the corners.
 fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> {
     file.check_triangles(content.faces.triangle_count())?;
-    let cut = Cut::new(&content);
+    let mut faces = content.faces.triangulated(&content.positions);
     let mut model = Model::default();
-    spread_attributes(&mut model, &content, &cut);
-    attach_textures(&mut model, file, header, &content.faces, &cut);
-    write_notes(&mut model, &content);
-    model.triangles = match cut.corners {
-        Some(corners) => {
-            corners.chunks_exact(3).map(|c| [0, 1, 2].map(|k| content.faces.corners[c[k] as usize])).collect()
-        }
-        None => content.faces.corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
-    };
+    let count = faces.len();
+    if !content.normals.is_empty() {
+        model.corners.normals = faces.corners.iter().map(|&v| content.normals[v as usize]).collect();
+    }
+    // To the top left origin.
+    let flipped = |uv: Vec2| Vec2::new(uv.x, 1.0 - uv.y);
+    if !faces.corner_uvs.is_empty() {
+        pad(&mut faces.corner_uvs, 3 * count, Vec2::ZERO);
+        model.corners.uv_sets = vec![faces.corner_uvs.iter().map(|&uv| flipped(uv)).collect()];
+    } else if !content.uvs.is_empty() {
+        let uv = |&v: &u32| flipped(content.uvs[v as usize]);
+        model.corners.uv_sets = vec![faces.corners.iter().map(uv).collect()];
+    }
+    let linear = |color_srgb: &Vec4| linear_rgba(color_srgb.truncate(), color_srgb.w);
+    if !content.colors_srgb.is_empty() {
+        let colors: Vec<Vec4> = content.colors_srgb.par_iter().map(linear).collect();
+        model.corners.colors = faces.corners.iter().map(|&v| colors[v as usize]).collect();
+    } else if !faces.colors_srgb.is_empty() {
+        pad(&mut faces.colors_srgb, count, Vec4::ONE);
+        model.corners.colors = faces.colors_srgb.iter().flat_map(|color| [linear(color); 3]).collect();
+    }
+    attach_textures(&mut model, file, header, &mut faces);
+    if faces.short > 0 {
+        let short = counted(faces.short, "face");
+        model.notes.push(format!("skipped {short} with fewer than three corners"));
+    }
+    if !content.skipped_elements.is_empty() {
+        let list = content.skipped_elements.join(", ");
+        model.notes.push(format!("elements that fantex does not use were skipped: {list}"));
+    }
+    model.triangles = faces.corners.as_chunks::<3>().0.to_vec();
     model.positions = content.positions;
     finish(&mut model);
     Ok(model)
 }
 
-/// The triangles that the polygons were cut into.
-struct Cut {
-    /// For every triangle corner its index into [`Faces::corners`]; None where they are the same.
-    corners: Option<Vec<u32>>,
-    /// For every triangle its face; None where they are the same.
-    faces: Option<Vec<u32>>,
-}
-
-impl Cut {
-    fn new(content: &Content) -> Self {
-        let faces = &content.faces;
-        if faces.triangle_count() == faces.len() {
-            return Self { corners: None, faces: None };
-        }
-        let mut corners = Vec::with_capacity(3 * faces.triangle_count());
-        let mut of_triangle = Vec::with_capacity(faces.triangle_count());
-        let mut triangulator = Triangulator::default();
-        let mut outline: Vec<DVec3> = Vec::new();
-        for face in 0..faces.len() {
-            let range = faces.range(face);
-            let first = range.start;
-            outline.clear();
-            outline.extend(faces.corners[range].iter().map(|&v| content.positions[v as usize]));
-            triangulator.triangulate(&outline, |t| {
-                corners.extend(t.map(|k| (first + k) as u32));
-                of_triangle.push(face as u32);
-            });
-        }
-        Self { corners: Some(corners), faces: Some(of_triangle) }
-    }
-
-    /// Values of an array that goes with [`Faces::corners`], for every triangle corner.
-    fn per_corner<T: Copy>(&self, of_face_corner: impl Fn(usize) -> T, corner_count: usize) -> Vec<T> {
-        match &self.corners {
-            Some(corners) => corners.iter().map(|&c| of_face_corner(c as usize)).collect(),
-            None => (0..corner_count).map(of_face_corner).collect(),
-        }
-    }
-
-    /// Values of an array that goes with the faces, for every triangle.
-    fn per_triangle<T>(&self, of_face: impl Fn(usize) -> T, face_count: usize) -> Vec<T> {
-        match &self.faces {
-            Some(faces) => faces.iter().map(|&f| of_face(f as usize)).collect(),
-            None => (0..face_count).map(of_face).collect(),
-        }
-    }
-}
-
-fn spread_attributes(model: &mut Model, content: &Content, cut: &Cut) {
-    let faces = &content.faces;
-    let count = faces.corners.len();
-    let vertex = |corner: usize| faces.corners[corner] as usize;
-    if !content.normals.is_empty() {
-        model.corners.normals = cut.per_corner(|c| content.normals[vertex(c)], count);
-    }
-    if !faces.corner_uvs.is_empty() {
-        let uv = |c| flipped(faces.corner_uvs.get(c).copied().unwrap_or_default());
-        model.corners.uv_sets = vec![cut.per_corner(uv, count)];
-    } else if !content.uvs.is_empty() {
-        model.corners.uv_sets = vec![cut.per_corner(|c| flipped(content.uvs[vertex(c)]), count)];
-    }
-    if !content.colors_srgb.is_empty() {
-        let colors: Vec<Vec4> = content.colors_srgb.par_iter().map(|&c| linear(c)).collect();
-        model.corners.colors = cut.per_corner(|c| colors[vertex(c)], count);
-    } else if !faces.colors_srgb.is_empty() {
-        let of_face = |face| linear(faces.colors_srgb.get(face).copied().unwrap_or(Vec4::ONE));
-        let of_triangle = cut.per_triangle(of_face, faces.len());
-        model.corners.colors = of_triangle.into_iter().flat_map(|color| [color; 3]).collect();
-    }
-}
-
-/// To the top left origin.
-fn flipped(uv: Vec2) -> Vec2 {
-    Vec2::new(uv.x, 1.0 - uv.y)
-}
-
-fn linear(color_srgb: Vec4) -> Vec4 {
-    linear_rgba(color_srgb.truncate(), color_srgb.w)
-}
-
 /// One material per `TextureFile` comment; faces choose by `texnumber`.
-fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces: &Faces, cut: &Cut) {
+fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces: &mut Faces) {
     if header.texture_files.is_empty() || model.corners.uv_sets.is_empty() {
         return;
     }
@@ -885,21 +824,9 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
     }
     if header.texture_files.len() > 1 {
         let last = header.texture_files.len() as i64 - 1;
-        let of_face = |face| faces.textures.get(face).copied().unwrap_or(0).clamp(0, last) as u32;
-        model.triangle_materials = cut.per_triangle(of_face, faces.len());
-    }
-}
-
-fn write_notes(model: &mut Model, content: &Content) {
-    if content.faces.short > 0 {
-        model
-            .notes
-            .push(format!("skipped {} with fewer than three corners", counted(content.faces.short, "face")));
-    }
-    if !content.skipped_elements.is_empty() {
-        model.notes.push(format!(
-            "elements that fantex does not use were skipped: {}",
-            content.skipped_elements.join(", ")
-        ));
+        let count = faces.len();
+        pad(&mut faces.textures, count, 0);
+        model.triangle_materials =
+            faces.textures.iter().map(|t| t.clamp(&0, &last)).map(|&t| t as u32).collect();
     }
 }

@@ -37,20 +37,6 @@ struct Listed {
     camera_from_world: CameraFromWorld,
 }
 
-/// Reads the cameras of a set of photographs, sorted by name.
-///
-/// `path` is a `transforms.json`, or a folder with one, or with a sparse model of COLMAP in it or in its folder `sparse/0` or
-/// `sparse`; binary files go before text. `images` is the folder of the photographs: not given, it is
-/// the folder `images` beside the model, or beside one of the two folders above it, or that of `transforms.json`.
-///
-/// # Errors
-///
-/// The sentence names the file, the place in it and what was expected there. Photographs that are not there are an
-/// error, too; their content is not looked at.
-pub fn read_cameras(path: &Path, images: Option<&Path>) -> Result<Vec<Photograph>> {
-    read_cameras_in(path, images, CameraFrame::default())
-}
-
 /// In which coordinates cameras are wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CameraFrame {
@@ -62,12 +48,17 @@ pub enum CameraFrame {
     Original,
 }
 
-/// As [`read_cameras`], in the coordinates of `frame`.
+/// Reads the cameras of a set of photographs, sorted by name, in the coordinates of `frame`.
+///
+/// `path` is a `transforms.json`, or a folder with one, or with a sparse model of COLMAP in it or in its folder `sparse/0` or
+/// `sparse`; binary files go before text. `images` is the folder of the photographs: not given, it is
+/// the folder `images` beside the model, or beside one of the two folders above it, or that of `transforms.json`.
 ///
 /// # Errors
 ///
-/// As [`read_cameras`].
-pub fn read_cameras_in(path: &Path, images: Option<&Path>, frame: CameraFrame) -> Result<Vec<Photograph>> {
+/// The sentence names the file, the place in it and what was expected there. Photographs that are not there are an
+/// error, too; their content is not looked at.
+pub fn read_cameras(path: &Path, images: Option<&Path>, frame: CameraFrame) -> Result<Vec<Photograph>> {
     let metadata = path.metadata().map_err(|source| Error::reading(path, source))?;
     let mut photographs = match metadata.is_dir() {
         false => transforms::read(path, images, frame)?,
@@ -97,19 +88,19 @@ pub fn read_cameras_in(path: &Path, images: Option<&Path>, frame: CameraFrame) -
 
 fn read_folder(folder: &Path, images: Option<&Path>, frame: CameraFrame) -> Result<Vec<Photograph>> {
     for model in [folder.to_owned(), folder.join("sparse/0"), folder.join("sparse")] {
-        let has = |name: &str| model.join(name).is_file();
-        if has("cameras.bin") && has("images.bin") {
-            let (cameras, images_file) = (model.join("cameras.bin"), model.join("images.bin"));
-            let cameras = colmap::read_binary_cameras(&cameras)?;
-            let listed = colmap::read_binary_images(&images_file, &cameras)?;
-            return located(listed, &cameras, &images_file, &image_folder(&model, images));
-        }
-        if has("cameras.txt") && has("images.txt") {
-            let (cameras, images_file) = (model.join("cameras.txt"), model.join("images.txt"));
-            let cameras = colmap::read_text_cameras(&cameras)?;
-            let listed = colmap::read_text_images(&images_file, &cameras)?;
-            return located(listed, &cameras, &images_file, &image_folder(&model, images));
-        }
+        let [binary, text] =
+            ["bin", "txt"].map(|end| ["cameras", "images"].map(|name| model.join(format!("{name}.{end}"))));
+        let exist = |files: &[PathBuf; 2]| files.iter().all(|file| file.is_file());
+        let (listed, cameras, file) = if exist(&binary) {
+            let cameras = colmap::read_binary_cameras(&binary[0])?;
+            (colmap::read_binary_images(&binary[1], &cameras)?, cameras, &binary[1])
+        } else if exist(&text) {
+            let cameras = colmap::read_text_cameras(&text[0])?;
+            (colmap::read_text_images(&text[1], &cameras)?, cameras, &text[1])
+        } else {
+            continue;
+        };
+        return located(listed, &cameras, file, &image_folder(&model, images));
     }
     match folder.join("transforms.json") {
         file if file.is_file() => transforms::read(&file, images, frame),
@@ -182,13 +173,11 @@ fn open_within(path: &Path, limit: u64) -> Result<std::fs::File> {
     let failed = |source| Error::reading(path, source);
     let file = std::fs::File::open(path).map_err(failed)?;
     let bytes = file.metadata().map_err(failed)?.len();
-    match bytes > limit {
-        true => {
-            let message = format!("{} has {bytes} bytes, more than the limit of {limit}", path.display());
-            Err(Error::too_large(message).with_path(path))
-        }
-        false => Ok(file),
+    if bytes > limit {
+        let message = format!("{} has {bytes} bytes, more than the limit of {limit}", path.display());
+        return Err(Error::too_large(message).with_path(path));
     }
+    Ok(file)
 }
 
 // ---- Camera models by name and number: what their parameters mean.
@@ -225,89 +214,33 @@ fn perspective<const N: usize>(radial: [f64; N], tangential: [f64; 2]) -> Distor
     Distortion::Perspective { radial: all, tangential }
 }
 
-/// The models that are known, with the numbers that binary files use.
+const fn model(
+    name: &'static str,
+    number: i32,
+    parameters: usize,
+    focals: usize,
+    lens: fn(&[f64]) -> Distortion,
+) -> CameraModel {
+    CameraModel { name, number, parameters, two_focals: focals == 2, lens }
+}
+
+/// The models that are known: name, the number that binary files use, parameters, focal lengths, lens.
 pub(crate) const MODELS: [CameraModel; 11] = [
-    CameraModel {
-        name: "SIMPLE_PINHOLE",
-        number: 0,
-        parameters: 3,
-        two_focals: false,
-        lens: |_| Distortion::PINHOLE,
-    },
-    CameraModel {
-        name: "PINHOLE",
-        number: 1,
-        parameters: 4,
-        two_focals: true,
-        lens: |_| Distortion::PINHOLE,
-    },
-    CameraModel {
-        name: "SIMPLE_RADIAL",
-        number: 2,
-        parameters: 4,
-        two_focals: false,
-        lens: |k| perspective([k[0]], [0.0; 2]),
-    },
-    CameraModel {
-        name: "RADIAL",
-        number: 3,
-        parameters: 5,
-        two_focals: false,
-        lens: |k| perspective([k[0], k[1]], [0.0; 2]),
-    },
-    CameraModel {
-        name: "OPENCV",
-        number: 4,
-        parameters: 8,
-        two_focals: true,
-        lens: |k| perspective([k[0], k[1]], [k[2], k[3]]),
-    },
-    CameraModel {
-        name: "OPENCV_FISHEYE",
-        number: 5,
-        parameters: 8,
-        two_focals: true,
-        lens: |k| Distortion::fisheye([k[0], k[1], k[2], k[3]]),
-    },
-    CameraModel {
-        name: "FULL_OPENCV",
-        number: 6,
-        parameters: 12,
-        two_focals: true,
-        lens: |k| perspective([k[0], k[1], k[4], k[5], k[6], k[7]], [k[2], k[3]]),
-    },
-    CameraModel {
-        name: "FOV",
-        number: 7,
-        parameters: 5,
-        two_focals: true,
-        lens: |k| Distortion::FieldOfView { omega: k[0] },
-    },
-    CameraModel {
-        name: "SIMPLE_RADIAL_FISHEYE",
-        number: 8,
-        parameters: 4,
-        two_focals: false,
-        lens: |k| Distortion::fisheye([k[0], 0.0, 0.0, 0.0]),
-    },
-    CameraModel {
-        name: "RADIAL_FISHEYE",
-        number: 9,
-        parameters: 5,
-        two_focals: false,
-        lens: |k| Distortion::fisheye([k[0], k[1], 0.0, 0.0]),
-    },
-    CameraModel {
-        name: "THIN_PRISM_FISHEYE",
-        number: 10,
-        parameters: 12,
-        two_focals: true,
-        lens: |k| Distortion::Fisheye {
-            radial: [k[0], k[1], k[4], k[5]],
-            tangential: [k[2], k[3]],
-            prism: [k[6], k[7]],
-        },
-    },
+    model("SIMPLE_PINHOLE", 0, 3, 1, |_| Distortion::PINHOLE),
+    model("PINHOLE", 1, 4, 2, |_| Distortion::PINHOLE),
+    model("SIMPLE_RADIAL", 2, 4, 1, |k| perspective([k[0]], [0.0; 2])),
+    model("RADIAL", 3, 5, 1, |k| perspective([k[0], k[1]], [0.0; 2])),
+    model("OPENCV", 4, 8, 2, |k| perspective([k[0], k[1]], [k[2], k[3]])),
+    model("OPENCV_FISHEYE", 5, 8, 2, |k| Distortion::fisheye([k[0], k[1], k[2], k[3]])),
+    model("FULL_OPENCV", 6, 12, 2, |k| perspective([k[0], k[1], k[4], k[5], k[6], k[7]], [k[2], k[3]])),
+    model("FOV", 7, 5, 2, |k| Distortion::FieldOfView { omega: k[0] }),
+    model("SIMPLE_RADIAL_FISHEYE", 8, 4, 1, |k| Distortion::fisheye([k[0], 0.0, 0.0, 0.0])),
+    model("RADIAL_FISHEYE", 9, 5, 1, |k| Distortion::fisheye([k[0], k[1], 0.0, 0.0])),
+    model("THIN_PRISM_FISHEYE", 10, 12, 2, |k| Distortion::Fisheye {
+        radial: [k[0], k[1], k[4], k[5]],
+        tangential: [k[2], k[3]],
+        prism: [k[6], k[7]],
+    }),
 ];
 
 fn known_models() -> String {

@@ -3,12 +3,17 @@
 use std::fs;
 use std::path::Path;
 
+use fantex_base::Result;
 use fantex_photos::{
-    CameraFrame, CameraFromWorld, Distortion, Lens, PhotoCamera, Photograph, read_cameras, read_cameras_in,
+    CameraFrame, CameraFromWorld, Distortion, Lens, PhotoCamera, Photograph, read_cameras,
     write_colmap_binary, write_colmap_text, write_transforms,
 };
 use glam::{DMat3, DVec2, DVec3};
 use proptest::prelude::*;
+
+fn cameras_of(path: &Path, images: Option<&Path>) -> Result<Vec<Photograph>> {
+    read_cameras(path, images, CameraFrame::OfFile)
+}
 
 fn lenses() -> [Lens; 3] {
     [
@@ -84,29 +89,29 @@ fn what_is_written_is_read_again() {
     let written = set(&images, &lenses());
     let transforms = root.path().join("transforms.json");
     write_transforms(&transforms, &written, "images").unwrap();
-    assert_alike(&read_cameras(&transforms, None).unwrap(), &written);
-    assert_alike(&read_cameras(root.path(), None).unwrap(), &written);
+    assert_alike(&cameras_of(&transforms, None).unwrap(), &written);
+    assert_alike(&cameras_of(root.path(), None).unwrap(), &written);
     write_colmap_text(&sparse, &written).unwrap();
     for path in [root.path(), &sparse] {
-        assert_alike(&read_cameras(path, None).unwrap(), &written);
+        assert_alike(&cameras_of(path, None).unwrap(), &written);
     }
     // Binary files go before text.
     write_colmap_binary(&sparse, &written).unwrap();
     fs::write(sparse.join("cameras.txt"), "rubbish").unwrap();
-    assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &written);
+    assert_alike(&cameras_of(&sparse, Some(&images)).unwrap(), &written);
     let fisheyes = set(&images, &[Lens::new(Distortion::fisheye([0.1, -0.02, 0.003, 0.0]))]);
     write_transforms(&transforms, &fisheyes, "images").unwrap();
-    assert_alike(&read_cameras(&transforms, None).unwrap(), &fisheyes);
+    assert_alike(&cameras_of(&transforms, None).unwrap(), &fisheyes);
     write_colmap_binary(&sparse, &fisheyes).unwrap();
-    assert_alike(&read_cameras(root.path(), None).unwrap(), &fisheyes);
+    assert_alike(&cameras_of(root.path(), None).unwrap(), &fisheyes);
     let mixed: Vec<_> = [&written[..1], &fisheyes[..1]].concat();
     assert!(write_transforms(&transforms, &mixed, "images").unwrap_err().to_string().contains("fisheyes"));
     let rare = set(&images, &rare_lenses());
     write_colmap_binary(&sparse, &rare).unwrap();
-    assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &rare);
+    assert_alike(&cameras_of(&sparse, Some(&images)).unwrap(), &rare);
     fs::remove_file(sparse.join("cameras.bin")).unwrap();
     write_colmap_text(&sparse, &rare).unwrap();
-    assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &rare);
+    assert_alike(&cameras_of(&sparse, Some(&images)).unwrap(), &rare);
     for photograph in &rare[..2] {
         let refused = write_transforms(&transforms, std::slice::from_ref(photograph), "images");
         assert!(refused.unwrap_err().to_string().contains("thin prisms"));
@@ -125,7 +130,7 @@ fn masks_are_found_where_others_put_them() {
     let masked = |photographs: &[Photograph]| -> Vec<bool> {
         photographs.iter().map(|photograph| photograph.mask.is_some()).collect()
     };
-    let read = read_cameras(root.path(), None).unwrap();
+    let read = cameras_of(root.path(), None).unwrap();
     assert_eq!(masked(&read).iter().filter(|&&is_masked| is_masked).count(), 1);
     assert_eq!(read[1].mask.as_ref().unwrap(), &masks.join("photo 1.png.png"));
     // By name, in a transforms.json.
@@ -134,10 +139,10 @@ fn masks_are_found_where_others_put_them() {
     let mut json: serde_json::Value = serde_json::from_slice(&fs::read(&transforms).unwrap()).unwrap();
     json["frames"][0]["mask_path"] = "masks/photo 1.png.png".into();
     fs::write(&transforms, json.to_string()).unwrap();
-    assert!(masked(&read_cameras(&transforms, None).unwrap())[0]);
+    assert!(masked(&cameras_of(&transforms, None).unwrap())[0]);
     json["frames"][0]["mask_path"] = "masks/none.png".into();
     fs::write(&transforms, json.to_string()).unwrap();
-    let error = read_cameras(&transforms, None).unwrap_err().to_string();
+    let error = cameras_of(&transforms, None).unwrap_err().to_string();
     assert!(error.contains("masks/none.png is missing"), "{error}");
 }
 
@@ -164,16 +169,16 @@ fn an_applied_transform_is_undone_on_request() {
     let text = fs::read_to_string(&path).unwrap();
     let with = |applied: &str| fs::write(&path, text.replacen('{', &format!("{{{applied}"), 1)).unwrap();
     with(r#""applied_transform":[[1,0,0,0],[0,0,1,0],[0,-1,0,2]],"applied_scale":2,"#);
-    assert_alike(&read_cameras(&path, None).unwrap(), &moved);
-    let read = read_cameras_in(root.path(), None, CameraFrame::Original).unwrap();
+    assert_alike(&cameras_of(&path, None).unwrap(), &moved);
+    let read = read_cameras(root.path(), None, CameraFrame::Original).unwrap();
     for (read, original) in read.iter().zip(&original) {
         let (a, b) = (read.camera_from_world, original.camera_from_world);
         assert!((a.eye() - b.eye()).length() < 1e-9, "{} {}", a.eye(), b.eye());
         assert!((a.rotation - b.rotation).to_cols_array().iter().all(|e| e.abs() < 1e-9));
     }
     with(r#""applied_transform":[[2,0,0,0],[0,0,1,0],[0,-1,0,2]],"#);
-    assert!(read_cameras(&path, None).is_ok());
-    let refused = read_cameras_in(&path, None, CameraFrame::Original).unwrap_err().to_string();
+    assert!(cameras_of(&path, None).is_ok());
+    let refused = read_cameras(&path, None, CameraFrame::Original).unwrap_err().to_string();
     assert!(refused.contains("applied_transform is not a rotation"), "{refused}");
 }
 
@@ -191,7 +196,7 @@ fn colmap_texts_are_read_as_they_come() {
         "images.txt",
         "# c\n7 1 0 0 0 0 0 2 3 b 1.jpg\n1.5 2.5 -1 3 4 17\n\n9 0.5 0.5 0.5 0.5 1 2 3 3 a.jpg\n",
     );
-    let read = read_cameras(root.path(), None).unwrap();
+    let read = cameras_of(root.path(), None).unwrap();
     assert_eq!(read.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["a.jpg", "b 1.jpg"]);
     assert_eq!(read[1].camera_from_world.eye(), DVec3::new(0.0, 0.0, -2.0));
     assert_eq!(read[1].camera.focal, DVec2::splat(90.5));
@@ -215,12 +220,12 @@ fn colmap_texts_are_read_as_they_come() {
         fs::write(root.path().join("cameras.txt"), &cameras).unwrap();
         fs::write(root.path().join("images.txt"), &images).unwrap();
         write(file, text);
-        let message = read_cameras(root.path(), None).unwrap_err().to_string();
+        let message = cameras_of(root.path(), None).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
     let empty = tempfile::tempdir().unwrap();
-    assert!(read_cameras(empty.path(), None).unwrap_err().to_string().contains("holds no cameras"));
-    assert!(read_cameras(&empty.path().join("no"), None).unwrap_err().to_string().contains("cannot read"));
+    assert!(cameras_of(empty.path(), None).unwrap_err().to_string().contains("holds no cameras"));
+    assert!(cameras_of(&empty.path().join("no"), None).unwrap_err().to_string().contains("cannot read"));
 }
 
 #[test]
@@ -237,7 +242,7 @@ fn transforms_of_other_programs_are_read() {
             "transform_matrix": {matrix}}}]}}"#
     );
     fs::write(&file, &text).unwrap();
-    let read = read_cameras(&file, None).unwrap();
+    let read = cameras_of(&file, None).unwrap();
     assert!((read[0].camera.focal - 20.0).abs().max_element() < 1e-9);
     assert_eq!(read[0].camera.center, DVec2::new(20.0, 10.0));
     // The camera looks along -z: what is in front of it is seen in the middle, +y above.
@@ -246,10 +251,10 @@ fn transforms_of_other_programs_are_read() {
     let seen = |p: DVec3| read[0].camera.project(pose.rotation * p + pose.translation).unwrap().pixel;
     assert!(seen(DVec3::ZERO).distance(DVec2::new(20.0, 10.0)) < 1e-9);
     assert!(seen(DVec3::Y).y < 10.0 && seen(DVec3::X).x > 20.0);
-    assert_eq!(read_cameras(&file, Some(&root.path().join("train"))).unwrap().len(), 1);
+    assert_eq!(cameras_of(&file, Some(&root.path().join("train"))).unwrap().len(), 1);
     let wrong = |from: &str, to: &str, expected: &str| {
         fs::write(&file, text.replacen(from, to, 1)).unwrap();
-        let message = read_cameras(&file, None).unwrap_err().to_string();
+        let message = cameras_of(&file, None).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     };
     wrong(r#""camera_angle_x": 1.5707963267948966, "#, "", "frame 0: there is no focal length");
@@ -266,7 +271,7 @@ fn transforms_of_other_programs_are_read() {
     wrong("\"frames\"", "\"frame\"", "missing field `frames`");
     wrong("1.57", "oops", "line 1");
     fs::write(&file, r#"{"frames": []}"#).unwrap();
-    assert!(read_cameras(&file, None).unwrap_err().to_string().contains("names no photograph"));
+    assert!(cameras_of(&file, None).unwrap_err().to_string().contains("names no photograph"));
 }
 
 /// A small set as files: names and bytes.
@@ -290,7 +295,7 @@ fn read_damaged(samples: &[(&'static str, Vec<u8>)], name: &str, bytes: &[u8]) -
         let content = if *other == name { bytes } else { content };
         fs::write(root.path().join(other), content).unwrap();
     }
-    match read_cameras(root.path(), None) {
+    match cameras_of(root.path(), None) {
         Ok(photographs) => {
             for photograph in photographs {
                 let camera = photograph.camera;

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::Result;
+use fantex_base::files::folder_of;
 use tempfile::NamedTempFile;
 
 use super::AssetEditor;
@@ -13,7 +14,7 @@ use super::commit::{FileOutput, pages_of_cluster};
 use crate::directory::Attachments;
 use crate::header::SectionRecord;
 use crate::layout::PageSize;
-use crate::writer::{CLUSTER_TARGET_BYTES, NewFile, OpenCluster, folder_of};
+use crate::writer::{CLUSTER_TARGET_BYTES, NewFile, OpenCluster};
 use crate::{Asset, PageId, write_error};
 
 /// What compaction did.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use fantex_bake::Progress;
 use fantex_base::{Error, ErrorKind, Result, counted};
 use fantex_mesh::Material;
-use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras_in};
+use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
 use glam::Vec3;
 
 use super::{Baked, Baker, Budget, Observer};
@@ -53,7 +53,7 @@ impl Baker<'_> {
         mesh.images.clear();
         let mesh = &mesh;
 
-        let photographs = read_cameras_in(&photos.path, photos.images.as_deref(), photos.frame)?;
+        let photographs = read_cameras(&photos.path, photos.images.as_deref(), photos.frame)?;
         let scratch = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let texel_size = match self.budget {
             Budget::Matching => None,

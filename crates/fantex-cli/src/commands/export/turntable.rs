@@ -6,6 +6,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use fantex::base::files::temporary_file;
 use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
 use fantex::scene::world_bounds;
@@ -141,13 +142,7 @@ impl Animation {
     /// Begins a file of `count` pictures of the size of `first`.
     pub(crate) fn new(target: &Path, first: &Image, count: u32, frames_per_second: f64) -> Result<Self> {
         let failed = |error| Error::writing(target, error);
-        let folder =
-            target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        // Temporary files are private by default.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.prefix(".fantex-").tempfile_in(folder).map_err(failed)?;
+        let file = temporary_file(target, "").map_err(failed)?;
         let copy = file.as_file().try_clone().map_err(failed)?;
         let writer = header(first, count, frames_per_second, copy).map_err(|error| failed(error.into()))?;
         Ok(Self { file, writer, target: target.into() })
