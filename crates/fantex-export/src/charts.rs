@@ -10,6 +10,7 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
+use fantex_base::UnionFind;
 use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::{Edges, Mesh};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
@@ -56,7 +57,7 @@ impl Chart {
     }
 
     /// Plane coordinates of a point, mesh units, not negative for points of the chart.
-    pub(crate) fn plane_from_mesh(&self, p_mesh: Vec3) -> Vec2 {
+    fn plane_from_mesh(&self, p_mesh: Vec3) -> Vec2 {
         Vec2::new(p_mesh.dot(self.axes[0]), p_mesh.dot(self.axes[1])) - self.low
     }
 
@@ -98,31 +99,20 @@ pub(crate) fn doubled_area(mesh: &Mesh, triangle: usize) -> f32 {
     facet(mesh, triangle).length()
 }
 
-/// The root of an element in a union-find forest; shortens paths.
-fn root(parents: &mut [u32], mut index: u32) -> u32 {
-    while parents[index as usize] != index {
-        parents[index as usize] = parents[parents[index as usize] as usize];
-        index = parents[index as usize];
-    }
-    index
-}
-
 // ---- The smallest pieces: connected triangles that belong to one group of the cover.
 
 /// An edge that two triangles continue each other across.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Edge {
-    /// The triangles.
-    pub(crate) triangles: [u32; 2],
+struct Edge {
+    triangles: [u32; 2],
     /// Mesh units.
-    pub(crate) length: f32,
+    length: f32,
 }
 
 /// A group that sees a triangle worse than this does not get it.
 const MIN_FACING_OF_GROUP: f32 = 0.3;
 
 /// All edges that triangles [continue](fantex_mesh::continued) each other across, ordered by their vertices.
-pub(crate) fn edges(mesh: &Mesh) -> Vec<Edge> {
+fn edges(mesh: &Mesh) -> Vec<Edge> {
     let shared = Edges::of(&mesh.triangles);
     let of_pairs = |edge: fantex_mesh::Edge<'_>| {
         let [a, b] = edge.vertices().map(|v| mesh.positions[v as usize]);
@@ -141,25 +131,21 @@ fn atoms(mesh: &Mesh, cover: &Cover, edges: &[Edge]) -> Vec<u32> {
         .with_min_len(1 << 12)
         .map(|t| group_of(mesh, cover, t))
         .collect();
-    let mut parents: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    let mut sets = UnionFind::new(mesh.triangles.len());
     for [a, b] in edges.iter().map(|e| e.triangles) {
         if groups[a as usize].is_some() && groups[a as usize] == groups[b as usize] {
-            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
-            parents[a.max(b) as usize] = a.min(b);
+            sets.union(a, b);
         }
     }
-    let mut numbers = vec![u32::MAX; parents.len()];
     let mut count = 0;
-    (0..parents.len() as u32)
-        .map(|t| {
-            let number = &mut numbers[root(&mut parents, t) as usize];
-            if *number == u32::MAX {
-                *number = count;
-                count += 1;
-            }
-            *number
-        })
-        .collect()
+    let mut atoms = Vec::with_capacity(groups.len());
+    for t in 0..groups.len() as u32 {
+        // A set is named by its first triangle.
+        let first = sets.find(t);
+        atoms.push(if first == t { count } else { atoms[first as usize] });
+        count += u32::from(first == t);
+    }
+    atoms
 }
 
 /// The projected group that has most of a triangle's corners and, among those, sees it best. None where no group sees it well.
@@ -336,11 +322,14 @@ impl Joiner {
     }
 
     /// The pieces, in the order of their first triangles.
-    fn patches(mut self, atoms: &[u32]) -> Vec<Patch> {
+    fn patches(self, atoms: &[u32]) -> Vec<Patch> {
         let mut numbers = vec![usize::MAX; self.pieces.len()];
         let mut patches: Vec<Patch> = Vec::new();
         for (t, &atom) in atoms.iter().enumerate() {
-            let piece = root(&mut self.parents, atom) as usize;
+            let mut piece = atom as usize;
+            while self.parents[piece] as usize != piece {
+                piece = self.parents[piece] as usize;
+            }
             if numbers[piece] == usize::MAX {
                 numbers[piece] = patches.len();
                 let direction = self.pieces[piece].facing.normalize_or(Vec3::Z);

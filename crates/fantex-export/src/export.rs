@@ -458,34 +458,29 @@ pub enum ChannelMap {
 }
 
 impl ChannelMap {
+    fn words(self) -> (ChannelKind, &'static str) {
+        match self {
+            Self::BaseColor => (ChannelKind::BaseColor, "base-color"),
+            Self::Opacity => (ChannelKind::BaseColor, "opacity"),
+            Self::Normal => (ChannelKind::Normal, "normal"),
+            Self::OcclusionRoughnessMetallic => (ChannelKind::OcclusionRoughnessMetallic, "orm"),
+            Self::Occlusion => (ChannelKind::OcclusionRoughnessMetallic, "occlusion"),
+            Self::Roughness => (ChannelKind::OcclusionRoughnessMetallic, "roughness"),
+            Self::Metallic => (ChannelKind::OcclusionRoughnessMetallic, "metallic"),
+            Self::Emission => (ChannelKind::Emission, "emission"),
+            Self::Displacement => (ChannelKind::Displacement, "displacement"),
+            Self::Light => (ChannelKind::Light, "light"),
+        }
+    }
+
     /// The channel that it is taken from.
     pub fn channel(self) -> ChannelKind {
-        match self {
-            Self::BaseColor | Self::Opacity => ChannelKind::BaseColor,
-            Self::Normal => ChannelKind::Normal,
-            Self::OcclusionRoughnessMetallic | Self::Occlusion | Self::Roughness | Self::Metallic => {
-                ChannelKind::OcclusionRoughnessMetallic
-            }
-            Self::Emission => ChannelKind::Emission,
-            Self::Displacement => ChannelKind::Displacement,
-            Self::Light => ChannelKind::Light,
-        }
+        self.words().0
     }
 
     /// What it is called in names of files and on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::BaseColor => "base-color",
-            Self::Opacity => "opacity",
-            Self::Normal => "normal",
-            Self::OcclusionRoughnessMetallic => "orm",
-            Self::Occlusion => "occlusion",
-            Self::Roughness => "roughness",
-            Self::Metallic => "metallic",
-            Self::Emission => "emission",
-            Self::Displacement => "displacement",
-            Self::Light => "light",
-        }
+        self.words().1
     }
 }
 

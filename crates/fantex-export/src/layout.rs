@@ -344,9 +344,7 @@ impl Mask {
     /// The blocks within half a block of any triangle. Corners are in blocks and at least half a block inside the rectangle.
     fn around(width: u32, height: u32, triangles: impl Iterator<Item = [Vec2; 3]>) -> Self {
         let mut mask = Self::empty(width, height);
-        for corners in triangles {
-            mask.add(corners);
-        }
+        triangles.for_each(|corners| mask.add(corners));
         mask
     }
 

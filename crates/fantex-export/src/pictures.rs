@@ -211,21 +211,16 @@ impl Packing {
         }
     }
 
-    /// Vulkan's number of the format.
-    fn vk_format(self) -> u32 {
+    /// Vulkan's number of the format, and bytes of a block, or of a texel where there are no blocks.
+    fn numbers(self) -> (u32, u32) {
         match self {
-            Self::Bc7 { is_srgb: false } => 145,
-            Self::Bc7 { is_srgb: true } => 146,
-            Self::Bc5 => 141,
-            Self::Bc4 => 139,
-            Self::R16 => 70,
-            Self::Rgba16F => 97,
+            Self::Bc7 { is_srgb: false } => (145, 16),
+            Self::Bc7 { is_srgb: true } => (146, 16),
+            Self::Bc5 => (141, 16),
+            Self::Bc4 => (139, 8),
+            Self::R16 => (70, 2),
+            Self::Rgba16F => (97, 8),
         }
-    }
-
-    /// Bytes of the numbers that a reader of another byte order would have to swap.
-    fn type_size(self) -> u32 {
-        if self.block_format().is_some() { 1 } else { 2 }
     }
 
     fn block_format(self) -> Option<TexelFormat> {
@@ -237,18 +232,9 @@ impl Packing {
         }
     }
 
-    /// Bytes of a block, or of a texel where there are no blocks.
-    fn unit_bytes(self) -> u32 {
-        match self {
-            Self::Bc7 { .. } | Self::Bc5 => 16,
-            Self::Bc4 | Self::Rgba16F => 8,
-            Self::R16 => 2,
-        }
-    }
-
     fn level_bytes(self, side: u32) -> u64 {
         let units = if self.block_format().is_some() { u64::from(side.div_ceil(4)) } else { u64::from(side) };
-        units * units * u64::from(self.unit_bytes())
+        units * units * u64::from(self.numbers().1)
     }
 
     /// The data format descriptor: a basic block, version 2.
@@ -271,7 +257,7 @@ impl Packing {
             2 | block_bytes << 16,
             model | PRIMARIES_BT709 << 8 | transfer << 16,
             dimensions,
-            self.unit_bytes(),
+            self.numbers().1,
             0,
         ];
         let mut offset = 0;
@@ -419,7 +405,9 @@ impl Ktx2Sink {
         let mut out = BufWriter::new(&self.file);
         out.write_all(b"\xabKTX 20\xbb\r\n\x1a\n")?;
         let side = self.side;
-        let header = [self.packing.vk_format(), self.packing.type_size(), side, side, 0, 0, 1];
+        // Bytes of the numbers that a reader of another byte order would have to swap.
+        let type_size = if self.packing.block_format().is_some() { 1 } else { 2 };
+        let header = [self.packing.numbers().0, type_size, side, side, 0, 0, 1];
         let index = [index_end as u32, descriptor.len() as u32, pairs_at as u32, pairs.len() as u32];
         for word in header.into_iter().chain([packed.len() as u32, ZSTANDARD]).chain(index) {
             out.write_all(&word.to_le_bytes())?;

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use fantex_bake::Progress;
 use fantex_base::Result;
 use fantex_cover::{Cover, Tap, TriangleTiles};
-use fantex_mesh::{Mesh, interpolate};
+use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{ChannelKind, PageCache, Tile, TileId, TileSource, TileTexels};
 use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
@@ -587,8 +587,9 @@ impl<'a> TriangleReader<'a> {
         let reader = &self.slots[tap.slot];
         let mut sum = Vec4::ZERO;
         for offset in reader.offsets {
-            let l = clamped(lambda + self.steps[0] * offset.x + self.steps[1] * offset.y);
-            sum += Vec4::from_array(reader.tiles[map].bilinear(interpolate(tap.corners, l)));
+            let lambda = lambda + self.steps[0] * offset.x + self.steps[1] * offset.y;
+            let at = SurfacePoint { lambda, ..SurfacePoint::default() }.clamped();
+            sum += Vec4::from_array(reader.tiles[map].bilinear(at.interpolate(tap.corners)));
         }
         sum / reader.offsets.len() as f32
     }
@@ -599,12 +600,6 @@ impl<'a> TriangleReader<'a> {
         let relative = frame.relative(n_mesh.normalize_or(vertex_normal)).unwrap_or(Vec3::Z);
         (relative * 0.5 + 0.5).extend(1.0)
     }
-}
-
-/// The nearest barycentric coordinates on the triangle, roughly.
-fn clamped(lambda: Vec3) -> Vec3 {
-    let inside = lambda.max(Vec3::ZERO);
-    inside / inside.element_sum().max(f32::MIN_POSITIVE)
 }
 
 /// Change of the barycentric coordinates per texel to the right and downwards.

@@ -118,17 +118,12 @@ impl World {
     fn new(options: &LandscapeOptions, step: f32) -> Self {
         let cubes = (SIZE / step).round().max(8.0);
         let step = SIZE / cubes;
-        let ground = HeightMap::new(options.seed, SIZE, step);
+        let ground = HeightMap::new(options.seed, step);
         let range = ground.range();
         let blend = (0.6 * step).max(5.0);
-        let coarse_ground = HeightMap::new(options.seed, SIZE, SIZE / REFERENCE);
-        let site = Site {
-            ground: &coarse_ground,
-            size: SIZE,
-            least_radius: 1.3 * step,
-            reach: blend,
-            seed: options.seed,
-        };
+        let coarse_ground = HeightMap::new(options.seed, SIZE / REFERENCE);
+        let site =
+            Site { ground: &coarse_ground, least_radius: 1.3 * step, reach: blend, seed: options.seed };
         let tunnels = site.tunnels(options.tunnels);
         let arches = site.arches(options.arches, &tunnels);
         let height = range.1 + 60.0 - FLOOR;
@@ -136,8 +131,7 @@ impl World {
         let origin = Vec3::new(-0.5 * SIZE, FLOOR, -0.5 * SIZE) - 0.5 * step;
         let cubes = UVec3::new(cubes as u32 + 1, (height / step).ceil() as u32 + 1, cubes as u32 + 1);
         let overhangs = Overhangs::new(options.seed);
-        let half_size = 0.5 * SIZE;
-        let density = Density { half_size, floor: FLOOR, ground, range, tunnels, arches, blend, overhangs };
+        let density = Density { ground, range, tunnels, arches, blend, overhangs };
         Self { density, lattice: Lattice { origin, step, cubes } }
     }
 
@@ -213,10 +207,6 @@ const OVERHANG_SIZE: Vec3 = Vec3::new(46.0, 19.0, 46.0);
 
 /// The solid between floor, walls and ground, with overhangs, tunnels and arches.
 struct Density {
-    /// Half the side of the world's square, metres.
-    half_size: f32,
-    /// Altitude of the floor, metres.
-    floor: f32,
     /// The ground before anything is pushed out, carved or added.
     ground: HeightMap,
     /// Lowest and highest ground, metres.
@@ -263,7 +253,7 @@ impl Overhangs {
 impl Density {
     /// Density at a point in metres (y up); near the surface about the distance to it in metres.
     fn at(&self, p: Vec3) -> f32 {
-        let walls = (self.half_size - p.x.abs()).min(self.half_size - p.z.abs()).min(p.y - self.floor);
+        let walls = (0.5 * SIZE - p.x.abs()).min(0.5 * SIZE - p.z.abs()).min(p.y - FLOOR);
         if walls < 0.0 {
             return walls;
         }
@@ -339,8 +329,6 @@ impl Tube {
 struct Site<'a> {
     /// The ground, at a resolution that does not depend on the lattice's, so that every lattice gets the same tubes.
     ground: &'a HeightMap,
-    /// Side of the world's square, metres.
-    size: f32,
     /// Tubes thinner than this (radius, metres) would be lost between lattice points.
     least_radius: f32,
     /// How far tubes blend into the rock, metres.
@@ -369,7 +357,7 @@ impl Site<'_> {
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut chosen: Vec<Tube> = Vec::new();
         for (_, tube) in candidates {
-            let is_apart = |other: &Tube| other.middle().distance(tube.middle()) > 0.17 * self.size;
+            let is_apart = |other: &Tube| other.middle().distance(tube.middle()) > 0.17 * SIZE;
             if (chosen.len() as u32) < count && chosen.iter().chain(others).all(is_apart) {
                 chosen.push(tube);
             }
@@ -403,7 +391,7 @@ impl Site<'_> {
             .map(|n| curve(start + NODE * n as f32))
             .map(|p| (p, radius * (1.0 + 0.22 * random.at3(p / 21.0))))
             .collect();
-        let inside = |(p, _): &(Vec3, f32)| p.abs().max_element() < 0.47 * self.size;
+        let inside = |(p, _): &(Vec3, f32)| p.abs().max_element() < 0.47 * SIZE;
         let rock = nodes.iter().filter(|(p, r)| clearance(*p) < -1.6 * r).count() as f32 * NODE;
         let is_sound = nodes.iter().all(inside) && rock > 2.0 * radius && altitude > radius + 8.0;
         // Long enough to be a tunnel, short enough to see light; mouths low on the mountain's front.
@@ -452,7 +440,7 @@ impl Site<'_> {
 
     /// A point of the square around the middle, `share` of the side to each direction.
     fn place(&self, x: f32, z: f32, share: f32) -> Vec2 {
-        (2.0 * Vec2::new(x, z) - 1.0) * share * self.size
+        (2.0 * Vec2::new(x, z) - 1.0) * share * SIZE
     }
 }
 
@@ -474,11 +462,11 @@ struct HeightMap {
 }
 
 impl HeightMap {
-    /// Samples the ground of a seed on a square of `size` metres around the origin with about `step` metres distance.
-    fn new(seed: u64, size: f32, step: f32) -> Self {
-        let side = (size / step).ceil() as usize + 3;
+    /// Samples the ground of a seed with about `step` metres distance.
+    fn new(seed: u64, step: f32) -> Self {
+        let side = (SIZE / step).ceil() as usize + 3;
         let origin = Vec2::splat(-0.5 * step * (side - 1) as f32);
-        let ground = Ground::new(seed, size, step);
+        let ground = Ground::new(seed, step);
         let heights = (0..side * side)
             .into_par_iter()
             .with_min_len(1 << 10)
@@ -507,7 +495,6 @@ impl HeightMap {
 
 /// The function behind the map.
 struct Ground {
-    size: f32,
     /// Octaves of the mountains, as many as the lattice can hold.
     octaves: u32,
     warp: [Noise; 2],
@@ -519,12 +506,11 @@ struct Ground {
 }
 
 impl Ground {
-    fn new(seed: u64, size: f32, step: f32) -> Self {
+    fn new(seed: u64, step: f32) -> Self {
         let noise = |stream| Noise::new(seed, stream);
         // Ridges of the first octave are about a fifth of the world apart; those of the last span about two samples.
-        let octaves = ((size / 6.4 / step).log2().ceil().max(3.0) as u32).min(10);
+        let octaves = ((SIZE / 6.4 / step).log2().ceil().max(3.0) as u32).min(10);
         Self {
-            size,
             octaves,
             warp: [noise(1), noise(2)],
             ridges: noise(3),
@@ -537,7 +523,7 @@ impl Ground {
 
     /// Height in metres at (x, z).
     fn height(&self, p: Vec2) -> f32 {
-        let q = p / self.size;
+        let q = p / SIZE;
         let bend = Vec2::new(self.warp[0].fbm2(q * 3.0, 3), self.warp[1].fbm2(q * 3.0, 3));
         let warped = q + 0.07 * bend;
         let massif = self.massif(q, warped);
@@ -631,7 +617,7 @@ impl Noise {
             let h = self.hash(x.wrapping_add(dx), y.wrapping_add(dy), 0);
             gradient2(h).dot(f - Vec2::new(dx as f32, dy as f32))
         };
-        let u = fade2(f);
+        let u = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
         let (low, high) = (lerp(corner(0, 0), corner(1, 0), u.x), lerp(corner(0, 1), corner(1, 1), u.x));
         lerp(low, high, u.y)
     }
@@ -688,13 +674,8 @@ fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Linear interpolation.
 fn lerp(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
-}
-
-fn fade2(f: Vec2) -> Vec2 {
-    f * f * f * (f * (f * 6.0 - 15.0) + 10.0)
 }
 
 /// One of 16 unit directions.

@@ -90,25 +90,23 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
 ///
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model> {
-    let detected = detect(path, bytes)?;
+    let (format, note) = detect(path, bytes)?;
     let file = SourceFile { path, bytes, limits: options.limits };
-    let mut model = match detected.format {
-        ModelFormat::Gltf | ModelFormat::Glb => gltf::load(&file, detected.format)?,
+    let mut model = match format {
+        ModelFormat::Gltf | ModelFormat::Glb => gltf::load(&file, format)?,
         ModelFormat::Obj => obj::load(&file)?,
         ModelFormat::Ply => ply::load(&file)?,
         ModelFormat::Stl => stl::load(&file)?,
     };
     if model.triangles.is_empty() {
         let positions = counted(model.positions.len(), "position");
-        let notes = match model.notes.is_empty() {
-            true => String::new(),
-            false => format!(" ({})", model.notes.join("; ")),
-        };
+        let notes = model.notes.join("; ");
+        let notes = if notes.is_empty() { notes } else { format!(" ({notes})") };
         let sentence = format!("holds no triangles, only {positions}{notes}");
         return Err(about(path, ErrorKind::Malformed, sentence));
     }
     model.name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    model.notes.splice(0..0, detected.note);
+    model.notes.splice(0..0, note);
     Ok(model)
 }
 
@@ -199,15 +197,20 @@ impl ModelFormat {
     /// All formats.
     pub const ALL: [Self; 5] = [Self::Gltf, Self::Glb, Self::Obj, Self::Ply, Self::Stl];
 
+    /// Extension, name with its article.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Gltf => ("gltf", "a glTF"),
+            Self::Glb => ("glb", "a GLB"),
+            Self::Obj => ("obj", "an OBJ"),
+            Self::Ply => ("ply", "a PLY"),
+            Self::Stl => ("stl", "an STL"),
+        }
+    }
+
     /// The usual extension, lower case, without a dot.
     pub fn extension(self) -> &'static str {
-        match self {
-            Self::Gltf => "gltf",
-            Self::Glb => "glb",
-            Self::Obj => "obj",
-            Self::Ply => "ply",
-            Self::Stl => "stl",
-        }
+        self.words().0
     }
 
     /// The format that a path's extension names, in upper or lower case.
@@ -217,37 +220,18 @@ impl ModelFormat {
     }
 
     fn with_article(self) -> &'static str {
-        match self {
-            Self::Gltf => "a glTF",
-            Self::Glb => "a GLB",
-            Self::Obj => "an OBJ",
-            Self::Ply => "a PLY",
-            Self::Stl => "an STL",
-        }
+        self.words().1
     }
 }
 
 impl fmt::Display for ModelFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Gltf => "glTF",
-            Self::Glb => "GLB",
-            Self::Obj => "OBJ",
-            Self::Ply => "PLY",
-            Self::Stl => "STL",
-        })
+        f.write_str(self.with_article().split_once(' ').map_or("", |(_, name)| name))
     }
 }
 
-/// What [`detect`] found.
-struct Detected {
-    format: ModelFormat,
-    /// Set where the extension names another format than the content.
-    note: Option<String>,
-}
-
-/// Names the format of a file: by its content where that is recognisable, else by its extension.
-fn detect(path: &Path, bytes: &[u8]) -> Result<Detected> {
+/// The format of a file, by its content where that is recognisable, else by its extension; and a note where the two disagree.
+fn detect(path: &Path, bytes: &[u8]) -> Result<(ModelFormat, Option<String>)> {
     if bytes.is_empty() {
         return Err(about(path, ErrorKind::Malformed, "is empty"));
     }
@@ -259,7 +243,7 @@ fn detect(path: &Path, bytes: &[u8]) -> Result<Detected> {
                 n.with_article()
             )
         });
-        return Ok(Detected { format, note });
+        return Ok((format, note));
     }
     if let Some(found) = foreign_kind(bytes) {
         let sentence =
@@ -275,7 +259,7 @@ fn detect(path: &Path, bytes: &[u8]) -> Result<Detected> {
             return Err(about(path, ErrorKind::Unsupported, sentence));
         }
     };
-    Ok(Detected { format, note: None })
+    Ok((format, None))
 }
 
 /// GLB in a `.gltf` file and the reverse are so common that they deserve no note.

@@ -11,14 +11,8 @@ use super::schema::{Accessor, Buffer, Root, Sparse};
 use super::{Document, get};
 use crate::load::{SourceFile, locate, read_companion};
 
-/// The parts of a GLB file.
-pub(super) struct Container<'a> {
-    pub(super) json: &'a [u8],
-    pub(super) binary: Option<&'a [u8]>,
-}
-
-/// Splits a GLB file. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
-pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>> {
+/// Splits a GLB file into its JSON and its binary data. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
+pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>)> {
     let version = read_u32(bytes, 4).ok_or_else(|| damaged(4, "the container's version"))?;
     if version != 2 {
         let sentence = format!("it is a GLB container of version {version}, but fantex reads version 2");
@@ -39,7 +33,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>> {
         binary = (kind == b"BIN\0").then_some(content);
         offset = end;
     }
-    Ok(Container { json, binary })
+    Ok((json, binary))
 }
 
 /// Kind, content and end of the chunk at `offset`.
@@ -273,7 +267,7 @@ pub(super) struct Reader<'a> {
     accessor: &'a Accessor,
     component: Component,
     /// Numbers per element.
-    width: usize,
+    pub(super) width: usize,
 }
 
 impl<'a> Reader<'a> {
@@ -290,7 +284,7 @@ impl<'a> Reader<'a> {
             // Matrices serve skins and animations only, which are not read.
             _ => 0,
         };
-        let limits = document.limits();
+        let limits = &document.file.limits;
         let limit = match accessor.buffer_view {
             Some(_) => limits.max_positions.max(limits.max_triangles.saturating_mul(3)),
             None => MAX_ZEROED_ELEMENTS,
@@ -306,11 +300,6 @@ impl<'a> Reader<'a> {
     /// Number of elements.
     pub(super) fn count(&self) -> usize {
         self.accessor.count
-    }
-
-    /// Numbers per element.
-    pub(super) fn width(&self) -> usize {
-        self.width
     }
 
     /// Elements of `N` numbers. Integers are divided by their largest value where the accessor says so, or where

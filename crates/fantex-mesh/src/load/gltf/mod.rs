@@ -13,14 +13,12 @@
 mod data;
 mod schema;
 
-use std::path::Path;
-
 use data::{Buffers, NO_DATA, Reader, Target, resolve};
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
 use schema::{Accessor, Instancing, Node, Primitive, Root};
 
-use crate::load::{LoadLimits, SourceFile, finish, pad};
+use crate::load::{SourceFile, finish, pad};
 use crate::{AlphaMode, ImageSource, Material, Model, ModelFormat, TextureRef, WrapMode};
 
 /// Loads a glTF or GLB file: the default scene with all its nodes.
@@ -34,10 +32,7 @@ pub(super) fn load(file: &SourceFile, format: ModelFormat) -> Result<Model> {
 
 fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     let (json, binary) = match format {
-        ModelFormat::Glb => {
-            let container = data::split(file.bytes)?;
-            (container.json, container.binary)
-        }
+        ModelFormat::Glb => data::split(file.bytes)?,
         _ => (file.bytes, None),
     };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
@@ -61,16 +56,6 @@ struct Document<'a> {
     root: &'a Root,
     buffers: Buffers<'a>,
     file: &'a SourceFile<'a>,
-}
-
-impl Document<'_> {
-    fn folder(&self) -> &Path {
-        self.file.folder()
-    }
-
-    fn limits(&self) -> &LoadLimits {
-        &self.file.limits
-    }
 }
 
 /// Follows a reference; `from` says where it stands, for the message.
@@ -536,15 +521,11 @@ impl Attributes<'_> {
     fn read_colors(&self, document: &Document) -> Result<Option<Vec<Vec4>>> {
         const EXPECTED: &str = "three or four floats or integers";
         let Some(reader) = self.reader(document, "COLOR_0")? else { return Ok(None) };
-        let colors = match reader.width() {
-            3 => reader
-                .read_floats("COLOR_0", EXPECTED, true)?
-                .into_iter()
-                .map(|c| Vec3::from(c).extend(1.0))
-                .collect(),
+        let opaque = |rgb| Vec3::from(rgb).extend(1.0);
+        Ok(Some(match reader.width {
+            3 => reader.read_floats("COLOR_0", EXPECTED, true)?.into_iter().map(opaque).collect(),
             _ => reader.read_floats("COLOR_0", EXPECTED, true)?.into_iter().map(Vec4::from_array).collect(),
-        };
-        Ok(Some(colors))
+        }))
     }
 
     /// From one value per vertex to one per corner.
@@ -605,7 +586,7 @@ fn load_image(document: &Document, index: usize, image: &schema::Image) -> Resul
         return Ok(embedded(document.buffers.view(view, || format!("image {index}"))?));
     }
     let target = match &image.uri {
-        Some(uri) => resolve(uri, document.folder()),
+        Some(uri) => resolve(uri, document.file.folder()),
         None => Err(Error::malformed(NO_DATA)),
     };
     match target.map_err(|error| error.context(format!("image {index}")))? {
