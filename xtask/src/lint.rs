@@ -7,7 +7,7 @@ use crate::crates;
 use crate::shell::{self, Failure, capture, cargo, cargo_command, root};
 
 /// A source file longer than this has more than one subject.
-const MAX_FILE_LINES: usize = 1000;
+const MAX_FILE_LINES: usize = 900;
 
 /// A source file shorter than this seldom holds a whole one.
 const MIN_FILE_LINES: usize = 40;

@@ -467,3 +467,18 @@ fn polynomials_do_not_fold_back() {
     assert!(Lens::new(Distortion::fisheye([0.0; 4])).project(DVec3::new(1.0, 0.0, -0.2)).is_some());
     assert_eq!(Lens::new(Distortion::fisheye([0.0; 4])).project(DVec3::NEG_Z), None);
 }
+
+#[test]
+fn cameras_look_where_they_are_told_to() {
+    let pose =
+        CameraFromWorld::looking_at(DVec3::new(0.0, 1.0, 5.0), DVec3::new(0.0, 1.0, 0.0), DVec3::Y);
+    assert!((pose.eye() - DVec3::new(0.0, 1.0, 5.0)).length() < 1e-12);
+    assert!((pose.rotation.determinant() - 1.0).abs() < 1e-12);
+    let seen = |p: DVec3| {
+        let camera = PhotoCamera::pinhole([200, 100], 100.0);
+        camera.project(pose.rotation * p + pose.translation).unwrap().pixel
+    };
+    assert!((seen(DVec3::new(0.0, 1.0, 0.0)) - DVec2::new(100.0, 50.0)).length() < 1e-9);
+    assert!(seen(DVec3::new(1.0, 1.0, 0.0)).x > 100.0, "+x is on the right of a camera on +z");
+    assert!(seen(DVec3::new(0.0, 2.0, 0.0)).y < 50.0, "up is up");
+}
