@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fantex::bake::Progress;
-use fantex::base::files::exists;
+use fantex::base::files::{exists, folder_of};
 use fantex::look::ResolveOptions;
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -120,7 +120,7 @@ impl Context {
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(path);
         if !folder.is_dir() {
             let (path, folder) = (path.display(), folder.display());
             return Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")));

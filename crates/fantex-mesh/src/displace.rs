@@ -53,7 +53,7 @@ pub fn displace(
     let vertices = displaced_vertices(mesh, &height)?;
     let mut tessellation = Tessellation { vertices, pieces: whole_triangles(mesh), height: &height };
     let mut rounds = 0;
-    while tessellation.refine(&options.refinement, options.max_triangles)? > 0 {
+    while tessellation.refine(options.refinement.limits(), options.max_triangles)? > 0 {
         rounds += 1;
     }
     let model = model_of(mesh, tessellation.vertices, tessellation.pieces);
@@ -159,28 +159,24 @@ impl Refinement {
     /// The shortest edge that can be asked for, mesh units: single precision must tell its middle from its ends.
     pub const MIN_EDGE: f32 = 1.0 / (1 << 18) as f32;
 
-    /// The finest length that is asked for.
-    fn shortest(&self) -> f32 {
+    fn limits(&self) -> Limits {
         match *self {
-            Self::Uniform { longest_edge } => longest_edge,
-            Self::Adaptive { shortest_edge, .. } => shortest_edge,
+            Self::Uniform { longest_edge } => {
+                Limits { longest: longest_edge, shortest: longest_edge, tolerance: f32::INFINITY }
+            }
+            Self::Adaptive { longest_edge, shortest_edge, tolerance } => {
+                Limits { longest: longest_edge, shortest: shortest_edge, tolerance }
+            }
         }
     }
+}
 
-    /// All longer edges are cut.
-    fn longest(&self) -> f32 {
-        match *self {
-            Self::Uniform { longest_edge } | Self::Adaptive { longest_edge, .. } => longest_edge,
-        }
-    }
-
-    /// Largest deviation of the displaced surface from an edge.
-    fn tolerance(&self) -> f32 {
-        match *self {
-            Self::Uniform { .. } => f32::INFINITY,
-            Self::Adaptive { tolerance, .. } => tolerance,
-        }
-    }
+/// A [`Refinement`] of either kind.
+#[derive(Clone, Copy)]
+struct Limits {
+    longest: f32,
+    shortest: f32,
+    tolerance: f32,
 }
 
 /// How to displace.
@@ -217,7 +213,7 @@ impl DisplaceOptions {
             false => Err(Error::invalid(format!("{what} is {value}, but must be {allowed}"))),
         };
         let length = |x: f32| x.is_finite() && x >= Refinement::MIN_EDGE;
-        let longest = self.refinement.longest();
+        let longest = self.refinement.limits().longest;
         in_range("longest_edge", longest, length(longest), "a length of at least 2^-18 mesh units")?;
         if let Refinement::Adaptive { shortest_edge, tolerance, .. } = self.refinement {
             let good = length(shortest_edge) && shortest_edge <= longest;
@@ -298,14 +294,14 @@ type Side = (u64, u32);
 
 impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
     /// Cuts once all edges that need it; returns how many.
-    fn refine(&mut self, refinement: &Refinement, max_triangles: u64) -> Result<usize> {
+    fn refine(&mut self, limits: Limits, max_triangles: u64) -> Result<usize> {
         // Step 1: the sides that may be cut, those of one edge next to each other.
-        let mut sides = self.long_sides(refinement.shortest());
+        let mut sides = self.long_sides(limits.shortest);
         sides.par_sort_unstable();
 
         // Step 2: decide edge by edge, then for the longest sides of pieces with a cut side.
         let edges: Vec<&[Side]> = sides.chunk_by(|a, b| a.0 == b.0).collect();
-        let decide = |edge: &&[Side]| self.is_to_be_cut(edge, refinement);
+        let decide = |edge: &&[Side]| self.is_to_be_cut(edge, limits);
         let mut is_cut = edges.par_iter().with_min_len(256).map(decide).collect::<Result<Vec<bool>>>()?;
         self.cut_longest_sides(&edges, &mut is_cut);
 
@@ -313,7 +309,7 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
         let cut: Vec<&[Side]> = edges.iter().zip(&is_cut).filter(|e| *e.1).map(|e| *e.0).collect();
         let needed = (self.pieces.len() + cut.iter().map(|edge| edge.len()).sum::<usize>()) as u64;
         if needed > max_triangles {
-            let shortest_edge = refinement.shortest();
+            let shortest_edge = limits.shortest;
             return Err(Error::too_large(format!(
                 "cutting edges to {shortest_edge} mesh units takes at least {needed} triangles, but max_triangles is \
                  {max_triangles}; choose longer edges"
@@ -392,18 +388,18 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
 
     /// Whether an edge is too long, or the displaced surface along it too far from straight; `sides` are those of all its
     /// pieces, ascending.
-    fn is_to_be_cut(&self, sides: &[Side], refinement: &Refinement) -> Result<bool> {
+    fn is_to_be_cut(&self, sides: &[Side], limits: Limits) -> Result<bool> {
         let [a, b] = self.end_vertices(sides);
-        if a.position.distance(b.position) > refinement.longest() {
+        if a.position.distance(b.position) > limits.longest {
             return Ok(true);
         }
-        if refinement.tolerance() == f32::INFINITY {
+        if limits.tolerance == f32::INFINITY {
             return Ok(false);
         }
         let (from, to) = (a.displaced(), b.displaced());
         for at in PROBES {
             let vertex = self.on_edge(sides, at)?;
-            if vertex.displaced().distance(from.lerp(to, at)) > refinement.tolerance() {
+            if vertex.displaced().distance(from.lerp(to, at)) > limits.tolerance {
                 return Ok(true);
             }
         }

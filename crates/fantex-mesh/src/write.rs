@@ -49,12 +49,12 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
                 let why = format!("the model takes {bytes} bytes, but a GLB file holds 4 GiB; use .ply");
                 refused(path, ErrorKind::TooLarge, why)
             };
-            Some(Layout::new(geometry).map_err(too_large)?)
+            Some(glb_layout(geometry).map_err(too_large)?)
         }
         _ => None,
     };
     write_atomically(path, force, |out| match (&container, format) {
-        (Some(layout), _) => write_glb(geometry, layout, out),
+        (Some((origin, header)), _) => write_glb(geometry, *origin, header, out),
         (None, ModelFormat::Ply) => write_ply(geometry, out),
         (None, _) => write_obj(geometry, out),
     })
@@ -155,40 +155,24 @@ impl GlbHeader {
     }
 }
 
-/// Where everything lies in the file.
-struct Layout {
-    /// glTF positions are floats. Where these are too coarse, they are taken relative to this point, which becomes the
-    /// node's translation.
-    origin: DVec3,
-    header: GlbHeader,
-}
-
-impl Layout {
-    /// Lays a file out; fails with its size in bytes if that exceeds 4 GiB.
-    fn new(geometry: &WriteGeometry) -> Result<Self, u64> {
-        let origin = match fits_single_precision(geometry.positions) {
-            true => DVec3::ZERO,
-            // The centre of the bounding box.
-            false => {
-                let (low, high) = geometry
-                    .positions
-                    .iter()
-                    .fold((DVec3::MAX, DVec3::MIN), |(low, high), &p| (low.min(p), high.max(p)));
-                low + (high - low) * 0.5
-            }
-        };
-        let vertices = geometry.positions.len() as u64;
-        let position_bytes = 12 * vertices;
-        let color_bytes = if geometry.colors.is_some() { 16 * vertices } else { 0 };
-        let index_bytes = 12 * geometry.triangles.len() as u64;
-        let binary_bytes = position_bytes + color_bytes + index_bytes;
-        let json = describe(geometry, origin, [position_bytes, color_bytes, index_bytes]);
-        Ok(Self { origin, header: GlbHeader::new(json, binary_bytes)? })
+/// The origin of the positions, and what comes before the binary data; fails with the file's size in bytes if that exceeds 4 GiB.
+///
+/// glTF positions are floats. Where these are too coarse, they are taken relative to the centre of the bounding box, which
+/// becomes the node's translation.
+fn glb_layout(geometry: &WriteGeometry) -> Result<(DVec3, GlbHeader), u64> {
+    let mut origin = DVec3::ZERO;
+    if !fits_single_precision(geometry.positions) {
+        let (low, high) = geometry
+            .positions
+            .iter()
+            .fold((DVec3::MAX, DVec3::MIN), |(low, high), &p| (low.min(p), high.max(p)));
+        origin = low + (high - low) * 0.5;
     }
-
-    fn position(&self, world: DVec3) -> Vec3 {
-        (world - self.origin).as_vec3()
-    }
+    let vertices = geometry.positions.len() as u64;
+    let color_bytes = if geometry.colors.is_some() { 16 * vertices } else { 0 };
+    let sections = [12 * vertices, color_bytes, 12 * geometry.triangles.len() as u64];
+    let json = describe(geometry, origin, sections);
+    Ok((origin, GlbHeader::new(json, sections.iter().sum())?))
 }
 
 /// The JSON text. Binary data are positions, colours, indices, in this order.
@@ -232,10 +216,15 @@ fn describe(geometry: &WriteGeometry, origin: DVec3, [positions, colors, indices
 }
 
 /// Writes header, JSON chunk and binary chunk.
-fn write_glb(geometry: &WriteGeometry, layout: &Layout, out: &mut impl Write) -> io::Result<()> {
-    layout.header.write(out)?;
+fn write_glb(
+    geometry: &WriteGeometry,
+    origin: DVec3,
+    header: &GlbHeader,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    header.write(out)?;
     for position in geometry.positions {
-        write_floats(&layout.position(*position).to_array(), out)?;
+        write_floats(&(*position - origin).as_vec3().to_array(), out)?;
     }
     for color in geometry.colors.unwrap_or_default() {
         write_floats(&color.to_array(), out)?;

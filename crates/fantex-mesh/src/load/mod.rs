@@ -340,6 +340,36 @@ fn looks_like_obj(bytes: &[u8]) -> bool {
         .is_some_and(|word| [&b"v"[..], b"vt", b"vn", b"o", b"g", b"mtllib", b"usemtl"].contains(&word))
 }
 
+/// The words of a text, and on which line the last one is.
+struct Words<'a> {
+    rest: &'a [u8],
+    /// From 1.
+    line: usize,
+}
+
+impl<'a> Words<'a> {
+    /// The next run of bytes that are not white space.
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let start = self.rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(self.rest.len());
+        self.line += self.rest[..start].iter().filter(|&&b| b == b'\n').count();
+        let text = &self.rest[start..];
+        let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+        self.rest = &text[end..];
+        (end > 0).then_some(&text[..end])
+    }
+}
+
+/// A piece of a file for a message, shortened.
+fn shown(word: &[u8]) -> String {
+    String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned()
+}
+
+/// A word as a number.
+fn parsed<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
+    // Rust's own parser rounds correctly and takes "nan" and "inf", which cleaning deals with.
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
 // Files that a model names: where they are, and their bytes.
 
 /// Reads a file that a model names. Only regular files: a path from a file must not make us read a device.

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use fantex_base::{Error, Result};
 use glam::{Mat3, Vec2, Vec3};
 
-use super::obj::{at_line, line_end, not_a_number, number, shown, too_few_numbers, words};
-use crate::load::{SourceFile, linear_rgba, locate, read_companion, relative_path};
+use super::obj::{at_line, line_end, not_a_number, number, too_few_numbers, words};
+use crate::load::{SourceFile, linear_rgba, locate, read_companion, relative_path, shown};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
 /// The materials of all libraries of an OBJ file.

@@ -15,7 +15,7 @@ use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::load::polygon::Triangulator;
-use crate::load::{SourceFile, finish, linear_rgba, locate, pad, relative_path};
+use crate::load::{SourceFile, Words, finish, linear_rgba, locate, pad, parsed, relative_path, shown};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 /// Loads a PLY file.
@@ -290,35 +290,14 @@ impl<const BIG: bool> NumberSource for Binary<'_, BIG> {
     }
 }
 
-/// Numbers as words.
-struct Ascii<'a> {
-    rest: &'a [u8],
-    line: usize,
-}
-
-impl<'a> Ascii<'a> {
-    fn word(&mut self) -> Result<&'a [u8], SourceError> {
-        let start = self.rest.iter().position(|b| !b.is_ascii_whitespace()).ok_or(SourceError::End)?;
-        self.line += self.rest[..start].iter().filter(|&&b| b == b'\n').count();
-        let text = &self.rest[start..];
-        let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
-        self.rest = &text[end..];
-        Ok(&text[..end])
-    }
-}
-
-impl NumberSource for Ascii<'_> {
+impl NumberSource for Words<'_> {
     fn next(&mut self, _: Scalar) -> Result<f64, SourceError> {
-        let word = self.word()?;
-        let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
-        parsed.ok_or_else(|| {
-            let shown = String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
-            SourceError::NotANumber(self.line, shown)
-        })
+        let word = self.next().ok_or(SourceError::End)?;
+        parsed(word).ok_or_else(|| SourceError::NotANumber(self.line, shown(word)))
     }
 
     fn skip(&mut self, _: Scalar, count: u64) -> Result<(), SourceError> {
-        (0..count).try_for_each(|_| self.word().map(|_| ()))
+        (0..count).try_for_each(|_| self.next().map(|_| ()).ok_or(SourceError::End))
     }
 
     fn left(&self) -> u64 {
@@ -440,7 +419,7 @@ fn read(file: &SourceFile, header: &Header) -> Result<Content> {
     match header.encoding {
         Encoding::LittleEndian => read_elements(file, header, Binary::<false> { rest }),
         Encoding::BigEndian => read_elements(file, header, Binary::<true> { rest }),
-        Encoding::Ascii => read_elements(file, header, Ascii { rest, line: header.line_count + 1 }),
+        Encoding::Ascii => read_elements(file, header, Words { rest, line: header.line_count + 1 }),
     }
 }
 

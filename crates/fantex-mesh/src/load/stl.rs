@@ -1,5 +1,4 @@
-//! STL, binary and ASCII (3D Systems, "StereoLithography Interface Specification", 1989). The parser is our own because the common
-//! crate (stl_io) reports errors without their line and knows no limits.
+//! STL, binary and ASCII (3D Systems, "StereoLithography Interface Specification", 1989).
 //!
 //! Facet normals are ignored: they say no more than the winding does, many exporters leave them zero, and where the
 //! two disagree every other program trusts the winding.
@@ -7,7 +6,7 @@
 use fantex_base::{Error, Place, Result, counted};
 use glam::DVec3;
 
-use super::{SourceFile, finish};
+use super::{SourceFile, Words, finish, parsed, shown};
 use crate::Model;
 
 const HEADER_BYTES: usize = 84;
@@ -101,15 +100,14 @@ fn soup(positions: Vec<DVec3>) -> Model {
 
 /// Reads `solid NAME facet normal X Y Z outer loop vertex X Y Z (3x) endloop endfacet ... endsolid NAME`, repeated.
 struct Ascii<'a> {
-    rest: &'a [u8],
-    line: usize,
+    words: Words<'a>,
     /// The next word, if it was looked at but not taken.
     peeked: Option<&'a [u8]>,
 }
 
 impl<'a> Ascii<'a> {
     fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, line: 1, peeked: None }
+        Self { words: Words { rest: bytes, line: 1 }, peeked: None }
     }
 
     fn read(mut self, file: &SourceFile) -> Result<Model> {
@@ -173,8 +171,7 @@ impl<'a> Ascii<'a> {
 
     fn number(&mut self) -> Result<f64> {
         let word = self.word().unwrap_or_default();
-        let number = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
-        number.ok_or_else(|| self.unexpected("a coordinate", word))
+        parsed(word).ok_or_else(|| self.unexpected("a coordinate", word))
     }
 
     fn expect(&mut self, word: &[u8], expected: &str) -> Result<()> {
@@ -185,10 +182,10 @@ impl<'a> Ascii<'a> {
     }
 
     fn unexpected(&self, expected: &str, found: &[u8]) -> Error {
-        let shown = String::from_utf8_lossy(&found[..found.len().min(40)]).into_owned();
-        let found = if found.is_empty() { "the end of the file".to_owned() } else { format!("{shown:?}") };
+        let found =
+            if found.is_empty() { "the end of the file".to_owned() } else { format!("{:?}", shown(found)) };
         let error = Error::malformed(format!("expected {expected}, found {found}"));
-        error.at(Place::Line(self.line as u64))
+        error.at(Place::Line(self.words.line as u64))
     }
 
     fn peek(&mut self) -> Option<&'a [u8]> {
@@ -198,21 +195,12 @@ impl<'a> Ascii<'a> {
         self.peeked
     }
 
-    /// The next run of bytes that are not white space.
     fn word(&mut self) -> Option<&'a [u8]> {
-        if let Some(word) = self.peeked.take() {
-            return Some(word);
-        }
-        let start = self.rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(self.rest.len());
-        self.line += self.rest[..start].iter().filter(|&&b| b == b'\n').count();
-        let text = &self.rest[start..];
-        let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
-        self.rest = &text[end..];
-        (end > 0).then_some(&text[..end])
+        self.peeked.take().or_else(|| self.words.next())
     }
 
     fn skip_line(&mut self) {
-        let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
-        self.rest = &self.rest[end..];
+        let rest = &mut self.words.rest;
+        *rest = &rest[rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len())..];
     }
 }

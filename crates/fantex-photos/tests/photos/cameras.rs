@@ -470,8 +470,7 @@ fn polynomials_do_not_fold_back() {
 
 #[test]
 fn cameras_look_where_they_are_told_to() {
-    let pose =
-        CameraFromWorld::looking_at(DVec3::new(0.0, 1.0, 5.0), DVec3::new(0.0, 1.0, 0.0), DVec3::Y);
+    let pose = CameraFromWorld::looking_at(DVec3::new(0.0, 1.0, 5.0), DVec3::new(0.0, 1.0, 0.0), DVec3::Y);
     assert!((pose.eye() - DVec3::new(0.0, 1.0, 5.0)).length() < 1e-12);
     assert!((pose.rotation.determinant() - 1.0).abs() < 1e-12);
     let seen = |p: DVec3| {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex_bake::Progress;
+use fantex_base::files::folder_of;
 use fantex_base::{Error, ErrorKind, Result, counted};
 use fantex_mesh::Material;
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
@@ -54,7 +55,6 @@ impl Baker<'_> {
         let mesh = &mesh;
 
         let photographs = read_cameras(&photos.path, photos.images.as_deref(), photos.frame)?;
-        let scratch = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let texel_size = match self.budget {
             Budget::Matching => None,
             Budget::Density(density) => Some((1.0 / (density * mesh.world_from_mesh.scale)) as f32),
@@ -63,7 +63,7 @@ impl Baker<'_> {
         };
         let options = PhotoOptions {
             memory_bytes: self.options.memory_bytes,
-            scratch: scratch.to_owned(),
+            scratch: folder_of(path).to_owned(),
             exposure: !photos.keep_exposure,
             unseen: photos.unseen,
             texel_size,
@@ -96,7 +96,7 @@ impl Baker<'_> {
         };
         let baked = baker.bake(mesh, &source, density, path);
         if let Some(error) = source.failure() {
-            let folder = scratch.display();
+            let folder = folder_of(path).display();
             return Err(Error::new(ErrorKind::Io, format!("cannot keep photographs in {folder}: {error}")));
         }
         Ok(Baked { notes, photos: Some(report.clone()), ..baked? })
