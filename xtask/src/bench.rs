@@ -45,7 +45,6 @@ struct Program {
 }
 
 impl Program {
-    /// The JSON that a command prints.
     fn json(&self, arguments: &[&str]) -> Result<Value, Failure> {
         let name = self.path.file_name().unwrap_or_default().display();
         eprintln!("> {name} {}", arguments.join(" "));

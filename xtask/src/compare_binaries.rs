@@ -75,12 +75,10 @@ const STROKES: &str = r#"{ "version": 1, "strokes": [
     "channels": [{ "kind": "base_color", "color": { "srgb": [0.1, 0.2, 0.7] } }],
     "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 1] } }] } ] }"#;
 
-/// A look for any model.
 const LOOK: &str = "\
 [textures.rings]\nkind = \"wood\"\n\n[textures.bumps]\nkind = \"noise\"\ncell = 0.1\n\n\
 [materials.oak]\nbase_color = \"rings\"\nroughness = { texture = \"bumps\", factor = 0.3, offset = 0.4 }\n";
 
-/// Commands in a folder of their own.
 struct Series {
     name: String,
     commands: Vec<Vec<String>>,
@@ -193,7 +191,6 @@ fn execute(program: &Path, command: &[String], folder: &Path) -> std::io::Result
     run.args(command).args(["--json", "--threads", "1"]).current_dir(folder).stdin(Stdio::null()).output()
 }
 
-/// What differs in exit code and output.
 fn differences(old: &Output, new: &Output) -> Vec<String> {
     let mut found = Vec::new();
     if old.status != new.status {
@@ -253,7 +250,6 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// All model files below a folder.
 fn find_models(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let failed = |e| Failure(format!("cannot list {}: {e}", folder.display()));
     for path in fs::read_dir(folder).map_err(failed)?.flatten().map(|entry| entry.path()) {

@@ -5,7 +5,6 @@ use std::process::Command;
 
 use crate::shell::{Failure, cargo, root, run as run_command};
 
-/// Width of the pictures.
 const WIDTH: &str = "320";
 
 /// Replaces all goldens by what a program draws, or the one that is built here.

@@ -15,7 +15,6 @@ const MIN_FILE_LINES: usize = 40;
 /// Crates that nobody who embeds the library without features should build, by what is in their names.
 const HEAVY: [&str; 9] = ["wgpu", "winit", "eframe", "egui", "naga", "ureq", "rustls", "clap", "indicatif"];
 
-/// Runs all checks; the quick ones first.
 pub(crate) fn run() -> Result<(), Failure> {
     check_sizes()?;
     crates::check_directions()?;

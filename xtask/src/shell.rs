@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Why a chore failed, as one sentence.
 #[derive(Debug)]
 pub(crate) struct Failure(pub(crate) String);
 
@@ -13,7 +12,6 @@ impl Failure {
     }
 }
 
-/// The workspace's folder.
 pub(crate) fn root() -> PathBuf {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
     manifest.parent().unwrap_or(manifest).to_owned()
@@ -33,7 +31,6 @@ pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs cargo and shows what it says.
 pub(crate) fn cargo(arguments: &[&str]) -> Result<(), Failure> {
     eprintln!("> cargo {}", arguments.join(" "));
     run(&mut cargo_command(arguments))

@@ -91,7 +91,6 @@ const PACKAGES: [&str; 9] = [
     "libxkbcommon-x11-0",
 ];
 
-/// Where drivers register.
 const DRIVER_FOLDERS: [&str; 4] = [
     "/usr/share/vulkan/icd.d",
     "/etc/vulkan/icd.d",

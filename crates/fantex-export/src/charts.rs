@@ -19,7 +19,6 @@ use rayon::prelude::*;
 /// A piece of the surface in one orthogonal projection, none of whose triangles overlap.
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
-    /// Its triangles, ascending.
     pub(crate) triangles: Vec<u32>,
     /// Unit vectors, mesh space: those of growing u and of growing v. (`v_axis x u_axis` faces the surface, since v points
     /// downwards in a picture.)
@@ -61,7 +60,6 @@ impl Chart {
         Vec2::new(p_mesh.dot(self.axes[0]), p_mesh.dot(self.axes[1])) - self.low
     }
 
-    /// Plane coordinates of a triangle's corners.
     pub(crate) fn corners(&self, mesh: &Mesh, triangle: u32) -> [Vec2; 3] {
         mesh.triangle_positions(triangle as usize).map(|p| self.plane_from_mesh(p))
     }
@@ -83,7 +81,6 @@ pub(crate) fn charts(mesh: &Mesh, cover: &Cover, texels_per_unit: f32) -> Vec<Ch
     patches.into_iter().flat_map(|patch| charts_of(mesh, patch, texels_per_unit)).collect()
 }
 
-/// Unit normal of a triangle by its winding.
 fn facet_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
     facet(mesh, triangle).normalize_or(Vec3::Z)
 }
@@ -182,7 +179,6 @@ struct Patch {
     direction: Vec3,
 }
 
-/// A piece while pieces are joined.
 #[derive(Clone, Debug, Default)]
 struct Piece {
     normals: NormalSet,
@@ -190,7 +186,6 @@ struct Piece {
     facing: Vec3,
     area: f32,
     perimeter: f32,
-    /// Length of the border with each neighbour.
     borders: BTreeMap<u32, f32>,
     /// Counts its changes; what was planned before is void.
     version: u32,
@@ -218,7 +213,6 @@ impl PartialOrd for Plan {
     }
 }
 
-/// Joins atoms (given by triangle) into patches.
 fn join(mesh: &Mesh, atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
     let mut joiner = Joiner::new(mesh, atoms, edges);
     joiner.run(MAX_DEGREES, f32::INFINITY);
@@ -389,7 +383,6 @@ fn folded(p: Vec2) -> Vec2 {
     (1.0 - p.yx().abs()) * Vec2::ONE.copysign(p)
 }
 
-/// The direction in the middle of a cell.
 fn middle(index: usize) -> Vec3 {
     let coordinate = |cell: usize| (cell as f32 + 0.5) / CELLS as f32 * 2.0 - 1.0;
     let p = Vec2::new(coordinate(index % CELLS), coordinate(index / CELLS));
@@ -409,7 +402,6 @@ const MAX_CELLS: f32 = 4096.0;
 /// How much a triangle is shrunk before its cells are taken, so that neighbours never meet: share of a cell.
 const SHRINK: f32 = 1e-3;
 
-/// The charts of a patch: mostly one.
 fn charts_of(mesh: &Mesh, patch: Patch, texels_per_unit: f32) -> Vec<Chart> {
     let mut charts = Vec::new();
     let (mut rest, hidden): (Vec<u32>, Vec<u32>) = patch

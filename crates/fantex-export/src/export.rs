@@ -185,7 +185,6 @@ pub fn export_channel(
     Ok(summary)
 }
 
-/// What both exports share.
 struct Job<'a> {
     cache: PageCache,
     options: &'a ExportOptions<'a>,
@@ -249,7 +248,6 @@ impl<'a> Job<'a> {
         Ok((Box::new(Both(png, ktx2)), file))
     }
 
-    /// Makes all pages.
     fn run(
         &self,
         maps: &[Map],
@@ -289,7 +287,6 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Two files of one map.
 struct Both<A, B>(A, B);
 
 impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
@@ -412,7 +409,6 @@ pub const MAX_SIDE: u32 = 32_768;
 pub const MAX_PADDING: u32 = 64;
 
 impl ExportOptions<'_> {
-    /// Refuses sizes that no picture has.
     pub(crate) fn check(&self) -> Result<()> {
         for side in self.side.into_iter().chain([self.largest_side]) {
             if !side.is_power_of_two() || !(MIN_SIDE..=MAX_SIDE).contains(&side) {
@@ -484,7 +480,6 @@ impl ChannelMap {
     }
 }
 
-/// Which numbers of a value a picture keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Components {
     /// One of them, as grey.
@@ -496,7 +491,6 @@ pub(crate) enum Components {
 }
 
 impl Components {
-    /// How many numbers a texel has.
     pub(crate) fn count(self) -> usize {
         match self {
             Self::One(_) => 1,
@@ -506,11 +500,9 @@ impl Components {
     }
 }
 
-/// A picture that is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Map {
     pub(crate) kind: ChannelMap,
-    /// Index of the asset's channel.
     pub(crate) channel: usize,
     pub(crate) components: Components,
     /// True where fixed-point numbers of red, green and blue are sRGB-encoded.
@@ -546,13 +538,11 @@ impl Map {
         Some(Self { kind, channel, components, is_srgb, scale: 1.0, background })
     }
 
-    /// The same with values divided by a number.
     pub(crate) fn scaled(self, scale: f32) -> Self {
         Self { scale, background: self.background.map(|x| x / scale), ..self }
     }
 }
 
-/// Mean of a channel over all tiles.
 fn mean(asset: &Asset, channel: usize) -> [f32; 4] {
     let (mut sum, mut texels) = ([0.0f64; 4], 0.0);
     for (i, group) in (0u32..).zip(&asset.cover().groups) {

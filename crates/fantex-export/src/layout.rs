@@ -11,7 +11,6 @@ use rayon::prelude::*;
 use crate::charts::{Chart, charts};
 use crate::export::cancelled;
 
-/// No chart.
 pub(crate) const NOBODY: u32 = u32::MAX;
 
 /// Texture coordinates of all triangles and the pictures they refer to.
@@ -19,7 +18,6 @@ pub(crate) const NOBODY: u32 = u32::MAX;
 pub(crate) struct Layout {
     /// Texture coordinates of each triangle's corners, origin top left, v downwards.
     pub(crate) uv: Vec<[Vec2; 3]>,
-    /// The pictures.
     pub(crate) pages: Vec<Page>,
     /// Index into `pages` for every material; none where no triangle has it.
     pub(crate) page_of_material: Vec<Option<usize>>,
@@ -30,7 +28,6 @@ pub(crate) struct Layout {
     /// Texels that an own packing keeps around charts: no foreign texel is read down to the level at which a texel covers
     /// this many. 0 for the model's coordinates.
     pub(crate) padding: u32,
-    /// Mean texels per mesh unit over the surface.
     pub(crate) texels_per_unit: f32,
 }
 
@@ -39,7 +36,6 @@ pub(crate) struct Layout {
 pub(crate) struct Page {
     /// Columns and rows, a power of two.
     pub(crate) side: u32,
-    /// The triangles that lie in it.
     pub(crate) placed: Vec<Placed>,
     /// Blocks are squares of this many texels.
     pub(crate) block: u32,
@@ -47,10 +43,8 @@ pub(crate) struct Page {
     pub(crate) owners: Vec<u32>,
 }
 
-/// A triangle in a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
-    /// Index in the mesh.
     pub(crate) triangle: u32,
     /// Which chart's blocks it may use; 0 where there are no owners.
     pub(crate) chart: u32,
@@ -78,7 +72,6 @@ impl Page {
 // At the level at which a texel is the mean of a block, a bilinear look-up at a point of the chart reads the blocks whose
 // centres are around the point; these hold the chart's colours alone, and so do those of all finer levels.
 
-/// What the packing is asked for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AtlasRequest {
     /// Texels per mesh unit of the asset.
@@ -152,11 +145,9 @@ pub(crate) fn atlas(
     Ok(laid_out(mesh, &charts, &packed))
 }
 
-/// Charts with their places.
 struct Packed {
     side: u32,
     block: u32,
-    /// Texels per mesh unit.
     density: f32,
     /// Columns and rows in blocks.
     places: Vec<[u32; 2]>,
@@ -326,16 +317,13 @@ fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], around: 
 /// A set of blocks in a small rectangle, one bit each.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Mask {
-    /// Columns in blocks.
     width: u32,
-    /// Rows in blocks.
     height: u32,
     words_per_row: usize,
     words: Vec<u64>,
 }
 
 impl Mask {
-    /// No block of a rectangle.
     fn empty(width: u32, height: u32) -> Self {
         let words_per_row = (width as usize).div_ceil(64);
         Self { width, height, words_per_row, words: vec![0; words_per_row * height as usize] }
@@ -383,12 +371,10 @@ impl Mask {
         Some(64 * word as u32 + taken.trailing_ones()).filter(|&free| free < self.width)
     }
 
-    /// Number of blocks.
     fn count(&self) -> u64 {
         self.words.iter().map(|w| u64::from(w.count_ones())).sum()
     }
 
-    /// All its blocks.
     fn blocks(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
         (0..self.height)
             .flat_map(move |y| (0..self.width).map(move |x| [x, y]))

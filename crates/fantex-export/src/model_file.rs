@@ -18,28 +18,21 @@ use crate::layout::Layout;
 
 // ---- glTF 2.0: one buffer with the geometry, one mesh with a primitive per material, one picture per map and page.
 
-/// Everything that the JSON text speaks of.
 pub(crate) struct Document<'a> {
-    /// The model's name.
     pub(crate) name: &'a str,
     pub(crate) geometry: &'a Geometry,
     pub(crate) layout: &'a Layout,
-    /// The mesh's materials.
     pub(crate) materials: &'a [Material],
     pub(crate) maps: &'a [Map],
 }
 
-/// An encoded picture.
 pub(crate) struct ImageFile {
     /// The name of the file beside a .gltf; the picture's name inside a .glb.
     pub(crate) name: String,
-    /// Its PNG.
     pub(crate) file: File,
-    /// Its length.
     pub(crate) bytes: u64,
 }
 
-/// Where pictures and buffer are.
 enum Place<'a> {
     /// In the buffer of the file itself, from these offsets on.
     Inside(&'a [u64]),
@@ -160,7 +153,6 @@ impl Document<'_> {
         document
     }
 
-    /// Buffer views, accessors and primitives.
     fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<Value>) {
         let geometry = self.geometry;
         let vertices = geometry.positions.len();
@@ -271,7 +263,6 @@ impl Document<'_> {
 /// Bytes of a name that a URI must escape: all but unreserved characters.
 const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
-/// A file's name as a relative URI.
 fn uri(name: &str) -> String {
     utf8_percent_encode(name, &ESCAPED).to_string()
 }
@@ -339,7 +330,6 @@ impl Geometry {
         geometry
     }
 
-    /// Number of triangles.
     pub(crate) fn triangle_count(&self) -> usize {
         self.by_material.iter().map(|(_, triangles)| triangles.len()).sum()
     }
@@ -352,7 +342,6 @@ impl Geometry {
         [12 * vertices, 12 * vertices, 16 * tangents, 8 * vertices, 12 * self.triangle_count() as u64]
     }
 
-    /// Writes the sections.
     pub(crate) fn write(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
         write_floats(self.positions.iter().map(Vec3::to_array), out)?;
         write_floats(self.normals.iter().map(Vec3::to_array), out)?;

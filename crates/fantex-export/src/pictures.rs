@@ -18,7 +18,6 @@ use rayon::prelude::*;
 use crate::export::{ChannelMap, Components, Map};
 use crate::texels::RowSink;
 
-/// Collects a map and writes it as OpenEXR.
 pub(crate) struct FloatSink {
     /// Where it is written, and what errors name.
     temporary: PathBuf,
@@ -28,7 +27,6 @@ pub(crate) struct FloatSink {
 }
 
 impl FloatSink {
-    /// Bytes that a picture takes.
     pub(crate) fn memory_bytes(side: u32, map: &Map) -> u64 {
         // The samples, their copy on the way, and the encoded file.
         3 * 4 * u64::from(side) * u64::from(side) * map.components.count() as u64
@@ -113,7 +111,6 @@ pub enum Depth {
     Sixteen,
 }
 
-/// Writes a map as PNG.
 pub(crate) struct PngSink {
     path: PathBuf,
     writer: Option<StreamWriter<'static, BufWriter<File>>>,
@@ -159,7 +156,6 @@ impl RowSink for PngSink {
     }
 }
 
-/// The numbers of texels as PNG stores them.
 fn samples(values: &[[f32; 4]], map: &Map, depth: Depth) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(values.len() * map.components.count() * 2);
     let mut put = |value: f32, is_color: bool| match (depth, is_color && map.is_srgb) {
@@ -181,7 +177,6 @@ fn samples(values: &[[f32; 4]], map: &Map, depth: Depth) -> Vec<u8> {
 // ---- KTX2 with block-compressed texels, all detail levels, packed with zstd (Khronos, "KTX File Format Specification",
 // version 2.0, and "Khronos Data Format Specification", version 1.3).
 
-/// How texels are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Packing {
     /// RGBA in 16 bytes per 4 x 4 texels.
@@ -283,7 +278,6 @@ const ZSTANDARD: u32 = 2;
 /// zstd level: beyond it block-compressed texels gain little.
 const ZSTD_LEVEL: i32 = 5;
 
-/// Writes a map as KTX2.
 pub(crate) struct Ktx2Sink {
     file: File,
     path: PathBuf,
@@ -295,7 +289,6 @@ pub(crate) struct Ktx2Sink {
     levels: Vec<Level>,
 }
 
-/// A level while its rows come.
 struct Level {
     side: u32,
     /// Rows that wait for others of their blocks.
@@ -370,7 +363,6 @@ impl Ktx2Sink {
         }
     }
 
-    /// Encodes the rows of a level that are complete.
     fn flush(&mut self, index: usize, is_last: bool) -> Result<()> {
         let level = &mut self.levels[index];
         let strip = 4 * level.side as usize;
@@ -388,7 +380,6 @@ impl Ktx2Sink {
         written.map_err(|source| Error::writing(&self.path, source))
     }
 
-    /// Puts header, descriptor and levels together.
     fn assemble(&mut self) -> io::Result<()> {
         let mut packed = Vec::with_capacity(self.levels.len());
         for level in &mut self.levels {

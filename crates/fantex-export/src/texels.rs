@@ -20,10 +20,8 @@ use rayon::prelude::*;
 use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
 
-/// Columns of a region.
 const REGION: u32 = 256;
 
-/// Rows of a band, at least.
 const MIN_ROWS: u32 = 16;
 
 /// Linear values of a rectangle of texels, row-major.
@@ -40,10 +38,8 @@ pub(crate) struct PageStats {
 
 /// Takes rows of a map from the top.
 pub(crate) trait RowSink: Send {
-    /// Linear values of whole rows.
     fn rows(&mut self, values: &[[f32; 4]]) -> Result<()>;
 
-    /// After the last row.
     fn finish(&mut self) -> Result<()>;
 }
 
@@ -161,7 +157,6 @@ fn bounds(placed: &Placed) -> [glam::Vec2; 2] {
 //    read what they would on an uncut surface; without one, the nearest point of the chart.
 // 3. Padding takes the point of the nearest texel of its chart.
 
-/// A texel's point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     /// Index into the page's placed triangles, `NOBODY` where there is none.
@@ -400,7 +395,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A triangle in the picture, ready for questions.
 struct Shape {
     corners: [Vec2; 3],
     /// Barycentric coordinates change by these per texel to the right and downwards.
@@ -410,7 +404,6 @@ struct Shape {
 }
 
 impl Shape {
-    /// None for one without area.
     fn new(placed: &Placed) -> Option<Self> {
         let [a, b, c] = placed.corners.map(|p| p.as_dvec2());
         let area = (b - a).perp_dot(c - a);
@@ -453,7 +446,6 @@ impl Shape {
 
 // ---- The texture function at the points of texels.
 
-/// Evaluates the channels of an asset.
 pub(crate) struct TexelSampler<'a> {
     pub(crate) cache: &'a PageCache,
     pub(crate) mesh: &'a Mesh,
@@ -514,7 +506,6 @@ impl Tiles<'_> {
     }
 }
 
-/// One of a triangle's groups.
 struct SlotReader {
     /// The level that is read, of every map's channel.
     tiles: Vec<Tile>,
@@ -522,7 +513,6 @@ struct SlotReader {
     offsets: &'static [Vec2],
 }
 
-/// Reads the points of one triangle.
 struct TriangleReader<'a> {
     sampler: &'a TexelSampler<'a>,
     tiles: TriangleTiles,
@@ -533,7 +523,6 @@ struct TriangleReader<'a> {
     tangents: [Vec4; 3],
 }
 
-/// One look-up in the middle of the texel.
 const MIDDLE: &[Vec2] = &[Vec2::ZERO];
 
 /// Four look-ups in the middles of its quarters.
@@ -582,7 +571,6 @@ impl<'a> TriangleReader<'a> {
         if is_normal { self.tangent_space(sum.truncate(), normal, lambda) } else { sum / map.scale }
     }
 
-    /// What a tile holds under the texel.
     fn stored(&self, tap: &Tap, map: usize, lambda: Vec3) -> Vec4 {
         let reader = &self.slots[tap.slot];
         let mut sum = Vec4::ZERO;

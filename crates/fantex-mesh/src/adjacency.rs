@@ -7,7 +7,6 @@ use arrayvec::ArrayVec;
 use fantex_base::UnionFind;
 use rayon::prelude::*;
 
-/// Vertices handled per parallel task.
 const BLOCK: usize = 1 << 14;
 
 /// For every vertex its corners in ascending order, in one flat array (compressed rows).
@@ -310,7 +309,6 @@ pub(crate) struct Star {
 #[derive(Clone, Copy)]
 struct Entry {
     other: u32,
-    /// Index of the corner within the star.
     slot: u32,
     /// `3 * t + k` for the edge from corner `k` to the next one of triangle `t`.
     half_edge: u32,
@@ -369,7 +367,6 @@ impl Star {
     }
 }
 
-/// One edge with all its triangles.
 #[derive(Clone, Copy)]
 pub(crate) struct StarEdge<'a>(&'a [Entry]);
 
@@ -379,7 +376,6 @@ impl StarEdge<'_> {
         self.0[0].other
     }
 
-    /// Number of triangles, at least one.
     pub(crate) fn len(&self) -> usize {
         self.0.len()
     }

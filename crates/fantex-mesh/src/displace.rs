@@ -171,7 +171,6 @@ impl Refinement {
     }
 }
 
-/// A [`Refinement`] of either kind.
 #[derive(Clone, Copy)]
 struct Limits {
     longest: f32,
@@ -243,14 +242,11 @@ impl DisplaceOptions {
 //                                     diagonal
 // ```
 
-/// Triangles per parallel task.
 const BLOCK: usize = 1 << 12;
-/// No vertex, no edge.
 const NONE: u32 = u32::MAX;
 /// Where along an edge the displaced surface is compared with the straight line.
 const PROBES: [f32; 3] = [0.25, 0.5, 0.75];
 
-/// A corner of a piece of a triangle.
 #[derive(Clone, Copy, Debug)]
 struct Corner {
     vertex: u32,
@@ -258,15 +254,12 @@ struct Corner {
     lambda: Vec3,
 }
 
-/// A piece of a triangle of the mesh.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Triangle of the mesh.
     triangle: u32,
     corners: [Corner; 3],
 }
 
-/// A vertex that all pieces around it share.
 #[derive(Clone, Copy, Debug)]
 struct Vertex {
     /// Undisplaced, mesh space.
@@ -282,7 +275,6 @@ impl Vertex {
     }
 }
 
-/// The mesh while it is being cut.
 struct Tessellation<'h, H> {
     vertices: Vec<Vertex>,
     pieces: Vec<Piece>,
@@ -429,7 +421,6 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
     }
 }
 
-/// The height that one triangle sees at a point.
 fn height_at(
     height: &impl Fn(&DisplacePoint) -> f32,
     triangle: u32,

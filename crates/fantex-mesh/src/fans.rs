@@ -181,7 +181,6 @@ impl Fans {
     }
 }
 
-/// The fan of each corner.
 fn invert(first: &[u32], corners: &[FanCorner], corner_count: usize) -> Vec<u32> {
     let mut corner_fans = vec![0; corner_count];
     for (f, range) in first.windows(2).enumerate() {
@@ -192,10 +191,8 @@ fn invert(first: &[u32], corners: &[FanCorner], corner_count: usize) -> Vec<u32>
     corner_fans
 }
 
-/// Vertices walked in one go.
 const RUN: usize = 4096;
 
-/// Fans of a run of vertices.
 #[derive(Default)]
 struct Part {
     lengths: Vec<u32>,

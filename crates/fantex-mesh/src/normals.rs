@@ -9,7 +9,6 @@ use rayon::prelude::*;
 use crate::adjacency::Star;
 use crate::{Mesh, SurfacePoint, VertexCorners, angle_between};
 
-/// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
 /// Among more triangles at one edge than this, none are smoothed across it.
 const MAX_SMOOTHED_AT_EDGE: usize = 16;
@@ -92,7 +91,6 @@ pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
     by_corner
 }
 
-/// Working memory for one vertex after the other.
 #[derive(Default)]
 struct Smoother {
     star: Star,
@@ -102,7 +100,6 @@ struct Smoother {
 }
 
 impl Smoother {
-    /// Appends the normals of a vertex' corners.
     fn vertex(
         &mut self,
         mesh: &Mesh,

@@ -55,7 +55,6 @@ pub struct TriangleBvh {
     tree: CwBvh,
     /// Corners of the triangles, in the tree's order.
     corners: Vec<[Vec3; 3]>,
-    /// Index of each of them in the mesh.
     triangles: Vec<u32>,
 }
 
@@ -155,7 +154,6 @@ impl TriangleBvh {
     }
 }
 
-/// A ray, ready for the tree and for triangles.
 struct PreparedRay {
     in_tree: Ray,
     shear: Shear,
@@ -164,7 +162,6 @@ struct PreparedRay {
 }
 
 impl PreparedRay {
-    /// `None` where there is no direction.
     fn new(origin: Vec3, direction: Vec3, max_distance: f32) -> Option<Self> {
         let longest = direction.abs().max_element();
         let usable = origin.is_finite() && direction.is_finite() && (1e-30..1e30).contains(&longest);
@@ -204,7 +201,6 @@ pub fn origin_beside(position: Vec3, geometric_normal: Vec3, side: Vec3) -> Vec3
 // is left are three edge functions in the plane, and those of a common edge differ in sign only, bit for bit. Where one
 // of them rounds to zero, they are evaluated again in double precision, in which products of floats are exact.
 
-/// A ray, prepared.
 struct Shear {
     origin: Vec3,
     /// The axis along which the direction is longest comes last.
@@ -212,7 +208,6 @@ struct Shear {
     shear: Vec3,
 }
 
-/// What a triangle says about a ray.
 struct Crossing {
     lambda: Vec3,
     distance: f32,
@@ -220,7 +215,6 @@ struct Crossing {
 }
 
 impl Shear {
-    /// `direction` is not zero.
     fn new(origin: Vec3, direction: Vec3) -> Self {
         let z = direction.abs().max_position();
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
@@ -322,7 +316,6 @@ fn nearest_point(
     })
 }
 
-/// The nearest point so far.
 struct Best {
     /// Squared distance, at first the largest allowed.
     bound: f64,
@@ -387,7 +380,6 @@ const MAX_CROWDING: f64 = 256.0;
 /// The traversal has room for 32 levels.
 const MAX_LEVELS: usize = 30;
 
-/// Boxes of a leaf, at most.
 const LEAF_BOXES: u32 = 3;
 
 /// The tree of some boxes; at most [`MAX_LEVELS`] deep for up to 2^28 of them.
@@ -461,7 +453,6 @@ fn halved(boxes: &[Aabb]) -> CwBvh {
     bvh2_to_cwbvh(&tree, LEAF_BOXES, true, false)
 }
 
-/// Levels of nodes.
 fn levels(tree: &CwBvh) -> usize {
     let mut deepest = 0;
     let mut waiting: Vec<(usize, usize)> = (0..tree.nodes.len().min(1)).map(|root| (root, 1)).collect();

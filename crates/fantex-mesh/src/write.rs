@@ -101,7 +101,6 @@ fn write_atomically(
     persist(temporary.into_temp_path(), path, force)
 }
 
-/// True if single precision holds all positions exactly.
 fn fits_single_precision(positions: &[DVec3]) -> bool {
     positions.iter().all(|p| p.as_vec3().as_dvec3() == *p)
 }
@@ -215,7 +214,6 @@ fn describe(geometry: &WriteGeometry, origin: DVec3, [positions, colors, indices
     document.to_string()
 }
 
-/// Writes header, JSON chunk and binary chunk.
 fn write_glb(
     geometry: &WriteGeometry,
     origin: DVec3,

@@ -55,7 +55,6 @@ impl Distortion {
         Self::Fisheye { radial, tangential: [0.0; 2], prism: [0.0; 2] }
     }
 
-    /// True where all coefficients are numbers in their range.
     pub(crate) fn is_valid(&self) -> bool {
         let are_finite = |numbers: &[f64]| numbers.iter().all(|k| k.is_finite());
         match self {
@@ -67,7 +66,6 @@ impl Distortion {
         }
     }
 
-    /// Where a point of the plane is seen.
     fn bend(&self, n: DVec2) -> DVec2 {
         let r2 = n.length_squared();
         let (tangential, prism) = match *self {
@@ -159,7 +157,6 @@ impl Lens {
         ((back.position - position).length() < 1e-6).then_some(direction)
     }
 
-    /// The point of the plane that is bent.
     fn on_plane(&self, p_camera: DVec3) -> Option<DVec2> {
         let across = p_camera.truncate();
         if !self.is_fisheye() {

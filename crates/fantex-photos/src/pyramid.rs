@@ -24,7 +24,6 @@ use quick_cache::sync::Cache;
 
 use crate::view::Mask;
 
-/// How texels are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     /// Four bytes, colours sRGB-encoded: of images with 8 bits.
@@ -70,7 +69,6 @@ impl Encoding {
     }
 }
 
-/// A level on its way into pages.
 struct Texels {
     extent: [u32; 2],
     encoding: Encoding,
@@ -121,7 +119,6 @@ fn straight(sum: Vec4, weight: f32) -> Vec4 {
     }
 }
 
-/// One level in pages.
 #[derive(Debug)]
 struct Level {
     extent: [u32; 2],
@@ -130,7 +127,6 @@ struct Level {
     pages: Vec<Option<Stored>>,
 }
 
-/// A photograph in pages.
 #[derive(Debug)]
 pub(crate) struct Pyramid {
     /// Pixels of the photograph.
@@ -306,14 +302,12 @@ pub(crate) fn level_for_width(pixels: f32) -> u32 {
 /// Side of a page in texels.
 pub(crate) const PAGE: u32 = 64;
 
-/// Where a page is.
 #[derive(Clone, Debug)]
 pub(crate) enum Stored {
     Memory(Arc<[u8]>),
     File { offset: u64, bytes: u32 },
 }
 
-/// A page while it is read.
 pub(crate) enum PageBytes<'a> {
     Lent(&'a [u8]),
     Shared(Arc<[u8]>),
@@ -330,7 +324,6 @@ impl Deref for PageBytes<'_> {
     }
 }
 
-/// All pages of a set of photographs.
 #[derive(Debug)]
 pub(crate) struct PageStore {
     folder: PathBuf,
@@ -370,7 +363,6 @@ impl PageStore {
         }
     }
 
-    /// Keeps a page.
     pub(crate) fn append(&self, page: Vec<u8>) -> io::Result<Stored> {
         let length = page.len() as u64;
         if self.pinned.fetch_add(length, Relaxed) + length <= self.pinned_limit {
@@ -417,7 +409,6 @@ impl PageStore {
 /// Pages that a reader has at hand without a lock.
 const AT_HAND: usize = 64;
 
-/// A page with its offset.
 type AtHand = (u64, Arc<[u8]>);
 
 /// Reads pages on one thread, and keeps the last ones at hand.

@@ -37,7 +37,6 @@ const STRAIGHT_PIXELS: f64 = 8.0;
 const BENT_PIXELS: f64 = 0.25;
 /// The distance from a fisheye is not linear in its picture, so triangles are cut to this length.
 const FISHEYE_PIXELS: f64 = 24.0;
-/// Times that a triangle is cut in four.
 const MAX_CUTS: u32 = 9;
 /// Triangles are drawn this much larger, pixels, so that nothing shows between them.
 const INFLATION: f64 = 0.05;
@@ -58,13 +57,11 @@ impl MeshCamera {
         self.rotation * (p_mesh - self.eye)
     }
 
-    /// Mean focal length, pixels.
     pub(crate) fn focal(&self) -> f64 {
         (self.camera.focal.x * self.camera.focal.y).sqrt()
     }
 }
 
-/// A map before it is cut into pages.
 pub(crate) struct SightMap {
     extent: [u32; 2],
     /// Texels of the map per pixel of the camera.
@@ -76,7 +73,6 @@ pub(crate) struct SightMap {
 }
 
 impl SightMap {
-    /// Draws the mesh.
     pub(crate) fn draw(mesh: &Mesh, camera: &MeshCamera) -> Self {
         let size = camera.camera.size;
         let longest = size[0].max(size[1]);
@@ -116,7 +112,6 @@ impl SightMap {
         (low.y as u32..=high.y as u32).any(|y| row(y).iter().any(|&c| c > 0.0))
     }
 
-    /// Edges, and the distance to them.
     fn find_clearances(&mut self, camera: &MeshCamera) {
         let [width, height] = self.extent.map(|n| n as usize);
         let footprint = 1.0 / (camera.focal() * (self.scale.x * self.scale.y).sqrt());
@@ -146,7 +141,6 @@ impl SightMap {
         self.clearances = distances.into_iter().map(|d| ((d - 1.0) / clear).clamp(0.0, 1.0)).collect();
     }
 
-    /// Cuts the map into pages.
     pub(crate) fn store(&self, store: &PageStore) -> io::Result<Sight> {
         let grid = self.extent.map(|n| n.div_ceil(PAGE));
         let mut pages = Vec::with_capacity(grid[0] as usize * grid[1] as usize);
@@ -204,7 +198,6 @@ fn chamfer(distances: &mut [f32], width: usize) {
     }
 }
 
-/// Draws triangles into a map.
 struct Painter<'a> {
     camera: &'a MeshCamera,
     scale: DVec2,
@@ -337,7 +330,6 @@ fn widest_angle(camera: &PhotoCamera) -> f64 {
     border.map(angle).fold(0.0, f64::max) + 0.05
 }
 
-/// A map in pages.
 #[derive(Debug)]
 pub(crate) struct Sight {
     extent: [u32; 2],

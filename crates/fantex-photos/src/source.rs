@@ -146,7 +146,6 @@ impl<'a> PhotoSource<'a> {
         }
     }
 
-    /// The colour of a point.
     fn color(&self, views: &[&View], reader: &PageReader<'_>, point: &TexelPoint) -> Vec3 {
         // It may lie beside its triangle.
         let at = point.at.clamped();
@@ -176,7 +175,6 @@ impl<'a> PhotoSource<'a> {
     }
 }
 
-/// The photographs that see a point.
 fn look<'v>(views: &[&'v View], reader: &PageReader<'_>, spot: &Spot) -> Vec<(&'v View, Seen)> {
     let sees = |&view: &&'v View| Some((view, view.seen(reader, spot)?));
     views.iter().filter_map(sees).collect()
@@ -243,7 +241,6 @@ pub(crate) fn seen_share(confidence: f32) -> f32 {
 // the edge: the solution of Laplace's equation on the graph of edges. It has no extremes of its own, is smooth,
 // and meets what is seen. Parts of the mesh where nothing is seen at all get the mean of everything that is.
 
-/// Steps of the solver per channel.
 const MAX_STEPS: usize = 400;
 /// The residual that is small enough, relative to the start.
 const TOLERANCE: f64 = 1e-4;

@@ -23,12 +23,10 @@ const PATCH: f32 = 0.006;
 const BYTES_PER_PIXEL: u64 = 9;
 /// The same with a mask.
 const MASKED_BYTES_PER_PIXEL: u64 = 12;
-/// Best views that are remembered per probe.
 const BEST: usize = 4;
 /// Probes that see less of a mask than this are not seen.
 const MIN_ALPHA: f32 = 0.05;
 
-/// One of the best views of a probe.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BestView {
     view: u32,
@@ -59,12 +57,10 @@ impl BestViews {
         self.0.iter().filter(|best| best.weight > 0.0)
     }
 
-    /// The largest weight.
     pub(crate) fn weight(&self) -> f32 {
         self.0[0].weight
     }
 
-    /// How sure it is that the probe is seen.
     pub(crate) fn confidence(&self) -> f32 {
         joint_confidence(self.views().map(|best| best.confidence.to_f32()))
     }
@@ -91,7 +87,6 @@ impl BestViews {
     }
 }
 
-/// What the survey finds.
 pub(crate) struct Survey {
     /// One per photograph; nothing for those that see nothing.
     pub(crate) views: Vec<Option<View>>,
@@ -102,16 +97,13 @@ pub(crate) struct Survey {
     pub(crate) sharpness: Vec<f32>,
 }
 
-/// One photograph's part.
 struct Surveyed {
     view: View,
-    /// Per probe.
     weights: Vec<f32>,
     /// Probe, what is remembered of it, pixels of the file per mesh unit.
     seen: Vec<(u32, BestView, f32)>,
 }
 
-/// What reading the photographs shares.
 struct Reading<'a> {
     mesh: &'a Mesh,
     probes: &'a Probes,
@@ -264,7 +256,6 @@ fn file_scale(photograph: &Photograph, image: &Image) -> Result<DVec2> {
 // shrink towards zero, where all differences vanish. And large residuals count less (P. J. Huber, "Robust Estimation of a Location
 // Parameter", 1964), because highlights move with the camera and models do not fit everywhere.
 
-/// One photograph's colour of a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Observation {
     pub(crate) view: u32,
@@ -293,7 +284,6 @@ pub(crate) fn solve_gains(views: usize, points: &[Vec<Observation>]) -> Vec<Vec3
         .collect()
 }
 
-/// A photograph's logarithm at a point.
 #[derive(Clone, Copy)]
 struct Term {
     view: usize,
@@ -405,7 +395,6 @@ const MIN_CLUSTERS: usize = 512;
 /// Weights between the points that were asked may be this much larger.
 const MARGIN: f32 = 8.0;
 
-/// Clusters of triangles with their photographs.
 #[derive(Debug)]
 pub(crate) struct Clusters {
     of_triangle: Vec<u32>,
@@ -488,7 +477,6 @@ fn morton(p: Vec3) -> u32 {
 
 // ---- Points of the surface that the survey asks every photograph about: all vertices, and points spread evenly over the area.
 
-/// Points that are spread over the area.
 const SPREAD: usize = 1 << 15;
 
 /// The points: vertices first, then the spread points.
@@ -519,19 +507,16 @@ impl Probes {
         Self { spots, triangles }
     }
 
-    /// How many of them are vertices.
     pub(crate) fn vertices(&self) -> usize {
         self.spots.len() - self.triangles.len()
     }
 }
 
-/// The unit normal of a triangle.
 pub(crate) fn face_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
     let [a, b, c] = mesh.triangle_positions(triangle);
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-/// One unit normal per vertex.
 fn vertex_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; mesh.positions.len()];
     let corners = corner_normals(mesh, 180.0);

@@ -45,7 +45,6 @@ pub(crate) struct Spot {
     pub(crate) face: Option<Vec3>,
 }
 
-/// How a photograph sees a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
     /// Pixels of the camera.
@@ -68,7 +67,6 @@ pub(crate) struct View {
     pub(crate) gain: Vec3,
 }
 
-/// The camera of a photograph in mesh space.
 pub(crate) fn mesh_camera(photograph: &Photograph, mesh: &Mesh) -> MeshCamera {
     MeshCamera {
         camera: photograph.camera,
@@ -77,7 +75,6 @@ pub(crate) fn mesh_camera(photograph: &Photograph, mesh: &Mesh) -> MeshCamera {
     }
 }
 
-/// How a camera sees a point of the surface.
 pub(crate) fn seen(camera: &MeshCamera, sight: &Sight, reader: &PageReader<'_>, spot: &Spot) -> Option<Seen> {
     let position = spot.position;
     let to_eye = camera.eye - position.as_dvec3();
@@ -128,7 +125,6 @@ pub(crate) fn smooth(x: f64) -> f32 {
 }
 
 impl View {
-    /// How the photograph sees a point.
     pub(crate) fn seen(&self, reader: &PageReader<'_>, spot: &Spot) -> Option<Seen> {
         seen(&self.camera, &self.sight, reader, spot)
     }

@@ -119,19 +119,16 @@ fn mesh_positions(model: &Model, used: &[bool], world_from_mesh: &WorldFromMesh)
 
 // The triangles while they are being cleaned: dropping, renumbering and turning them, and their attributes with them.
 
-/// Triangles per parallel task.
 const BLOCK: usize = 1 << 14;
 
 /// The triangles while they are being cleaned, and which triangle of the model each of them was.
 struct Surface {
-    /// Vertex indices.
     triangles: Vec<[u32; 3]>,
     /// Index of each triangle in the model; `None` while nothing was dropped.
     sources: Option<Vec<u32>>,
 }
 
 impl Surface {
-    /// Takes the triangles out of the model.
     fn new(model: &mut Model) -> Self {
         Self { triangles: std::mem::take(&mut model.triangles), sources: None }
     }
@@ -150,7 +147,6 @@ impl Surface {
         dropped.len() as u64
     }
 
-    /// Removes triangles, given by ascending index.
     fn remove(&mut self, dropped: &[u32]) {
         if dropped.is_empty() {
             return;
@@ -177,7 +173,6 @@ impl Surface {
         self.triangles.par_iter_mut().with_min_len(BLOCK).for_each(renumber);
     }
 
-    /// Drops unused vertices, keeping the order of the others.
     fn compact_vertices(&mut self, positions: Vec<Vec3>) -> Vec<Vec3> {
         let used = used_vertices(&self.triangles, positions.len());
         if used.par_iter().all(|&u| u) {
@@ -237,7 +232,6 @@ impl Surface {
     }
 }
 
-/// Corner values after dropping and turning triangles.
 fn follow<T: Copy + Send + Sync>(values: Vec<T>, sources: Option<&[u32]>, turned: &[bool]) -> Vec<T> {
     if values.is_empty() {
         return values;
@@ -254,7 +248,6 @@ fn follow<T: Copy + Send + Sync>(values: Vec<T>, sources: Option<&[u32]>, turned
     values
 }
 
-/// The flagged elements.
 fn kept<T: Copy>(values: Vec<T>, keep: &[bool]) -> Vec<T> {
     values.into_iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| value).collect()
 }
@@ -363,7 +356,6 @@ const MAX_TRIANGLES: usize = (u32::MAX / 3 - 1) as usize;
 /// One value of the vertex index is spare.
 const MAX_VERTICES: usize = u32::MAX as usize - 1;
 
-/// Checks counts and indices before anything relies on them.
 fn check(model: &Model) -> Result<()> {
     let (triangles, vertices) = (model.triangles.len(), model.positions.len());
     let name = &model.name;

@@ -9,17 +9,13 @@ use std::collections::{HashMap, HashSet};
 use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
-/// Elements hashed per parallel task.
 const CHUNK: usize = 1 << 16;
-/// Elements per bucket aimed at.
 const BUCKET: usize = 1 << 12;
 /// An unused place of a bucket's table.
 const EMPTY: u64 = u64::MAX;
 
-/// An element that equals an earlier one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Repeat {
-    /// The later element.
     pub(super) element: u32,
     /// The first element that equals it.
     pub(super) first: u32,
@@ -88,7 +84,6 @@ impl Chunk {
     }
 }
 
-/// Looks through one bucket with an open-addressing table.
 fn search(
     bucket: usize,
     chunks: &[Chunk],
@@ -129,7 +124,6 @@ pub(super) struct Duplicates {
     pub(super) double_sided_pairs: u64,
 }
 
-/// Finds repeated and double-sided triangles.
 pub(super) fn find(triangles: &[[u32; 3]]) -> Duplicates {
     let mut found = Duplicates { repeated: Vec::new(), double_sided_pairs: 0 };
     let mut paired = HashSet::new();
@@ -197,7 +191,6 @@ pub(super) fn within(positions: &[Vec3], used: impl Fn(usize) -> bool, distance:
     found
 }
 
-/// The 27 cells around and including `home`.
 fn neighbourhood(home: IVec3) -> impl Iterator<Item = IVec3> {
     (0..27).map(move |i| home + IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1))
 }

@@ -10,7 +10,6 @@ use crate::VertexCorners;
 use crate::adjacency::Star;
 use crate::fans::Disc;
 
-/// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
 
 /// Counts that describe how a mesh's triangles are connected.
@@ -147,7 +146,6 @@ impl Components {
         }
     }
 
-    /// Makes the sets of `a` and `b` one.
     pub(crate) fn join(&self, mut a: u32, mut b: u32) {
         loop {
             (a, b) = (self.root(a), self.root(b));
@@ -161,7 +159,6 @@ impl Components {
         }
     }
 
-    /// Number of sets.
     pub(crate) fn count(&self) -> u64 {
         let is_root = |(i, parent): (usize, &AtomicU32)| parent.load(Relaxed) == i as u32;
         self.parents.par_iter().enumerate().with_min_len(1 << 14).filter(|&p| is_root(p)).count() as u64
@@ -175,7 +172,6 @@ const NONE: u32 = u32::MAX;
 
 /// Which triangles to turn, and what could not be decided.
 pub(super) struct Turning {
-    /// One flag per triangle.
     pub(super) turn: Vec<bool>,
     /// Patches that have no consistent orientation (they contain a Moebius strip); their seam stays.
     pub(super) non_orientable: u64,

@@ -108,7 +108,6 @@ fn estimate(trials: &[(f32, f32)], target: f32) -> f32 {
     }
 }
 
-/// A density on its lattice.
 struct World {
     density: Density,
     lattice: Lattice,
@@ -221,7 +220,6 @@ struct Density {
     overhangs: Overhangs,
 }
 
-/// The noises of the overhangs.
 struct Overhangs {
     mask: Noise,
     push: [Noise; 2],
@@ -493,7 +491,6 @@ impl HeightMap {
     }
 }
 
-/// The function behind the map.
 struct Ground {
     /// Octaves of the mountains, as many as the lattice can hold.
     octaves: u32,

@@ -29,7 +29,6 @@ const FEW_CHUNKS: u32 = 64;
 /// Crossings keep this share of an edge's length away from its ends: no slivers, no coinciding vertices.
 const MARGIN: f32 = 0.08;
 
-/// A lattice of points in space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice {
     /// Position of point (0, 0, 0), metres.
@@ -51,7 +50,6 @@ impl Lattice {
     }
 }
 
-/// An indexed surface.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surface {
     /// Vertex positions, metres.
@@ -354,7 +352,6 @@ fn is_odd(order: &[usize]) -> bool {
 
 /// Share of the way to the mean of the neighbours that one round moves a vertex.
 const SHARE: f32 = 0.5;
-/// Rounds of evening out.
 const ROUNDS: u32 = 3;
 
 /// Moves every vertex towards the mean of its neighbours within its tangent plane (tangential Laplacian smoothing), which

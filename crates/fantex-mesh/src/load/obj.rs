@@ -384,7 +384,6 @@ fn integer(word: &[u8]) -> Option<i64> {
 
 // From an OBJ file's lines to a model.
 
-/// Cuts the polygons and spreads attributes over the corners.
 fn build(file: &SourceFile, mut text: ObjText, library: Library) -> Result<Model> {
     file.check_triangles(text.triangle_count)?;
     let (corners, triangle_materials) = cut_polygons(&text);

@@ -18,7 +18,6 @@ use crate::load::polygon::Triangulator;
 use crate::load::{SourceFile, Words, finish, linear_rgba, locate, pad, parsed, relative_path, shown};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
-/// Loads a PLY file.
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
     let read = || {
         let header = parse(file.bytes)?;
@@ -47,7 +46,6 @@ enum Encoding {
     BigEndian,
 }
 
-/// Type of a number.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Scalar {
     I8,
@@ -75,7 +73,6 @@ impl Scalar {
         })
     }
 
-    /// Bytes in a binary file.
     fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -99,16 +96,13 @@ impl Scalar {
     }
 }
 
-/// A column of an element.
 struct Property {
     /// Lower case.
     name: String,
     scalar: Scalar,
-    /// For a list the type of its length.
     list_length: Option<Scalar>,
 }
 
-/// A table of the file.
 struct Element {
     name: String,
     count: u64,
@@ -116,7 +110,6 @@ struct Element {
 }
 
 impl Element {
-    /// The fewest bytes that a row can take.
     fn min_row_bytes(&self, encoding: Encoding) -> u64 {
         let bytes = |p: &Property| match encoding {
             // A digit and a separator.
@@ -130,11 +123,8 @@ impl Element {
 struct Header {
     encoding: Encoding,
     elements: Vec<Element>,
-    /// From `comment TextureFile NAME`.
     texture_files: Vec<String>,
-    /// Where the data begins.
     data_offset: usize,
-    /// Lines of the header.
     line_count: usize,
 }
 
@@ -145,7 +135,6 @@ fn endless() -> Error {
     Error::malformed("its header has no end (no line end_header, or a line longer than any header's)")
 }
 
-/// Reads the header lines up to and with `end_header`.
 fn parse(bytes: &[u8]) -> Result<Header> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
@@ -224,7 +213,6 @@ fn parse_property(definition: &[&str]) -> Option<Property> {
 
 // Streams of numbers: one interface over binary and ASCII data.
 
-/// Why no number came.
 #[derive(Debug)]
 enum SourceError {
     End,
@@ -234,17 +222,14 @@ enum SourceError {
 
 /// Numbers in the order in which the file stores them.
 trait NumberSource {
-    /// The next number.
     fn next(&mut self, scalar: Scalar) -> Result<f64, SourceError>;
 
-    /// Skips numbers of one type.
     fn skip(&mut self, scalar: Scalar, count: u64) -> Result<(), SourceError>;
 
     /// Bytes not yet read: an upper limit for what may still come.
     fn left(&self) -> u64;
 }
 
-/// Binary data; `BIG` for big-endian.
 struct Binary<'a, const BIG: bool> {
     rest: &'a [u8],
 }
@@ -319,14 +304,11 @@ struct Content {
     /// sRGB with linear alpha, 0..1.
     colors_srgb: Vec<Vec4>,
     faces: Faces,
-    /// `COUNT NAME` of elements that were not used.
     skipped_elements: Vec<String>,
 }
 
-/// Polygons with any number of corners.
 #[derive(Default)]
 struct Faces {
-    /// Vertex indices of all faces, one after the other.
     corners: Vec<u32>,
     /// Where each face's corners end in `corners`. Empty as long as all faces are triangles.
     ends: Vec<usize>,
@@ -336,7 +318,6 @@ struct Faces {
     colors_srgb: Vec<Vec4>,
     /// Texture of each face; what is missing at the end is 0.
     textures: Vec<i64>,
-    /// Faces with fewer than three corners.
     short: u64,
 }
 
@@ -345,7 +326,6 @@ impl Faces {
         if self.ends.is_empty() { self.corners.len() / 3 } else { self.ends.len() }
     }
 
-    /// The range in `corners` of a face.
     fn range(&self, face: usize) -> std::ops::Range<usize> {
         match self.ends.is_empty() {
             true => 3 * face..3 * face + 3,
@@ -370,12 +350,10 @@ impl Faces {
         true
     }
 
-    /// Triangles that the polygons will become.
     fn triangle_count(&self) -> usize {
         self.corners.len() - 2 * self.len()
     }
 
-    /// Cuts the polygons into triangles.
     fn triangulated(self, positions: &[DVec3]) -> Self {
         if self.ends.is_empty() {
             return self;
@@ -413,7 +391,6 @@ fn gathered<T: Copy>(values: &[T], indices: &[usize], missing: T) -> Vec<T> {
     indices.iter().map(|&i| values.get(i).copied().unwrap_or(missing)).collect()
 }
 
-/// Reads all elements after the header.
 fn read(file: &SourceFile, header: &Header) -> Result<Content> {
     let rest = &file.bytes[header.data_offset..];
     match header.encoding {
@@ -499,7 +476,6 @@ fn color_slot(name: &str) -> Option<usize> {
     }
 }
 
-/// What a face property holds.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum FaceColumn {
     /// A list.
@@ -521,13 +497,10 @@ fn face_column(property: &Property) -> FaceColumn {
     }
 }
 
-/// The rows of one element.
 struct Rows<'a, S> {
     file: &'a SourceFile<'a>,
-    /// Vertices that the header announces.
     vertex_count: usize,
     element: &'a Element,
-    /// The row being read.
     row: u64,
     source: &'a mut S,
 }
@@ -550,7 +523,6 @@ impl<S: NumberSource> Rows<'_, S> {
         self.source.next(scalar).map_err(|error| self.failed(error))
     }
 
-    /// How many numbers a property has in this row.
     #[inline]
     fn length(&mut self, property: &Property) -> Result<u64> {
         property.list_length.map_or(Ok(1), |length| self.next(length).map(|n| n as u64))
@@ -737,7 +709,6 @@ impl<S: NumberSource> Rows<'_, S> {
 
 // From a PLY file's tables to a model.
 
-/// Cuts the polygons and spreads attributes over the corners.
 fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> {
     file.check_triangles(content.faces.triangle_count())?;
     let mut faces = content.faces.triangulated(&content.positions);

@@ -8,7 +8,6 @@
 
 use glam::{DVec2, DVec3};
 
-/// Cuts polygons; holds its buffers between calls.
 #[derive(Default)]
 pub(crate) struct Triangulator {
     projected: Vec<DVec2>,

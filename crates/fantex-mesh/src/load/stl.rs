@@ -92,7 +92,6 @@ fn read_binary(file: &SourceFile, facets: u32) -> Result<Model> {
     Ok(model)
 }
 
-/// Triangles of consecutive positions.
 fn soup(positions: Vec<DVec3>) -> Model {
     let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     Model { positions, triangles, ..Model::default() }

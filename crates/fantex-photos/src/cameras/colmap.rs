@@ -23,7 +23,6 @@ use super::{
 const MAX_BYTES: u64 = 64 << 30;
 /// Bytes of one line: two million points.
 const MAX_LINE_BYTES: u64 = 64 << 20;
-/// Parameters of a camera that are looked at.
 const MAX_PARAMETERS: usize = 32;
 
 pub(super) fn read_text_cameras(path: &Path) -> Result<Cameras> {
@@ -105,7 +104,6 @@ fn number_of<T: FromStr>(word: &str, expected: &'static str) -> Result<T> {
     word.parse().map_err(|_| syntax(expected, word))
 }
 
-/// Lines of a file, one at a time.
 struct Lines<'a> {
     path: &'a Path,
     reader: BufReader<File>,
@@ -162,7 +160,6 @@ impl<'a> Lines<'a> {
 //               u64 points, then for each: f64 x, f64 y, u64 point
 // ```
 
-/// Bytes of a point in `images.bin`.
 const POINT_BYTES: u64 = 24;
 
 pub(super) fn read_binary_cameras(path: &Path) -> Result<Cameras> {

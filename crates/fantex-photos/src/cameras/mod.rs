@@ -21,15 +21,12 @@ use crate::{CameraFromWorld, Distortion, Lens, PhotoCamera, Photograph};
 
 pub use self::transforms::{write_colmap_binary, write_colmap_text, write_transforms};
 
-/// Most cameras, and most photographs, of a set.
 const MAX_ENTRIES: usize = 1 << 16;
-/// Longest name of a photograph in bytes.
 const MAX_NAME_BYTES: usize = 4096;
 
 /// The cameras of a file by their numbers.
 type Cameras = BTreeMap<u32, PhotoCamera>;
 
-/// A photograph as COLMAP lists it.
 #[derive(Debug)]
 struct Listed {
     name: String,
@@ -113,7 +110,6 @@ fn read_folder(folder: &Path, images: Option<&Path>, frame: CameraFrame) -> Resu
     }
 }
 
-/// Where the photographs of a sparse model are.
 fn image_folder(model: &Path, given: Option<&Path>) -> PathBuf {
     if let Some(given) = given {
         return given.into();
@@ -157,7 +153,6 @@ fn mask_beside(images: &Path, name: &str) -> Option<PathBuf> {
     mask.is_file().then_some(mask)
 }
 
-/// Checks the name of a photograph.
 fn checked_name(name: &str) -> Result<String> {
     match name {
         "" => Err(bad_name("empty")),
@@ -182,7 +177,6 @@ fn open_within(path: &Path, limit: u64) -> Result<std::fs::File> {
 
 // ---- Camera models by name and number: what their parameters mean.
 
-/// Longest side of a photograph in pixels.
 pub(crate) const MAX_SIDE: u64 = 1 << 16;
 
 fn no_pose(reason: &str) -> Error {
@@ -197,13 +191,11 @@ pub(crate) fn unknown_model(name: &str) -> Error {
     ))
 }
 
-/// One of COLMAP's camera models.
 #[derive(Debug)]
 pub(crate) struct CameraModel {
     pub(crate) name: &'static str,
     pub(crate) number: i32,
     pub(crate) parameters: usize,
-    /// Whether x and y have a focal length each.
     two_focals: bool,
     lens: fn(&[f64]) -> Distortion,
 }
@@ -270,7 +262,6 @@ impl CameraModel {
     }
 }
 
-/// A camera of numbers from a file.
 pub(crate) fn checked_camera(
     size: [u64; 2],
     focal: DVec2,
@@ -309,7 +300,6 @@ pub(crate) fn pose_of_quaternion([w, x, y, z]: [f64; 4], translation: [f64; 3]) 
 
 // ---- What is wrong with files of cameras.
 
-/// Words that are missing or no numbers.
 fn syntax(expected: &str, found: &str) -> Error {
     let found: String = found.chars().take(40).collect();
     Error::malformed(format!("expected {expected}, found '{found}'"))

@@ -21,7 +21,6 @@ use crate::{CameraFromWorld, Distortion, PhotoCamera, Photograph};
 const MAX_BYTES: u64 = 256 << 20;
 /// How far the columns of a rotation may be from orthonormal: files are written with few digits.
 const ROTATION_TOLERANCE: f64 = 1e-2;
-/// Extensions that are tried for names without one.
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "JPG", "PNG", "exr"];
 
 #[derive(Debug, Deserialize)]
