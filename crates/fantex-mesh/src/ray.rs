@@ -471,60 +471,6 @@ mod tests {
 
     use super::*;
 
-    const TRIANGLE: [Vec3; 3] = [Vec3::ZERO, Vec3::X, Vec3::Y];
-
-    #[test]
-    fn a_crossing_is_where_the_barycentric_coordinates_say() {
-        for (origin, front) in [(Vec3::new(0.3, 0.1, 2.0), true), (Vec3::new(-0.4, 0.2, -3.0), false)] {
-            let target = Vec3::new(0.25, 0.25, 0.0);
-            let direction = (target - origin) * 0.5;
-            let crossing = Shear::new(origin, direction).intersect(&TRIANGLE).unwrap();
-            assert!((crossing.lambda - Vec3::new(0.5, 0.25, 0.25)).length() < 1e-6, "{}", crossing.lambda);
-            assert!((crossing.distance - 2.0).abs() < 1e-6);
-            assert_eq!(crossing.front, front);
-        }
-    }
-
-    #[test]
-    fn what_lies_behind_or_beside_is_not_met() {
-        let meets = |o: Vec3, d: Vec3| Shear::new(o, d).intersect(&TRIANGLE).is_some();
-        assert!(meets(Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z));
-        assert!(!meets(Vec3::new(0.2, 0.2, 1.0), Vec3::Z));
-        assert!(!meets(Vec3::new(0.6, 0.6, 1.0), Vec3::NEG_Z));
-        assert!(!meets(Vec3::new(-1.0, 0.2, 0.0), Vec3::X), "within the plane");
-    }
-
-    #[test]
-    fn corners_and_edges_belong_to_the_triangle() {
-        for corner in TRIANGLE {
-            assert!(Shear::new(corner + Vec3::Z, Vec3::NEG_Z).intersect(&TRIANGLE).is_some());
-        }
-        let on_edge = Vec3::new(0.5, 0.5, 1.0);
-        assert!(Shear::new(on_edge, Vec3::NEG_Z).intersect(&TRIANGLE).is_some());
-    }
-
-    /// The smallest of many distances to a fine grid of points on the triangle bounds the nearest from above.
-    #[test]
-    fn no_other_point_of_the_triangle_is_nearer() {
-        let triangle = [DVec3::new(0.1, -0.3, 0.2), DVec3::new(0.9, 0.2, -0.4), DVec3::new(-0.2, 0.7, 0.5)];
-        let n = 60;
-        for i in 0..500_u32 {
-            let coordinate = |k: u32| f64::from((i * 7919 + k * 104_729) % 1000) / 250.0 - 2.0;
-            let p = DVec3::new(coordinate(1), coordinate(2), coordinate(3));
-            let (lambda, position) = nearest_of_triangle(p, triangle);
-            assert!(lambda.min_element() >= 0.0 && (lambda.element_sum() - 1.0).abs() < 1e-12);
-            let sampled = (0..=n)
-                .flat_map(|i| (0..=n - i).map(move |j| (i, j, n - i - j)))
-                .map(|(i, j, k)| {
-                    let l = DVec3::new(f64::from(i), f64::from(j), f64::from(k)) / f64::from(n);
-                    p.distance(interpolate(triangle, l))
-                })
-                .fold(f64::INFINITY, f64::min);
-            let nearest = p.distance(position);
-            assert!(nearest <= sampled + 1e-12 && sampled - nearest < 0.03, "{nearest} {sampled}");
-        }
-    }
-
     /// The boxes of needles around the apex of a disc.
     fn needles(count: u32) -> Vec<Aabb> {
         let rim = |i: u32| Vec2::from_angle(i as f32 / count as f32 * std::f32::consts::TAU).extend(0.0);

@@ -546,38 +546,6 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn names_are_found_whatever_their_case() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        std::fs::create_dir(at("textures")).unwrap();
-        for name in ["textures/oak.png", "textures/\u{e4}.png"] {
-            std::fs::write(at(name), b"x").unwrap();
-        }
-        // Compared as files, because systems that do not tell cases apart find the name as it was written.
-        let is_at = |name: &str, expected: &str| {
-            let found = locate(folder.path(), Path::new(name)).canonicalize().unwrap();
-            let expected = at(expected).canonicalize().unwrap();
-            assert_eq!(found, expected, "{name}");
-        };
-        is_at("textures/oak.png", "textures/oak.png");
-        is_at("Textures/Oak.PNG", "textures/oak.png");
-        is_at("./Textures/\u{c4}.PNG", "textures/\u{e4}.png");
-        is_at("textures/../Textures/oak.png", "textures/oak.png");
-        // What is not there keeps its name for the message.
-        assert_eq!(locate(folder.path(), Path::new("Textures/ash.png")), at("Textures/ash.png"));
-    }
-
-    #[test]
-    fn paths_into_another_computer_become_names() {
-        let relative = |written: &str| relative_path(written).map(|p| p.display().to_string());
-        assert_eq!(relative("C:\\work\\a b.png").as_deref(), Some("a b.png"));
-        assert_eq!(relative("/home/someone/a.png").as_deref(), Some("a.png"));
-        assert_eq!(relative("tex\\a.png").as_deref(), Some("tex/a.png"));
-        assert_eq!(relative(" \"a.png\" ").as_deref(), Some("a.png"));
-        assert_eq!(relative("  "), None);
-    }
-
     /// A unit square's half seen from +z, u to the right, v downwards.
     fn half_square() -> Model {
         Model {

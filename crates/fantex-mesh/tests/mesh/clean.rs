@@ -561,3 +561,32 @@ fn findings_are_counted_in_words() {
         ["1 triangle dropped: no area.", "2 vertices welded to an earlier vertex at the same place."]
     );
 }
+
+#[test]
+fn single_precision_positions_survive_unrounded() {
+    let on_line = (0..1000).map(|i| (Vec3::new(0.1, 0.7, -0.3) * (1.0 + i as f32)).as_dvec3().to_array());
+    let fan: Vec<[u32; 3]> = (0..999).map(|i| [i, i + 1, 1000]).collect();
+    let (mesh, report) = cleaned(soup(on_line.chain([[-500.0, 0.0, 0.0]]), fan));
+    assert_eq!((mesh.positions.len(), report.vertices_welded), (1001, 0));
+}
+
+#[test]
+fn a_triangle_has_area_unless_it_is_exactly_a_line() {
+    let is_kept =
+        |corners: [Vec3; 3]| try_clean(soup(corners.map(|p| p.as_dvec3().to_array()), [[0, 1, 2]])).is_ok();
+    let (a, b) = (Vec3::new(0.3, -0.7, 0.1), Vec3::new(0.9, 0.2, -0.4));
+    let along = Vec3::new(0.1, 0.2, 0.3);
+    for line in [[a, a, a], [a, b, a], [Vec3::ZERO, along, 2.0 * along], [-b, Vec3::ZERO, b]] {
+        assert!(!is_kept(line), "{line:?}");
+    }
+    let needle = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1e-7, 0.0)];
+    let cap = [-Vec3::X, Vec3::X, Vec3::new(0.0, 1e-6, 0.0)];
+    let tiny = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p * (1.0_f32 / (1_u64 << 60) as f32));
+    for triangle in [needle, cap, tiny] {
+        assert!(is_kept(triangle), "{triangle:?}");
+    }
+    // One unit in the last place off a line.
+    let (a, c) = (Vec3::new(0.1, 0.3, 0.7), Vec3::new(0.2, 0.6, 1.4) * 0.7);
+    let b = 0.5 * (a + c);
+    assert!(is_kept([a, Vec3::new(b.x, b.y, b.z.next_up()), c]) || is_kept([a, b, c]));
+}

@@ -1,6 +1,6 @@
 //! Every shipped model loads with the expected number of triangles, and glTF files give what another reader gives.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fantex_mesh::{AlphaMode, ImageSource, LoadOptions, Model, WrapMode, WriteGeometry, load, write_model};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -599,4 +599,132 @@ fn written_files_have_ordinary_permissions() {
     std::fs::write(&plain, "").unwrap();
     let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&ours), mode(&plain));
+}
+
+/// Where a material library in a folder says that its image is.
+fn image_of(folder: &Path, written: &str) -> Option<PathBuf> {
+    std::fs::write(folder.join("a.mtl"), format!("newmtl m\nmap_Kd {written}\n")).unwrap();
+    let obj = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
+    std::fs::write(folder.join("a.obj"), obj).unwrap();
+    let model = load(&folder.join("a.obj"), &LoadOptions::default()).unwrap();
+    model.images.into_iter().next().map(|image| match image {
+        ImageSource::File(path) => path,
+        ImageSource::Embedded { label, .. } => panic!("{label} is embedded"),
+    })
+}
+
+#[test]
+fn names_are_found_whatever_their_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir(at("textures")).unwrap();
+    for name in ["textures/oak.png", "textures/\u{e4}.png"] {
+        std::fs::write(at(name), b"x").unwrap();
+    }
+    // Compared as files, because systems that do not tell cases apart find the name as it was written.
+    let is_at = |name: &str, expected: &str| {
+        let found = image_of(folder.path(), name).unwrap().canonicalize().unwrap();
+        assert_eq!(found, at(expected).canonicalize().unwrap(), "{name}");
+    };
+    is_at("textures/oak.png", "textures/oak.png");
+    is_at("Textures/Oak.PNG", "textures/oak.png");
+    is_at("./Textures/\u{c4}.PNG", "textures/\u{e4}.png");
+    is_at("textures/../Textures/oak.png", "textures/oak.png");
+    // What is not there keeps its name for the message.
+    assert_eq!(image_of(folder.path(), "Textures/ash.png"), Some(at("Textures/ash.png")));
+}
+
+#[test]
+fn paths_into_another_computer_become_names() {
+    let folder = tempfile::tempdir().unwrap();
+    for (written, expected) in [
+        ("C:\\work\\a b.png", "a b.png"),
+        ("/home/someone/a.png", "a.png"),
+        ("tex\\a.png", "tex/a.png"),
+        ("\"a.png\"", "a.png"),
+    ] {
+        assert_eq!(image_of(folder.path(), written), Some(folder.path().join(expected)));
+    }
+    assert_eq!(image_of(folder.path(), " "), None);
+}
+
+// Polygons.
+
+/// The triangles that a PLY file's only face becomes.
+fn cut(corners: &[DVec3]) -> Vec<[usize; 3]> {
+    let count = corners.len();
+    let rows: String = corners.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
+    let face: String = (0..count).map(|i| format!(" {i}")).collect();
+    let text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {count}\nproperty double x\nproperty double y\nproperty double z\n\
+         element face 1\nproperty list int int vertex_indices\nend_header\n{rows}{count}{face}\n"
+    );
+    let model = load_text("a.ply", &text).unwrap();
+    model.triangles.iter().map(|t| t.map(|v| v as usize)).collect()
+}
+
+fn area_normal(corners: &[DVec3], t: [usize; 3]) -> DVec3 {
+    let [a, b, c] = t.map(|i| corners[i]);
+    (b - a).cross(c - a) * 0.5
+}
+
+/// Every triangle has the outline's orientation, and together they have its area: so nothing overlaps.
+fn assert_exact(corners: &[DVec3]) {
+    let triangles = cut(corners);
+    assert_eq!(triangles.len(), corners.len() - 2);
+    let total: DVec3 = (1..corners.len() - 1).map(|i| area_normal(corners, [0, i, i + 1])).sum();
+    let normal = total.normalize();
+    let mut area = 0.0;
+    for &t in &triangles {
+        let a = area_normal(corners, t).dot(normal);
+        assert!(a >= -1e-12 * total.length(), "triangle {t:?} is turned over");
+        area += a.abs();
+    }
+    assert!((area - total.length()).abs() < 1e-9 * total.length(), "{area} of {}", total.length());
+}
+
+fn star(points: usize, offset: DVec3) -> Vec<DVec3> {
+    (0..2 * points)
+        .map(|i| {
+            let angle = std::f64::consts::PI * i as f64 / points as f64;
+            let radius = if i % 2 == 0 { 1.0 } else { 0.3 };
+            offset + radius * DVec3::new(angle.cos(), 0.4 * angle.sin(), angle.sin())
+        })
+        .collect()
+}
+
+#[test]
+fn concave_outlines_are_cut_exactly() {
+    let arrow = [[0., 0., 0.], [2., 1., 0.], [0., 2., 0.], [0.5, 1., 0.]].map(DVec3::from);
+    for turned in 0..4 {
+        let mut corners = arrow;
+        corners.rotate_left(turned);
+        assert_exact(&corners);
+        corners.reverse();
+        assert_exact(&corners);
+    }
+    assert_exact(&star(5, DVec3::ZERO));
+    assert_exact(&star(40, DVec3::splat(1e7)));
+}
+
+#[test]
+fn corners_on_straight_edges_are_kept() {
+    let square = [[0., 0., 0.], [1., 0., 0.], [2., 0., 0.], [2., 2., 0.], [1., 2., 0.], [0., 2., 0.]];
+    let corners = square.map(DVec3::from);
+    assert_exact(&corners);
+    let used: Vec<usize> = cut(&corners).into_iter().flatten().collect();
+    assert!((0..6).all(|i| used.contains(&i)));
+}
+
+#[test]
+fn hopeless_outlines_still_give_the_right_count() {
+    assert_eq!(cut(&[DVec3::ZERO; 7]).len(), 5);
+    assert_eq!(cut(&[DVec3::NAN; 6]).len(), 4);
+    let bow = [[0., 0., 0.], [1., 1., 0.], [1., 0., 0.], [0., 1., 0.]].map(DVec3::from);
+    assert_eq!(cut(&bow).len(), 2);
+    let pentagram = std::array::from_fn::<_, 5, _>(|i| {
+        let angle = 4.0 * std::f64::consts::PI * i as f64 / 5.0;
+        DVec3::new(angle.cos(), angle.sin(), 0.0)
+    });
+    assert_eq!(cut(&pentagram).len(), 3);
 }

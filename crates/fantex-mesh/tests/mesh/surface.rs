@@ -625,3 +625,53 @@ fn tangents_are_those_of_mikktspace() {
         assert!(different * 1000 <= compared && flipped == 0, "{name}");
     }
 }
+
+fn one_triangle(corners: [Vec3; 3]) -> TriangleBvh {
+    TriangleBvh::new(&Mesh { positions: corners.to_vec(), triangles: vec![[0, 1, 2]], ..Mesh::default() })
+}
+
+#[test]
+fn a_crossing_is_where_the_barycentric_coordinates_say() {
+    let bvh = one_triangle([Vec3::ZERO, Vec3::X, Vec3::Y]);
+    for (origin, front) in [(Vec3::new(0.3, 0.1, 2.0), true), (Vec3::new(-0.4, 0.2, -3.0), false)] {
+        let target = Vec3::new(0.25, 0.25, 0.0);
+        let hit = bvh.first_hit(origin, (target - origin) * 0.5, f32::INFINITY).unwrap();
+        assert!((hit.point.lambda - Vec3::new(0.5, 0.25, 0.25)).length() < 1e-6, "{}", hit.point.lambda);
+        assert!((hit.distance - 2.0).abs() < 1e-6);
+        assert_eq!(hit.front, front);
+    }
+}
+
+#[test]
+fn corners_and_edges_belong_to_the_triangle_and_nothing_beside_it() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let bvh = one_triangle(triangle);
+    let meets = |o: Vec3, d: Vec3| bvh.is_occluded(o, d, f32::INFINITY);
+    assert!(triangle.iter().all(|&corner| meets(corner + Vec3::Z, Vec3::NEG_Z)));
+    assert!(meets(Vec3::new(0.5, 0.5, 1.0), Vec3::NEG_Z), "on an edge");
+    assert!(meets(Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z));
+    assert!(!meets(Vec3::new(0.2, 0.2, 1.0), Vec3::Z));
+    assert!(!meets(Vec3::new(0.6, 0.6, 1.0), Vec3::NEG_Z));
+    assert!(!meets(Vec3::new(-1.0, 0.2, 0.0), Vec3::X), "within the plane");
+}
+
+/// The smallest of many distances to a fine grid of points on the triangle bounds the nearest from above.
+#[test]
+fn no_other_point_of_the_triangle_is_nearer() {
+    let triangle = [Vec3::new(0.1, -0.3, 0.2), Vec3::new(0.9, 0.2, -0.4), Vec3::new(-0.2, 0.7, 0.5)];
+    let bvh = one_triangle(triangle);
+    let n = 60_u16;
+    for i in 0..500_u32 {
+        let coordinate = |k: u32| ((i * 7919 + k * 104_729) % 1000) as f32 / 250.0 - 2.0;
+        let p = Vec3::new(coordinate(1), coordinate(2), coordinate(3));
+        let nearest = bvh.nearest_point(p, f32::INFINITY).unwrap();
+        let lambda = nearest.point.lambda;
+        assert!(lambda.min_element() >= 0.0 && (lambda.element_sum() - 1.0).abs() < 1e-6);
+        let sampled = (0..=n)
+            .flat_map(|i| (0..=n - i).map(move |j| [i, j, n - i - j]))
+            .map(|l| p.distance(interpolate(triangle, Vec3::from(l.map(f32::from)) / f32::from(n))))
+            .fold(f32::INFINITY, f32::min);
+        let distance = nearest.distance;
+        assert!(distance <= sampled + 1e-6 && sampled - distance < 0.03, "{distance} {sampled}");
+    }
+}

@@ -481,3 +481,66 @@ fn cameras_look_where_they_are_told_to() {
     assert!(seen(DVec3::new(1.0, 1.0, 0.0)).x > 100.0, "+x is on the right of a camera on +z");
     assert!(seen(DVec3::new(0.0, 2.0, 0.0)).y < 50.0, "up is up");
 }
+
+/// The camera of COLMAP's text files with one photograph, whose pose is `pose`.
+fn camera_of(camera: &str, pose: &str) -> Result<Photograph> {
+    let root = tempfile::tempdir().unwrap();
+    fs::create_dir(root.path().join("images")).unwrap();
+    fs::write(root.path().join("images/a.png"), b"").unwrap();
+    fs::write(root.path().join("cameras.txt"), format!("1 {camera}\n")).unwrap();
+    fs::write(root.path().join("images.txt"), format!("1 {pose} 1 a.png\n\n")).unwrap();
+    cameras_of(root.path(), None).map(|mut photographs| photographs.remove(0))
+}
+
+const UPRIGHT: &str = "1 0 0 0 0 0 0";
+
+#[test]
+fn parameters_mean_what_the_models_say() {
+    let camera = camera_of("FULL_OPENCV 8 6 1 2 3 4 5 6 7 8 9 10 11 12", UPRIGHT).unwrap().camera;
+    assert_eq!((camera.focal, camera.center), (DVec2::new(1.0, 2.0), DVec2::new(3.0, 4.0)));
+    let expected =
+        Distortion::Perspective { radial: [5.0, 6.0, 9.0, 10.0, 11.0, 12.0], tangential: [7.0, 8.0] };
+    assert_eq!(camera.lens.distortion(), expected);
+    let prism = camera_of("THIN_PRISM_FISHEYE 8 6 1 2 3 4 5 6 7 8 9 10 11 12", UPRIGHT).unwrap().camera;
+    let expected =
+        Distortion::Fisheye { radial: [5.0, 6.0, 9.0, 10.0], tangential: [7.0, 8.0], prism: [11.0, 12.0] };
+    assert_eq!(prism.lens.distortion(), expected);
+    for (model, parameters, focals) in [
+        ("SIMPLE_PINHOLE", 3, 1),
+        ("PINHOLE", 4, 2),
+        ("SIMPLE_RADIAL", 4, 1),
+        ("RADIAL", 5, 1),
+        ("OPENCV", 8, 2),
+        ("OPENCV_FISHEYE", 8, 2),
+        ("FULL_OPENCV", 12, 2),
+        ("FOV", 5, 2),
+        ("SIMPLE_RADIAL_FISHEYE", 4, 1),
+        ("RADIAL_FISHEYE", 5, 1),
+        ("THIN_PRISM_FISHEYE", 12, 2),
+    ] {
+        let rest = " 0.01".repeat(parameters - 2);
+        let camera = camera_of(&format!("{model} 8 6 500 501{rest}"), UPRIGHT).unwrap().camera;
+        assert_eq!(camera.focal.x, 500.0);
+        assert_eq!(camera.focal.y == 501.0, focals == 2, "{model}");
+    }
+}
+
+#[test]
+fn bad_cameras_are_refused_in_a_sentence() {
+    for (camera, sentence) in [
+        ("EUCM 8 6 1 1 4 3", "'EUCM' is not supported"),
+        ("FOV 8 6 1 1 4 3 3.2", "far out of range"),
+        ("PINHOLE 8 6 1 1 1", "4 parameters, not 3"),
+        ("PINHOLE 0 6 1 1 1 1", "0 x 6 pixels"),
+        ("PINHOLE 8 18446744073709551615 1 1 1 1", "1 to 65536"),
+        ("PINHOLE 8 6 NaN 1 1 1", "not finite"),
+        ("PINHOLE 8 6 -1 1 1 1", "above 0"),
+    ] {
+        let message = camera_of(camera, UPRIGHT).unwrap_err().to_string();
+        assert!(message.contains(sentence), "{camera}: {message}");
+    }
+    assert!(camera_of("PINHOLE 8 6 1 1 1 1", "0 0 0 0 0 0 0").is_err());
+    assert!(camera_of("PINHOLE 8 6 1 1 1 1", "2 0 0 0 inf inf inf").is_err());
+    let scaled = camera_of("PINHOLE 8 6 1 1 1 1", "2 0 0 0 1 1 1").unwrap();
+    assert_eq!(scaled.camera_from_world.rotation, DMat3::IDENTITY);
+}
