@@ -118,39 +118,36 @@ impl Document<'_> {
             .collect();
         used.sort_unstable();
         used.dedup();
-        let mut buffer = json!({ "byteLength": binary_bytes });
-        if let Place::Beside(name) = place {
-            buffer["uri"] = uri(name).into();
-        }
-        let mut node = json!({ "name": self.name, "mesh": 0 });
-        if self.geometry.translation != glam::DVec3::ZERO {
-            node["translation"] = json!(self.geometry.translation.to_array());
-        }
-        let mut document = json!({
+        let buffer_uri = match place {
+            Place::Inside(_) => None,
+            Place::Beside(name) => Some(uri(name)),
+        };
+        let translation = self.geometry.translation;
+        let wrap = if self.layout.repeats { REPEAT } else { CLAMP_TO_EDGE };
+        let texture = |source: usize| json!({ "source": source, "sampler": 0 });
+        let sampler = json!({
+            "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": wrap, "wrapT": wrap,
+        });
+        let has_images = !images.is_empty();
+        object(json!({
             "asset": { "version": "2.0", "generator": "fantex" },
             "scene": 0,
             "scenes": [{ "nodes": [0] }],
-            "nodes": [node],
+            "nodes": [object(json!({
+                "name": self.name,
+                "mesh": 0,
+                "translation": (translation != DVec3::ZERO).then(|| translation.to_array()),
+            }))],
             "meshes": [{ "name": self.name, "primitives": primitives }],
             "materials": materials,
-            "buffers": [buffer],
+            "buffers": [object(json!({ "byteLength": binary_bytes, "uri": buffer_uri }))],
             "bufferViews": views,
             "accessors": accessors,
-        });
-        if !used.is_empty() {
-            document["extensionsUsed"] = json!(used);
-        }
-        if !images.is_empty() {
-            let wrap = if self.layout.repeats { REPEAT } else { CLAMP_TO_EDGE };
-            let textures: Vec<Value> =
-                (0..images.len()).map(|i| json!({ "source": i, "sampler": 0 })).collect();
-            document["images"] = json!(image_json);
-            document["textures"] = json!(textures);
-            document["samplers"] = json!([{
-                "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": wrap, "wrapT": wrap,
-            }]);
-        }
-        document
+            "extensionsUsed": (!used.is_empty()).then_some(used),
+            "images": has_images.then_some(image_json),
+            "textures": has_images.then(|| (0..images.len()).map(texture).collect::<Vec<_>>()),
+            "samplers": has_images.then(|| [sampler]),
+        }))
     }
 
     fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<Value>) {
@@ -204,60 +201,49 @@ impl Document<'_> {
             let map = self.maps.iter().position(|m| m.kind == kind)?;
             Some(json!({ "index": page * self.maps.len() + map }))
         };
-        let orm = texture(ChannelMap::OcclusionRoughnessMetallic);
-        let mut pbr = match &orm {
-            Some(orm) => json!({ "metallicRoughnessTexture": orm }),
-            None => json!({
-                "metallicFactor": material.metallic.clamp(0.0, 1.0),
-                "roughnessFactor": material.roughness.clamp(0.0, 1.0),
-            }),
-        };
-        match texture(ChannelMap::BaseColor) {
-            Some(texture) => pbr["baseColorTexture"] = texture,
-            None => {
-                let color = material.base_color.clamp(glam::Vec4::ZERO, glam::Vec4::ONE);
-                pbr["baseColorFactor"] = json!(color.to_array());
-            }
-        }
-        let mut value = json!({ "pbrMetallicRoughness": pbr, "doubleSided": material.double_sided });
-        if !material.name.is_empty() {
-            value["name"] = material.name.as_str().into();
-        }
-        if let Some(orm) = orm {
-            value["occlusionTexture"] = orm;
-        }
-        if let Some(normal) = texture(ChannelMap::Normal) {
-            value["normalTexture"] = normal;
-        }
+        let (orm, color) = (texture(ChannelMap::OcclusionRoughnessMetallic), texture(ChannelMap::BaseColor));
+        let factor = |factor: f32| orm.is_none().then(|| factor.clamp(0.0, 1.0));
+        let base_color = material.base_color.clamp(Vec4::ZERO, Vec4::ONE);
         let emission = self.maps.iter().find(|m| m.kind == ChannelMap::Emission);
         let light = emission.map_or(material.emission, |map| Vec3::splat(map.scale)).max(Vec3::ZERO);
         let strength = light.max_element().max(1.0);
-        if light != Vec3::ZERO {
-            value["emissiveFactor"] = json!((light / strength).to_array());
-        }
-        if let Some(texture) = texture(ChannelMap::Emission) {
-            value["emissiveTexture"] = texture;
-        }
-        match material.alpha {
-            AlphaMode::Opaque => {}
-            AlphaMode::Mask(cutoff) => {
-                value["alphaMode"] = "MASK".into();
-                value["alphaCutoff"] = cutoff.max(0.0).into();
-            }
-            AlphaMode::Blend => value["alphaMode"] = "BLEND".into(),
-        }
-        let mut extensions = json!({});
-        if strength > 1.0 {
-            extensions["KHR_materials_emissive_strength"] = json!({ "emissiveStrength": strength });
-        }
-        if material.unlit {
-            extensions["KHR_materials_unlit"] = json!({});
-        }
-        if extensions.as_object().is_some_and(|e| !e.is_empty()) {
-            value["extensions"] = extensions;
-        }
-        value
+        let (alpha_mode, cutoff) = match material.alpha {
+            AlphaMode::Opaque => (None, None),
+            AlphaMode::Mask(cutoff) => (Some("MASK"), Some(cutoff.max(0.0))),
+            AlphaMode::Blend => (Some("BLEND"), None),
+        };
+        let extensions = object(json!({
+            "KHR_materials_emissive_strength":
+                (strength > 1.0).then(|| json!({ "emissiveStrength": strength })),
+            "KHR_materials_unlit": material.unlit.then(|| json!({})),
+        }));
+        object(json!({
+            "pbrMetallicRoughness": object(json!({
+                "metallicRoughnessTexture": orm,
+                "metallicFactor": factor(material.metallic),
+                "roughnessFactor": factor(material.roughness),
+                "baseColorFactor": color.is_none().then(|| base_color.to_array()),
+                "baseColorTexture": color,
+            })),
+            "doubleSided": material.double_sided,
+            "name": (!material.name.is_empty()).then_some(&material.name),
+            "occlusionTexture": orm,
+            "normalTexture": texture(ChannelMap::Normal),
+            "emissiveFactor": (light != Vec3::ZERO).then(|| (light / strength).to_array()),
+            "emissiveTexture": texture(ChannelMap::Emission),
+            "alphaMode": alpha_mode,
+            "alphaCutoff": cutoff,
+            "extensions": extensions.as_object().filter(|e| !e.is_empty()),
+        }))
     }
+}
+
+/// A JSON object without the members that are null.
+fn object(mut value: Value) -> Value {
+    if let Value::Object(members) = &mut value {
+        members.retain(|_, member| !member.is_null());
+    }
+    value
 }
 
 /// Bytes of a name that a URI must escape: all but unreserved characters.

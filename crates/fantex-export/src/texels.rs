@@ -59,7 +59,7 @@ pub(crate) fn make_page(
     let (watch, texels_done, total) = progress;
     let rows = band_rows(page.side, maps.len(), memory_bytes);
     let columns = page.side.div_ceil(REGION);
-    let bins = Bins::new(page, rows);
+    let bins = bins(page, rows);
     let mut stats = PageStats::default();
     for band in 0..page.side.div_ceil(rows) {
         let height = rows.min(page.side - band * rows);
@@ -69,7 +69,7 @@ pub(crate) fn make_page(
             }
             let origin = [column * REGION, band * rows];
             let extent = [REGION.min(page.side - origin[0]), height];
-            let members = bins.members((band * columns + column) as usize);
+            let members = &bins[(band * columns + column) as usize];
             let region = Region::find(page, members, origin, extent);
             let values = sampler.values(page, &region, maps);
             let fitted = maps.iter().zip(&values).map(|(map, values)| fitted(values, &region, map));
@@ -107,41 +107,21 @@ fn band_rows(side: u32, maps: usize, memory_bytes: u64) -> u32 {
     (1 << rows.ilog2()).max(MIN_ROWS)
 }
 
-/// Which placed triangles may matter to which region, in rows of a compressed table.
-struct Bins {
-    starts: Vec<u32>,
-    members: Vec<u32>,
-}
-
-impl Bins {
-    fn new(page: &Page, rows: u32) -> Self {
-        let (columns, bands) = (page.side.div_ceil(REGION), page.side.div_ceil(rows));
-        let margin = (margin(page) + BORDER) as f32 + 2.0;
-        let each = |mut visit: Box<dyn FnMut(u32, usize) + '_>| {
-            for (i, placed) in (0u32..).zip(&page.placed) {
-                let [low, high] = bounds(placed);
-                let bin = |x: f32, size: u32, count: u32| ((x / size as f32).max(0.0) as u32).min(count - 1);
-                let (x0, x1) = (bin(low.x - margin, REGION, columns), bin(high.x + margin, REGION, columns));
-                let (y0, y1) = (bin(low.y - margin, rows, bands), bin(high.y + margin, rows, bands));
-                (y0..=y1).for_each(|y| (x0..=x1).for_each(|x| visit(i, (y * columns + x) as usize)));
+/// Which placed triangles may matter to which region, ascending; regions in rows.
+fn bins(page: &Page, rows: u32) -> Vec<Vec<u32>> {
+    let (columns, bands) = (page.side.div_ceil(REGION), page.side.div_ceil(rows));
+    let margin = (margin(page) + BORDER) as f32 + 2.0;
+    let mut bins = vec![Vec::new(); columns as usize * bands as usize];
+    for (i, placed) in (0u32..).zip(&page.placed) {
+        let [low, high] = bounds(placed);
+        let bin = |x: f32, size: u32, count: u32| ((x / size as f32).max(0.0) as u32).min(count - 1);
+        for y in bin(low.y - margin, rows, bands)..=bin(high.y + margin, rows, bands) {
+            for x in bin(low.x - margin, REGION, columns)..=bin(high.x + margin, REGION, columns) {
+                bins[(y * columns + x) as usize].push(i);
             }
-        };
-        let mut starts = vec![0u32; columns as usize * bands as usize + 1];
-        each(Box::new(|_, bin| starts[bin + 1] += 1));
-        (1..starts.len()).for_each(|i| starts[i] += starts[i - 1]);
-        let mut next = starts.clone();
-        let mut members = vec![0; starts[starts.len() - 1] as usize];
-        each(Box::new(|i, bin| {
-            members[next[bin] as usize] = i;
-            next[bin] += 1;
-        }));
-        Self { starts, members }
+        }
     }
-
-    /// Indices into the page's placed triangles, ascending.
-    fn members(&self, bin: usize) -> &[u32] {
-        &self.members[self.starts[bin] as usize..self.starts[bin + 1] as usize]
-    }
+    bins
 }
 
 /// Lower and upper corner of a triangle's rectangle, texels.
