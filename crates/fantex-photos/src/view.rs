@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use fantex_bake::{Source, TexelPoint};
 use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
+use fantex_mesh::{CornerNormals, Mesh, TriangleBvh};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
@@ -335,7 +335,7 @@ pub fn capture(
         source,
         base_color: channels.iter().position(|c| c.kind == ChannelKind::BaseColor),
         channels: channels.len(),
-        normals: shading_normals(mesh),
+        normals: CornerNormals::of(mesh),
         mesh_from_camera: camera.rotation.transpose(),
         camera,
         options,
@@ -355,7 +355,7 @@ struct Taker<'a> {
     source: &'a dyn Source,
     base_color: Option<usize>,
     channels: usize,
-    normals: Vec<Vec3>,
+    normals: CornerNormals,
     mesh_from_camera: glam::DMat3,
     camera: MeshCamera,
     options: &'a CaptureOptions,
@@ -399,14 +399,13 @@ impl Taker<'_> {
             let [a, b, c] = corners;
             DVec3::new(along(b, c), along(c, a), along(a, b)).as_vec3()
         };
-        let vertex_normals = [0, 1, 2].map(|k| self.normals[3 * hit.point.index() + k]);
         let at = hit.point;
         let point = TexelPoint {
             at,
             lambda_steps: steps.map(lambda_step),
             position: at.position(self.mesh),
             position_steps: steps.map(|s| s.as_vec3()),
-            normal: at.interpolate(vertex_normals).try_normalize().unwrap_or(normal.normalize().as_vec3()),
+            normal: self.normals.at(self.mesh, at),
         };
         let mut values = vec![Vec4::ZERO; self.channels];
         self.source.evaluate(&point, &mut values);
