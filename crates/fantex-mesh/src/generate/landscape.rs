@@ -18,7 +18,6 @@ use super::tetrahedra::{Lattice, Surface, polygonise, relax, scatter};
 use crate::clean::Components;
 use crate::{Material, Model, Topology, VertexCorners, unit_vector};
 
-/// Altitude of the solid's floor, metres.
 const FLOOR: f32 = -30.0;
 /// Triangles of the trial passes that the lattice's step is estimated from.
 const TRIAL_TRIANGLES: [f32; 2] = [2.0e4, 8.0e4];
@@ -160,7 +159,6 @@ impl World {
     }
 }
 
-/// Keeps only the piece with the most triangles.
 fn largest_piece(surface: Surface) -> Surface {
     let pieces = Components::new(surface.positions.len());
     for &[a, b, c] in &surface.triangles {
@@ -208,7 +206,6 @@ const OVERHANG_SIZE: Vec3 = Vec3::new(46.0, 19.0, 46.0);
 struct Density {
     /// The ground before anything is pushed out, carved or added.
     ground: HeightMap,
-    /// Lowest and highest ground, metres.
     range: (f32, f32),
     /// Carved out of the rock.
     tunnels: Vec<Tube>,
@@ -216,7 +213,6 @@ struct Density {
     arches: Vec<Tube>,
     /// Width over which tubes blend into the rock, metres.
     blend: f32,
-    /// Where and how overhangs are pushed out.
     overhangs: Overhangs,
 }
 
@@ -236,7 +232,6 @@ impl Overhangs {
         2.0 * self.push[0].at3(q / 13.0) + 1.0 * self.push[1].at3(q / 5.5)
     }
 
-    /// Horizontal displacement at a point, metres.
     fn displacement(&self, p: Vec3) -> Vec2 {
         let strength = smoothstep(-0.05, 0.3, self.mask.at2(Vec2::new(p.x, p.z) / 170.0));
         if strength == 0.0 {
@@ -283,14 +278,12 @@ fn smooth_max(a: f32, b: f32, k: f32) -> f32 {
 
 // Tunnels and natural arches: tubes around curves, placed where the ground lets them pierce or span it.
 
-/// Candidates tried per tube wanted.
 const CANDIDATES: u32 = 6000;
 /// Air left free where a tunnel ends and below an arch, metres.
 const CLEARANCE: f32 = 5.0;
 /// Distance of a curve's nodes while it is being laid out, metres.
 const NODE: f32 = 5.0;
 
-/// A tube of varying radius around a polyline.
 #[derive(Clone, Debug)]
 struct Tube {
     /// Centre and radius in metres.
@@ -323,7 +316,6 @@ impl Tube {
     }
 }
 
-/// Where tubes may lie.
 struct Site<'a> {
     /// The ground, at a resolution that does not depend on the lattice's, so that every lattice gets the same tubes.
     ground: &'a HeightMap,
@@ -331,7 +323,6 @@ struct Site<'a> {
     least_radius: f32,
     /// How far tubes blend into the rock, metres.
     reach: f32,
-    /// The world's seed.
     seed: u64,
 }
 
@@ -485,7 +476,6 @@ impl HeightMap {
         lerp(row(y), row(y + 1), fy)
     }
 
-    /// The lowest and highest sample, metres.
     fn range(&self) -> (f32, f32) {
         self.heights.iter().fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)))
     }
@@ -518,7 +508,6 @@ impl Ground {
         }
     }
 
-    /// Height in metres at (x, z).
     fn height(&self, p: Vec2) -> f32 {
         let q = p / SIZE;
         let bend = Vec2::new(self.warp[0].fbm2(q * 3.0, 3), self.warp[1].fbm2(q * 3.0, 3));
@@ -599,7 +588,6 @@ pub(super) struct Noise {
 }
 
 impl Noise {
-    /// The noise of a seed and a stream number.
     pub(super) fn new(seed: u64, stream: u32) -> Self {
         let folded = (seed ^ (seed >> 32)) as u32;
         Self { key: mix(folded ^ mix(stream.wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995)) }
@@ -665,7 +653,6 @@ fn spun(v: Vec2) -> Vec2 {
     Vec2::new(0.8 * v.x - 0.6 * v.y, 0.6 * v.x + 0.8 * v.y)
 }
 
-/// Smooth step from 0 at `low` to 1 at `high`.
 fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -675,7 +662,6 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
-/// One of 16 unit directions.
 fn gradient2(h: u32) -> Vec2 {
     const DIRECTIONS: [[f32; 2]; 4] =
         [[1.0, 0.0], [0.923_879_5, 0.382_683_43], [0.707_106_77, 0.707_106_77], [0.382_683_43, 0.923_879_5]];

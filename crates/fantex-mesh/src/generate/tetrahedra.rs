@@ -18,7 +18,6 @@ use rayon::prelude::*;
 use super::landscape::Noise;
 use crate::{VertexCorners, unit_vector};
 
-/// Cubes per side of a chunk.
 const CHUNK: u32 = 16;
 /// Lattice points per side of a chunk, borders included.
 const SIDE: u32 = CHUNK + 1;
@@ -33,14 +32,12 @@ const MARGIN: f32 = 0.08;
 pub(super) struct Lattice {
     /// Position of point (0, 0, 0), metres.
     pub(super) origin: Vec3,
-    /// Distance of neighbouring points, metres.
     pub(super) step: f32,
     /// Number of cubes along each axis. The surface must not reach the lattice's border.
     pub(super) cubes: UVec3,
 }
 
 impl Lattice {
-    /// Position of a lattice point.
     pub(super) fn point(&self, index: UVec3) -> Vec3 {
         self.origin + index.as_vec3() * self.step
     }
@@ -52,7 +49,6 @@ impl Lattice {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surface {
-    /// Vertex positions, metres.
     pub(super) positions: Vec<Vec3>,
     /// Counter-clockwise seen from outside (from where the density is negative).
     pub(super) triangles: Vec<[u32; 3]>,
@@ -76,7 +72,6 @@ pub(super) fn polygonise(lattice: &Lattice, density: impl Fn(Vec3) -> f32 + Sync
     stitch(&chunks)
 }
 
-/// The surface inside one chunk.
 #[derive(Default)]
 struct Chunk {
     /// Lattice edge of every vertex: global index of its lower point times 8 plus direction; ascending among the
@@ -167,7 +162,6 @@ impl<D: Fn(Vec3) -> f32 + Sync> Marching<D> {
     }
 }
 
-/// Emits the triangles of one chunk.
 struct Builder<'a> {
     lattice: &'a Lattice,
     base: UVec3,
@@ -293,7 +287,6 @@ fn stitch(chunks: &BTreeMap<[u32; 3], Chunk>) -> Surface {
     Surface { positions: parts.iter().flat_map(|(_, c)| &c.positions[..c.own]).copied().collect(), triangles }
 }
 
-/// Where a chunk's border faces have both signs.
 fn crossed_faces(values: &[f32]) -> [bool; 6] {
     std::array::from_fn(|face| {
         let level = if face < 3 { 0 } else { CHUNK };
@@ -307,7 +300,6 @@ fn crossed_faces(values: &[f32]) -> [bool; 6] {
     })
 }
 
-/// The chunk that owns a lattice edge.
 fn chunk_of(key: u64) -> [u32; 3] {
     let point = key >> 3;
     [point, point >> 20, point >> 40].map(|v| (v & 0xf_ffff) as u32 / CHUNK)
@@ -321,7 +313,6 @@ fn unpack(index: u32) -> UVec3 {
     UVec3::new(index % SIDE, index / SIDE % SIDE, index / (SIDE * SIDE))
 }
 
-/// Builds the table of sign patterns.
 fn cases() -> Cases {
     (0..16_u32)
         .map(|mask| {
@@ -381,14 +372,11 @@ pub(super) fn scatter(
     });
 }
 
-/// What a vertex' triangles say about it.
 struct Star {
     p: Vec3,
-    /// Unit normal.
     normal: Vec3,
     /// To the mean of the neighbours.
     pull: Vec3,
-    /// Length of the shortest edge.
     shortest: f32,
 }
 

@@ -124,12 +124,10 @@ impl SourceFile<'_> {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Refuses more triangles than the limit.
     pub(crate) fn check_triangles(&self, count: usize) -> Result<()> {
         self.check("triangles", count, self.limits.max_triangles)
     }
 
-    /// Refuses more positions than the limit.
     pub(crate) fn check_positions(&self, count: usize) -> Result<()> {
         self.check("positions", count, self.limits.max_positions)
     }
@@ -299,7 +297,6 @@ fn check_content(path: &Path, bytes: &[u8], named: ModelFormat) -> Result<ModelF
     Err(about(path, ErrorKind::Malformed, sentence))
 }
 
-/// The first byte after a byte order mark and white space.
 fn first_character(bytes: &[u8]) -> Option<u8> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     text.iter().copied().find(|b| !b.is_ascii_whitespace())
@@ -364,7 +361,6 @@ fn shown(word: &[u8]) -> String {
     String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned()
 }
 
-/// A word as a number.
 fn parsed<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
     // Rust's own parser rounds correctly and takes "nan" and "inf", which cleaning deals with.
     std::str::from_utf8(word).ok()?.parse().ok()

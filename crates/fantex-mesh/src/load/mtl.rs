@@ -15,7 +15,6 @@ use super::obj::{at_line, line_end, not_a_number, number, too_few_numbers, words
 use crate::load::{SourceFile, linear_rgba, locate, read_companion, relative_path, shown};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
-/// The materials of all libraries of an OBJ file.
 #[derive(Default)]
 pub(super) struct Library {
     pub(super) materials: Vec<Material>,
@@ -56,7 +55,6 @@ struct Reader<'a> {
     path: &'a Path,
     library: &'a mut Library,
     line: usize,
-    /// The current material, once there is one.
     current: Option<Pending>,
 }
 
@@ -238,7 +236,6 @@ struct ParsedTexture {
     bump_scale: f32,
 }
 
-/// The options before the file name of a texture map.
 struct MapOptions<'a> {
     offset: Vec2,
     scale: Vec2,

@@ -18,14 +18,12 @@ use crate::load::polygon::Triangulator;
 use crate::load::{SourceFile, finish, linear_rgba, pad, parsed, shown};
 use crate::{Material, Model};
 
-/// Loads an OBJ file and the MTL files beside it that it names.
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
     let text = parse(file)?;
     let library = load_libraries(file, &text.libraries)?;
     build(file, text, library)
 }
 
-/// The words of a line, up to white space.
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
@@ -43,7 +41,6 @@ pub(super) fn too_few_numbers(keyword: &str, needed: usize, found: usize) -> Err
     Error::malformed(format!("{keyword} needs at least {needed}, but has {found}"))
 }
 
-/// An error in a line of a file.
 pub(super) fn at_line(error: Error, line: usize, path: &Path) -> Error {
     error.at(Place::Line(line as u64)).in_file(path)
 }
@@ -69,12 +66,10 @@ struct Corner {
     normal: u32,
 }
 
-/// A polygon: a run of corners.
 #[derive(Clone, Copy)]
 struct Face {
     first_corner: usize,
     corner_count: u32,
-    /// Index into [`ObjText::material_names`].
     material: u32,
 }
 
@@ -89,16 +84,13 @@ struct ObjText {
     normals: Vec<Vec3>,
     corners: Vec<Corner>,
     faces: Vec<Face>,
-    /// Triangles that the faces will become.
     triangle_count: usize,
     /// Names after `usemtl`, each once; the first is "" for faces before any.
     material_names: Vec<String>,
-    /// Names after `mtllib`.
     libraries: Vec<String>,
     notes: Vec<String>,
 }
 
-/// Reads all lines.
 fn parse(file: &SourceFile) -> Result<ObjText> {
     let mut parser = Parser::new(file);
     let mut rest = file.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(file.bytes);

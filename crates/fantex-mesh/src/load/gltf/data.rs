@@ -36,7 +36,6 @@ pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>)> {
     Ok((json, binary))
 }
 
-/// Kind, content and end of the chunk at `offset`.
 fn chunk(bytes: &[u8], offset: usize) -> Result<(&[u8], &[u8], usize)> {
     let broken = |expected| damaged(offset, expected);
     let length = read_u32(bytes, offset).ok_or_else(|| broken("a chunk's length"))? as usize;
@@ -58,7 +57,6 @@ fn read_u32(bytes: &[u8], offset: usize) -> Option<u32> {
 
 // Bytes behind URIs: data URIs and relative paths.
 
-/// What a URI points to.
 pub(super) enum Target {
     Bytes(Vec<u8>),
     File(PathBuf),
@@ -117,7 +115,6 @@ fn has_scheme(uri: &str) -> bool {
 pub(super) const NO_DATA: &str =
     "it names no data (no URI, and no binary chunk or buffer view stands for it)";
 
-/// All buffers of a file.
 pub(super) struct Buffers<'a> {
     root: &'a Root,
     /// None where a buffer names no data: an error only where it is read.
@@ -197,7 +194,6 @@ fn shorten(bytes: Cow<'_, [u8]>, length: usize) -> Result<Cow<'_, [u8]>> {
 /// few letters of JSON can claim.
 const MAX_ZEROED_ELEMENTS: usize = 1 << 24;
 
-/// Type of one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Component {
     I8,
@@ -260,13 +256,11 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// A checked accessor.
 pub(super) struct Reader<'a> {
     document: &'a Document<'a>,
     index: usize,
     accessor: &'a Accessor,
     component: Component,
-    /// Numbers per element.
     pub(super) width: usize,
 }
 
@@ -297,7 +291,6 @@ impl<'a> Reader<'a> {
         Ok(Self { document, index, accessor, component, width })
     }
 
-    /// Number of elements.
     pub(super) fn count(&self) -> usize {
         self.accessor.count
     }
@@ -330,7 +323,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Single unsigned integers.
     pub(super) fn read_indices(&self, used_for: &str) -> Result<Vec<u32>> {
         if self.width != 1 || !self.component.is_index() {
             return Err(self.wrong_shape(used_for, "single unsigned integers"));
@@ -380,7 +372,6 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// Overwrites the elements that sparse data name.
     fn replace<V>(
         &self,
         sparse: &Sparse,
@@ -408,7 +399,6 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The range of `count` elements in a buffer view.
     fn elements(
         &self,
         view: usize,

@@ -51,7 +51,6 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     Ok(model)
 }
 
-/// A parsed file with its binary data.
 struct Document<'a> {
     root: &'a Root,
     buffers: Buffers<'a>,
@@ -119,7 +118,6 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
 
 // The node hierarchy: which meshes stand where.
 
-/// A mesh placed in the world.
 struct MeshInstance {
     mesh: usize,
     world_from_mesh: DAffine3,
@@ -202,7 +200,6 @@ fn affine(translation: DVec3, rotation: DQuat, scale: DVec3) -> DAffine3 {
 
 // One mesh many times below one node (EXT_mesh_gpu_instancing).
 
-/// The extension's name.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Where the instances of `mesh` stand below a node. What an instance is not given is the identity's, and attributes of the file's own
@@ -275,7 +272,6 @@ fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<()>
 /// More sets than this are not read: a set's number must not decide how much is allocated.
 const MAX_UV_SETS: usize = 8;
 
-/// Appends all instances of all meshes to the model.
 fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) -> Result<()> {
     let mut loader = Loader { document, model, default_material: None, skipped: Skipped::default() };
     let mut is_loaded = vec![false; document.root.meshes.len()];
@@ -299,7 +295,6 @@ fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) 
     Ok(())
 }
 
-/// Primitives that are not loaded.
 #[derive(Clone, Copy, Default)]
 struct Skipped {
     points_or_lines: usize,
@@ -314,7 +309,6 @@ struct Loader<'a, 'm> {
     skipped: Skipped,
 }
 
-/// How vertices make triangles.
 #[derive(Clone, Copy)]
 enum Mode {
     List,
@@ -416,7 +410,6 @@ impl Loader<'_, '_> {
         })
     }
 
-    /// The model's material for a primitive.
     fn material_of(&mut self, primitive: &Primitive, label: &str) -> Result<u32> {
         if let Some(material) = primitive.material {
             get(&self.document.root.materials, material, "material", || label.to_owned())?;
@@ -482,7 +475,6 @@ fn check_compression(document: &Document, primitive: &Primitive, positions: usiz
     Err(requires(COMPRESSION))
 }
 
-/// What reading the attributes of a primitive needs.
 struct Attributes<'a> {
     primitive: &'a Primitive,
     label: &'a str,
@@ -559,7 +551,6 @@ fn turned(linear: &DMat3, direction: Vec3) -> Vec3 {
 
 // Materials, textures, samplers and images.
 
-/// Loads all materials and images into the model, in the file's order.
 fn load_materials(document: &Document, model: &mut Model) -> Result<()> {
     let images = document.root.images.iter().enumerate();
     model.images =
