@@ -13,23 +13,18 @@ use std::time::Instant;
 use fantex::base::random::nth_random;
 use fantex::store::{Quality, TexelFormat, TexelSlice, encode_many};
 
-/// A measurement's result.
 type Measured = Result<Vec<Row>, Box<dyn Error>>;
 
-/// Measures one subject.
 type Subject = fn() -> Measured;
 
-/// What can be measured.
 const SUBJECTS: [(&str, Subject); 4] =
     [("images", images::rows), ("noise", noise::rows), ("encode", encode), ("terrain", terrain::rows)];
 
-/// Seed of everything random.
 const SEED: u64 = 1;
 
 /// Repetitions of quick measurements; the fastest counts.
 const REPETITIONS: usize = 3;
 
-/// One measured figure.
 #[derive(Clone, Debug)]
 struct Row {
     name: String,

@@ -233,7 +233,6 @@ impl Gpu {
         self.device.create_bind_group(&descriptor)
     }
 
-    /// Refuses what needs more than this device allows.
     pub(crate) fn allow(
         &self,
         what: &str,
@@ -245,7 +244,6 @@ impl Gpu {
         if needed <= allowed { Ok(()) } else { Err(self.too_large(what, needed, allowed, unit)) }
     }
 
-    /// Something needs more than this device allows.
     pub(crate) fn too_large(&self, what: &str, needed: u64, allowed: u64, unit: &str) -> Error {
         let adapter = &self.info.name;
         Error::too_large(format!("{what} needs {needed} {unit}, the GPU \"{adapter}\" allows {allowed}"))
@@ -274,7 +272,6 @@ pub fn device_lost(reason: &str) -> Error {
     Error::unavailable(format!("the GPU device was lost ({reason}): open it again"))
 }
 
-/// The device has refused an operation.
 pub(crate) fn refused(reason: &dyn std::fmt::Display) -> Error {
     Error::unsupported(format!("the GPU refused an operation: {reason}"))
 }
@@ -283,7 +280,6 @@ pub(crate) fn refused(reason: &dyn std::fmt::Display) -> Error {
 pub(crate) const SAMPLED: wgpu::TextureUsages =
     wgpu::TextureUsages::TEXTURE_BINDING.union(wgpu::TextureUsages::COPY_DST);
 
-/// A uniform buffer.
 pub(crate) const UNIFORM: wgpu::BindingType = wgpu::BindingType::Buffer {
     ty: wgpu::BufferBindingType::Uniform,
     has_dynamic_offset: false,
@@ -297,7 +293,6 @@ pub(crate) const STORAGE: wgpu::BindingType = wgpu::BindingType::Buffer {
     min_binding_size: None,
 };
 
-/// A filtering sampler.
 pub(crate) const SAMPLER: wgpu::BindingType = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
 
 /// A uniform buffer of several records, one of which is bound by its offset.

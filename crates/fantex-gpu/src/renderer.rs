@@ -122,7 +122,6 @@ impl Renderer {
     }
 }
 
-/// Draws all shadow maps.
 fn draw_shadows(state: &FrameState, encoder: &mut wgpu::CommandEncoder, model: &dyn Model) {
     for (face, group, offset) in state.shadow_faces() {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -156,7 +155,6 @@ impl Frame<'_> {
         }
     }
 
-    /// What pipelines depend on.
     fn key(&self) -> SurfaceKey {
         let options = self.options;
         let is_lit = options.shading.is_lit();
@@ -173,7 +171,6 @@ impl Frame<'_> {
 
 // Passes over the whole picture: the sky behind the model, the tone map at the end.
 
-/// Pipelines of passes over the whole picture.
 #[derive(Debug)]
 pub(crate) struct ScreenPipelines {
     output: wgpu::TextureFormat,
@@ -216,7 +213,6 @@ impl ScreenPipelines {
         !self.output.is_srgb() && !is_float
     }
 
-    /// Makes ready what a frame with this key needs.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, targets: &Targets, key: SurfaceKey) {
         let Self { skies, sky_module, .. } = self;
         skies.entry((key.samples, key.has_environment)).or_insert_with(|| {
@@ -322,7 +318,6 @@ fn depth_attachment(
 
 // The textures that a frame is drawn into before it is tone mapped.
 
-/// The light and depth of a frame, as large as the target.
 #[derive(Debug)]
 pub(crate) struct Targets {
     size: [u32; 2],
@@ -367,7 +362,6 @@ impl Targets {
         self.size == size && self.samples == samples
     }
 
-    /// The pass that draws the frame.
     pub(crate) fn begin<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::RenderPass<'e> {
         let (view, resolve_target, store) = match &self.many {
             Some(many) => (many, Some(&self.light), wgpu::StoreOp::Discard),

@@ -226,7 +226,6 @@ pub(crate) struct SortedTriangles {
     seen: Option<(DVec3, Vec3)>,
 }
 
-/// A blended triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SortedTriangle {
     pub(crate) centre: Vec3,

@@ -11,7 +11,6 @@ use crate::gpu::UNIFORM;
 use crate::shader::{FRAME, LINES, compose, module};
 use crate::{Blending, Gpu, ModelSpace, SurfaceKey, SurfacePipeline, WireframeOptions};
 
-/// The edges of one mesh on the device.
 #[derive(Debug)]
 pub(crate) struct Wireframe {
     /// Whose edges.

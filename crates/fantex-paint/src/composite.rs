@@ -80,7 +80,6 @@ pub(crate) struct PaintContext<'a> {
     pub(crate) paint: &'a Paint,
     /// The texture function before the stroke, where the tool asks for it.
     pub(crate) before: Option<&'a PageCache>,
-    /// The channel that holds normals, if any.
     normals: Option<usize>,
 }
 

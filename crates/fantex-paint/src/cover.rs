@@ -54,7 +54,6 @@ pub(crate) fn for_each_page(surface: &Surface, triangle: u32, mut visit: impl Fn
     }
 }
 
-/// Adds dabs to a page, in order.
 pub(crate) fn cover_page<'a>(
     surface: &Surface,
     map: &TexelPage,
@@ -96,13 +95,11 @@ pub(crate) fn cover_page_colored(map: &TexelPage, patch: &dyn Patch, channels: u
     });
 }
 
-/// A texel under a region.
 pub(crate) struct TexelUnder<'a> {
     /// Row-major number within the page.
     pub(crate) texel: usize,
     /// Column and row within the page.
     pub(crate) place: [u32; 2],
-    /// The triangle that it shows.
     pub(crate) triangle: &'a TexelTriangle,
     /// That triangle's number in the region.
     pub(crate) index: usize,
@@ -149,7 +146,6 @@ fn for_each_texel(
     met.into_iter().for_each(|index| in_region[index] = NO_OWNER);
 }
 
-/// Covers all texels of chosen triangles fully.
 pub(crate) fn fill_page(map: &TexelPage, is_chosen: impl Fn(u32) -> bool, page: &mut StrokePage) {
     let chosen: Vec<bool> = map.triangles.iter().map(|t| is_chosen(t.triangle)).collect();
     for (texel, &owner) in map.owner.iter().enumerate() {

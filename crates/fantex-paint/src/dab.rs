@@ -179,7 +179,6 @@ pub(crate) struct Chart {
 /// A triangle whose sides are stretched by more than this lies on a tear.
 const MAX_STRETCH: f32 = 3.0;
 
-/// Grows a chart.
 struct Unfolder<'a> {
     surface: &'a Surface,
     places: HashMap<u32, DVec2, IndexHash>,
@@ -284,7 +283,6 @@ impl Unfolder<'_> {
     }
 }
 
-/// Distance of the origin from a segment.
 fn segment_distance(a: DVec2, b: DVec2) -> f64 {
     let edge = b - a;
     let t = (-a.dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);

@@ -130,7 +130,6 @@ impl Default for ColorFill {
 }
 
 impl ColorFill {
-    /// Coverage of a value.
     fn coverage(&self, value: Vec4, start: Vec4) -> f32 {
         let beyond = value.distance(start) - self.tolerance.max(0.0);
         if beyond <= 0.0 {
@@ -141,7 +140,6 @@ impl ColorFill {
     }
 }
 
-/// Finds what a colour fill covers, page by page.
 pub(crate) struct ColorSearch<'a> {
     pub(crate) surface: &'a Surface,
     /// What is compared.
@@ -154,7 +152,6 @@ pub(crate) struct ColorSearch<'a> {
 /// Pages with the coverage of their texels.
 pub(crate) type Reached = BTreeMap<PageId, Vec<f32>>;
 
-/// A page on the way of a connected fill.
 struct ReachedPage {
     map: Arc<TexelPage>,
     /// Coverage of every texel, reached or not; 0 off the surface.

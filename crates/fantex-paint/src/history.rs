@@ -92,7 +92,6 @@ impl Direction {
 }
 
 impl HistoryStep {
-    /// Removes its attachments.
     fn detach(&self, editor: &mut AssetEditor) {
         (0..self.parts).for_each(|part| editor.detach(&part_name(self.id, part)));
     }
@@ -182,7 +181,6 @@ impl History {
         self.open = step.map(|step| OpenStep { step, bytes: Vec::new() });
     }
 
-    /// The step that is next in a direction.
     pub(crate) fn next_step(&self, direction: Direction) -> Option<&HistoryStep> {
         direction.chosen([&self.index.done, &self.index.undone]).last()
     }
@@ -204,7 +202,6 @@ impl History {
         self.save(editor)
     }
 
-    /// Changes the asset by a part of a step.
     pub(crate) fn apply_part(
         &self,
         step: &HistoryStep,

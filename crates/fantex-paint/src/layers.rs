@@ -409,7 +409,6 @@ impl Painter {
 
 // All layers of a page, one over the other.
 
-/// What a page is flattened from.
 #[derive(Clone, Copy)]
 pub(crate) struct LayerStack<'a> {
     pub(crate) editor: &'a AssetEditor,
@@ -425,7 +424,6 @@ pub(crate) struct LayerStack<'a> {
     pub(crate) replaced: Option<(&'a str, &'a [u8])>,
 }
 
-/// A layer's part of a page.
 struct LayerPage<'a> {
     layer: &'a Layer,
     /// Per channel; empty for fills of one colour, and where a graph shows nothing.
@@ -542,17 +540,14 @@ pub(crate) fn base_bytes(editor: &AssetEditor, id: PageId, kept: Option<Vec<u8>>
 
 // A stroke onto a layer, a mask, or what lies under the layers.
 
-/// What a page becomes.
 #[derive(Debug, Default)]
 pub(crate) struct ShownPage {
     /// Bytes per affected channel.
     pub(crate) channels: Vec<Vec<u8>>,
-    /// Attachments that change, with their contents.
     pub(crate) attachments: Vec<(String, Vec<u8>)>,
 }
 
 impl ShownPage {
-    /// Puts it in its place.
     pub(crate) fn put(self, editor: &mut AssetEditor, id: PageId, affected: &[usize]) -> Result<()> {
         for (&channel, bytes) in affected.iter().zip(self.channels) {
             editor.replace(id, channel, bytes)?;
@@ -561,13 +556,11 @@ impl ShownPage {
     }
 }
 
-/// A stroke on a page with layers.
 pub(crate) struct LayeredPage<'a> {
     pub(crate) stack: LayerStack<'a>,
     pub(crate) page: &'a StrokePage,
     pub(crate) context: &'a PaintContext<'a>,
     pub(crate) target: Target,
-    /// The channels of the asset that the stroke can change.
     pub(crate) affected: &'a [usize],
 }
 

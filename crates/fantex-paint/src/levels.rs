@@ -21,7 +21,6 @@ use crate::texel_page::{Rect, TexelPage, TexelPages};
 /// Changed texels of a level, page by page, in the level's texels.
 pub(crate) type Dirty = BTreeMap<[u32; 2], Rect>;
 
-/// A page before and after.
 #[derive(Debug)]
 pub(crate) struct PageChange {
     pub(crate) id: PageId,
@@ -30,7 +29,6 @@ pub(crate) struct PageChange {
     pub(crate) after: Vec<u8>,
 }
 
-/// What the coarser levels of a group become.
 #[derive(Debug, Default)]
 pub(crate) struct CoarserLevels {
     pub(crate) pages: Vec<PageChange>,
@@ -107,7 +105,6 @@ fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec<PageId> {
     ids.into_iter().collect()
 }
 
-/// Computes the coarser levels of one group.
 struct LevelJob<'a> {
     surface: &'a Surface,
     pages: &'a EditorSnapshot,
@@ -248,7 +245,6 @@ struct Window {
 }
 
 impl Window {
-    /// The mean under a coarse texel.
     fn mean(&self, at: [u32; 2], fine: [u32; 2], coarse: [u32; 2], by_alpha: bool) -> Option<Vec4> {
         let width = self.rect.extent()[0] as usize;
         let spans = [0, 1].map(|k| overlaps(at[k], fine[k], coarse[k]));
@@ -290,14 +286,11 @@ fn overlaps(at: u32, fine: u32, coarse: u32) -> impl Iterator<Item = (u32, f32)>
 /// Groups whose levels are worked on at a time.
 pub(crate) const GROUP_BATCH: usize = 64;
 
-/// What the levels of some groups become.
 pub(crate) type LevelResults = Vec<(u32, CoarserLevels)>;
 
-/// Groups whose coarser levels are due.
 #[derive(Debug)]
 pub(crate) struct LevelWork {
     pub(crate) surface: Arc<Surface>,
-    /// All pages as they are after the step.
     pub(crate) pages: EditorSnapshot,
     pub(crate) groups: Vec<(u32, Dirty)>,
     pub(crate) channels: Vec<usize>,
@@ -338,7 +331,6 @@ impl LevelWork {
     }
 }
 
-/// Work that another thread does.
 #[derive(Debug)]
 pub(crate) struct LevelsUnderway(Receiver<Result<LevelResults>>);
 
@@ -363,7 +355,6 @@ impl LevelsUnderway {
         Some(Self(receiver))
     }
 
-    /// The results, if they are there.
     pub(crate) fn poll(&self) -> Option<Result<LevelResults>> {
         match self.0.try_recv() {
             Ok(results) => Some(results),
@@ -372,7 +363,6 @@ impl LevelsUnderway {
         }
     }
 
-    /// Waits for the results.
     pub(crate) fn wait(self) -> Result<LevelResults> {
         self.0.recv().unwrap_or_else(|_| Err(levels_lost()))
     }

@@ -27,7 +27,6 @@ use crate::{
     ToolSettings, Where, replay,
 };
 
-/// What the names of all attachments begin with.
 pub(crate) const PREFIX: &str = "strokes/";
 
 const FILES: &str = "strokes/files/";
@@ -40,7 +39,6 @@ pub(crate) fn file_name(name: &str) -> String {
     format!("{PREFIX}{name}")
 }
 
-/// The number of the next stroke.
 pub(crate) fn next_number(editor: &AssetEditor) -> u64 {
     let names = editor.attachment_names();
     let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
@@ -133,7 +131,6 @@ impl StrokeLog {
 
 // From what was painted to what is written down.
 
-/// What is known about an open stroke.
 #[derive(Clone, Debug)]
 pub(crate) enum Recording {
     /// It came with its settings.
@@ -298,11 +295,9 @@ fn settings_of(
     Some((ToolSettings::of(&paint.tool, surface), channels))
 }
 
-/// Rewrites the settings of a stroke.
 struct Writer<'a> {
     surface: &'a Surface,
     folder: &'a Path,
-    /// The asset's path.
     asset: &'a Path,
     files: Vec<(String, Vec<u8>)>,
 }

@@ -95,13 +95,10 @@ pub struct Painter {
     /// Coarser levels that another thread computes, and its texel maps.
     pub(crate) levels: Option<LevelsUnderway>,
     level_maps: Arc<Mutex<TexelPages>>,
-    /// The number of the next stroke in the log.
     pub(crate) next_stroke: u64,
-    /// What takes long.
     pub(crate) work: Option<Work>,
 }
 
-/// A stroke that has begun.
 #[derive(Debug)]
 pub(crate) struct OpenStroke {
     pub(crate) label: String,
@@ -590,7 +587,6 @@ impl Painter {
         self.history.add_page(change, &mut self.editor)
     }
 
-    /// Enters a stroke into the log.
     pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<()> {
         let asset = self.editor.asset();
         let Portable { stroke: mut settings, files, .. } =
@@ -613,7 +609,6 @@ impl Painter {
         self.log(&settings)
     }
 
-    /// Enters settings into the log.
     pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<()> {
         let contents = encoded(settings)?;
         let name = log::stroke_name(self.next_stroke);
@@ -697,7 +692,6 @@ impl Painter {
         Ok(ids)
     }
 
-    /// Enters a page's change into the history.
     pub(crate) fn remember(&mut self, change: PageStep) -> Result<()> {
         self.history.add_page(change, &mut self.editor)?;
         self.relieve()

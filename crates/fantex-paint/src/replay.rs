@@ -172,7 +172,6 @@ fn target_of(painter: &mut Painter, settings: &StrokeSettings, fill: Option<Grap
 
 // A stroke on its way from settings to what the painter takes.
 
-/// A stroke's settings beside what they are for.
 pub(crate) struct Preparation<'a> {
     pub(crate) painter: &'a Painter,
     pub(crate) stroke: usize,
@@ -180,7 +179,6 @@ pub(crate) struct Preparation<'a> {
     pub(crate) folder: &'a Path,
 }
 
-/// A stroke that can be applied.
 pub(crate) struct Prepared {
     pub(crate) paint: Paint,
     pub(crate) stroke: Stroke,
@@ -252,7 +250,6 @@ impl Preparation<'_> {
         })
     }
 
-    /// A picture of the stroke file's folder.
     pub(crate) fn image(&self, path: &Path) -> Result<Image> {
         let image = Image::load(self.folder.join(path));
         image.map_err(|source| self.of_stroke(malformed(source)))
@@ -293,7 +290,6 @@ impl Preparation<'_> {
         Ok(GraphFill { graph, textures })
     }
 
-    /// The projection of the stroke, with a picture.
     pub(crate) fn projection(&self, picture: Arc<Picture>) -> Result<Option<Projection>> {
         let Some(settings) = self.settings.projection else { return Ok(None) };
         let projection = Projection::new(self.painter.surface(), &settings, picture);

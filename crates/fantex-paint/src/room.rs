@@ -44,7 +44,6 @@ impl Room {
         Ok(())
     }
 
-    /// Makes changes durable.
     pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary> {
         if self.is_held {
             // As it was when the stroke began; when it ends the disk is asked again.

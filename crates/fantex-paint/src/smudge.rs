@@ -26,7 +26,6 @@ const MAX_CELLS: usize = 48;
 /// Cells along a side of the grid, at least.
 const MIN_CELLS: usize = 4;
 
-/// What a brush carries.
 #[derive(Clone, Debug)]
 pub(crate) struct SmudgeBuffer {
     /// Where it was, mesh space.
@@ -40,10 +39,8 @@ pub(crate) struct SmudgeBuffer {
 /// Colours per painted channel, linear RGBA multiplied by alpha; none where the brush has met no surface yet.
 type Cell = Option<Vec<Vec4>>;
 
-/// The pages under a dab.
 pub(crate) type PagesUnder = BTreeMap<PageId, (Arc<TexelPage>, StrokePage)>;
 
-/// One dab of a smudge.
 pub(crate) struct SmudgeDab {
     dab: PlacedDab,
     chart: Chart,
@@ -189,7 +186,6 @@ fn current(context: &PaintContext<'_>, pages: &PagesUnder, number: usize, point:
     cover.taps(context.surface.mesh(), point).iter().map(look_up).sum()
 }
 
-/// What a buffer lays down where its dab is.
 pub(crate) struct LaidDown<'a> {
     pub(crate) dab: &'a SmudgeDab,
     pub(crate) buffer: &'a SmudgeBuffer,

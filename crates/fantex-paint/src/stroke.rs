@@ -60,7 +60,6 @@ pub fn dabs_of(surface: &Surface, stroke: &Stroke) -> Vec<Dab> {
     dabs
 }
 
-/// Places dabs along one copy of a stroke.
 struct Spacer<'a> {
     surface: &'a Surface,
     brush: &'a Brush,
@@ -314,14 +313,12 @@ impl Path {
     }
 }
 
-/// Where a walk ends.
 #[derive(Clone, Copy, Debug)]
 enum Goal {
     Point(SurfacePoint),
     Length(f64),
 }
 
-/// Steps after which a walk is given up.
 const MAX_STEPS: usize = 1 << 16;
 
 /// A way around may be this much longer than the straight line before it is given up.
@@ -461,7 +458,6 @@ pub enum Symmetry {
     },
 }
 
-/// Most copies of a stroke.
 const MAX_COPIES: u32 = 256;
 
 impl Symmetry {

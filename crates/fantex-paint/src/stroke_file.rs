@@ -352,7 +352,6 @@ impl Default for ColorSettings {
     }
 }
 
-/// How kinds of channels are called in stroke files.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "ChannelKind", rename_all = "snake_case")]
 enum ChannelKindName {
@@ -450,7 +449,6 @@ pub(crate) fn color_of(
     Ok(PaintColor::Constant(color))
 }
 
-/// A solid that was found by its name, as a texture.
 struct NamedSolid(Box<dyn Solid>);
 
 impl Texture for NamedSolid {

@@ -83,7 +83,6 @@ impl StrokePage {
         self.decoded.get().map_or(0, |channels| 16 * channels.iter().map(Vec::len).sum::<usize>())
     }
 
-    /// Bytes of what goes to the temporary file.
     fn stored_bytes(&self) -> usize {
         4 * (self.coverage.len() * (1 + 4 * self.colors.len()) + self.stencil.len())
             + self.originals.iter().map(Vec::len).sum::<usize>()
@@ -94,7 +93,6 @@ impl StrokePage {
     }
 }
 
-/// Where the parts of a page lie in the temporary file.
 #[derive(Debug)]
 struct Spilled {
     offset: u64,
@@ -106,7 +104,6 @@ struct Spilled {
     stale: Rect,
 }
 
-/// All pages of a stroke.
 #[derive(Debug, Default)]
 pub(crate) struct StrokePages {
     pages: BTreeMap<PageId, StrokePage>,
@@ -179,7 +176,6 @@ impl StrokePages {
         self.rects().filter(move |(id, _)| id.group == group).map(|(id, [touched, _])| (id, touched))
     }
 
-    /// All pages with their covered and stale texels.
     fn rects(&self) -> impl Iterator<Item = (PageId, [Rect; 2])> {
         let kept = self.pages.iter().map(|(&id, page)| (id, [page.touched, page.stale]));
         kept.chain(self.spilled.iter().map(|(&id, page)| (id, [page.touched, page.stale])))

@@ -53,7 +53,6 @@ impl TexelPage {
         (y * self.block.extent[0] + x) as usize
     }
 
-    /// Column and row of a texel.
     pub(crate) fn place(&self, texel: usize) -> [u32; 2] {
         let width = self.block.extent[0];
         [texel as u32 % width, texel as u32 / width]

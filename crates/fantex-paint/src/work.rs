@@ -36,10 +36,8 @@ use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
 use crate::{ColorFill, FillArea, HistoryStep, Layer, Painter, StrokeSummary, Surface, Target};
 
-/// The attachment that keeps unfinished work.
 const KEPT: &str = "history/unfinished";
 
-/// Work under way.
 #[derive(Debug)]
 pub(crate) enum Work {
     /// A stroke fills.
@@ -146,7 +144,6 @@ impl Painter {
         }
     }
 
-    /// Writes down what is left, for a commit.
     pub(crate) fn keep_work(&mut self) -> Result<()> {
         let kept = match &self.work {
             None if self.editor.has_attachment(KEPT) => {
@@ -245,7 +242,6 @@ pub(crate) struct KeptSlices {
     left: Vec<[u32; 2]>,
     /// Groups that are at work.
     current: Vec<u32>,
-    /// So many of their pages are done.
     done: usize,
 }
 
@@ -292,7 +288,6 @@ impl Slices {
         KeptSlices { left: runs, current: self.groups.clone(), done: self.done }
     }
 
-    /// Share of the pages that is done.
     pub(crate) fn share(&self) -> f32 {
         self.all_done as f32 / self.all_pages.max(1) as f32
     }
@@ -357,7 +352,6 @@ fn ordered(x: f32) -> i32 {
 // paints is then read from the log of strokes; where that does not say it (what was seen before the fill is gone), the fill is
 // taken back instead.
 
-/// A stroke that fills.
 #[derive(Debug)]
 pub(crate) struct FillWork {
     stroke: OpenStroke,
@@ -379,7 +373,6 @@ pub(crate) struct KeptFill {
     slices: KeptSlices,
 }
 
-/// What is covered.
 #[derive(Debug)]
 enum Area {
     Everything,
@@ -397,7 +390,6 @@ enum Area {
 }
 
 impl Area {
-    /// Covers a page.
     fn cover(&self, surface: &Surface, map: &TexelPage, id: PageId, page: &mut StrokePage) {
         match self {
             Self::Everything => fill_page(map, |_| true, page),
@@ -594,11 +586,9 @@ impl Painter {
 
 // Evaluating layers, after they have changed, on all pages that they show on.
 
-/// Layers that are being flattened.
 #[derive(Debug)]
 pub(crate) struct FlattenWork {
     label: String,
-    /// The layers before the change.
     before: Vec<Layer>,
     pub(crate) slices: Slices,
 }
@@ -662,7 +652,6 @@ pub(crate) struct StepWork {
     afterwards: Afterwards,
 }
 
-/// What becomes of the step in the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Afterwards {
     /// It goes over to the steps that can be done again, or back to those that are done.
@@ -698,7 +687,6 @@ impl StepWork {
 }
 
 impl Painter {
-    /// Applies the next part.
     fn step_on(&mut self, mut work: StepWork) -> Result<()> {
         let mut left = work.left.clone();
         let next = match work.direction {

@@ -5,7 +5,6 @@ use fantex_base::{Error, Result};
 
 use crate::error::{ends, not_finite, out_of_range, too_many, wrong_count};
 
-/// Reads a section from front to back.
 pub(crate) struct ByteReader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -106,7 +105,6 @@ impl<'a> ByteReader<'a> {
         Ok(items)
     }
 
-    /// Refuses trailing bytes.
     pub(crate) fn end(self) -> Result<()> {
         match self.bytes.len() - self.at {
             0 => Ok(()),
@@ -115,7 +113,6 @@ impl<'a> ByteReader<'a> {
     }
 }
 
-/// Refuses NaN and infinities.
 pub(crate) fn check_finite<const LANES: usize>(items: &[[f32; LANES]], what: &'static str) -> Result<()> {
     match items.iter().position(|item| item.iter().any(|x| !x.is_finite())) {
         Some(index) => Err(not_finite(what, index)),
@@ -123,7 +120,6 @@ pub(crate) fn check_finite<const LANES: usize>(items: &[[f32; LANES]], what: &'s
     }
 }
 
-/// Refuses more than a limit.
 pub(crate) fn limit(what: &'static str, count: usize, limit: usize) -> Result<()> {
     if count > limit {
         return Err(too_many(what, count as u64, limit as u64));
@@ -147,7 +143,6 @@ pub(crate) fn below(what: &'static str, index: usize, value: u32, limit: usize) 
     Ok(())
 }
 
-/// Writes a section from front to back.
 #[derive(Default)]
 pub(crate) struct ByteWriter {
     pub(crate) bytes: Vec<u8>,

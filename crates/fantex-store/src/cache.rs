@@ -277,7 +277,6 @@ pub struct Tile {
     source: Source,
 }
 
-/// Where a tile's texels come from.
 #[derive(Clone, Debug)]
 enum Source {
     /// The level is one page.

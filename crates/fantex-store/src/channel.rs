@@ -123,7 +123,6 @@ pub struct Channel {
 
 const FLAG_SRGB: u8 = 1;
 
-/// What must hold for a list of channels.
 pub(crate) fn check_channels(channels: &[Channel]) -> Result<()> {
     if channels.len() > MAX_CHANNELS {
         return Err(too_many("channels", channels.len() as u64, MAX_CHANNELS as u64));

@@ -74,7 +74,6 @@ impl StoredTexels {
         })
     }
 
-    /// A texel in stored encoding.
     pub(crate) fn stored(&self, i: usize) -> [f32; 4] {
         match self {
             Self::Rgba8(texels) => texels[i].map(|x| unit_from_u8_table()[usize::from(x)]),
@@ -108,7 +107,6 @@ impl StoredTexels {
         }
     }
 
-    /// Bytes it takes in memory.
     pub(crate) fn memory_bytes(&self) -> usize {
         match self {
             Self::R8(texels) => texels.len(),

@@ -23,7 +23,6 @@ use crate::{TexelFormat, cover_level_count};
 /// Clusters start at multiples of this, so that direct I/O can read them.
 pub(crate) const ALIGNMENT: u64 = 4096;
 
-/// Bytes of a cluster's entry.
 const ENTRY_BYTES: usize = 32;
 
 /// Where a cluster lies and which page it starts with. It ends before the next one's.
@@ -38,13 +37,11 @@ pub(crate) struct ClusterEntry {
 }
 
 impl ClusterEntry {
-    /// Bytes of the file.
     pub(crate) fn range(&self) -> Range<u64> {
         self.offset..self.offset + u64::from(self.stored_length)
     }
 }
 
-/// All clusters, and the means.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Directory {
     /// Per level, in page order.
@@ -126,7 +123,6 @@ fn encoded_mean(value: [f32; 4], is_half: bool) -> impl Iterator<Item = u8> {
     })
 }
 
-/// Length of an encoded directory.
 pub(crate) fn encoded_length(clusters_per_level: &[usize], groups: usize, formats: &[TexelFormat]) -> usize {
     let clusters: usize = clusters_per_level.iter().sum();
     8 + 4 * clusters_per_level.len() + ENTRY_BYTES * clusters + groups * Means::layout(formats).group_bytes
@@ -149,7 +145,6 @@ pub(crate) fn encode(directory: &Directory) -> Vec<u8> {
     out.bytes
 }
 
-/// What a directory must agree with.
 pub(crate) struct Expected<'a> {
     pub(crate) cover: &'a Cover,
     pub(crate) formats: &'a [TexelFormat],
@@ -274,7 +269,6 @@ const MIN_ENTRY_BYTES: usize = 36;
 /// Where every attachment lies, by name.
 pub(crate) type Attachments = BTreeMap<String, SectionRecord>;
 
-/// Bytes of the encoded list.
 pub(crate) fn encode_attachments(attachments: &Attachments) -> Vec<u8> {
     let mut out = ByteWriter::default();
     out.u32(attachments.len() as u32);

@@ -27,7 +27,6 @@ use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
 
 /// Like PNG's, it finds out transfers that change line ends or strip the eighth bit.
 pub(crate) const SIGNATURE: [u8; 8] = *b"\x89FAN\r\n\x1a\n";
-/// Version of the format.
 pub(crate) const VERSION: u32 = 1;
 /// Bytes of a slot, the last eight being its checksum.
 pub(crate) const SLOT_BYTES: usize = 256;
@@ -39,7 +38,6 @@ pub(crate) const HEADER_BYTES: u64 = 8192;
 /// Names of the sections, for messages, in their order in the header.
 pub(crate) const SECTION_NAMES: [&str; 4] = ["channel", "cover", "mesh", "directory"];
 
-/// A packed section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SectionRecord {
     pub(crate) offset: u64,
@@ -56,7 +54,6 @@ impl SectionRecord {
     }
 }
 
-/// One slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Slot {
     pub(crate) version: u32,
@@ -212,7 +209,6 @@ impl<'a> Sections<'a> {
         Ok(Self { path, records: slot.sections, spans })
     }
 
-    /// Checks and unpacks a section.
     pub(crate) fn unpack(&self, index: usize) -> Result<Vec<u8>> {
         let record = &self.records[index];
         unpack_section(self.path, SECTION_NAMES[index], record, self.stored(record))
@@ -227,7 +223,6 @@ impl<'a> Sections<'a> {
     }
 }
 
-/// Reads, checks and unpacks one section by itself.
 pub(crate) fn read_section(
     source: &dyn ByteSource,
     section: &'static str,

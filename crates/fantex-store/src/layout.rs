@@ -78,7 +78,6 @@ pub(crate) fn level_extent(extent: [u32; 2], level: u32) -> [u32; 2] {
     if level < level_count(extent) { fantex_cover::level_extent(extent, level) } else { [0, 0] }
 }
 
-/// How a tile's level is cut into pages.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PageSize {
     extent: [u32; 2],
@@ -100,7 +99,6 @@ impl PageSize {
         columns * rows
     }
 
-    /// Column and row of a page.
     pub(crate) fn page(self, number: u32) -> [u32; 2] {
         let columns = page_grid(self.extent)[0].max(1);
         [number % columns, number / columns]
@@ -141,7 +139,6 @@ pub(crate) fn page_bytes(formats: &[TexelFormat], extent: [u32; 2]) -> Vec<usize
 #[derive(Debug)]
 pub struct ClusterPages {
     pub(crate) bytes: Vec<u8>,
-    /// First group.
     group: u32,
     /// 4x4 blocks of the groups before, for `group` and those after it, relative to the cluster's start (negative, modulo
     /// 2^32, for the first where the cluster starts within its tile).

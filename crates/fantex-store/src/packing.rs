@@ -26,7 +26,6 @@ use crate::TexelFormat;
 #[cfg(test)]
 mod reference;
 
-/// What the processor can do.
 fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
     *LEVEL
@@ -138,7 +137,6 @@ struct Packed<C, const PLANES: usize, const AT: usize, const RECORD: usize>(C);
 struct Run {
     /// The first of them, a multiple of 16.
     first: usize,
-    /// All records.
     count: usize,
 }
 

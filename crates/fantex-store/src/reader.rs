@@ -253,7 +253,6 @@ impl Asset {
         extent.ok_or_else(|| self.no_such_page(channel, id))
     }
 
-    /// Decodes a page's bytes.
     pub(crate) fn decode_page(
         &self,
         channel: usize,
@@ -270,7 +269,6 @@ impl Asset {
     }
 }
 
-/// The list of attachments that a slot names.
 pub(crate) fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments> {
     if slot.attachments == SectionRecord::default() {
         return Ok(Attachments::new());
@@ -288,7 +286,6 @@ pub(crate) fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<A
     })
 }
 
-/// A section breaks a rule of the format.
 fn content_error(source: &dyn ByteSource, section: &str, rule: &Error) -> Error {
     let path = source.location();
     let sentence = format!("{} cannot be used: in its {section} section {rule}", path.display());
@@ -328,7 +325,6 @@ impl Asset {
         Ok(ClusterId { level: id.level, index: index as u32 })
     }
 
-    /// The place of a page within its level.
     pub(crate) fn place_of(&self, id: PageId) -> Result<TilePlace> {
         let extent = self.cover.groups.get(id.group as usize).map_or([0, 0], |group| group.extent);
         let number = PageSize::new(extent, id.level).number(id.page);

@@ -352,7 +352,6 @@ fn slot_of(triangle: [u32; 3], vertex: u32) -> u8 {
     triangle.iter().position(|&v| v == vertex).unwrap_or(0) as u8
 }
 
-/// Compares edges one by one.
 struct Comparison<'a> {
     cache: &'a PageCache,
     asset: &'a Asset,

@@ -91,7 +91,6 @@ pub struct AssetWriter {
     file: NewFile,
     extents: Vec<[u32; 2]>,
     formats: Vec<TexelFormat>,
-    /// The level's cluster that still takes pages.
     open: Vec<OpenCluster>,
     /// Full clusters on their way to the file, with their level.
     full: Vec<(usize, OpenCluster)>,
@@ -300,7 +299,6 @@ impl OpenCluster {
     }
 }
 
-/// A cluster as it is stored.
 pub(crate) struct PackedCluster {
     first: TilePlace,
     raw_length: u32,
@@ -324,7 +322,6 @@ impl PackedCluster {
 #[derive(Debug)]
 pub(crate) struct NewFile {
     file: NamedTempFile,
-    /// Where the next part goes.
     end: u64,
     slot: Slot,
     levels: Vec<Vec<ClusterEntry>>,

@@ -133,7 +133,6 @@ impl fmt::Display for Parcel {
     }
 }
 
-/// The groups of a bundle.
 #[inline]
 pub(crate) fn groups_of(bundle: u32, step: u32, group_count: u32) -> Range<u32> {
     let tiles = BUNDLE_TILES.get(step as usize).copied().unwrap_or(0);

@@ -35,7 +35,6 @@ impl Detail {
         self != Self::HIDDEN
     }
 
-    /// Coarser by a number of steps.
     #[inline]
     pub(crate) fn biased(self, steps: u8) -> Self {
         if self.is_visible() { Self(self.0.saturating_add(steps)) } else { self }
@@ -121,7 +120,6 @@ impl TileShape {
         self.leaves.len() as u32
     }
 
-    /// Texels of a level.
     #[inline]
     pub(crate) fn texels(&self, level: u32) -> u64 {
         self.texels[level as usize]
@@ -282,12 +280,10 @@ impl TileShapes {
         &self.shapes[self.of_group[group as usize] as usize]
     }
 
-    /// Number of groups.
     pub(crate) fn group_count(&self) -> usize {
         self.of_group.len()
     }
 
-    /// Number of bundles of all steps.
     #[inline]
     pub(crate) fn bundle_count(&self) -> u32 {
         self.bundle_firsts[SHARED_LEVELS as usize]
@@ -298,7 +294,6 @@ impl TileShapes {
         self.own_firsts.last().map_or(0, |&count| count as usize)
     }
 
-    /// The groups of a bundle.
     #[inline]
     pub(crate) fn groups(&self, bundle: u32, step: u32) -> Range<u32> {
         groups_of(bundle, step, self.of_group.len() as u32)
@@ -312,7 +307,6 @@ impl TileShapes {
         family * share..(end - first).min((family + 1) * share)
     }
 
-    /// Number of a parcel.
     #[inline]
     pub(crate) fn index(&self, parcel: Parcel) -> u32 {
         match parcel {
@@ -323,12 +317,10 @@ impl TileShapes {
         }
     }
 
-    /// The parcel that brings a page.
     pub(crate) fn parcel_of(&self, page: PageId) -> Parcel {
         Parcel::with_levels(self.of(page.group).level_count(), page)
     }
 
-    /// The parcel of a number.
     pub(crate) fn parcel(&self, index: u32) -> Parcel {
         if index < self.bundle_count() {
             let step = self.bundle_firsts.partition_point(|&first| first <= index) - 1;
@@ -360,7 +352,6 @@ impl TileShapes {
         }
     }
 
-    /// Texels of a parcel.
     #[inline]
     pub(crate) fn texels(&self, parcel: Parcel) -> u64 {
         let [columns, rows] = self.extent(parcel).map(u64::from);
@@ -380,12 +371,10 @@ impl TileShapes {
         })
     }
 
-    /// Number of owners.
     pub(crate) fn owner_count(&self) -> usize {
         self.bundle_count() as usize + self.group_count()
     }
 
-    /// The owner of a parcel.
     #[inline]
     pub(crate) fn owner(&self, parcel: Parcel) -> u32 {
         match parcel {

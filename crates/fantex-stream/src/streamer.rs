@@ -138,7 +138,6 @@ impl Streamer {
         changes
     }
 
-    /// Prefetches for the predicted view.
     fn look_ahead(&mut self) {
         if self.options.look_ahead_seconds <= 0.0 {
             return;
@@ -307,7 +306,6 @@ impl StreamStatistics {
     }
 }
 
-/// How the camera moves.
 #[derive(Debug, Default)]
 struct Motion {
     view: Option<StreamView>,

@@ -17,7 +17,6 @@ use crate::gpu::SAMPLED;
 use crate::renderer::{color_attachment, screen_pipeline};
 use crate::shader::{FAN_ATLAS, module};
 
-/// How many kinds of channel are drawn.
 pub(crate) const KINDS: usize = 6;
 
 /// The kinds of channel that are drawn, in the order of their bindings.
@@ -48,7 +47,6 @@ fn texture_format(format: AtlasFormat, srgb: bool) -> wgpu::TextureFormat {
     }
 }
 
-/// One channel's texels.
 #[derive(Debug)]
 pub(crate) struct ChannelAtlas {
     pub(crate) format: AtlasFormat,
@@ -333,7 +331,6 @@ fn place_in(texture: &wgpu::Texture, [x, y]: [u32; 2]) -> wgpu::TexelCopyTexture
     wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x, y, z: 0 }, ..texture.as_image_copy() }
 }
 
-/// Bytes of a page's word.
 const WORD_BYTES: usize = size_of::<u32>();
 
 /// Satisfies every format's block and the copies' own rule.

@@ -106,7 +106,6 @@ impl FanBindings {
         Self { layout, group, atlases, tables, drawn, channels, params, params_buffer }
     }
 
-    /// Writes the filter's parameters if they have changed.
     pub(crate) fn set_filter(&mut self, queue: &wgpu::Queue, filter: &FilterOptions) {
         let params = FanParams { max_anisotropy: max_anisotropy(filter), ..self.params };
         if params != self.params {
@@ -195,7 +194,6 @@ pub(crate) struct FanTables {
 }
 
 impl FanTables {
-    /// The longest of the buffers for a cover, in bytes.
     pub(crate) fn longest_bytes(cover: &Cover, channels: &[Channel]) -> u64 {
         let groups = cover.groups.len() as u64;
         (groups * 8 * channels.len().max(1) as u64).max(groups * FRAME_BYTES)
@@ -229,7 +227,6 @@ impl FanTables {
         }
     }
 
-    /// The same tables, but nothing is resident.
     fn without_pages(&self, gpu: &Gpu) -> Self {
         let pages = page_texture(gpu, [self.pages.width(), self.pages.height()]);
         let [groups, means, frames] = [&self.groups, &self.means, &self.frames].map(wgpu::Buffer::clone);
@@ -242,7 +239,6 @@ fn page_texture(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
     gpu.texture("fan pages", [width, height, 1], 1, wgpu::TextureFormat::R32Uint, SAMPLED)
 }
 
-/// Bytes of a group's frame.
 const FRAME_BYTES: u64 = 24;
 
 fn frame(group: &Group) -> [f32; 6] {
@@ -343,14 +339,12 @@ impl FanMaterials {
 
 // Pipelines of fan-textured triangles, made when they are first needed.
 
-/// The two kinds of triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Shape {
     Plain,
     Border,
 }
 
-/// What a material asks of pipelines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Surface {
     /// See [`alpha_code`].
@@ -374,7 +368,6 @@ impl Surface {
     }
 }
 
-/// What is drawn with one pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Part {
     pub(crate) shape: Shape,
@@ -383,7 +376,6 @@ pub(crate) struct Part {
     pub(crate) is_paged: bool,
 }
 
-/// All pipelines that were needed so far.
 #[derive(Debug)]
 pub(crate) struct FanPipelines {
     surface: wgpu::ShaderModule,

@@ -19,7 +19,6 @@ use super::bindings::{FanBindings, FanMaterials};
 use crate::shader::{FAN_COLORS, FAN_GEOMETRY, FAN_LOOKUP, compose_surface, module};
 use crate::{Blending, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
 
-/// A corner of plain triangles.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct PlainVertex {
@@ -32,7 +31,6 @@ pub(crate) struct PlainVertex {
     pub(crate) group: u32,
 }
 
-/// A corner of a border triangle.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct BorderVertex {
@@ -55,11 +53,9 @@ pub(crate) struct GeometryChunk {
     pub(crate) plain_vertices: Vec<PlainVertex>,
     pub(crate) plain_indices: Vec<u32>,
     pub(crate) border_vertices: Vec<BorderVertex>,
-    /// What may be drawn at once.
     pub(crate) runs: Vec<MaterialRun>,
 }
 
-/// Triangles of one material, in tiles of one kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct MaterialRun {
     pub(crate) material: u32,
@@ -67,13 +63,10 @@ pub(crate) struct MaterialRun {
     pub(crate) is_paged: bool,
     /// Whether they are opposed by others, and so are not seen from behind.
     pub(crate) is_opposed: bool,
-    /// Into the indices of plain triangles.
     pub(crate) plain: std::ops::Range<u32>,
-    /// Into the vertices of border triangles.
     pub(crate) border: std::ops::Range<u32>,
 }
 
-/// What chunks are made from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GeometrySource<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -232,7 +225,6 @@ fn octahedral(n: Vec3) -> [i16; 2] {
 
 // The overlay that gives every partial fan a colour: of all triangles, whichever groups their fans are in.
 
-/// A corner of a triangle.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct FanVertex {

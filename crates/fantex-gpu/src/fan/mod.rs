@@ -299,7 +299,6 @@ impl FanModel {
         }
     }
 
-    /// Draws blended triangles.
     fn draw_blended<'a>(
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -327,7 +326,6 @@ impl FanModel {
         Part { shape: Shape::Border, surface, is_paged: true }
     }
 
-    /// All that is drawn.
     fn parts(&self) -> impl Iterator<Item = Part> {
         let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(move |run| {
             let shapes = [(Shape::Plain, &run.plain), (Shape::Border, &run.border)];
@@ -409,7 +407,6 @@ impl Chunk {
         Self { plain, border: geometry_buffer(gpu, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
     }
 
-    /// Binds the buffers of a shape, if there is any of it.
     fn bind(&self, pass: &mut wgpu::RenderPass<'_>, shape: Shape) -> bool {
         match (shape, &self.plain, &self.border) {
             (Shape::Plain, Some((vertices, indices)), _) => {

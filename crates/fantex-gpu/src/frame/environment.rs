@@ -21,7 +21,6 @@ const ROUGH_SIDE: u32 = 64;
 /// Nodes of the split sum's table along each axis, as in `shading.wgsl`.
 const SPLIT_SUM_NODES: u32 = 24;
 
-/// The textures of the surroundings.
 #[derive(Debug)]
 pub(super) struct EnvironmentTextures {
     /// The map that is shown; nothing for black ones of one texel.

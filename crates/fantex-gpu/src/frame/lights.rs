@@ -81,7 +81,6 @@ fn projector(light: &Projector, space: &WorldFromMesh) -> LampRecord {
 /// Texels along the sides of a cookie; sharper images and procedural textures are reduced to it.
 const SIDE: u32 = 1024;
 
-/// The cookies of a scene's projectors.
 #[derive(Debug)]
 pub(super) struct CookieTextures {
     shown: Vec<(Cookie, f32)>,
@@ -183,7 +182,6 @@ fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
 /// The near plane of a lamp as a share of the farthest depth.
 const NEAREST_SHARE: f64 = 1e-4;
 
-/// One map.
 #[derive(Debug)]
 pub(crate) struct ShadowFace {
     pub(super) record: ShadowFaceRecord,
@@ -195,7 +193,6 @@ pub(crate) struct ShadowFace {
     pub(crate) resolution: u32,
 }
 
-/// All maps of a scene's lamps.
 #[derive(Debug)]
 pub(super) struct ShadowMaps {
     pub(super) drawn: Option<Drawn>,

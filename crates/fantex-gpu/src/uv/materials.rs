@@ -47,7 +47,6 @@ struct MaterialRecord {
     layers: [LayerRecord; LAYERS],
 }
 
-/// A material on the device.
 #[derive(Debug)]
 pub(super) struct UvMaterial {
     /// Bits of the textures that it has, for `UV_LAYERS`.
@@ -216,7 +215,6 @@ impl TexturePool {
     }
 }
 
-/// How texels are stored on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Storage {
     Srgb8,

@@ -226,7 +226,6 @@ fn arrange(
 
 // Pipelines of meshes with their own materials, made when they are first needed.
 
-/// What a surface pipeline of this model depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct PipelineKey {
     frame: SurfaceKey,
@@ -267,7 +266,6 @@ impl Pipelines {
         }
     }
 
-    /// Compiles the pipeline of a surface, if it was not.
     fn make_surface(
         &mut self,
         gpu: &Gpu,
@@ -295,7 +293,6 @@ impl Pipelines {
         });
     }
 
-    /// Compiles the pipeline of a material's shadow, if it was not.
     fn make_caster(
         &mut self,
         gpu: &Gpu,
@@ -332,7 +329,6 @@ fn caster_key(material: &UvMaterial) -> (u32, u32) {
     }
 }
 
-/// Vertices and indices on the device.
 #[derive(Debug)]
 struct Buffers {
     positions: wgpu::Buffer,
@@ -366,7 +362,6 @@ impl Buffers {
         })
     }
 
-    /// Binds the vertex buffers.
     fn set_vertices(&self, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_vertex_buffer(0, self.positions.slice(..));
         pass.set_vertex_buffer(1, self.attributes.slice(..));

@@ -21,7 +21,6 @@ pub(super) struct Attributes {
     color: [u16; 4],
 }
 
-/// The vertices of a mesh, and its triangles as their indices.
 #[derive(Debug, Default)]
 pub(super) struct Vertices {
     pub(super) positions: Vec<Vec3>,

@@ -15,7 +15,7 @@ use fantex_mesh::{
 };
 use fantex_scene::{
     Background, Camera, Cookie, EnvironmentLight, Falloff, FilterOptions, Lens, Light, LightKind, Lights,
-    Penumbra, Projector, Shading, ShadowOptions, SpotLight,
+    Projector, Shading, ShadowOptions, SpotLight,
 };
 use fantex_texture::environment::{EnvironmentMap, PrefilteredEnvironment};
 use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};

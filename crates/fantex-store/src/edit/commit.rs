@@ -317,7 +317,6 @@ impl Asset {
 /// Replaced bytes of a page per channel; none where the channel stays.
 pub(super) type PageChange = Vec<Option<Arc<Vec<u8>>>>;
 
-/// Changed pages of one level.
 pub(super) type LevelChanges = BTreeMap<TilePlace, PageChange>;
 
 /// The pages of a cluster, in order.
@@ -386,7 +385,6 @@ pub trait EditOutput: Send + Sync + std::fmt::Debug {
     fn sync(&mut self) -> io::Result<()>;
 }
 
-/// The file itself.
 #[derive(Debug)]
 pub(super) struct FileOutput(pub(super) Arc<File>);
 

@@ -18,7 +18,6 @@ use crate::write_error;
 /// Attempts, a millisecond apart, to mark a file as being read.
 const MAX_LOCK_ATTEMPTS: u32 = 500;
 
-/// The exclusive right to change an asset.
 #[derive(Debug)]
 pub(super) struct WriterLock {
     path: PathBuf,

@@ -87,7 +87,6 @@ pub struct AssetEditor {
     replaced: Option<BTreeSet<PageId>>,
 }
 
-/// Changes in memory.
 #[derive(Debug, Default)]
 struct Pending {
     /// Per level.
@@ -419,7 +418,6 @@ type RecentClusters = VecDeque<([u64; 2], Arc<ClusterPages>)>;
 /// Clusters that are kept unpacked, of 64 to 256 KiB mostly.
 const RECENT_CLUSTERS: usize = 32;
 
-/// An asset with changes.
 struct View<'a> {
     asset: &'a Asset,
     directory: &'a Directory,

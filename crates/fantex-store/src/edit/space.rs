@@ -18,7 +18,6 @@ pub(super) struct Space {
     free: BTreeMap<u64, u64>,
     /// What generations before the given one name.
     retired: Vec<(u64, Range<u64>)>,
-    /// Behind everything.
     end: u64,
     /// Length that a header slot records: the file must not get shorter.
     floor: u64,
@@ -86,7 +85,6 @@ impl Space {
         self.end
     }
 
-    /// Bytes that may be overwritten now.
     pub(super) fn free_bytes(&self) -> u64 {
         self.free.iter().map(|(start, end)| end - start).sum()
     }

@@ -23,7 +23,6 @@ use crate::TileId;
 /// Fewer points than this are sampled one by one.
 const MIN_BATCH: usize = 4;
 
-/// A tile's share in the values of a point.
 struct Entry {
     point: u32,
     tap: Tap,
@@ -44,7 +43,6 @@ struct MeanShare {
     share: f32,
 }
 
-/// A level of a tile.
 struct TileName {
     id: TileId,
     extent: [u32; 2],
@@ -73,7 +71,6 @@ impl TileNames {
     }
 }
 
-/// The look-ups of many points.
 struct Plan {
     entries: Vec<Entry>,
     probes: Vec<Probe>,

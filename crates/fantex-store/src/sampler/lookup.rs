@@ -133,7 +133,6 @@ impl TileLookup {
         }
     }
 
-    /// Where a probe is.
     fn probe(&self, number: u32) -> Vec2 {
         let along = (number as f32 + 0.5) / self.probes as f32 - 0.5;
         self.uv + self.span * along

@@ -26,11 +26,9 @@ struct Wanted {
     /// Parcels that are not ready, with their urgencies.
     parcels: BTreeMap<Parcel, Urgency>,
     stage: Stage,
-    /// Reads that went wrong.
     failures: u32,
 }
 
-/// How far a cluster is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// In [`Board::to_read`].
@@ -70,7 +68,6 @@ pub(super) enum Job {
     Cached,
 }
 
-/// What a worker shall do.
 pub(super) enum Order {
     /// Check and unpack a cluster that has been read.
     Unpack(ClusterId, Arc<ReadBuffer>, Range<usize>),
@@ -84,7 +81,6 @@ pub(super) enum Order {
     End,
 }
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct Board {
     clusters: BTreeMap<ClusterId, Wanted>,
@@ -307,7 +303,6 @@ impl Board {
         self.to_read.contains(cluster) && !self.has_failed(cluster)
     }
 
-    /// A cluster is in a read now.
     pub(super) fn read_begins(&mut self, cluster: ClusterId, stored_bytes: usize) {
         self.to_read.remove(cluster);
         self.in_flight_bytes += stored_bytes;
@@ -316,7 +311,6 @@ impl Board {
         }
     }
 
-    /// A read was cancelled before it began.
     pub(super) fn read_cancelled(&mut self, cluster: ClusterId, stored_bytes: usize) {
         self.in_flight_bytes -= stored_bytes;
         self.clusters.remove(&cluster);
@@ -360,7 +354,6 @@ impl Board {
         }
     }
 
-    /// The next thing to do, if there is any.
     pub(super) fn next_order(&mut self) -> Option<Order> {
         if self.is_closed {
             return Some(Order::End);
@@ -411,7 +404,6 @@ impl Board {
         }
     }
 
-    /// A cluster has been unpacked, or cannot be.
     pub(super) fn unpacked(&mut self, cluster: ClusterId, pages: Result<&Arc<ClusterPages>, Error>) {
         match pages {
             Ok(pages) => self.cache.unpacked.insert(cluster, pages),
@@ -540,7 +532,6 @@ impl<K> Default for UrgencyQueue<K> {
 }
 
 impl<K: Copy + Ord> UrgencyQueue<K> {
-    /// Inserts a key, or changes its urgency.
     pub(super) fn set(&mut self, key: K, urgency: Urgency) {
         if let Some(old) = self.urgencies.insert(key, urgency) {
             if old == urgency {
@@ -551,7 +542,6 @@ impl<K: Copy + Ord> UrgencyQueue<K> {
         self.order.insert((urgency, Reverse(key)));
     }
 
-    /// Inserts a key, or raises its urgency.
     fn raise(&mut self, key: K, urgency: Urgency) {
         if self.urgencies.get(&key).is_none_or(|old| *old < urgency) {
             self.set(key, urgency);
@@ -611,7 +601,6 @@ pub(super) struct Ready {
 }
 
 impl Ready {
-    /// Inserts or replaces a parcel.
     pub(super) fn insert(&mut self, parcel: Parcel, urgency: Urgency, outcome: Outcome) {
         self.bytes += bytes_of(&outcome);
         let last = self.outcomes.insert(parcel, (urgency, outcome));

@@ -90,7 +90,6 @@ impl Default for ClusterLoaderOptions {
     }
 }
 
-/// What threads of a loader share.
 struct Shared {
     asset: Arc<Asset>,
     formats: Vec<AtlasFormat>,
@@ -107,7 +106,6 @@ impl std::fmt::Debug for Shared {
 }
 
 impl Shared {
-    /// Leaves messages for the scheduler.
     fn tell(&self, messages: impl Iterator<Item = Message>) {
         // Made before the lock is taken.
         let mut messages: VecDeque<Message> = messages.collect();
@@ -271,7 +269,6 @@ fn set_up_error(asset: &Asset, what: &str, error: io::Error) -> Error {
     Error::new(kind, message).with_path(asset.path()).with_source(error)
 }
 
-/// The clusters that hold a parcel's pages.
 fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>> {
     if let Parcel::Page(page) = parcel {
         return Ok(vec![asset.cluster_of(page)?]);
@@ -427,7 +424,6 @@ pub struct LoaderStatistics {
 
 // The board as threads share it.
 
-/// The board behind its lock.
 #[derive(Debug)]
 struct SharedBoard {
     board: Mutex<Board>,
@@ -453,7 +449,6 @@ impl SharedBoard {
         }
     }
 
-    /// Waits for something to do.
     fn wait_for_order(&self) -> Order {
         let mut board = self.lock();
         loop {
@@ -500,7 +495,6 @@ struct Effects {
     for_scheduler: bool,
     /// So many jobs have come.
     jobs: usize,
-    /// There is room for ready parcels again.
     has_room: bool,
     /// Messages are left.
     has_more: bool,
@@ -538,7 +532,6 @@ impl Inbox {
         effects.has_room |= was_full && !board.ready_is_full();
     }
 
-    /// Takes over all messages.
     fn take_all(&self, board: &mut Board) -> Effects {
         let mut effects = Effects { has_more: true, ..Effects::default() };
         while effects.has_more {

@@ -16,7 +16,6 @@ use crate::read::{QueuedReader, ReadCompletion, ReadRequest};
 /// come within this time.
 const COALESCE_WINDOW: Duration = Duration::from_micros(100);
 
-/// A read that was submitted and has not completed.
 struct ActiveRead {
     read: ClusterRead,
     submitted: Instant,
@@ -28,7 +27,6 @@ pub(super) struct Scheduler {
     reader: Box<dyn QueuedReader>,
     order: FileOrder,
     reads_by_token: HashMap<u64, ActiveRead>,
-    /// Tokens of the clusters in flight.
     tokens: HashMap<ClusterId, u64>,
     next_token: u64,
 }
@@ -223,7 +221,6 @@ impl FileOrder {
         self.places[id.level as usize][id.index as usize] as usize
     }
 
-    /// Where a cluster lies.
     pub(super) fn range(&self, id: ClusterId) -> Range<u64> {
         self.by_offset[self.place(id)].1.clone()
     }

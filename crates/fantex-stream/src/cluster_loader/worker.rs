@@ -69,7 +69,6 @@ impl Worker {
         }
     }
 
-    /// Makes the parcels that are wanted, as long as there is room for them.
     fn make(&self, cluster: ClusterId, pages: &Arc<ClusterPages>, is_hit: bool) {
         let mut made = Vec::new();
         let mut share = 0.0;
@@ -147,7 +146,6 @@ pub(super) enum Kept {
     Stored(Arc<ReadBuffer>),
 }
 
-/// Clusters within budgets of bytes.
 #[derive(Debug)]
 pub(super) struct ClusterCache {
     pub(super) unpacked: Recent<Arc<ClusterPages>>,
@@ -175,7 +173,6 @@ impl ClusterCache {
     }
 }
 
-/// Things within a budget of bytes.
 #[derive(Debug)]
 pub(super) struct Recent<T> {
     /// With the time of the last use.

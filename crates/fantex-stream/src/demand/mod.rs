@@ -106,7 +106,6 @@ pub struct DemandWork {
     pub paged: u32,
 }
 
-/// The demand of one view that moves.
 pub(crate) struct Demand {
     max_anisotropy: f32,
     /// Per group what it needs.
@@ -115,7 +114,6 @@ pub(crate) struct Demand {
     nodes: Vec<Vec<NodeState>>,
     view: Option<StreamView>,
     course: Course,
-    /// Work of the last update.
     pub(crate) work: DemandWork,
     /// The last update might do so much,
     may_do: usize,
@@ -148,7 +146,6 @@ impl Demand {
         self.resume.is_some()
     }
 
-    /// What a group needs.
     #[inline]
     pub(crate) fn detail(&self, group: u32) -> Detail {
         self.details[group as usize]
@@ -457,7 +454,6 @@ fn is_usable(view: &StreamView) -> bool {
 
 /// Groups of a block.
 pub(crate) const BLOCK: usize = 32;
-/// Children of a node.
 const FAN_OUT: usize = 8;
 
 /// What all views of a covered mesh share.

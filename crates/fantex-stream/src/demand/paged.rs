@@ -135,7 +135,6 @@ fn close_upwards(shape: &TileShape, levels: &mut [BTreeMap<[u32; 2], Detail>]) {
     }
 }
 
-/// A kite with its triangle's normal and densities.
 #[derive(Clone, Copy, Debug)]
 struct PlacedKite {
     kite: Kite,
@@ -192,7 +191,6 @@ impl KiteGrid {
         })
     }
 
-    /// Bounds of the surface that lies in a rectangle of the tile.
     fn bounds(&self, group: &Group, rectangle: [Vec2; 2]) -> (Bounds, Relief) {
         let mut found: Vec<u32> = cells(self.cells_under(rectangle))
             .flat_map(|[x, y]| &self.cells[(y * self.side + x) as usize])

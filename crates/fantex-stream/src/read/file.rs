@@ -166,12 +166,10 @@ pub(crate) fn takes_direct_io(path: &Path) -> bool {
     source.read_at(&mut memory.bytes[start..start + ALIGNMENT], 0).is_ok()
 }
 
-/// What to read for a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Span {
     /// First byte in the file.
     offset: u64,
-    /// Number of bytes.
     length: usize,
     /// The bytes that were asked for, relative to the first.
     part: Range<usize>,
@@ -289,7 +287,6 @@ pub(crate) fn ring_runtime(depth: usize) -> io::Result<(Runtime, ReaderKind)> {
     }
 }
 
-/// Opens a file on the current runtime.
 pub(crate) async fn open_in_runtime(path: &Path, direct: bool) -> io::Result<RingFile> {
     let mut options = RingOpenOptions::new();
     options.read(true);
@@ -299,7 +296,6 @@ pub(crate) async fn open_in_runtime(path: &Path, direct: bool) -> io::Result<Rin
     options.open(path).await
 }
 
-/// What the thread of the queue works with.
 struct Lanes {
     queue: Arc<RequestQueue>,
     reports: Reports,

@@ -259,7 +259,6 @@ impl ReadWaker {
     }
 }
 
-/// Requests that wait for a lane.
 #[derive(Debug, Default)]
 struct Waiting {
     requests: VecDeque<ReadRequest>,
@@ -342,7 +341,6 @@ impl RequestQueue {
     }
 }
 
-/// Where lanes report.
 #[derive(Clone, Debug)]
 struct Reports(Sender<Event>);
 
@@ -364,7 +362,6 @@ pub struct LaneReader {
 }
 
 impl LaneReader {
-    /// A reader without lanes yet.
     fn new(info: ReaderInfo) -> Self {
         let (sender, events) = channel();
         Self { queue: Arc::default(), events, sender, info, threads: Vec::new() }

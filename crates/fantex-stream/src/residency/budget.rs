@@ -103,7 +103,6 @@ impl FrameWork {
     }
 }
 
-/// What may still be done in a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Work {
     /// Nanoseconds for a sixtieth of a second.
@@ -163,7 +162,6 @@ impl Work {
         left.min(self.frame / 8 * BOUNDING_EIGHTHS).max(self.frame / 32)
     }
 
-    /// Counts work that was done.
     pub(super) fn spend(&mut self, item: Item, times: u32) {
         self.done.counts[item as usize] += times;
         self.spent = self.spent.saturating_add(times.saturating_mul(WORK_COSTS[item as usize].1));

@@ -38,7 +38,6 @@ use crate::parcel::{FAMILY, SHARED_LEVELS};
 use crate::shape::{Detail, SparseLists, TileShapes};
 use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, StreamStatistics, UpdateTimes};
 
-/// What is needed, on its way, and resident.
 pub(crate) struct Residency {
     shapes: Arc<TileShapes>,
     pub(crate) pool: Pool,
@@ -47,7 +46,6 @@ pub(crate) struct Residency {
     queue: RequestQueue,
     transfers: Transfers,
     pub(crate) work: Work,
-    /// Parcels that could not be read.
     pub(crate) damaged: BTreeMap<Parcel, Error>,
     /// Per group the finest level that it needs.
     wanted: Vec<u8>,
@@ -419,7 +417,6 @@ impl Residency {
         }
     }
 
-    /// Whether a predicted view needs a parcel.
     fn is_expected(&self, parcel: Parcel, index: u32, predicted: &Demand) -> bool {
         let bias = self.bias_control.bias;
         let wants = |group: u32, level: u32| {
@@ -511,7 +508,6 @@ impl Residency {
         }
     }
 
-    /// Has what an owner lacks asked for, if anything.
     fn enqueue(&mut self, owner: u32, demand: &Demand) {
         match self.shapes.group_of_owner(owner) {
             Some(group) if self.missing[owner as usize] > 0 => {
@@ -631,7 +627,6 @@ impl Residency {
         }
     }
 
-    /// Sends cancels and requests to the loader.
     pub(crate) fn tell(&mut self, loader: &mut dyn ParcelLoader) {
         self.transfers.tell(loader);
     }

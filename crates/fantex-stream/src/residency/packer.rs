@@ -18,7 +18,6 @@ const UNIT: u32 = 4;
 /// Bits along the side of a bin.
 const SIDE: u32 = PAGE / UNIT;
 
-/// The free and the used room of an atlas.
 #[derive(Clone, Debug)]
 pub(crate) struct Packer {
     bins: Vec<Bin>,

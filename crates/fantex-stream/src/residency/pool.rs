@@ -149,14 +149,12 @@ impl Pool {
         }
     }
 
-    /// A parcel is needed from now on.
     pub(crate) fn need(&mut self, parcel: Parcel, index: u32) {
         debug_assert!(!self.is_needed(index));
         self.stamps[index as usize] = NEEDED;
         self.needed.add(self.shapes.texels(parcel));
     }
 
-    /// A parcel is no longer needed.
     pub(crate) fn release(&mut self, parcel: Parcel, index: u32) {
         debug_assert!(self.is_needed(index));
         self.needed.remove(self.shapes.texels(parcel));

@@ -151,7 +151,6 @@ impl RequestQueue {
     }
 }
 
-/// Where a parcel is that is not resident, or is read again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RequestState {
     /// Not requested.
@@ -311,7 +310,6 @@ impl Residency {
         }
     }
 
-    /// Asks for the parcels of an owner that a predicted view needs.
     fn request_ahead(&mut self, owner: u32, predicted: &Demand) {
         let all = self.parcels_of(owner);
         let candidates: Vec<u32> = match self.shapes.group_of_owner(owner) {
@@ -372,7 +370,6 @@ impl Residency {
         }
     }
 
-    /// Asks for damaged parcels again.
     pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
         for parcel in self.damaged.keys().copied().collect::<Vec<_>>() {
             self.clear_damage(parcel, self.shapes.index(parcel));
@@ -416,7 +413,6 @@ impl Residency {
         frame.changes
     }
 
-    /// Whether more may arrive in this frame.
     fn may_arrive(&self, frame: &Arrivals) -> bool {
         frame.bytes < frame.max_bytes && self.work.may(Task::Arrive)
     }
@@ -473,7 +469,6 @@ impl Residency {
         });
     }
 
-    /// Places parcels that may be placeable now.
     fn place_all(&mut self, frame: &mut Arrivals) {
         while self.may_arrive(frame) {
             let Some(index) = self.transfers.placeable.pop_front() else { return };
@@ -526,7 +521,6 @@ impl Residency {
     }
 }
 
-/// What arrives in one frame.
 struct Arrivals {
     changes: FrameChanges,
     /// Of the uploads.
