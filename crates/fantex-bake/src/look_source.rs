@@ -378,7 +378,7 @@ impl PointFinder<'_> {
 
     /// Derivatives of the normalised blend of the corners' normals.
     fn normal_steps(&self, point: &TexelPoint) -> [Vec3; 2] {
-        let corners = [0, 1, 2].map(|k| self.normals[3 * point.at.index() + k]);
+        let corners = point.at.corner_values(&self.normals);
         let length = point.at.interpolate(corners).length().max(1e-3);
         point.lambda_steps.map(|step| {
             let change = interpolate(corners, step) / length;

@@ -115,9 +115,8 @@ impl<'a> Projector<'a> {
     /// the same way; or else the nearest point.
     pub(crate) fn find(&self, at: SurfacePoint) -> SurfacePoint {
         self.points.fetch_add(1, Relaxed);
-        let normals: [Vec3; 3] = std::array::from_fn(|k| self.ray_normals[3 * at.index() + k]);
         let p = self.in_detailed(at.position(self.coarse));
-        let normal = at.interpolate(normals).try_normalize();
+        let normal = at.smooth_normal(&self.ray_normals);
         let by_ray = normal.and_then(|normal| {
             let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
                 // From a little behind, since the surfaces may touch at the point itself.
@@ -140,8 +139,7 @@ impl<'a> Projector<'a> {
 
     /// Unit shading normal of the detailed mesh; directions are the same in both mesh spaces.
     fn shading_normal(&self, at: SurfacePoint) -> Vec3 {
-        let normals = [0, 1, 2].map(|k| self.detailed_normals[3 * at.index() + k]);
-        at.interpolate(normals).try_normalize().unwrap_or(normals[0])
+        at.smooth_normal(&self.detailed_normals).unwrap_or(self.detailed_normals[3 * at.index()])
     }
 
     fn in_detailed(&self, p: Vec3) -> Vec3 {

@@ -88,6 +88,19 @@ impl SurfacePoint {
         interpolate(corners, self.lambda)
     }
 
+    /// The entries of the triangle's corners in a list with one per corner of the mesh.
+    #[inline]
+    pub fn corner_values<T: Copy>(self, list: &[T]) -> [T; 3] {
+        [0, 1, 2].map(|corner| list[3 * self.index() + corner])
+    }
+
+    /// The unit normal here, of unit normals at all corners such as [`shading_normals`](crate::shading_normals) gives; `None` where
+    /// they cancel out.
+    #[inline]
+    pub fn smooth_normal(self, normals: &[Vec3]) -> Option<Vec3> {
+        self.interpolate(self.corner_values(normals)).try_normalize()
+    }
+
     /// Unit normal of the triangle's front, mesh space: see [`Mesh::facet_normal`].
     pub fn facet_normal(self, mesh: &Mesh) -> Vec3 {
         mesh.facet_normal(self.index()).as_vec3()

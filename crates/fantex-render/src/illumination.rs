@@ -4,8 +4,7 @@ use fantex_mesh::Mesh;
 use fantex_scene::{
     AmbientLight, Cookie, Falloff, LampView, Light, LightKind, Lights, Projector, SpotLight, projector_view,
 };
-use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::shadow::{Receiver, ShadowMaps};
 use crate::surface::face_normal;
@@ -243,24 +242,7 @@ fn projected(view: &LampView, cookie: &Cookie, point: &LitPoint, time: f32) -> O
     if share <= 0.0 {
         return None;
     }
-    let uv = uv.clamp(Vec2::ZERO, Vec2::ONE);
-    let value = match cookie {
-        Cookie::Image { image, options } => {
-            let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
-            Vec4::from_array(image.sample(uv, steps, &options))
-        }
-        Cookie::Texture(texture) => texture.evaluate(&ShadingPoint {
-            position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
-            position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
-            normal: Vec3::Z,
-            normal_steps: [Vec3::ZERO; 2],
-            uv: &[UvPoint { uv, steps }],
-            vertex_color: Vec4::ONE,
-            to_eye: None,
-            time,
-            filtering: Filtering::Own,
-        }),
-    };
+    let value = cookie.color(uv.clamp(Vec2::ZERO, Vec2::ONE), steps, time);
     Some((value.truncate() * (value.w * share)).max(Vec3::ZERO))
 }
 

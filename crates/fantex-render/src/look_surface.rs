@@ -460,7 +460,7 @@ impl LookPoint {
 fn smooth_normal(mesh: &Mesh, normals: &CornerNormals, hit: &Hit) -> (Vec3, [Vec3; 2]) {
     let side = if hit.front { 1.0 } else { -1.0 };
     let normal = normals.at(mesh, hit) * side;
-    let corners = [0, 1, 2].map(|k| normals.all()[3 * hit.triangle() + k] * side);
+    let corners = hit.at.corner_values(normals.all()).map(|normal| normal * side);
     let (blend, changes) = hit.interpolate(corners);
     let length = blend.length().max(1e-3);
     (normal, changes.map(|change| (change - normal * normal.dot(change)) / length))

@@ -147,14 +147,12 @@ impl CornerNormals {
 
     /// The interpolated unit normal on the front side.
     pub(crate) fn at(&self, mesh: &Mesh, hit: &Hit) -> Vec3 {
-        let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle() + k]);
-        hit.at.interpolate(corners).try_normalize().unwrap_or_else(|| face_normal(mesh, hit.triangle()))
+        hit.at.smooth_normal(&self.0).unwrap_or_else(|| face_normal(mesh, hit.triangle()))
     }
 
     /// The interpolated unit normal on the front side, and its change along the pixel's edges, on the side that the eye sees.
     pub(crate) fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]) {
-        let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle() + k]);
-        let (unnormalised, steps) = hit.interpolate(corners);
+        let (unnormalised, steps) = hit.interpolate(hit.at.corner_values(&self.0));
         let scale = unnormalised.length_recip();
         if !(scale.is_finite() && scale > 0.0) {
             return (face_normal(mesh, hit.triangle()), [Vec3::ZERO; 2]);

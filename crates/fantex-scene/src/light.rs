@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use fantex_base::parameters;
 use fantex_texture::environment::{PrefilteredEnvironment, mirrored, mirrored_steps};
-use fantex_texture::{ImageTexture, SampleOptions, Texture};
-use glam::{DVec3, Quat, Vec3};
+use fantex_texture::{Filtering, ImageTexture, SampleOptions, ShadingPoint, Texture, UvPoint, Wrap};
+use glam::{DVec3, Quat, Vec2, Vec3, Vec4};
 
 use crate::Camera;
 
@@ -105,6 +105,29 @@ pub enum Cookie {
     },
     /// Any texture: texture coordinates are `[0,1]` over the cookie, the position is `(u - 0.5, 0.5 - v, 0)`.
     Texture(Arc<dyn Texture>),
+}
+
+impl Cookie {
+    /// The mean over a footprint around a place of the cookie, at a time in seconds: linear RGBA, straight alpha.
+    pub fn color(&self, uv: Vec2, steps: [Vec2; 2], time: f32) -> Vec4 {
+        match self {
+            Self::Image { image, options } => {
+                let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
+                Vec4::from_array(image.sample(uv, steps, &options))
+            }
+            Self::Texture(texture) => texture.evaluate(&ShadingPoint {
+                position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
+                position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
+                normal: Vec3::Z,
+                normal_steps: [Vec3::ZERO; 2],
+                uv: &[UvPoint { uv, steps }],
+                vertex_color: Vec4::ONE,
+                to_eye: None,
+                time,
+                filtering: Filtering::Own,
+            }),
+        }
+    }
 }
 
 /// How light weakens with the distance from its lamp.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::combine::mix;
 use crate::look::Slot;
-use crate::{Allowed, ShadingPoint, Texture};
+use crate::{Allowed, Dependence, ShadingPoint, Texture};
 
 /// What comes before the first and after the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -121,12 +121,9 @@ impl Texture for FrameTexture {
         mix(value, self.textures[next].evaluate(at), share)
     }
 
-    fn is_view_dependent(&self) -> bool {
-        self.textures.iter().any(Slot::is_view_dependent)
-    }
-
-    fn is_animated(&self) -> bool {
-        self.textures.len() > 1 || self.textures.iter().any(Slot::is_animated)
+    fn depends_on(&self, what: Dependence) -> bool {
+        let changes = what == Dependence::Time && self.textures.len() > 1;
+        changes || self.textures.iter().any(|texture| texture.depends_on(what))
     }
 }
 

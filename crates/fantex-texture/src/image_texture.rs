@@ -195,9 +195,9 @@ impl ImageTexture {
     pub fn sample(&self, uv: Vec2, footprint: [Vec2; 2], options: &SampleOptions) -> [f32; 4] {
         let (wrap, texels) = (options.wrap, self.texels(options.wrap));
         let sum = match options.filter {
-            Filter::Nearest => filter::nearest(&self.base, texels, uv, wrap),
+            Filter::Nearest => filter::reconstructed::<1>(&self.base, texels, uv, wrap),
             Filter::Bilinear => filter::bilinear(&self.base, texels, uv, wrap),
-            Filter::Bicubic => filter::bicubic(&self.base, texels, uv, wrap),
+            Filter::Bicubic => filter::reconstructed::<4>(&self.base, texels, uv, wrap),
             Filter::Trilinear => {
                 let [dx, dy] = footprint.map(|step| self.in_texels(step));
                 self.trilinear(uv, texels, wrap, FootprintAxes::squared_major(dx, dy))

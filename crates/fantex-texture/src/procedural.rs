@@ -4,7 +4,7 @@ use fantex_base::parameters;
 use glam::{Vec3, Vec4};
 
 use crate::noise::{CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, Waves};
-use crate::{Allowed, ShadingPoint, Texture};
+use crate::{Allowed, Dependence, ShadingPoint, Texture};
 
 parameters! {
     /// Noise: a number, as grey.
@@ -114,8 +114,8 @@ impl Texture for NoiseTexture {
         }
     }
 
-    fn is_animated(&self) -> bool {
-        self.options.evolve != 0.0
+    fn depends_on(&self, what: Dependence) -> bool {
+        what == Dependence::Time && self.options.evolve != 0.0
     }
 }
 
@@ -134,7 +134,7 @@ impl Texture for WavesTexture {
         Vec3::splat(self.offset + sum).extend(1.0)
     }
 
-    fn is_animated(&self) -> bool {
-        self.waves.0.iter().any(|wave| wave.angular_speed != 0.0)
+    fn depends_on(&self, what: Dependence) -> bool {
+        what == Dependence::Time && self.waves.0.iter().any(|wave| wave.angular_speed != 0.0)
     }
 }

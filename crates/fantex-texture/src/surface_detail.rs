@@ -16,7 +16,7 @@ use glam::{DVec2, Vec2, Vec4};
 
 use crate::coordinates::{Coordinates, TextureMatrix};
 use crate::look::Slot;
-use crate::{ShadingPoint, Texture, UvPoint};
+use crate::{Dependence, ShadingPoint, Texture, UvPoint};
 
 /// A polygon on the base.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -418,10 +418,6 @@ impl PolygonsTexture {
         });
         if mean.w > 0.0 { (mean.truncate() / mean.w).extend(mean.w) } else { Vec4::ZERO }
     }
-
-    fn slots(&self) -> impl Iterator<Item = &Slot> {
-        self.colors.iter().chain([&self.base])
-    }
 }
 
 impl Texture for PolygonsTexture {
@@ -429,12 +425,10 @@ impl Texture for PolygonsTexture {
         self.coordinates.evaluate(at, |point| self.mean(at, self.matrix.apply(point, at.time)))
     }
 
-    fn is_view_dependent(&self) -> bool {
-        self.coordinates.is_view_dependent() || self.slots().any(Slot::is_view_dependent)
-    }
-
-    fn is_animated(&self) -> bool {
-        self.matrix.is_animated() || self.coordinates.is_animated() || self.slots().any(Slot::is_animated)
+    fn depends_on(&self, what: Dependence) -> bool {
+        let is_moved = what == Dependence::Time && self.matrix.is_animated();
+        let of_slots = || self.colors.iter().chain([&self.base]).any(|slot| slot.depends_on(what));
+        is_moved || self.coordinates.depends_on(what) || of_slots()
     }
 }
 

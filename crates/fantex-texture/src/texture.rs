@@ -104,15 +104,30 @@ pub trait Texture: Send + Sync {
         None
     }
 
+    /// Whether the value depends on something besides the surface.
+    fn depends_on(&self, what: Dependence) -> bool {
+        let _ = what;
+        false
+    }
+
     /// Whether the value depends on the eye: such a texture cannot be baked.
     fn is_view_dependent(&self) -> bool {
-        false
+        self.depends_on(Dependence::Eye)
     }
 
     /// Whether the value depends on the time.
     fn is_animated(&self) -> bool {
-        false
+        self.depends_on(Dependence::Time)
     }
+}
+
+/// What a texture may depend on besides the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dependence {
+    /// Where it is seen from.
+    Eye,
+    /// Seconds since the start of an animation.
+    Time,
 }
 
 impl fmt::Debug for dyn Texture {
@@ -146,12 +161,8 @@ impl Texture for Slot {
         }
     }
 
-    fn is_view_dependent(&self) -> bool {
-        matches!(self, Self::Texture(texture) if texture.is_view_dependent())
-    }
-
-    fn is_animated(&self) -> bool {
-        matches!(self, Self::Texture(texture) if texture.is_animated())
+    fn depends_on(&self, what: Dependence) -> bool {
+        matches!(self, Self::Texture(texture) if texture.depends_on(what))
     }
 }
 

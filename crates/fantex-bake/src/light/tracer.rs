@@ -77,10 +77,10 @@ impl Tracer<'_> {
     /// the mean of its projections onto the tangent planes at those corners above whose planes it does not lie.
     fn receiver(&self, at: SurfacePoint) -> Receiver {
         let corners = self.mesh.triangle_positions(at.index());
-        let normals = [0, 1, 2].map(|k| self.normals[3 * at.index() + k]);
+        let normals = at.corner_values(&self.normals);
         let position = at.interpolate(corners);
         let face = face_normal(corners);
-        let normal = at.interpolate(normals).try_normalize().unwrap_or(face);
+        let normal = at.smooth_normal(&self.normals).unwrap_or(face);
         let mut origin = position;
         if self.options.smooth_terminator {
             let lift = |k: usize| normals[k] * -(position - corners[k]).dot(normals[k]).min(0.0);

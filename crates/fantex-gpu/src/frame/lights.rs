@@ -8,7 +8,6 @@ use fantex_scene::{
     Cookie, Falloff, FittedView, LampView, Lens, Light, LightKind, Penumbra, Projector, ShadowOptions,
     SpotLight, Spread, lamp_views, projector_view,
 };
-use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
@@ -140,26 +139,9 @@ fn is_same(a: &Cookie, b: &Cookie) -> bool {
 fn draw(cookie: &Cookie, side: u32, seconds: f32) -> Vec<[f16; 4]> {
     let texel = 1.0 / side as f32;
     let steps = [Vec2::X * texel, Vec2::Y * texel];
-    let value = |uv: Vec2| match cookie {
-        Cookie::Image { image, options } => {
-            let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
-            Vec4::from_array(image.sample(uv, steps, &options))
-        }
-        Cookie::Texture(texture) => texture.evaluate(&ShadingPoint {
-            position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
-            position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
-            normal: Vec3::Z,
-            normal_steps: [Vec3::ZERO; 2],
-            uv: &[UvPoint { uv, steps }],
-            vertex_color: Vec4::ONE,
-            to_eye: None,
-            time: seconds,
-            filtering: Filtering::Own,
-        }),
-    };
     let pixel = |i: u32| {
         let uv = (Vec2::new((i % side) as f32, (i / side) as f32) + 0.5) * texel;
-        let value = value(uv);
+        let value = cookie.color(uv, steps, seconds);
         half_texel((value.truncate() * value.w).max(Vec3::ZERO).extend(1.0))
     };
     (0..side * side).into_par_iter().map(pixel).collect()

@@ -209,9 +209,7 @@ impl<S: TileSource> Sampler<S> {
     /// The interpolated unit vertex normal at a point, on the triangle's front.
     pub fn vertex_normal(&self, point: SurfacePoint) -> Vec3 {
         let normals = self.normals.get_or_init(|| shading_normals(&self.mesh).into());
-        let at = 3 * point.triangle as usize;
-        let normal = point.interpolate([normals[at], normals[at + 1], normals[at + 2]]);
-        normal.try_normalize().unwrap_or_else(|| facet_normal(&self.mesh, point))
+        point.smooth_normal(normals).unwrap_or_else(|| facet_normal(&self.mesh, point))
     }
 
     /// The value of a channel at a point of the surface.

@@ -52,15 +52,31 @@ macro_rules! nodes {
     )*};
 }
 
-/// A node depends on the eye and on the time if one of these inputs does.
+/// A node depends on what one of these inputs depends on.
 macro_rules! depends_on {
     ($($input:ident),+) => {
-        fn is_view_dependent(&self) -> bool {
-            $(self.$input.is_view_dependent())||+
+        fn depends_on(&self, what: $crate::Dependence) -> bool {
+            $(self.$input.depends_on(what))||+
         }
+    };
+}
 
-        fn is_animated(&self) -> bool {
-            $(self.$input.is_animated())||+
+/// A node whose value at a point is a function, `of`, of its one input's.
+macro_rules! each_value {
+    ($node:ident, $input:ident $(, { $($more:item)* })?) => {
+        impl Texture for $node {
+            fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+                self.of(self.$input.evaluate(at))
+            }
+
+            fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+                self.$input.evaluate_all(at, values);
+                values.iter_mut().for_each(|value| *value = self.of(*value));
+            }
+
+            depends_on!($input);
+
+            $($($more)*)?
         }
     };
 }
@@ -75,7 +91,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
 use crate::look::Slot;
-use crate::{Allowed, Color, ShadingPoint, Texture};
+use crate::{Allowed, Color, Dependence, ShadingPoint, Texture};
 
 pub use scalar::{Contours, Field, RampTexture};
 
@@ -293,14 +309,9 @@ impl Texture for Layers {
         self.layers.iter().for_each(|layer| layer.evaluate_all(values, at));
     }
 
-    fn is_view_dependent(&self) -> bool {
-        let above = self.layers.iter().flat_map(Layer::slots).any(Texture::is_view_dependent);
-        self.base.is_view_dependent() || above
-    }
-
-    fn is_animated(&self) -> bool {
-        let above = self.layers.iter().flat_map(Layer::slots).any(Texture::is_animated);
-        self.base.is_animated() || above
+    fn depends_on(&self, what: Dependence) -> bool {
+        let mut above = self.layers.iter().flat_map(Layer::slots);
+        self.base.depends_on(what) || above.any(|slot| slot.depends_on(what))
     }
 }
 
@@ -468,22 +479,14 @@ impl<T> TextureUse<T> {
     }
 }
 
-impl Texture for TextureUse {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.of(self.texture.evaluate(at))
-    }
-
-    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        self.texture.evaluate_all(at, values);
-        values.iter_mut().for_each(|value| *value = self.of(*value));
-    }
-
+each_value!(Swizzle, input);
+each_value!(Clamp, input);
+each_value!(Remap, input);
+each_value!(TextureUse, texture, {
     fn as_use(&self) -> Option<&TextureUse> {
         Some(self)
     }
-
-    depends_on!(texture);
-}
+});
 
 nodes! {
     /// `a` where the mask is 0, `b` where it is 1.
@@ -591,19 +594,6 @@ impl Swizzle {
     }
 }
 
-impl Texture for Swizzle {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.of(self.input.evaluate(at))
-    }
-
-    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        self.input.evaluate_all(at, values);
-        values.iter_mut().for_each(|value| *value = self.of(*value));
-    }
-
-    depends_on!(input);
-}
-
 impl Texture for Mix {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         match self.mask.evaluate_number(at).clamp(0.0, 1.0) {
@@ -672,19 +662,6 @@ impl Clamp {
     }
 }
 
-impl Texture for Clamp {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.of(self.input.evaluate(at))
-    }
-
-    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        self.input.evaluate_all(at, values);
-        values.iter_mut().for_each(|value| *value = self.of(*value));
-    }
-
-    depends_on!(input);
-}
-
 impl Remap {
     fn of(&self, value: Vec4) -> Vec4 {
         let [start, end] = self.from;
@@ -692,17 +669,4 @@ impl Remap {
         let position = if self.clamp { position.clamp(Vec3::ZERO, Vec3::ONE) } else { position };
         (self.to[0] + position * (self.to[1] - self.to[0])).extend(value.w)
     }
-}
-
-impl Texture for Remap {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.of(self.input.evaluate(at))
-    }
-
-    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        self.input.evaluate_all(at, values);
-        values.iter_mut().for_each(|value| *value = self.of(*value));
-    }
-
-    depends_on!(input);
 }

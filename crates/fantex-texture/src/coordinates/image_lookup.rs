@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::{Vec2, Vec4};
 
 use super::{Coordinates, TextureMatrix};
-use crate::{AREAS_AT_ONCE, Filter, Filtering, ImageTexture, SampleOptions, ShadingPoint, Texture, UvPoint};
+use crate::{
+    AREAS_AT_ONCE, Dependence, Filter, Filtering, ImageTexture, SampleOptions, ShadingPoint, Texture, UvPoint,
+};
 
 /// An image, looked up by any coordinates.
 #[derive(Clone, Debug)]
@@ -140,11 +142,7 @@ impl Texture for ImageLookup {
         }
     }
 
-    fn is_view_dependent(&self) -> bool {
-        self.coordinates.is_view_dependent()
-    }
-
-    fn is_animated(&self) -> bool {
-        self.matrix.is_animated() || self.coordinates.is_animated()
+    fn depends_on(&self, what: Dependence) -> bool {
+        what == Dependence::Time && self.matrix.is_animated() || self.coordinates.depends_on(what)
     }
 }

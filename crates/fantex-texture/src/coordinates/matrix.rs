@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::invalid_option::singular;
 use crate::look::Slot;
-use crate::{Allowed, List2, List3, Scale, ShadingPoint, Texture, UvPoint};
+use crate::{Allowed, Dependence, List2, List3, Scale, ShadingPoint, Texture, UvPoint};
 
 // The texture matrix: affine and projective maps of texture coordinates before the look-up, animated or not.
 
@@ -319,12 +319,8 @@ impl Texture for InSpace {
         self.input.evaluate_all(&there.collect::<Vec<_>>(), values);
     }
 
-    fn is_view_dependent(&self) -> bool {
-        self.input.is_view_dependent()
-    }
-
-    fn is_animated(&self) -> bool {
-        self.matrix.is_animated() || self.input.is_animated()
+    fn depends_on(&self, what: Dependence) -> bool {
+        what == Dependence::Time && self.matrix.is_animated() || self.input.depends_on(what)
     }
 }
 

@@ -13,7 +13,9 @@ mod matrix;
 use fantex_base::Result;
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Allowed, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint};
+use crate::{
+    Allowed, Dependence, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint,
+};
 
 pub use image_lookup::ImageLookup;
 pub use matrix::{
@@ -65,21 +67,13 @@ impl Coordinates {
         }
     }
 
-    /// Whether they depend on the eye.
-    pub fn is_view_dependent(&self) -> bool {
+    /// Whether they depend on something besides the surface.
+    pub fn depends_on(&self, what: Dependence) -> bool {
         match self {
-            Self::Uv { .. } | Self::Surface(_) | Self::Triplanar(_) | Self::Projected(_) => false,
-            Self::TwoPart(mapping) => mapping.is_view_dependent(),
-            Self::Parameter(parameter) => parameter.is_view_dependent(),
-        }
-    }
-
-    /// Whether they change with time.
-    pub fn is_animated(&self) -> bool {
-        match self {
-            Self::Uv { .. } | Self::Surface(_) | Self::TwoPart(_) | Self::Triplanar(_) => false,
-            Self::Projected(matrix) => matrix.is_animated(),
-            Self::Parameter(parameter) => parameter.is_animated(),
+            Self::Uv { .. } | Self::Surface(_) | Self::Triplanar(_) => false,
+            Self::TwoPart(mapping) => what == Dependence::Eye && mapping.is_view_dependent(),
+            Self::Projected(matrix) => what == Dependence::Time && matrix.is_animated(),
+            Self::Parameter(parameter) => parameter.depends_on(what),
         }
     }
 
@@ -217,11 +211,7 @@ impl Texture for Parameter {
         Vec3::splat(self.value(at)).extend(1.0)
     }
 
-    fn is_view_dependent(&self) -> bool {
-        *self == Self::Facing
-    }
-
-    fn is_animated(&self) -> bool {
-        *self == Self::Time
+    fn depends_on(&self, what: Dependence) -> bool {
+        matches!((self, what), (Self::Facing, Dependence::Eye) | (Self::Time, Dependence::Time))
     }
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::form::{mirrored, mirrored_steps};
 use super::level::{Level, halve};
 use super::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout};
-use crate::{Image, ShadingPoint, Texture};
+use crate::{Dependence, Image, ShadingPoint, Texture};
 
 /// Longest ratio of a footprint's axes that [`EnvironmentMap::sample`] honours.
 pub const MAX_ENVIRONMENT_ANISOTROPY: f32 = 16.0;
@@ -376,8 +376,8 @@ impl Texture for CubeTexture {
         color.extend(1.0)
     }
 
-    fn is_view_dependent(&self) -> bool {
-        matches!(self.source, DirectionSource::Reflection | DirectionSource::View)
+    fn depends_on(&self, what: Dependence) -> bool {
+        what == Dependence::Eye && matches!(self.source, DirectionSource::Reflection | DirectionSource::View)
     }
 }
 

@@ -89,20 +89,6 @@ pub(crate) trait Reconstruction {
 impl Reconstruction for Taps<1> {
     #[inline(always)]
     fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self {
-        Self::nearest(coordinate, size, wrap)
-    }
-}
-
-impl Reconstruction for Taps<2> {
-    #[inline(always)]
-    fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self {
-        Self::linear(coordinate, size, wrap)
-    }
-}
-
-impl Taps<1> {
-    #[inline(always)]
-    pub(super) fn nearest(coordinate: f32, size: u32, wrap: Wrap) -> Self {
         // Folding may round up to exactly 1, which is one texel too far.
         let position = fold(coordinate, wrap) * size as f32;
         let index = floor(position);
@@ -114,9 +100,9 @@ impl Taps<1> {
     }
 }
 
-impl Taps<2> {
+impl Reconstruction for Taps<2> {
     #[inline(always)]
-    pub(super) fn linear(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+    fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self {
         let last = size as i32 - 1;
         let position = fold(coordinate, wrap) * size as f32 - 0.5;
         match wrap {
@@ -159,8 +145,8 @@ pub fn catmull_rom_weights(t: f32) -> [f32; 4] {
     ]
 }
 
-impl Taps<4> {
-    pub(super) fn cubic(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+impl Reconstruction for Taps<4> {
+    fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self {
         let position = fold(coordinate, wrap) * size as f32 - 0.5;
         let position = position.clamp(-4.0, size as f32 + 4.0);
         let first = floor(position);
@@ -201,9 +187,19 @@ impl<const N: usize> Kernel for TensorProduct<N> {
     }
 }
 
-pub(crate) fn nearest(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
-    let u = Taps::nearest(uv.x, level.width, wrap[0]);
-    let v = Taps::nearest(uv.y, level.height, wrap[1]);
+/// The value reconstructed of `N` by `N` texels: the nearest one, linear interpolation, or cubic.
+#[inline(always)]
+pub(crate) fn reconstructed<const N: usize>(
+    level: &Image,
+    texels: TexelUse,
+    uv: Vec2,
+    wrap: [Wrap; 2],
+) -> Vec4
+where
+    Taps<N>: Reconstruction,
+{
+    let u = Taps::<N>::at(uv.x, level.width, wrap[0]);
+    let v = Taps::<N>::at(uv.y, level.height, wrap[1]);
     with_border(level, texels, TensorProduct { width: level.width, u, v })
 }
 
@@ -218,9 +214,7 @@ pub(crate) fn bilinear(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2
 /// As [`bilinear`], by the same steps at the edges and inside.
 #[inline(never)]
 pub(crate) fn bilinear_reference(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
-    let u = Taps::linear(uv.x, level.width, wrap[0]);
-    let v = Taps::linear(uv.y, level.height, wrap[1]);
-    with_border(level, texels, TensorProduct { width: level.width, u, v })
+    reconstructed::<2>(level, texels, uv, wrap)
 }
 
 /// The sum of [`bilinear`] over `count` points, at least two, from `first` on.
@@ -236,12 +230,6 @@ pub(crate) fn bilinear_row(
         Some(row) => with_texels(level, texels.alpha, row),
         None => (0..count).map(|index| bilinear(level, texels, first + step * index as f32, wrap)).sum(),
     }
-}
-
-pub(crate) fn bicubic(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
-    let u = Taps::cubic(uv.x, level.width, wrap[0]);
-    let v = Taps::cubic(uv.y, level.height, wrap[1]);
-    with_border(level, texels, TensorProduct { width: level.width, u, v })
 }
 
 // ---- Decoding of stored texels into weighted sums.

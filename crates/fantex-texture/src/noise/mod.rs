@@ -396,53 +396,21 @@ impl FractalNoise {
     /// # Panics
     /// If the slices differ in length.
     pub fn values(&self, points: &[Vec3], footprints: &[f32], out: &mut [f32]) {
-        assert!(
-            points.len() == footprints.len() && points.len() == out.len(),
+        if self.family == NoiseFamily::Perlin {
+            let shaped = (self.octave_mean, |value| self.kind.shape(value));
+            let origin = |octave| Some(Vec3::splat(17.31 * octave as f32));
+            return sum_octaves(self.seed, points, self.octaves, footprints, out, shaped, origin);
+        }
+        assert_eq!(
+            (points.len(), points.len()),
+            (footprints.len(), out.len()),
             "one footprint and value per point"
         );
-        for ((points, footprints), out) in
-            points.chunks(BLOCK).zip(footprints.chunks(BLOCK)).zip(out.chunks_mut(BLOCK))
-        {
-            if self.family == NoiseFamily::Perlin {
-                self.gradient_sums(points, footprints, out);
-            } else {
-                for ((p, &footprint), out) in points.iter().zip(footprints).zip(out) {
-                    *out = self.value(p.to_array(), footprint);
-                }
-            }
-        }
-    }
-
-    /// Sums of gradient noise at a block of points, octave by octave, each step in the order of the single sum.
-    fn gradient_sums(&self, points: &[Vec3], footprints: &[f32], out: &mut [f32]) {
-        let (mut at, mut values) = ([Vec3::ZERO; BLOCK], [0.0; BLOCK]);
-        let (at, values) = (&mut at[..points.len()], &mut values[..points.len()]);
-        let narrowest = footprints.iter().copied().fold(f32::INFINITY, f32::min);
-        let (mut frequency, mut amplitude) = (1.0, 1.0);
-        out.fill(0.0);
-        for octave in 0..self.octaves.octaves {
-            if band_limit(frequency, narrowest) > 0.0 {
-                let seed = self.seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab));
-                let origin = 17.31 * octave as f32;
-                at.iter_mut().zip(points).for_each(|(at, &p)| *at = p * frequency + origin);
-                Noise::new(seed).values(at, values);
-            }
-            for ((sum, &value), &footprint) in out.iter_mut().zip(&*values).zip(footprints) {
-                let left = band_limit(frequency, footprint);
-                let mut share = self.octave_mean;
-                if left > 0.0 {
-                    share += left * (self.kind.shape(value) - self.octave_mean);
-                }
-                *sum += amplitude * share;
-            }
-            frequency *= self.octaves.lacunarity;
-            amplitude *= self.octaves.gain;
+        for ((p, &footprint), out) in points.iter().zip(footprints).zip(out) {
+            *out = self.value(p.to_array(), footprint);
         }
     }
 }
-
-/// Points that are summed at a time.
-const BLOCK: usize = 64;
 
 // ---- Sums of sine waves (Fourier synthesis).
 

@@ -164,7 +164,6 @@ impl Noise {
         self.sums(points, fractal, footprints, out, MEAN_RIDGE, ridge);
     }
 
-    /// [`Noise::sum`] octave by octave over blocks of points, each step in the order of the single sum.
     fn sums(
         &self,
         points: &[Vec3],
@@ -174,42 +173,14 @@ impl Noise {
         mean: f32,
         shape: impl Fn(f32) -> f32,
     ) {
-        assert!(
-            points.len() == footprints.len() && points.len() == out.len(),
-            "one footprint and value per point"
-        );
         if points.len() < FEW {
             for ((&p, &footprint), out) in points.iter().zip(footprints).zip(out) {
                 *out = self.sum(p, fractal, footprint, mean, &shape);
             }
             return;
         }
-        const BLOCK: usize = 64;
-        let (mut at, mut values) = ([Vec3::ZERO; BLOCK], [0.0; BLOCK]);
-        let blocks = points.chunks(BLOCK).zip(footprints.chunks(BLOCK)).zip(out.chunks_mut(BLOCK));
-        for ((points, footprints), out) in blocks {
-            let narrowest = footprints.iter().copied().fold(f32::INFINITY, f32::min);
-            out.fill(0.0);
-            let (mut frequency, mut amplitude) = (1.0, 1.0);
-            for octave in 0..fractal.octaves {
-                let is_seen = octave < MAX_OCTAVES as u32 && band_limit(frequency, narrowest) > 0.0;
-                if is_seen {
-                    let origin = octave_origin(octave);
-                    at.iter_mut().zip(points).for_each(|(at, &p)| *at = p * frequency + origin);
-                    values_at(
-                        octave_seed(self.seed, octave),
-                        &at[..points.len()],
-                        &mut values[..points.len()],
-                    );
-                }
-                for ((sum, &value), &footprint) in out.iter_mut().zip(&values).zip(footprints) {
-                    let left = if is_seen { band_limit(frequency, footprint) } else { 0.0 };
-                    *sum += amplitude * if left > 0.0 { mean + left * (shape(value) - mean) } else { mean };
-                }
-                frequency *= fractal.lacunarity;
-                amplitude *= fractal.gain;
-            }
-        }
+        let origin = |octave| (octave < MAX_OCTAVES as u32).then(|| octave_origin(octave));
+        sum_octaves(self.seed, points, fractal, footprints, out, (mean, shape), origin);
     }
 
     fn sum(&self, p: Vec3, fractal: Fractal, footprint: f32, mean: f32, shape: impl Fn(f32) -> f32) -> f32 {
@@ -223,6 +194,45 @@ impl Noise {
             amplitude *= fractal.gain;
         }
         sum
+    }
+}
+
+/// Octaves of shaped gradient noise, of which the mean is known, one after the other over blocks of points: each step in the order of
+/// the sum at a single point. Octaves without origin stay at their mean.
+pub(super) fn sum_octaves(
+    seed: u32,
+    points: &[Vec3],
+    fractal: Fractal,
+    footprints: &[f32],
+    out: &mut [f32],
+    (mean, shape): (f32, impl Fn(f32) -> f32),
+    origin: impl Fn(u32) -> Option<Vec3>,
+) {
+    assert!(
+        points.len() == footprints.len() && points.len() == out.len(),
+        "one footprint and value per point"
+    );
+    const BLOCK: usize = 64;
+    let (mut at, mut values) = ([Vec3::ZERO; BLOCK], [0.0; BLOCK]);
+    let blocks = points.chunks(BLOCK).zip(footprints.chunks(BLOCK)).zip(out.chunks_mut(BLOCK));
+    for ((points, footprints), out) in blocks {
+        let narrowest = footprints.iter().copied().fold(f32::INFINITY, f32::min);
+        out.fill(0.0);
+        let (mut frequency, mut amplitude) = (1.0, 1.0);
+        for octave in 0..fractal.octaves {
+            let seen_from = origin(octave).filter(|_| band_limit(frequency, narrowest) > 0.0);
+            if let Some(origin) = seen_from {
+                at.iter_mut().zip(points).for_each(|(at, &p)| *at = p * frequency + origin);
+                let count = points.len();
+                values_at(octave_seed(seed, octave), &at[..count], &mut values[..count]);
+            }
+            for ((sum, &value), &footprint) in out.iter_mut().zip(&values).zip(footprints) {
+                let left = if seen_from.is_some() { band_limit(frequency, footprint) } else { 0.0 };
+                *sum += amplitude * if left > 0.0 { mean + left * (shape(value) - mean) } else { mean };
+            }
+            frequency *= fractal.lacunarity;
+            amplitude *= fractal.gain;
+        }
     }
 }
 
