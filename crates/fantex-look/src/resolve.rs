@@ -114,16 +114,6 @@ impl<'a> Resolver<'a> {
         Ok(texture)
     }
 
-    /// All textures of the look, for their mistakes.
-    ///
-    /// # Errors
-    ///
-    /// As [`Resolver::texture`].
-    pub fn all_textures(&mut self) -> Result<()> {
-        let file = self.file;
-        file.look().textures.keys().try_for_each(|name| self.texture(name).map(drop))
-    }
-
     fn make(&mut self, table: &TextureTable, key: &Key) -> Result<Node> {
         use TextureTable as T;
         Ok(match table {

@@ -12,10 +12,14 @@ use std::path::Path;
 
 use fantex_base::files::temporary_file;
 use fantex_base::{Error, Result};
+use image::codecs::hdr::HdrEncoder;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::openexr::OpenExrEncoder;
+use image::codecs::png::PngEncoder;
+use image::codecs::tiff::TiffEncoder;
+use image::codecs::webp::WebPEncoder;
 use image::error::{ImageError, LimitErrorKind};
-use image::{
-    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
-};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageEncoder, ImageFormat, ImageReader};
 
 use crate::container;
 use crate::image::{ColorSpace, Depth, Image, Samples};
@@ -315,51 +319,26 @@ fn spread_grey(image: &Image) -> Cow<'_, Image> {
 }
 
 fn encode(image: &Image, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
-    let mut bytes = Vec::new();
+    let mut bytes = Cursor::new(Vec::new());
+    let to = &mut bytes;
     match format {
-        ImageFormat::OpenExr => write_exr(&spread_grey(image), &mut bytes)?,
-        ImageFormat::WebP => {
-            write_samples(&spread_grey(image), |data, width, height, color| {
-                image::codecs::webp::WebPEncoder::new_lossless(&mut bytes)
-                    .write_image(data, width, height, color)
-            })?;
+        ImageFormat::OpenExr => {
+            write_samples(&multiplied_by_alpha(&spread_grey(image)), OpenExrEncoder::new(to))?;
         }
-        ImageFormat::Jpeg => {
-            write_samples(image, |data, width, height, color| {
-                image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95)
-                    .write_image(data, width, height, color)
-            })?;
+        ImageFormat::WebP => write_samples(&spread_grey(image), WebPEncoder::new_lossless(to))?,
+        ImageFormat::Jpeg => write_samples(image, JpegEncoder::new_with_quality(to, 95))?,
+        ImageFormat::Tiff if image.samples.depth() == Depth::F32 || image.channels == 2 => {
+            write_samples(&spread_grey(image), TiffEncoder::new(to))?;
         }
-        ImageFormat::Tiff => {
-            let mut cursor = Cursor::new(&mut bytes);
-            let image = if image.samples.depth() == Depth::F32 || image.channels == 2 {
-                &spread_grey(image)
-            } else {
-                image
-            };
-            write_samples(image, |data, width, height, color| {
-                image::codecs::tiff::TiffEncoder::new(&mut cursor).write_image(data, width, height, color)
-            })?;
-        }
-        ImageFormat::Hdr => {
-            write_samples(image, |data, width, height, color| {
-                image::codecs::hdr::HdrEncoder::new(&mut bytes).write_image(data, width, height, color)
-            })?;
-        }
-        _ => {
-            write_samples(image, |data, width, height, color| {
-                image::codecs::png::PngEncoder::new(&mut bytes).write_image(data, width, height, color)
-            })?;
-        }
+        ImageFormat::Tiff => write_samples(image, TiffEncoder::new(to))?,
+        ImageFormat::Hdr => write_samples(image, HdrEncoder::new(to))?,
+        _ => write_samples(image, PngEncoder::new(to))?,
     }
-    Ok(bytes)
+    Ok(bytes.into_inner())
 }
 
-/// Hands the samples as native-endian bytes to `write`, which is what the encoders expect.
-fn write_samples(
-    image: &Image,
-    write: impl FnOnce(&[u8], u32, u32, ExtendedColorType) -> Result<(), ImageError>,
-) -> Result<(), ImageError> {
+/// The encoders expect native-endian bytes.
+fn write_samples(image: &Image, encoder: impl ImageEncoder) -> Result<(), ImageError> {
     let color = match (image.samples.depth(), image.channels) {
         (Depth::U8, 1) => ColorType::L8,
         (Depth::U8, 2) => ColorType::La8,
@@ -377,10 +356,10 @@ fn write_samples(
         Samples::U16(values) => bytemuck::cast_slice(values),
         Samples::F32(values) => bytemuck::cast_slice(values),
     };
-    write(data, image.width, image.height, color.into())
+    encoder.write_image(data, image.width, image.height, color.into())
 }
 
-fn write_exr(image: &Image, bytes: &mut Vec<u8>) -> Result<(), ImageError> {
+fn multiplied_by_alpha(image: &Image) -> Cow<'_, Image> {
     let mut associated = Cow::Borrowed(image);
     if image.channels == 4
         && let Samples::F32(values) = &mut associated.to_mut().samples
@@ -389,10 +368,7 @@ fn write_exr(image: &Image, bytes: &mut Vec<u8>) -> Result<(), ImageError> {
             (*r, *g, *b) = (*r * *a, *g * *a, *b * *a);
         }
     }
-    write_samples(&associated, |data, width, height, color| {
-        image::codecs::openexr::OpenExrEncoder::new(Cursor::new(bytes))
-            .write_image(data, width, height, color)
-    })
+    associated
 }
 
 fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {

@@ -122,7 +122,8 @@ fn what_cannot_be_made_is_named_with_its_line() {
     let refused = |text: &str, part: &str| {
         let (file, mesh, images) = (file(text), cube(), LookImages::default());
         let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
-        let message = resolver.all_textures().unwrap_err().to_string();
+        let message =
+            file.look().textures.keys().find_map(|name| resolver.texture(name).err()).unwrap().to_string();
         assert!(message.starts_with("/no/where/look.toml:") && message.contains(part), "{message}");
     };
     refused("[textures.a]\nkind = \"image\"\nimage = \"gone.png\"\n", "look.toml:3: textures.a.image: ");

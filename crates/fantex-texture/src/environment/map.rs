@@ -207,14 +207,6 @@ impl EnvironmentMap {
         value.lerp(self.levels[(fine + 1).min(last)].look_up(direction), share).into()
     }
 
-    /// The level (between levels, too) whose texels have a solid angle, in steradians, in a direction.
-    pub fn level_of(&self, direction: Vec3, steradians: f32) -> f32 {
-        let [width, height] = self.levels[0].size.map(|n| n as f32);
-        let at = self.form().locate(direction);
-        let texel = self.form().steradians_per_uv(at.uv) / (width * height);
-        0.5 * (steradians / texel.max(1e-12)).max(1e-12).log2()
-    }
-
     pub(super) fn level(&self, level: usize) -> &Level {
         &self.levels[level.min(self.levels.len() - 1)]
     }

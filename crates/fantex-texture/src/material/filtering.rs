@@ -51,15 +51,6 @@ impl AlphaCoverage {
     pub fn scales(&self) -> &[f32] {
         &self.scales
     }
-
-    /// Factor of the alpha that is filtered between levels.
-    pub fn scale(&self, level: f32) -> f32 {
-        let last = self.scales.len() - 1;
-        let level = level.clamp(0.0, last as f32);
-        let fine = level as usize;
-        let (a, b) = (self.scales[fine], self.scales[(fine + 1).min(last)]);
-        a + (b - a) * (level - fine as f32)
-    }
 }
 
 impl ImageTexture {
