@@ -473,7 +473,7 @@ fn lights_out_of_range_are_refused_by_name() {
     }
 }
 
-mod light {
+mod many_lamps {
     use fantex_bake::{BakeLight, Illumination, LightMapOptions, LightMapSource, LightScene};
     use fantex_mesh::{CleanOptions, Mesh, Model, SurfacePoint, clean, generate};
     use glam::{DVec3, Vec3};

@@ -1,150 +1,146 @@
 //! Cut-outs and highlights under minification.
 
-mod filtering {
-    use fantex_texture::material::{AlphaCoverage, roughness_with_variance, widened_roughness};
-    use fantex_texture::{Filter, Image, ImageTexture, SampleOptions};
-    use glam::{Vec2, Vec3};
-    use std::sync::Arc;
+use fantex_texture::material::{AlphaCoverage, roughness_with_variance, widened_roughness};
+use fantex_texture::{Filter, Image, ImageTexture, SampleOptions};
+use glam::{Vec2, Vec3};
+use std::sync::Arc;
 
-    /// Leaves: soft blobs of random size and place.
-    fn leaves(side: u32) -> ImageTexture {
-        let mut state = 1_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
+/// Leaves: soft blobs of random size and place.
+fn leaves(side: u32) -> ImageTexture {
+    let mut state = 1_u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32
+    };
+    let blobs: Vec<_> = (0..60).map(|_| [random(), random(), 0.015 + 0.04 * random()]).collect();
+    let texel = |i: u32| {
+        let [x, y] = [i % side, i / side].map(|c| (c as f32 + 0.5) / side as f32);
+        let inside = |&[bx, by, r]: &[f32; 3]| {
+            let wrapped = |d: f32| d - d.round();
+            (1.5 - wrapped(x - bx).hypot(wrapped(y - by)) / r).clamp(0.0, 1.0)
         };
-        let blobs: Vec<_> = (0..60).map(|_| [random(), random(), 0.015 + 0.04 * random()]).collect();
-        let texel = |i: u32| {
-            let [x, y] = [i % side, i / side].map(|c| (c as f32 + 0.5) / side as f32);
-            let inside = |&[bx, by, r]: &[f32; 3]| {
-                let wrapped = |d: f32| d - d.round();
-                (1.5 - wrapped(x - bx).hypot(wrapped(y - by)) / r).clamp(0.0, 1.0)
-            };
-            let alpha = blobs.iter().map(inside).fold(0.0, f32::max);
-            [0.1, 0.4, 0.1, alpha]
-        };
-        let texels: Vec<_> = (0..side * side).map(texel).collect();
-        ImageTexture::new(Arc::new(Image::from_linear_rgba(side, side, &texels)))
-    }
+        let alpha = blobs.iter().map(inside).fold(0.0, f32::max);
+        [0.1, 0.4, 0.1, alpha]
+    };
+    let texels: Vec<_> = (0..side * side).map(texel).collect();
+    ImageTexture::new(Arc::new(Image::from_linear_rgba(side, side, &texels)))
+}
 
-    fn covered_at(texture: &ImageTexture, level: usize, threshold: f32) -> f32 {
-        let options = SampleOptions { filter: Filter::Trilinear, ..SampleOptions::default() };
-        let width = (1 << level) as f32 / texture.size()[0] as f32;
-        let points = 300;
-        let seen = (0..points * points).filter(|i| {
-            let uv = Vec2::new((i % points) as f32, (i / points) as f32) / points as f32;
-            texture.sample(uv, [Vec2::X * width, Vec2::Y * width], &options)[3] >= threshold
-        });
-        seen.count() as f32 / (points * points) as f32
-    }
+fn covered_at(texture: &ImageTexture, level: usize, threshold: f32) -> f32 {
+    let options = SampleOptions { filter: Filter::Trilinear, ..SampleOptions::default() };
+    let width = (1 << level) as f32 / texture.size()[0] as f32;
+    let points = 300;
+    let seen = (0..points * points).filter(|i| {
+        let uv = Vec2::new((i % points) as f32, (i / points) as f32) / points as f32;
+        texture.sample(uv, [Vec2::X * width, Vec2::Y * width], &options)[3] >= threshold
+    });
+    seen.count() as f32 / (points * points) as f32
+}
 
-    /// The density of Beckmann's microfacets about `normal` in the direction `half`, both unit vectors.
-    fn beckmann(normal: Vec3, half: Vec3, perceptual_roughness: f32) -> f32 {
-        let alpha2 = perceptual_roughness.powi(4);
-        let cos2 = normal.dot(half).powi(2);
-        (-(1.0 - cos2) / (cos2 * alpha2)).exp() / (std::f32::consts::PI * alpha2 * cos2 * cos2)
-    }
+/// The density of Beckmann's microfacets about `normal` in the direction `half`, both unit vectors.
+fn beckmann(normal: Vec3, half: Vec3, perceptual_roughness: f32) -> f32 {
+    let alpha2 = perceptual_roughness.powi(4);
+    let cos2 = normal.dot(half).powi(2);
+    (-(1.0 - cos2) / (cos2 * alpha2)).exp() / (std::f32::consts::PI * alpha2 * cos2 * cos2)
+}
 
-    #[test]
-    fn cut_outs_cover_the_same_share_at_every_level() {
-        let threshold = 0.6;
-        let plain = leaves(256);
-        let kept = plain.clone().with_preserved_coverage(threshold);
-        let near = covered_at(&plain, 0, threshold);
-        assert!((AlphaCoverage::of(&plain, threshold).covered() - near).abs() < 0.01);
-        for level in 1..5 {
-            let (without, with) = (covered_at(&plain, level, threshold), covered_at(&kept, level, threshold));
-            assert!((with / near - 1.0).abs() < 0.04, "level {level}: {with} instead of {near}");
-            assert!((with - near).abs() <= (without - near).abs() + 0.01, "level {level}: {without}");
+#[test]
+fn cut_outs_cover_the_same_share_at_every_level() {
+    let threshold = 0.6;
+    let plain = leaves(256);
+    let kept = plain.clone().with_preserved_coverage(threshold);
+    let near = covered_at(&plain, 0, threshold);
+    assert!((AlphaCoverage::of(&plain, threshold).covered() - near).abs() < 0.01);
+    for level in 1..5 {
+        let (without, with) = (covered_at(&plain, level, threshold), covered_at(&kept, level, threshold));
+        assert!((with / near - 1.0).abs() < 0.04, "level {level}: {with} instead of {near}");
+        assert!((with - near).abs() <= (without - near).abs() + 0.01, "level {level}: {without}");
+    }
+    let lost = covered_at(&plain, 4, threshold) / near;
+    assert!(lost < 0.9, "without, a good part is lost: {lost}");
+}
+
+#[test]
+fn empty_and_full_images_stay_so() {
+    for alpha in [0.0, 1.0] {
+        let texels = vec![[1.0, 1.0, 1.0, alpha]; 64];
+        let texture = ImageTexture::new(Arc::new(Image::from_linear_rgba(8, 8, &texels)));
+        let coverage = AlphaCoverage::of(&texture, 0.5);
+        assert_eq!(coverage.covered(), alpha);
+        assert!(coverage.scales().iter().all(|s| *s == 1.0), "{coverage:?}");
+    }
+}
+
+#[test]
+fn a_flat_surface_keeps_its_roughness() {
+    for roughness in [0.0, 0.1, 0.5, 1.0] {
+        assert!((widened_roughness(roughness, Vec3::Y) - roughness).abs() < 1e-6);
+        assert!((widened_roughness(roughness, Vec3::Y * 1.01) - roughness).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn shorter_normals_are_rougher() {
+    let mut last = 0.2;
+    for length in [0.999, 0.99, 0.9, 0.5, 0.1, 0.0] {
+        let rougher = widened_roughness(0.2, Vec3::Z * length);
+        assert!(rougher >= last && rougher <= 1.0, "{length}: {rougher}");
+        last = rougher;
+    }
+    assert_eq!(last, 1.0);
+}
+
+/// Gaussian slopes of variance `v` are what a microfacet distribution with `alpha^2 = 2 v` is made of.
+#[test]
+fn bumps_of_a_mirror_become_its_roughness() {
+    let variance = 0.02_f32;
+    let wanted = (2.0 * variance).sqrt().sqrt();
+    assert!((roughness_with_variance(0.0, variance) - wanted).abs() < 1e-6);
+    // The mean normal of the same slopes, by quadrature over the Gaussian.
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for i in -60..=60 {
+        for j in -60..=60 {
+            let [x, y] = [i, j].map(|k| k as f32 / 12.0 * variance.sqrt());
+            let weight = (-0.5 * (x * x + y * y) / variance).exp();
+            sum += Vec3::new(-x, -y, 1.0).normalize() * weight;
+            total += weight;
         }
-        let lost = covered_at(&plain, 4, threshold) / near;
-        assert!(lost < 0.9, "without, a good part is lost: {lost}");
     }
+    let from_length = widened_roughness(0.0, sum / total);
+    assert!((from_length - wanted).abs() < 0.01, "{from_length} against {wanted}");
+    assert!(roughness_with_variance(0.3, f32::NAN).is_finite());
+}
 
-    #[test]
-    fn empty_and_full_images_stay_so() {
-        for alpha in [0.0, 1.0] {
-            let texels = vec![[1.0, 1.0, 1.0, alpha]; 64];
-            let texture = ImageTexture::new(Arc::new(Image::from_linear_rgba(8, 8, &texels)));
-            let coverage = AlphaCoverage::of(&texture, 0.5);
-            assert_eq!(coverage.covered(), alpha);
-            assert!(coverage.scales().iter().all(|s| *s == 1.0), "{coverage:?}");
-            assert_eq!(coverage.scale(1.5), 1.0);
-        }
-    }
-
-    #[test]
-    fn a_flat_surface_keeps_its_roughness() {
-        for roughness in [0.0, 0.1, 0.5, 1.0] {
-            assert!((widened_roughness(roughness, Vec3::Y) - roughness).abs() < 1e-6);
-            assert!((widened_roughness(roughness, Vec3::Y * 1.01) - roughness).abs() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn shorter_normals_are_rougher() {
-        let mut last = 0.2;
-        for length in [0.999, 0.99, 0.9, 0.5, 0.1, 0.0] {
-            let rougher = widened_roughness(0.2, Vec3::Z * length);
-            assert!(rougher >= last && rougher <= 1.0, "{length}: {rougher}");
-            last = rougher;
-        }
-        assert_eq!(last, 1.0);
-    }
-
-    /// Gaussian slopes of variance `v` are what a microfacet distribution with `alpha^2 = 2 v` is made of.
-    #[test]
-    fn bumps_of_a_mirror_become_its_roughness() {
-        let variance = 0.02_f32;
-        let wanted = (2.0 * variance).sqrt().sqrt();
-        assert!((roughness_with_variance(0.0, variance) - wanted).abs() < 1e-6);
-        // The mean normal of the same slopes, by quadrature over the Gaussian.
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        for i in -60..=60 {
-            for j in -60..=60 {
-                let [x, y] = [i, j].map(|k| k as f32 / 12.0 * variance.sqrt());
-                let weight = (-0.5 * (x * x + y * y) / variance).exp();
-                sum += Vec3::new(-x, -y, 1.0).normalize() * weight;
-                total += weight;
+/// The highlight of many bumps under one pixel, averaged over them, is the one that the widened roughness gives.
+#[test]
+fn the_averaged_highlight_of_bumps_is_reproduced() {
+    for (roughness, variance) in [(0.2_f32, 0.0005_f32), (0.2, 0.004), (0.3, 0.01), (0.4, 0.02)] {
+        let mut normals = Vec::new();
+        for i in -80..=80 {
+            for j in -80..=80 {
+                let [x, y] = [i, j].map(|k| k as f32 / 20.0);
+                let slope = Vec3::new(-x, -y, 0.0) * variance.sqrt();
+                normals.push(((slope + Vec3::Z).normalize(), (-0.5 * (x * x + y * y)).exp()));
             }
         }
-        let from_length = widened_roughness(0.0, sum / total);
-        assert!((from_length - wanted).abs() < 0.01, "{from_length} against {wanted}");
-        assert!(roughness_with_variance(0.3, f32::NAN).is_finite());
-    }
-
-    /// The highlight of many bumps under one pixel, averaged over them, is the one that the widened roughness gives.
-    #[test]
-    fn the_averaged_highlight_of_bumps_is_reproduced() {
-        for (roughness, variance) in [(0.2_f32, 0.0005_f32), (0.2, 0.004), (0.3, 0.01), (0.4, 0.02)] {
-            let mut normals = Vec::new();
-            for i in -80..=80 {
-                for j in -80..=80 {
-                    let [x, y] = [i, j].map(|k| k as f32 / 20.0);
-                    let slope = Vec3::new(-x, -y, 0.0) * variance.sqrt();
-                    normals.push(((slope + Vec3::Z).normalize(), (-0.5 * (x * x + y * y)).exp()));
-                }
-            }
-            let total: f32 = normals.iter().map(|(_, weight)| weight).sum();
-            let mean = normals.iter().map(|(n, weight)| *n * *weight).sum::<Vec3>() / total;
-            let widened = widened_roughness(roughness, mean);
-            let peak = beckmann(Vec3::Z, Vec3::Z, widened);
-            // From the middle of the highlight to where it has faded.
-            for step in 0..8 {
-                let half = Vec3::new(step as f32 / 4.0 * widened * widened, 0.0, 1.0).normalize();
-                let truth =
-                    normals.iter().map(|(n, weight)| weight * beckmann(*n, half, roughness)).sum::<f32>()
-                        / total;
-                let got = beckmann(Vec3::Z, half, widened);
-                assert!(
-                    (got - truth).abs() < 0.06 * peak,
-                    "roughness {roughness}, variance {variance}, step {step}: {got} against {truth} of {peak}"
-                );
-            }
-            // Without the variance, the peak would be far too bright.
-            if variance > 0.001 {
-                assert!(beckmann(Vec3::Z, Vec3::Z, roughness) > 2.0 * peak);
-            }
+        let total: f32 = normals.iter().map(|(_, weight)| weight).sum();
+        let mean = normals.iter().map(|(n, weight)| *n * *weight).sum::<Vec3>() / total;
+        let widened = widened_roughness(roughness, mean);
+        let peak = beckmann(Vec3::Z, Vec3::Z, widened);
+        // From the middle of the highlight to where it has faded.
+        for step in 0..8 {
+            let half = Vec3::new(step as f32 / 4.0 * widened * widened, 0.0, 1.0).normalize();
+            let truth =
+                normals.iter().map(|(n, weight)| weight * beckmann(*n, half, roughness)).sum::<f32>() / total;
+            let got = beckmann(Vec3::Z, half, widened);
+            assert!(
+                (got - truth).abs() < 0.06 * peak,
+                "roughness {roughness}, variance {variance}, step {step}: {got} against {truth} of {peak}"
+            );
+        }
+        // Without the variance, the peak would be far too bright.
+        if variance > 0.001 {
+            assert!(beckmann(Vec3::Z, Vec3::Z, roughness) > 2.0 * peak);
         }
     }
 }
