@@ -222,7 +222,7 @@ impl Unfolder<'_> {
     }
 
     fn push(&mut self, half_edge: u32) {
-        let [a, b, _] = self.vertices(half_edge);
+        let [(a, _), (b, _), _] = self.surface.turned(half_edge);
         if let (Some(a), Some(b)) = (self.places.get(&a), self.places.get(&b)) {
             let nearest = segment_distance(*a, *b);
             self.front.push(Reverse((nearest.to_bits(), half_edge)));
@@ -233,13 +233,12 @@ impl Unfolder<'_> {
     fn cross(&mut self, half_edge: u32, region: &Region) {
         let Some(other) = self.surface.opposite(half_edge) else { return };
         let Some(entry) = region.get(other / 3) else { return };
-        let [a, b, apex] = self.vertices(other);
-        let [_, _, behind] = self.vertices(half_edge);
+        let [(a, qa), (b, qb), (apex, qc)] = self.surface.turned(other);
+        let [_, _, (behind, _)] = self.surface.turned(half_edge);
         if self.places.contains_key(&apex) {
             return;
         }
         let Some([pa, pb, pc]) = self.places_of([a, b, behind]) else { return };
-        let [qa, qb, qc] = self.positions(other);
         let length = qa.distance(qb);
         let Some(along_axis) = (pb - pa).try_normalize().filter(|_| length > 0.0) else { return };
         let along = (qc - qa).dot(qb - qa) / length;
@@ -258,17 +257,6 @@ impl Unfolder<'_> {
     fn places_of(&self, vertices: [u32; 3]) -> Option<[DVec2; 3]> {
         let [a, b, c] = vertices.map(|v| self.places.get(&v).copied());
         Some([a?, b?, c?])
-    }
-
-    /// Vertices of a triangle: the half-edge's start and end, and the corner opposite to it.
-    fn vertices(&self, half_edge: u32) -> [u32; 3] {
-        let vertices = self.surface.mesh().triangles[half_edge as usize / 3];
-        [0, 1, 2].map(|i| vertices[(half_edge as usize + i) % 3])
-    }
-
-    fn positions(&self, half_edge: u32) -> [DVec3; 3] {
-        let corners = self.surface.corners(half_edge / 3);
-        [0, 1, 2].map(|i| corners[(half_edge as usize + i) % 3])
     }
 
     fn corners(&self, triangle: u32) -> Option<[Vec2; 3]> {

@@ -179,7 +179,7 @@ impl Grower<'_> {
 
     /// The distance of the vertex opposite to a half-edge, through that edge. True where it is a shorter one.
     fn reach(&mut self, half_edge: u32) -> bool {
-        let [a, b, c] = self.rotated(half_edge);
+        let [a, b, c] = self.surface.turned(half_edge);
         let (Some(&da), Some(&db)) = (self.distances.get(&a.0), self.distances.get(&b.0)) else {
             return false;
         };
@@ -219,21 +219,13 @@ impl Grower<'_> {
 
     /// Puts a half-edge of a reached triangle on the front if the brush reaches it.
     fn push(&mut self, half_edge: u32) {
-        let [a, b, _] = self.rotated(half_edge);
+        let [a, b, _] = self.surface.turned(half_edge);
         let (Some(&da), Some(&db)) = (self.distances.get(&a.0), self.distances.get(&b.0)) else { return };
         let nearest = nearest_on_edge(da, db, a.1.distance(b.1));
         if nearest < self.radius {
             // Non-negative floats are ordered as their bits.
             self.front.push(Reverse((nearest.to_bits(), half_edge)));
         }
-    }
-
-    /// Vertices and positions of a triangle: the half-edge's start and end, and the corner opposite to it.
-    fn rotated(&self, half_edge: u32) -> [(u32, DVec3); 3] {
-        let (t, k) = (half_edge / 3, half_edge as usize % 3);
-        let vertices = self.surface.mesh().triangles[t as usize];
-        let corners = self.surface.corners(t);
-        [0, 1, 2].map(|i| (vertices[(k + i) % 3], corners[(k + i) % 3]))
     }
 
     fn region(mut self) -> Region {

@@ -125,6 +125,13 @@ impl Surface {
         self.mesh.triangle_positions(triangle as usize).map(|p| p.as_dvec3())
     }
 
+    /// Vertices and positions of a triangle: a half-edge's start and end, and the corner opposite to it.
+    pub(crate) fn turned(&self, half_edge: u32) -> [(u32, DVec3); 3] {
+        let (triangle, k) = (half_edge / 3, half_edge as usize % 3);
+        let (vertices, corners) = (self.mesh.triangles[triangle as usize], self.corners(triangle));
+        [0, 1, 2].map(|i| (vertices[(k + i) % 3], corners[(k + i) % 3]))
+    }
+
     /// The half-edge of the triangle that continues this one's across the edge.
     pub(crate) fn opposite(&self, half_edge: u32) -> Option<u32> {
         let other = self.opposite[half_edge as usize];

@@ -59,7 +59,7 @@ pub struct WorkProgress {
     pub is_undo: bool,
 }
 
-/// The same in an asset.
+/// As it is kept in an asset.
 #[derive(Debug, Serialize, Deserialize)]
 enum Kept {
     Fill(KeptFill),
@@ -222,20 +222,17 @@ const BATCH: usize = 16;
 pub(crate) struct Slices {
     /// Groups that are left with their pages, the next one last.
     left: Vec<(u32, Vec<PageId>)>,
-    /// Groups that are at work.
     groups: Vec<u32>,
-    /// Their pages.
     pages: Vec<PageId>,
     /// So many of these are done.
     done: usize,
-    /// What has changed in them.
     pub(crate) changes: Changes,
     /// All pages, and those that are done.
     all_pages: usize,
     all_done: usize,
 }
 
-/// The same in an asset.
+/// As it is kept in an asset.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct KeptSlices {
     /// Groups that are left, in runs: the first one and how many.
@@ -362,7 +359,7 @@ pub(crate) struct FillWork {
     summary: StrokeSummary,
 }
 
-/// The same in an asset.
+/// As it is kept in an asset.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct KeptFill {
     label: String,
@@ -593,7 +590,7 @@ pub(crate) struct FlattenWork {
     pub(crate) slices: Slices,
 }
 
-/// The same in an asset.
+/// As it is kept in an asset.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct KeptFlatten {
     label: String,

@@ -73,7 +73,6 @@ pub(crate) struct GeometrySource<'a> {
     pub(crate) cover: &'a Cover,
     /// Unit normals, one per corner.
     pub(crate) normals: &'a [Vec3],
-    /// Of the mesh's triangles.
     pub(crate) opposed: &'a OpposedTriangles,
 }
 

@@ -44,7 +44,6 @@ const MAX_RESERVED_EIGHTHS: u32 = 5;
 /// And for bounding, at most.
 const BOUNDING_EIGHTHS: u32 = 2;
 
-/// What is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Item {
     /// A nanosecond of bounding: see [`Demand::nanoseconds`](crate::demand::Demand::nanoseconds).

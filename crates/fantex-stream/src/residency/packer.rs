@@ -207,7 +207,6 @@ impl Packer {
     }
 }
 
-/// A set of bins, a bit for each.
 #[derive(Clone, Debug)]
 struct BinSet {
     words: Vec<u64>,

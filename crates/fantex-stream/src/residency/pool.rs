@@ -198,7 +198,6 @@ impl Pool {
         Some(place)
     }
 
-    /// Counts what a parcel has of each level.
     fn count_levels(&mut self, parcel: Parcel, more: bool) {
         let Self { resident_by_level, shapes, .. } = self;
         let mut count = |level: u32, [columns, rows]: [u32; 2]| {
