@@ -178,12 +178,8 @@ impl Region {
     fn find(page: &Page, members: &[u32], origin: [u32; 2], extent: [u32; 2]) -> Self {
         let border = BORDER as i32;
         let margin = margin(page) as i32 + border;
-        let frame = Frame {
-            page,
-            origin: origin.map(|n| n as i32 - margin),
-            extent: extent.map(|n| n as i32 + 2 * margin),
-        };
-        let mut search = Search::new(frame);
+        let (first, size) = (origin.map(|n| n as i32 - margin), extent.map(|n| n as i32 + 2 * margin));
+        let mut search = Search::new(page, first, size);
         for is_beyond in [false, true] {
             for &i in members.iter().filter(|&&i| page.placed[i as usize].is_beyond == is_beyond) {
                 search.scan(i, &page.placed[i as usize]);
@@ -191,8 +187,8 @@ impl Region {
         }
         let [width, height] = extent.map(|n| n as i32);
         let inner = |texel: usize| {
-            let x = texel as i32 % frame.extent[0] - margin;
-            let y = texel as i32 / frame.extent[0] - margin;
+            let x = texel as i32 % size[0] - margin;
+            let y = texel as i32 / size[0] - margin;
             (0..width).contains(&x) && (0..height).contains(&y)
         };
         let mut stats = PageStats::default();
@@ -205,7 +201,7 @@ impl Region {
         let (mut points, mut chart_on_surface) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for y in -border..height + border {
             for x in -border..width + border {
-                let texel = ((y + margin) * frame.extent[0] + x + margin) as usize;
+                let texel = ((y + margin) * size[0] + x + margin) as usize;
                 let source = sources[texel];
                 points.push(if source == NOBODY { NOTHING } else { search.best[source as usize].point });
                 let is_sure = matches!(search.best[texel].kind, Kind::Inside | Kind::Beyond);
@@ -213,26 +209,6 @@ impl Region {
             }
         }
         Self { extent, points, chart_on_surface, stats }
-    }
-}
-
-/// The rectangle that is looked at, part of which may lie outside the picture.
-#[derive(Clone, Copy)]
-struct Frame<'a> {
-    page: &'a Page,
-    origin: [i32; 2],
-    extent: [i32; 2],
-}
-
-impl Frame<'_> {
-    /// The chart that a texel of the frame belongs to.
-    fn owner(&self, x: i32, y: i32) -> u32 {
-        let (x, y) = (x + self.origin[0], y + self.origin[1]);
-        let side = self.page.side as i32;
-        if !(0..side).contains(&x) || !(0..side).contains(&y) {
-            return NOBODY;
-        }
-        self.page.owner(x as u32, y as u32)
     }
 }
 
@@ -254,32 +230,42 @@ struct Best {
     point: Point,
 }
 
+/// A rectangle that is looked at, part of which may lie outside the picture.
 struct Search<'a> {
-    frame: Frame<'a>,
+    page: &'a Page,
+    origin: [i32; 2],
+    extent: [i32; 2],
     best: Vec<Best>,
+    /// The chart that each texel belongs to.
     owners: Vec<u32>,
 }
 
 impl<'a> Search<'a> {
-    fn new(frame: Frame<'a>) -> Self {
-        let [width, height] = frame.extent;
+    fn new(page: &'a Page, origin: [i32; 2], extent: [i32; 2]) -> Self {
         let nothing =
             Best { kind: Kind::Nothing, distance: f32::INFINITY, is_contested: false, point: NOTHING };
-        let owners = (0..height).flat_map(|y| (0..width).map(move |x| frame.owner(x, y))).collect();
-        Self { frame, best: vec![nothing; width as usize * height as usize], owners }
+        let side = page.side as i32;
+        let owner = |x: i32, y: i32| match (0..side).contains(&x) && (0..side).contains(&y) {
+            true => page.owner(x as u32, y as u32),
+            false => NOBODY,
+        };
+        let rows = origin[1]..origin[1] + extent[1];
+        let owners: Vec<u32> =
+            rows.flat_map(|y| (origin[0]..origin[0] + extent[0]).map(move |x| owner(x, y))).collect();
+        Self { page, origin, extent, best: vec![nothing; owners.len()], owners }
     }
 
     /// Offers a triangle to the texels under it and beside it. Those beyond a chart come after all of the chart.
     fn scan(&mut self, index: u32, placed: &Placed) {
         let Some(shape) = Shape::new(placed) else { return };
-        let origin = Vec2::new(self.frame.origin[0] as f32, self.frame.origin[1] as f32);
+        let origin = Vec2::new(self.origin[0] as f32, self.origin[1] as f32);
         let [low, high] = bounds(placed).map(|p| p - origin);
-        let end = Vec2::new(self.frame.extent[0] as f32, self.frame.extent[1] as f32);
+        let end = Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
         let first = (low - NEAR_TEXELS - 0.5).ceil().clamp(Vec2::ZERO, end).as_ivec2();
         let last = (high + NEAR_TEXELS + 0.5).floor().clamp(Vec2::ZERO, end).as_ivec2();
         for y in first.y..last.y {
             for x in first.x..last.x {
-                let texel = (y * self.frame.extent[0] + x) as usize;
+                let texel = (y * self.extent[0] + x) as usize;
                 if self.owners[texel] == placed.chart {
                     let centre = origin + Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                     self.offer(texel, index, placed.is_beyond, &shape, centre);
@@ -328,7 +314,7 @@ impl<'a> Search<'a> {
     /// For every texel the texel whose point it takes: the nearest of its chart that has one, found by two passes over the
     /// rows that hand on the nearest so far (P.-E. Danielsson, "Euclidean Distance Mapping", 1980).
     fn spread(&self) -> Vec<u32> {
-        let [width, height] = self.frame.extent;
+        let [width, height] = self.extent;
         let has_point = |i: usize| self.best[i].kind != Kind::Nothing;
         let mut sources: Vec<u32> =
             (0..self.best.len()).map(|i| if has_point(i) { i as u32 } else { NOBODY }).collect();
@@ -361,7 +347,7 @@ impl<'a> Search<'a> {
             (0..width).rev().for_each(|x| pass(x, y, &[[1, 0], [1, 1], [0, 1], [-1, 1]]));
             (0..width).for_each(|x| pass(x, y, &[[-1, 0]]));
         }
-        if self.frame.page.owners.is_empty() {
+        if self.page.owners.is_empty() {
             // What lies farther away would depend on where the region ends.
             let is_far = |texel: usize, source: u32| {
                 let (x, y) = (texel as i32 % width, texel as i32 / width);

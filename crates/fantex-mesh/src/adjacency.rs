@@ -325,19 +325,10 @@ impl Star {
         for (slot, &corner) in corners.iter().enumerate() {
             let (slot, triangle, k) = (slot as u32, triangles[corner as usize / 3], corner % 3);
             let (next, previous) = ((k + 1) % 3, (k + 2) % 3);
-            let incoming_half_edge = corner - k + previous;
-            self.entries.push(Entry {
-                other: triangle[next as usize],
-                slot,
-                half_edge: corner,
-                incoming: false,
-            });
-            self.entries.push(Entry {
-                other: triangle[previous as usize],
-                slot,
-                half_edge: incoming_half_edge,
-                incoming: true,
-            });
+            for (at, half_edge, incoming) in [(next, corner, false), (previous, corner - k + previous, true)]
+            {
+                self.entries.push(Entry { other: triangle[at as usize], slot, half_edge, incoming });
+            }
         }
         self.entries.sort_unstable_by_key(|e| (u64::from(e.other) << 32) | u64::from(e.half_edge));
         self

@@ -137,11 +137,6 @@ impl TriangleBvh {
         })
     }
 
-    /// The point of the mesh nearest to `p`, within `max_distance` (which may be infinite).
-    pub fn nearest_point(&self, p: Vec3, max_distance: f32) -> Option<NearestPoint> {
-        nearest_point(&self.tree, &self.corners, &self.triangles, p, max_distance)
-    }
-
     /// The hit on the triangle in a slot of the tree's order, nearer than `nearest`, and its distance as the tree counts.
     #[inline]
     fn hit_at(&self, ray: &PreparedRay, slot: usize, nearest: f32) -> Option<(f32, RayHit)> {
@@ -269,51 +264,50 @@ pub struct NearestPoint {
     pub distance: f32,
 }
 
-/// Goes down the tree, nearest box first, dropping boxes that lie farther away than what was found.
-fn nearest_point(
-    tree: &CwBvh,
-    corners: &[[Vec3; 3]],
-    triangles: &[u32],
-    p: Vec3,
-    max_distance: f32,
-) -> Option<NearestPoint> {
-    if tree.nodes.is_empty() || !p.is_finite() || max_distance.is_nan() || max_distance < 0.0 {
-        return None;
-    }
-    let exact = p.as_dvec3();
-    let mut best = Best { bound: f64::from(max_distance).powi(2), found: None };
-    // Squared distances of boxes; these are a little larger than their triangles, so nothing is lost to rounding.
-    let mut waiting: Vec<(f32, u32)> = vec![(0.0, 0)];
-    while let Some((distance, node)) = waiting.pop() {
-        if f64::from(distance) > best.bound {
-            continue;
+impl TriangleBvh {
+    /// The point of the mesh nearest to `p`, within `max_distance` (which may be infinite): goes down the tree, nearest box
+    /// first, dropping boxes that lie farther away than what was found.
+    pub fn nearest_point(&self, p: Vec3, max_distance: f32) -> Option<NearestPoint> {
+        if self.tree.nodes.is_empty() || !p.is_finite() || max_distance.is_nan() || max_distance < 0.0 {
+            return None;
         }
-        let node = &tree.nodes[node as usize];
-        let first_waiting = waiting.len();
-        for child in (0..8).filter(|&child| !node.is_child_empty(child)) {
-            let aabb = node.child_aabb(child);
-            let p = Vec3A::from(p);
-            let distance = (p - p.clamp(aabb.min, aabb.max)).length_squared();
+        let exact = p.as_dvec3();
+        let mut best = Best { bound: f64::from(max_distance).powi(2), found: None };
+        // Squared distances of boxes; these are a little larger than their triangles, so nothing is lost to rounding.
+        let mut waiting: Vec<(f32, u32)> = vec![(0.0, 0)];
+        while let Some((distance, node)) = waiting.pop() {
             if f64::from(distance) > best.bound {
                 continue;
             }
-            if node.is_leaf(child) {
-                let (first, count) = node.child_primitives(child);
-                for (slot, triangle) in corners.iter().enumerate().skip(first as usize).take(count as usize) {
-                    best.try_triangle(exact, slot, triangle.map(|c| c.as_dvec3()));
+            let node = &self.tree.nodes[node as usize];
+            let first_waiting = waiting.len();
+            for child in (0..8).filter(|&child| !node.is_child_empty(child)) {
+                let aabb = node.child_aabb(child);
+                let p = Vec3A::from(p);
+                let distance = (p - p.clamp(aabb.min, aabb.max)).length_squared();
+                if f64::from(distance) > best.bound {
+                    continue;
                 }
-            } else {
-                waiting.push((distance, node.child_node_index(child)));
+                if node.is_leaf(child) {
+                    let (first, count) = node.child_primitives(child);
+                    for (slot, triangle) in
+                        self.corners.iter().enumerate().skip(first as usize).take(count as usize)
+                    {
+                        best.try_triangle(exact, slot, triangle.map(|c| c.as_dvec3()));
+                    }
+                } else {
+                    waiting.push((distance, node.child_node_index(child)));
+                }
             }
+            waiting[first_waiting..].sort_by(|a, b| b.0.total_cmp(&a.0));
         }
-        waiting[first_waiting..].sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (slot, lambda, position) = best.found?;
+        Some(NearestPoint {
+            point: SurfacePoint { triangle: self.triangles[slot], lambda: lambda.as_vec3() },
+            position: position.as_vec3(),
+            distance: best.bound.sqrt() as f32,
+        })
     }
-    let (slot, lambda, position) = best.found?;
-    Some(NearestPoint {
-        point: SurfacePoint { triangle: triangles[slot], lambda: lambda.as_vec3() },
-        position: position.as_vec3(),
-        distance: best.bound.sqrt() as f32,
-    })
 }
 
 struct Best {
