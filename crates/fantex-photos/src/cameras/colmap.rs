@@ -29,7 +29,7 @@ pub(super) fn read_text_cameras(path: &Path) -> Result<Cameras> {
     let mut lines = Lines::open(path)?;
     let mut cameras = Cameras::new();
     while lines.next_entry()? {
-        let entry = camera(lines.text()).and_then(|(number, camera)| match cameras.insert(number, camera) {
+        let entry = camera(&lines.text).and_then(|(number, camera)| match cameras.insert(number, camera) {
             Some(_) => Err(two_cameras(number)),
             None if cameras.len() > MAX_ENTRIES => Err(too_many("cameras", MAX_ENTRIES)),
             None => Ok(()),
@@ -43,7 +43,7 @@ pub(super) fn read_text_images(path: &Path, cameras: &Cameras) -> Result<Vec<Lis
     let mut lines = Lines::open(path)?;
     let mut images = Vec::new();
     while lines.next_entry()? {
-        let entry = image(lines.text()).and_then(|listed| {
+        let entry = image(&lines.text).and_then(|listed| {
             if !cameras.contains_key(&listed.camera) {
                 return Err(unknown_camera(&listed.name, listed.camera));
             }
@@ -115,10 +115,6 @@ impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> Result<Self> {
         let reader = BufReader::with_capacity(1 << 16, open_within(path, MAX_BYTES)?);
         Ok(Self { path, reader, text: String::new(), number: 0 })
-    }
-
-    fn text(&self) -> &str {
-        &self.text
     }
 
     /// The next line that is neither empty nor a comment.

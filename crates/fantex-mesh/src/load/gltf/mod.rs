@@ -118,10 +118,8 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
 
 // The node hierarchy: which meshes stand where.
 
-struct MeshInstance {
-    mesh: usize,
-    world_from_mesh: DAffine3,
-}
+/// Index of a mesh, and where it stands: world from mesh.
+type MeshInstance = (usize, DAffine3);
 
 /// Walks the default scene depth first, children in their order.
 fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<MeshInstance>> {
@@ -143,13 +141,11 @@ fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<Me
             get(&document.root.meshes, mesh, "mesh", || format!("node {index}"))?;
             skinned += usize::from(node.skin.is_some());
             match &node.extensions.instancing {
-                None => instances.push(MeshInstance { mesh, world_from_mesh: world_from_node }),
+                None => instances.push((mesh, world_from_node)),
                 Some(instancing) => {
                     let placed = node_from_instances(document, index, mesh, instancing)?;
-                    instances.extend(placed.into_iter().map(|node_from_mesh| MeshInstance {
-                        mesh,
-                        world_from_mesh: world_from_node * node_from_mesh,
-                    }));
+                    let in_world = |node_from_mesh| (mesh, world_from_node * node_from_mesh);
+                    instances.extend(placed.into_iter().map(in_world));
                 }
             }
         }
@@ -275,18 +271,18 @@ const MAX_UV_SETS: usize = 8;
 fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) -> Result<()> {
     let mut loader = Loader { document, model, default_material: None, skipped: Skipped::default() };
     let mut is_loaded = vec![false; document.root.meshes.len()];
-    for instance in instances {
+    for (number, world_from_mesh) in instances {
         let said_so_far = (loader.skipped, loader.model.notes.len());
-        let mesh = &document.root.meshes[instance.mesh];
+        let mesh = &document.root.meshes[*number];
         if mesh.weights.iter().any(|&w| w != 0.0) {
-            loader.model.notes.push(format!("the morph targets of mesh {} were left out", instance.mesh));
+            loader.model.notes.push(format!("the morph targets of mesh {number} were left out"));
         }
         for (index, primitive) in mesh.primitives.iter().enumerate() {
-            let label = format!("primitive {index} of mesh {}", instance.mesh);
-            loader.load(primitive, &label, &instance.world_from_mesh)?;
+            let label = format!("primitive {index} of mesh {number}");
+            loader.load(primitive, &label, world_from_mesh)?;
         }
         // What is to be said of a mesh is said once, however often it stands in the world.
-        if std::mem::replace(&mut is_loaded[instance.mesh], true) {
+        if std::mem::replace(&mut is_loaded[*number], true) {
             loader.skipped = said_so_far.0;
             loader.model.notes.truncate(said_so_far.1);
         }
@@ -320,13 +316,12 @@ impl Loader<'_, '_> {
     fn finish(self) {
         let notes = &mut self.model.notes;
         let Skipped { points_or_lines, without_positions } = self.skipped;
-        if points_or_lines > 0 {
-            let primitives = counted(points_or_lines, "primitive");
-            notes.push(format!("skipped {primitives} of points or lines"));
-        }
-        if without_positions > 0 {
-            let primitives = counted(without_positions, "primitive");
-            notes.push(format!("skipped {primitives} without positions"));
+        for (count, kind) in
+            [(points_or_lines, "of points or lines"), (without_positions, "without positions")]
+        {
+            if count > 0 {
+                notes.push(format!("skipped {} {kind}", counted(count, "primitive")));
+            }
         }
         // One material everywhere needs no list.
         if self.model.materials.len() <= 1 {
