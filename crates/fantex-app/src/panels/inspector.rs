@@ -72,7 +72,7 @@ fn show_cover(ui: &mut Ui, viewer: &mut Viewer) {
     facts(ui, "channels", document.channels.iter().map(|channel| (channel.kind, channel.format.clone())));
     heading(ui, "Overlay");
     let overlay = &mut viewer.settings.display.overlay;
-    choice(ui, "overlay of the cover", overlay, &Overlay::ALL);
+    row(ui, "Shows", |ui| choice(ui, "overlay of the cover", overlay, &Overlay::ALL));
     hint(ui, overlay.meaning());
 }
 

