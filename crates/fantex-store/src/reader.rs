@@ -326,8 +326,8 @@ impl Asset {
     }
 
     pub(crate) fn place_of(&self, id: PageId) -> Result<TilePlace> {
-        let extent = self.cover.groups.get(id.group as usize).map_or([0, 0], |group| group.extent);
-        let number = PageSize::new(extent, id.level).number(id.page);
+        let group = self.cover.groups.get(id.group as usize).filter(|group| id.level < group.level_count());
+        let number = group.and_then(|group| PageSize::new(group.extent, id.level).number(id.page));
         Ok(TilePlace { group: id.group, page: number.ok_or_else(|| self.no_such_page(0, id))? })
     }
 
