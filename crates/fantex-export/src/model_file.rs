@@ -146,7 +146,7 @@ impl Document<'_> {
             "extensionsUsed": (!used.is_empty()).then_some(used),
             "images": has_images.then_some(image_json),
             "textures": has_images.then(|| (0..images.len()).map(texture).collect::<Vec<_>>()),
-            "samplers": has_images.then(|| [sampler]),
+            "samplers": has_images.then_some([sampler]),
         }))
     }
 
