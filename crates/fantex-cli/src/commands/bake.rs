@@ -228,7 +228,7 @@ impl BakeJob<'_> {
         if let Some(note) = over_budget(baked.texels_asked, &baked.cover) {
             context.note(format!("{}: {note}", output.display()));
         }
-        baked.notes.iter().for_each(|note| context.note(format!("{}: {note}", self.source)));
+        baked.notes.iter().for_each(|note| context.note(note));
         let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } =
             baked.summary;
         Ok(BakeInfo {
