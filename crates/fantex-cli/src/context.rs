@@ -144,7 +144,7 @@ impl Context {
 
     /// A folder that goes away with the value.
     pub(crate) fn temporary_folder() -> Result<TempDir> {
-        Ok(tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?)
+        tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))
     }
 
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {

@@ -122,7 +122,7 @@ pub(crate) fn photograph(
     camera: &Camera,
     options: &RenderOptions,
 ) -> Result<Rendering> {
-    Ok(render(mesh, surface, camera, &Lights::behind(camera), options)?)
+    render(mesh, surface, camera, &Lights::behind(camera), options)
 }
 
 /// The three-quarter view that shows a whole mesh.

@@ -366,13 +366,13 @@ fn open(args: &ModelArgs, context: &Context) -> Result<Mesh> {
     if let Some(path) = &args.model {
         return crate::scene::open_model(path);
     }
-    Ok(Mesh::from_model(open_model(args, context)?, "landscape")?)
+    Mesh::from_model(open_model(args, context)?, "landscape")
 }
 
 /// The model as its file says, or a landscape.
 fn open_model(args: &ModelArgs, context: &Context) -> Result<Model> {
     if let Some(path) = &args.model {
-        return Ok(load(path, &LoadOptions::default())?);
+        return load(path, &LoadOptions::default());
     }
     let options =
         LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };

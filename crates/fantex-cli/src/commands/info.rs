@@ -329,7 +329,7 @@ fn model_text(info: &ModelInfo, path: &Path) -> String {
             ),
         );
     table.rows("cleaning", &info.report);
-    table.rows("picture", info.pictures.iter().map(shown));
+    table.rows("picture", info.pictures.iter().map(|path| shown(path)));
     table.to_text()
 }
 
@@ -351,7 +351,7 @@ fn asset_text(info: &AssetInfo, path: &Path) -> String {
         let encoding = if channel.srgb { "sRGB" } else { "linear" };
         table.row("channel", format!("{}, {}, {encoding}", channel.kind, channel.format));
     }
-    table.rows("picture", info.pictures.iter().map(shown));
+    table.rows("picture", info.pictures.iter().map(|path| shown(path)));
     table.to_text()
 }
 
@@ -359,7 +359,7 @@ fn sheet_text(sheet: &Sheet) -> String {
     format!("{} x {} texels, {:.1} % used", sheet.width, sheet.height, 100.0 * sheet.fill)
 }
 
-fn shown(path: &PathBuf) -> String {
+fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
@@ -410,7 +410,7 @@ fn look_text(info: &LookInfo) -> String {
     table.row("objects", info.objects.to_string()).row("lights", info.lights.to_string());
     table.row("environment", if info.has_environment { "yes" } else { "no" });
     table.row("frames", info.frames.to_string());
-    table.rows("model", info.models.iter().map(shown));
+    table.rows("model", info.models.iter().map(|path| shown(path)));
     table.to_text()
 }
 

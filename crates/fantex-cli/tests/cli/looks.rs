@@ -419,10 +419,10 @@ fn entries_are_drawn_by_name_and_by_row() {
 
 #[test]
 fn every_file_that_travels_in_the_program_is_listed() {
-    let groups: [(&str, &[&str], &[(&str, &[u8])]); 3] = [
-        ("gallery", &[""], fantex_gallery::FILES),
-        ("assets", &["", "images", "models", "volumes"], fantex_assets::FILES),
-        ("assets/WaterBottle", &[""], fantex_bottle::FILES),
+    let groups = [
+        ("gallery", vec![""], fantex_gallery::FILES),
+        ("assets", vec!["", "images", "models", "volumes"], fantex_assets::FILES),
+        ("assets/WaterBottle", vec![""], fantex_bottle::FILES),
     ];
     for (folder, parts, files) in groups {
         let paths = parts.iter().flat_map(|part| workspace().join(folder).join(part).read_dir().unwrap());

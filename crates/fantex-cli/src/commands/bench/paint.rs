@@ -92,11 +92,11 @@ fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>> {
         rows.push(Row::new(name, milliseconds(started), "ms"));
         Ok::<_, Error>(())
     };
-    timed("end of the stroke", &mut || Ok(painter.end_in_background().map(|_| ())?))?;
-    timed("its coarser levels", &mut || Ok(painter.finish_levels().map(|_| ())?))?;
-    timed("undo", &mut || Ok(painter.undo().map(|_| ())?))?;
-    timed("redo", &mut || Ok(painter.redo().map(|_| ())?))?;
-    timed("commit", &mut || Ok(painter.commit().map(|_| ())?))?;
+    timed("end of the stroke", &mut || painter.end_in_background().map(|_| ()))?;
+    timed("its coarser levels", &mut || painter.finish_levels().map(|_| ()))?;
+    timed("undo", &mut || painter.undo().map(|_| ()))?;
+    timed("redo", &mut || painter.redo().map(|_| ()))?;
+    timed("commit", &mut || painter.commit().map(|_| ()))?;
     rows.push(Row::new("dabs of the stroke", dabs.len() as f64, ""));
     Ok(rows)
 }

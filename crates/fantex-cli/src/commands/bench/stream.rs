@@ -254,7 +254,7 @@ impl Screen {
         let model = &mut self.model;
         let mut frame =
             Frame { size: self.size, camera: &camera, lights: &self.lights, model, options: &options };
-        Ok(self.hidden.draw(&self.gpu, &mut frame)?)
+        self.hidden.draw(&self.gpu, &mut frame)
     }
 }
 

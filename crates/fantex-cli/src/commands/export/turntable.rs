@@ -152,7 +152,7 @@ impl Animation {
     pub(crate) fn add(&mut self, image: &Image) -> Result<()> {
         let Samples::U8(bytes) = &image.samples else { return Ok(()) };
         let failed = |error: png::EncodingError| Error::writing(&self.target, error.into());
-        Ok(self.writer.write_image_data(bytes).map_err(failed)?)
+        self.writer.write_image_data(bytes).map_err(failed)
     }
 
     /// Gives the file its name.
@@ -160,7 +160,7 @@ impl Animation {
         let Self { file, writer, target } = self;
         let named = |file: NamedTempFile| file.persist(&target).map(drop).map_err(|error| error.error);
         let finished = writer.finish().map_err(io::Error::from).and_then(|()| named(file));
-        Ok(finished.map_err(|error| Error::writing(&target, error))?)
+        finished.map_err(|error| Error::writing(&target, error))
     }
 }
 
