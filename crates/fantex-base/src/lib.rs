@@ -5,7 +5,7 @@
 //! | [`files!`] | files that travel in a program |
 //! | [`error`] | one error type: a kind for programs, a sentence for people, the file and the place in it |
 //! | [`aabb`] | axis-aligned boxes |
-//! | [`files`] | files that appear whole or not at all |
+//! | [`mod@files`] | files that appear whole or not at all |
 //! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
