@@ -428,28 +428,14 @@ fn upper_end(bucket: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use fantex_mesh::CleanOptions;
-    use fantex_mesh::Mesh;
-    use fantex_mesh::Model;
-    use fantex_mesh::clean;
-    use fantex_mesh::generate;
-    use glam::DVec3;
+    use fantex_mesh::{Mesh, generate};
+    use fantex_test::{ball_on_a_plane, cleaned};
     use glam::Vec3;
+
+    use super::*;
 
     fn gray(_: SurfacePoint) -> Vec3 {
         Vec3::splat(0.5)
-    }
-
-    /// A ball above a plane.
-    fn ball_on_a_plane() -> Mesh {
-        let mut ball = generate::icosphere(4);
-        ball.positions.iter_mut().for_each(|p| *p = *p * 0.3 + DVec3::new(0.1, 0.4, 0.0));
-        let mut model: Model = generate::grid(8);
-        let first = model.positions.len() as u32;
-        model.positions.extend(&ball.positions);
-        model.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
-        clean(model, &CleanOptions::default()).unwrap().0
     }
 
     /// A blue sky with a sun that gives `share` of all light.
@@ -547,7 +533,7 @@ mod tests {
     /// On a plane the light of a sky with a sun is known.
     #[test]
     fn the_light_of_a_small_sun_is_exact() {
-        let mesh = clean(generate::grid(4), &CleanOptions::default()).unwrap().0;
+        let mesh = cleaned(generate::grid(4));
         let to_sun = Vec3::new(0.6, 0.8, 0.0);
         for radius_degrees in [0.27_f32, 2.0, 20.0] {
             let (sin_radius, cos_radius) = radius_degrees.to_radians().sin_cos();

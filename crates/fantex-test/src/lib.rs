@@ -8,7 +8,7 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, load};
+use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, generate, load};
 use glam::DVec3;
 
 /// The folder of the workspace.
@@ -65,4 +65,15 @@ pub fn bottle() -> Mesh {
 pub fn mesh_of(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Mesh {
     let materials = vec![Material::default()];
     cleaned(Model { name: "test".into(), positions, triangles, materials, ..Model::default() })
+}
+
+/// A ball above a plane.
+pub fn ball_on_a_plane() -> Mesh {
+    let mut ball = generate::icosphere(4);
+    ball.positions.iter_mut().for_each(|p| *p = *p * 0.3 + DVec3::new(0.1, 0.4, 0.0));
+    let mut model = generate::grid(8);
+    let first = model.positions.len() as u32;
+    model.positions.extend(&ball.positions);
+    model.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+    cleaned(model)
 }

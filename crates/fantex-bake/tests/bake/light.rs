@@ -475,22 +475,12 @@ fn lights_out_of_range_are_refused_by_name() {
 
 mod many_lamps {
     use fantex_bake::{BakeLight, Illumination, LightMapOptions, LightMapSource, LightScene};
-    use fantex_mesh::{CleanOptions, Mesh, Model, SurfacePoint, clean, generate};
+    use fantex_mesh::SurfacePoint;
+    use fantex_test::ball_on_a_plane;
     use glam::{DVec3, Vec3};
 
     fn gray(_: SurfacePoint) -> Vec3 {
         Vec3::splat(0.5)
-    }
-
-    /// A ball above a plane.
-    fn ball_on_a_plane() -> Mesh {
-        let mut ball = generate::icosphere(4);
-        ball.positions.iter_mut().for_each(|p| *p = *p * 0.3 + DVec3::new(0.1, 0.4, 0.0));
-        let mut model: Model = generate::grid(8);
-        let first = model.positions.len() as u32;
-        model.positions.extend(&ball.positions);
-        model.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
-        clean(model, &CleanOptions::default()).unwrap().0
     }
 
     fn in_triangle(triangle: usize) -> SurfacePoint {
