@@ -12,7 +12,7 @@ use fantex_texture::material::{
 use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
+use crate::{Source, SourceChannel, TexelPoint, for_each_run};
 
 #[derive(Debug)]
 pub(crate) struct ImageSource<'a> {
@@ -82,14 +82,10 @@ impl<'a> ImageSource<'a> {
         if density.is_finite() { density } else { 0.0 }
     }
 
-    /// A layer's look-ups on a triangle; `None` without texture.
-    fn sampler<'s>(
-        &self,
-        layer: &'s Option<TextureLayer>,
-        on: &TriangleFootprint,
-    ) -> Option<LayerSampler<'s>> {
+    /// A layer's look-ups on the triangle of a texel; `None` without texture.
+    fn sampler<'s>(&self, layer: &'s Option<TextureLayer>, on: &TexelPoint) -> Option<LayerSampler<'s>> {
         let layer = layer.as_ref()?;
-        let corners = layer.corner_uv(self.mesh, on.triangle);
+        let corners = layer.corner_uv(self.mesh, on.at.index());
         let edges = on.lambda_steps.map(|step| interpolate(corners, step));
         let smooth = (!layer.nearest).then(|| layer.texture.area_sampler(edges, layer.wrap));
         Some(LayerSampler { layer, corners, edges, smooth, follows: false })
@@ -201,21 +197,31 @@ impl Source for ImageSource<'_> {
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let footprint = TriangleFootprint { triangle: point.at.index(), lambda_steps: point.lambda_steps };
-        self.on_triangle(&footprint)(std::slice::from_ref(point), values);
+        self.evaluate_all(std::slice::from_ref(point), values);
     }
 
-    fn on_triangle(&self, on: &TriangleFootprint) -> TriangleSource<'_> {
-        let index = self.mesh.material_of(on.triangle);
+    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
+        let together = TexelPoint::is_on_triangle_of;
+        for_each_run(points, values, self.kinds.len(), together, |points, values| {
+            self.on_triangle(points, values);
+        });
+    }
+}
+
+impl ImageSource<'_> {
+    /// The values at texels of one triangle.
+    fn on_triangle(&self, points: &[TexelPoint], values: &mut [Vec4]) {
+        let on = points[0];
+        let triangle = on.at.index();
+        let index = self.mesh.material_of(triangle);
         let (material, textures) = (&self.mesh.materials[index], &self.materials[index]);
-        let triangle = on.triangle;
         let wanted = |kind| self.kinds.contains(&kind);
         let packed = is_same_look_up(&textures.metallic_roughness, &textures.occlusion);
         let occlusion = if packed { &None } else { &textures.occlusion };
         let emission_layer = if wanted(ChannelKind::Emission) { &textures.emission } else { &None };
         let textures = ImageSlots { occlusion, emission: emission_layer, ..textures.each_ref() };
-        let layers = MaterialSampler::new(textures.map(|layer| self.sampler(layer, on)));
-        let at = move |point: &TexelPoint, means: &MaterialMeans, index: usize, values: &mut [Vec4]| {
+        let layers = MaterialSampler::new(textures.map(|layer| self.sampler(layer, &on)));
+        let at = |point: &TexelPoint, means: &MaterialMeans, index: usize, values: &mut [Vec4]| {
             for (kind, value) in self.kinds.iter().zip(values) {
                 *value = match kind {
                     ChannelKind::BaseColor => {
@@ -241,15 +247,13 @@ impl Source for ImageSource<'_> {
             }
         };
         let channels = self.kinds.len();
-        Box::new(move |points, values| {
-            let blocks = points.chunks(AREAS_AT_ONCE).zip(values.chunks_mut(AREAS_AT_ONCE * channels));
-            for (points, values) in blocks {
-                let means = layers.means(points);
-                for (index, (point, values)) in points.iter().zip(values.chunks_mut(channels)).enumerate() {
-                    at(point, &means, index, values);
-                }
+        let blocks = points.chunks(AREAS_AT_ONCE).zip(values.chunks_mut(AREAS_AT_ONCE * channels));
+        for (points, values) in blocks {
+            let means = layers.means(points);
+            for (index, (point, values)) in points.iter().zip(values.chunks_mut(channels)).enumerate() {
+                at(point, &means, index, values);
             }
-        })
+        }
     }
 }
 

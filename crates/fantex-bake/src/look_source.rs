@@ -15,7 +15,7 @@ use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::image_source::{ImageSource, NO_IMAGE_DENSITY};
-use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
+use crate::{Prefilter, Source, SourceChannel, TexelPoint, for_each_run};
 
 /// What a mesh looks like, as a source: base colour with alpha, the normal with all relief applied, occlusion with roughness
 /// and metallic, emission, the direction of stretched highlights. Of a look, a property that is the same everywhere is no channel
@@ -90,8 +90,8 @@ impl Source for LookSource<'_> {
         self.materials().evaluate(point, values);
     }
 
-    fn on_triangle(&self, footprint: &TriangleFootprint) -> TriangleSource<'_> {
-        self.materials().on_triangle(footprint)
+    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
+        self.materials().evaluate_all(points, values);
     }
 }
 
@@ -153,10 +153,16 @@ impl Source for TextureSource<'_> {
         });
     }
 
-    fn on_triangle(&self, on: &TriangleFootprint) -> TriangleSource<'_> {
-        let material = self.material_of(on.triangle);
+    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
         let channels = self.channels.len();
-        Box::new(move |points, values| {
+        // How far neighbouring heights lie apart may depend on the triangle; else it is the material that texels share.
+        let together = |a: &TexelPoint, b: &TexelPoint| {
+            let [material, other] = [a, b].map(|point| self.material_of(point.at.index()));
+            let bumps = material.relief.iter().any(|relief| matches!(relief, Relief::Bump { .. }));
+            a.is_on_triangle_of(b) || (std::ptr::eq(material, other) && !bumps)
+        };
+        for_each_run(points, values, channels, together, |points, values| {
+            let material = self.material_of(points[0].at.index());
             self.finder.at_all(points, |at| {
                 let answers = Answers::new(at);
                 let of_points = points.iter().zip(at).zip(values.chunks_mut(channels));
@@ -165,7 +171,7 @@ impl Source for TextureSource<'_> {
                     self.values(material, point, at, &ask, values);
                 }
             });
-        })
+        });
     }
 }
 
@@ -449,7 +455,7 @@ impl Reliefs<'_> {
     }
 }
 
-// Textures asked once for all texels of a triangle.
+// Textures asked once for many texels.
 
 /// The value of a texture at the point in question, moved by so many of the texel's edges.
 type Ask<'a> = dyn Fn(&dyn Texture, Vec2) -> Vec4 + 'a;
@@ -461,8 +467,8 @@ fn ask_at(at: &ShadingPoint<'_>, texture: &dyn Texture, offset: Vec2) -> Vec4 {
     at.shifted(offset.x, offset.y, |there| texture.evaluate(there))
 }
 
-/// What textures answer at many points. Each is asked at all of them as soon as it is asked at one; texels of a triangle have the same
-/// material and the same edges, so that is what will be wanted.
+/// What textures answer at many points. Each is asked at all of them as soon as it is asked at one; the texels have the same material,
+/// so that is what will be wanted.
 struct Answers<'a> {
     at: &'a [ShadingPoint<'a>],
     columns: RefCell<Vec<Column>>,

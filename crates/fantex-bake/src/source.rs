@@ -51,19 +51,6 @@ pub enum Prefilter {
     Box,
 }
 
-/// What all texels of a tile that lie on one triangle have in common.
-#[derive(Clone, Copy, Debug)]
-pub struct TriangleFootprint {
-    /// Triangle index.
-    pub triangle: usize,
-    /// Change of the barycentric coordinates along a texel's width and height.
-    pub lambda_steps: [Vec3; 2],
-}
-
-/// A source over one triangle: for many points of it at once, writes one value per channel and point, those of a point
-/// together.
-pub type TriangleSource<'s> = Box<dyn Fn(&[TexelPoint], &mut [Vec4]) + 's>;
-
 /// A function on the surface that can be baked.
 pub trait Source: Sync {
     /// The channels it gives, in the order of `evaluate`'s output: base colour alone, unless the source says more.
@@ -79,15 +66,34 @@ pub trait Source: Sync {
     /// Writes one value per channel.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 
-    /// The same function for many texels of one triangle. Sources that can prepare something for them override this.
-    fn on_triangle(&self, _footprint: &TriangleFootprint) -> TriangleSource<'_> {
+    /// The same at many texels, those of a triangle in a row: writes one value per channel and point, those of a point
+    /// together. Sources that can share work between texels override this.
+    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
         let channels = self.channels().len();
-        Box::new(move |points, values| {
-            points
-                .iter()
-                .zip(values.chunks_mut(channels))
-                .for_each(|(point, values)| self.evaluate(point, values));
-        })
+        let values = values.chunks_mut(channels);
+        points.iter().zip(values).for_each(|(point, values)| self.evaluate(point, values));
+    }
+}
+
+/// Calls `visit` with the points of each run that `together` accepts, and with their values, `channels` for each point.
+pub fn for_each_run(
+    points: &[TexelPoint],
+    mut values: &mut [Vec4],
+    channels: usize,
+    together: impl Fn(&TexelPoint, &TexelPoint) -> bool,
+    mut visit: impl FnMut(&[TexelPoint], &mut [Vec4]),
+) {
+    for run in points.chunk_by(together) {
+        let (own, rest) = std::mem::take(&mut values).split_at_mut(run.len() * channels);
+        visit(run, own);
+        values = rest;
+    }
+}
+
+impl TexelPoint {
+    /// Whether both lie on (or beside) the same triangle, so that their steps are equal as well.
+    pub fn is_on_triangle_of(&self, other: &Self) -> bool {
+        self.at.triangle == other.at.triangle
     }
 }
 
@@ -227,11 +233,9 @@ impl Source for SolidSource {
         values[0] = Vec4::from_array(self.solid.color(&self.solid_point(point)));
     }
 
-    fn on_triangle(&self, _footprint: &TriangleFootprint) -> TriangleSource<'_> {
-        Box::new(|points, values| {
-            let at: Vec<SolidPoint> = points.iter().map(|point| self.solid_point(point)).collect();
-            self.solid.colors(&at, bytemuck::cast_slice_mut(values));
-        })
+    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
+        let at: Vec<SolidPoint> = points.iter().map(|point| self.solid_point(point)).collect();
+        self.solid.colors(&at, bytemuck::cast_slice_mut(values));
     }
 }
 

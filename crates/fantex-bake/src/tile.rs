@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 use crate::bake::{Meter, cancelled};
 use crate::raster::{Mean, Overshoot, Raster};
-use crate::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint};
+use crate::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, TexelPoint};
 
 /// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
 /// to `SHARED_LEVEL`.
@@ -36,7 +36,7 @@ const SHARED_LEVEL: u32 = 3;
 /// One texel of `SHARED_LEVEL`, twice.
 const HALO: u32 = 16;
 
-/// Points of a triangle that a source is asked for at a time.
+/// Points that a source is asked for at a time.
 const POINTS: usize = 256;
 
 pub(crate) struct TileBaker<'a> {
@@ -176,34 +176,39 @@ impl TileBaker<'_> {
         let mut raster = self.empty_raster(block.extent);
         let channels = self.plans.len();
         let width = block.extent[0];
-        let (mut points, mut values) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS * channels));
+        let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
+        let mut values = Vec::with_capacity(POINTS * channels);
+        let mut evaluate = |points: &mut Vec<TexelPoint>, texels: &mut Vec<u32>| {
+            // Sources that have nothing to say about a point leave zeros, not what was there before.
+            values.clear();
+            values.resize(points.len() * channels, Vec4::ZERO);
+            self.source.evaluate_all(points, &mut values);
+            self.turn_vectors(group, points, &mut values);
+            let mut values = values.as_slice();
+            // Texels that follow one another are copied together.
+            for run in texels.chunk_by(|before, after| before + 1 == *after) {
+                let (first, of_run) = (run[0] as usize, run.len() * channels);
+                let own;
+                (own, values) = values.split_at(of_run);
+                raster.values[first * channels..][..of_run].copy_from_slice(own);
+                raster.valid[first..][..run.len()].fill(true);
+            }
+            points.clear();
+            texels.clear();
+        };
         let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
-        footprints.for_each_owner(|triangle, texels| {
-            let on = TriangleFootprint { triangle: triangle.triangle as usize, lambda_steps: triangle.steps };
-            let source = self.source.on_triangle(&on);
+        footprints.for_each_owner(|triangle, owned| {
             let plane = self.plane(triangle);
-            for texels in texels.chunks(POINTS) {
-                points.clear();
-                points.extend(texels.iter().map(|&texel| {
-                    let (x, y) = (texel % width, texel / width);
-                    plane.point(triangle.lambda(corner + Vec2::new(x as f32, y as f32)))
-                }));
-                // Sources that have nothing to say about a point leave zeros, not what was there before.
-                values.clear();
-                values.resize(points.len() * channels, Vec4::ZERO);
-                source(&points, &mut values);
-                self.turn_vectors(group, &points, &mut values);
-                let mut values = values.as_slice();
-                // Texels that follow one another are copied together.
-                for run in texels.chunk_by(|before, after| before + 1 == *after) {
-                    let (first, of_run) = (run[0] as usize, run.len() * channels);
-                    let own;
-                    (own, values) = values.split_at(of_run);
-                    raster.values[first * channels..][..of_run].copy_from_slice(own);
-                    raster.valid[first..][..run.len()].fill(true);
+            for &texel in owned {
+                let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
+                points.push(plane.point(triangle.lambda(corner + place)));
+                texels.push(texel);
+                if texels.len() == POINTS {
+                    evaluate(&mut points, &mut texels);
                 }
             }
         });
+        evaluate(&mut points, &mut texels);
         raster.read = footprints.in_region;
         tile.bake_time += started.elapsed();
         raster

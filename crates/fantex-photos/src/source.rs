@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fantex_bake::{Progress, Source, TexelPoint, TriangleFootprint, TriangleSource};
+use fantex_bake::{Progress, Source, TexelPoint, for_each_run};
 use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::{Mesh, SurfacePoint};
 use glam::{DVec3, Vec3, Vec4};
@@ -197,17 +197,16 @@ fn density(mesh: &Mesh, sharpness: &[f32]) -> Vec<f32> {
 
 impl Source for PhotoSource<'_> {
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let on = TriangleFootprint { triangle: point.at.index(), lambda_steps: point.lambda_steps };
-        self.on_triangle(&on)(std::slice::from_ref(point), values);
+        self.evaluate_all(std::slice::from_ref(point), values);
     }
 
-    fn on_triangle(&self, on: &TriangleFootprint) -> TriangleSource<'_> {
-        let (views, reader) = (self.views_of(on.triangle), PageReader::new(&self.store));
-        Box::new(move |points, values| {
+    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
+        for_each_run(points, values, 1, TexelPoint::is_on_triangle_of, |points, values| {
+            let (views, reader) = (self.views_of(points[0].at.index()), PageReader::new(&self.store));
             for (point, value) in points.iter().zip(values) {
                 *value = self.color(&views, &reader, point).extend(1.0);
             }
-        })
+        });
     }
 }
 

@@ -76,41 +76,43 @@ impl NoiseTexture {
         Self { options, noise, warp_noise: Noise::new(seed ^ 0x1b87_3593) }
     }
 
-    /// The value at a point, averaged over a width, at a time in seconds.
-    pub fn value(&self, p: Vec3, width: f32, time: f32) -> f32 {
+    fn values(&self, at: &[ShadingPoint<'_>]) -> Vec<f32> {
         let NoiseOptions { cell, warp, amplitude, offset, evolve, .. } = self.options;
-        let (mut at, mut width) = (p / cell, width / cell);
+        let mut points: Vec<Vec3> = at.iter().map(|at| at.position / cell).collect();
+        let mut widths: Vec<f32> = at.iter().map(|at| at.width() / cell).collect();
+        let mut values = vec![0.0; at.len()];
         if warp != 0.0 {
-            let pull = |shift: f32| self.warp_noise.fbm(at + shift, Fractal::octaves(2), width);
-            at += warp * Vec3::new(pull(0.0), pull(31.4), pull(-27.2));
-            // Where the warp stretches space, details become narrower.
-            width *= 1.0 + warp.abs();
+            let pulls = [0.0, 31.4, -27.2].map(|shift| {
+                let shifted: Vec<Vec3> = points.iter().map(|&p| p + shift).collect();
+                self.warp_noise.fbm_all(&shifted, Fractal::octaves(2), &widths, &mut values);
+                values.clone()
+            });
+            for (i, (p, width)) in points.iter_mut().zip(&mut widths).enumerate() {
+                *p += warp * Vec3::new(pulls[0][i], pulls[1][i], pulls[2][i]);
+                // Where the warp stretches space, details become narrower.
+                *width *= 1.0 + warp.abs();
+            }
         }
-        let value = match evolve {
-            0.0 => self.noise.value(at.to_array(), width),
-            speed => self.noise.value(at.extend(speed * time).to_array(), width),
-        };
-        offset + amplitude * value
+        if evolve == 0.0 {
+            self.noise.values(&points, &widths, &mut values);
+        } else {
+            let in_time = |(p, at): (&Vec3, &ShadingPoint<'_>)| p.extend(evolve * at.time);
+            let points: Vec<Vec4> = points.iter().zip(at).map(in_time).collect();
+            self.noise.values_4d(&points, &widths, &mut values);
+        }
+        values.iter_mut().for_each(|value| *value = offset + amplitude * *value);
+        values
     }
 }
 
 impl Texture for NoiseTexture {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        Vec3::splat(self.value(at.position, at.width(), at.time)).extend(1.0)
+        Vec3::splat(self.values(std::slice::from_ref(at))[0]).extend(1.0)
     }
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        let NoiseOptions { cell, warp, amplitude, offset, evolve, .. } = self.options;
-        if warp != 0.0 || evolve != 0.0 {
-            at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
-            return;
-        }
-        let points: Vec<Vec3> = at.iter().map(|at| at.position / cell).collect();
-        let widths: Vec<f32> = at.iter().map(|at| at.width() / cell).collect();
-        let mut sums = vec![0.0; at.len()];
-        self.noise.values(&points, &widths, &mut sums);
-        for (value, sum) in values.iter_mut().zip(sums) {
-            *value = Vec3::splat(offset + amplitude * sum).extend(1.0);
+        for (value, number) in values.iter_mut().zip(self.values(at)) {
+            *value = Vec3::splat(number).extend(1.0);
         }
     }
 

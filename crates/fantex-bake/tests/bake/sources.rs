@@ -3,9 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_bake::{
-    Fit, LookSource, MappedImageSource, Source, TexelPoint, TriangleFootprint, VertexColorSource, WorldSpace,
-};
+use fantex_bake::{Fit, LookSource, MappedImageSource, Source, TexelPoint, VertexColorSource, WorldSpace};
 use fantex_base::ErrorKind;
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, generate, interpolate,
@@ -374,9 +372,8 @@ fn texels_of_a_triangle_at_once_are_what_they_are_one_by_one() {
     let mut same = 0;
     for triangle in (0..mesh.triangles.len()).step_by(17) {
         let points = texels(&mesh, triangle);
-        let footprint = TriangleFootprint { triangle, lambda_steps: points[0].lambda_steps };
         let mut together = vec![Vec4::NAN; points.len() * channels];
-        source.on_triangle(&footprint)(&points, &mut together);
+        source.evaluate_all(&points, &mut together);
         for (point, together) in points.iter().zip(together.chunks(channels)) {
             let mut alone = vec![Vec4::NAN; channels];
             source.evaluate(point, &mut alone);

@@ -3,7 +3,7 @@
 use fantex_base::parameters;
 use glam::Vec3;
 
-use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, fractal_sum, opaque};
+use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque};
 use crate::noise::{Fractal, Noise, band_limit, smoothstep};
 
 parameters! {
@@ -68,8 +68,8 @@ impl Landscape {
         let mut grain = [0.0; BLOCK];
         let shows = |i: usize| band_limit(GRAIN_FREQUENCY, at[i].footprint) > 0.0;
         for_some(at, shows, |some, at| {
-            let sums =
-                fractal_sum(&self.noise(), at, GRAIN, GRAIN_FREQUENCY, |_, p| p * GRAIN_FREQUENCY + 7.7);
+            let place = |_, p| p * GRAIN_FREQUENCY + 7.7;
+            let sums = fractal_sum(Noise::fbm_all, &self.noise(), at, GRAIN, GRAIN_FREQUENCY, place);
             some.iter().zip(sums).for_each(|(&i, sum)| grain[i] = sum.clamp(-1.0, 1.0));
         });
         grain
@@ -151,14 +151,7 @@ fn for_some(at: &[SolidPoint], wanted: impl Fn(usize) -> bool, then: impl FnOnce
 }
 
 impl Solid for Landscape {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let mut color = [[0.0; 4]];
-        self.block(std::slice::from_ref(at), &mut color);
-        color[0]
-    }
-
     fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
-        assert_eq!(at.len(), colors.len(), "one colour for every point");
-        at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)).for_each(|(at, colors)| self.block(at, colors));
+        in_blocks(at, colors, |at, colors| self.block(at, colors));
     }
 }

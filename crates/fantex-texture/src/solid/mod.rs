@@ -58,15 +58,26 @@ pub struct SolidPoint {
 
 /// A texture that is defined everywhere in space.
 pub trait Solid: Send + Sync {
-    /// Linear RGBA; details narrower than the footprint have faded to their mean.
-    fn color(&self, at: &SolidPoint) -> [f32; 4];
+    /// The colours of many points, linear RGBA; details narrower than the footprint have faded to their mean. Panics where the
+    /// slices differ in length.
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]);
 
-    /// The colours of many points: the same values, for some recipes several times as fast. Panics where the slices differ
-    /// in length.
-    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
-        assert_eq!(at.len(), colors.len(), "one colour for every point");
-        at.iter().zip(colors).for_each(|(at, color)| *color = self.color(at));
+    /// The colour of one point.
+    fn color(&self, at: &SolidPoint) -> [f32; 4] {
+        let mut color = [[0.0; 4]];
+        self.colors(std::slice::from_ref(at), &mut color);
+        color[0]
     }
+}
+
+/// Calls `block` with up to [`BLOCK`] points and their colours at a time.
+fn in_blocks(
+    at: &[SolidPoint],
+    colors: &mut [[f32; 4]],
+    mut block: impl FnMut(&[SolidPoint], &mut [[f32; 4]]),
+) {
+    assert_eq!(at.len(), colors.len(), "one colour for every point");
+    at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)).for_each(|(at, colors)| block(at, colors));
 }
 
 /// Points that recipes work on at a time.
@@ -98,15 +109,11 @@ impl<S> Placed<S> {
 }
 
 impl<S: Solid> Solid for Placed<S> {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        self.solid.color(&self.inside(at))
-    }
-
     fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
-        for (at, colors) in at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)) {
+        in_blocks(at, colors, |at, colors| {
             let inside: Notes<SolidPoint> = at.iter().map(|at| self.inside(at)).collect();
             self.solid.colors(&inside, colors);
-        }
+        });
     }
 }
 
@@ -192,6 +199,9 @@ impl<S: Solid> Texture for SolidTexture<S> {
     }
 }
 
+/// How octaves become a sum: [`Noise::fbm_all`], [`Noise::turbulence_all`] or [`Noise::ridged_all`].
+type Sum = fn(&Noise, &[Vec3], Fractal, &[f32], &mut [f32]);
+
 /// Fractal Brownian motion of a block of points, each scaled and shifted by `place`; `frequency` is how much that shortens
 /// lengths.
 fn fbm(
@@ -201,22 +211,34 @@ fn fbm(
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
 ) -> Notes<f32> {
-    fractal_sum(noise, at, Fractal::octaves(octaves), frequency, place)
+    fractal_sum(Noise::fbm_all, noise, at, Fractal::octaves(octaves), frequency, place)
 }
 
 /// As [`fbm`], of any octaves.
 fn fractal_sum(
+    sum: Sum,
     noise: &Noise,
     at: &[SolidPoint],
     octaves: Fractal,
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
 ) -> Notes<f32> {
-    let points: Notes<Vec3> = at.iter().enumerate().map(|(i, at)| place(i, at.p)).collect();
+    let points = places(at, place);
     let footprints: Notes<f32> = at.iter().map(|at| frequency * at.footprint).collect();
     let mut sums: Notes<f32> = at.iter().map(|_| 0.0).collect();
-    noise.fbm_all(&points, octaves, &footprints, &mut sums);
+    sum(noise, &points, octaves, &footprints, &mut sums);
     sums
+}
+
+/// One octave at a block of points, each scaled and shifted by `place`.
+fn values(noise: &Noise, at: &[SolidPoint], place: impl Fn(usize, Vec3) -> Vec3) -> Notes<f32> {
+    let mut values: Notes<f32> = at.iter().map(|_| 0.0).collect();
+    noise.values(&places(at, place), &mut values);
+    values
+}
+
+fn places(at: &[SolidPoint], place: impl Fn(usize, Vec3) -> Vec3) -> Notes<Vec3> {
+    at.iter().enumerate().map(|(i, at)| place(i, at.p)).collect()
 }
 
 fn opaque(rgb: Vec3) -> [f32; 4] {

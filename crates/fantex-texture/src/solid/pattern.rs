@@ -1,9 +1,9 @@
 //! Solid textures of cubes, bricks and clouds.
 
 use fantex_base::parameters;
-use glam::{IVec3, Vec3};
+use glam::{IVec3, Vec3, Vec4};
 
-use super::{Recipe, Solid, SolidPoint, opaque};
+use super::{Notes, Recipe, Solid, SolidPoint, fbm, in_blocks, opaque};
 use crate::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, smoothstep};
 use crate::{Allowed, Color, PositiveList3};
 
@@ -53,13 +53,16 @@ impl Recipe for Checker {
 }
 
 impl Solid for Checker {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        // A plane along an axis keeps its colour however wide the footprint, since that lies in the surface.
-        let reach = (Vec3::ONE - at.n * at.n).max(Vec3::ZERO);
-        let width = at.footprint / self.cell * Vec3::new(reach.x.sqrt(), reach.y.sqrt(), reach.z.sqrt());
-        let p = at.p / self.cell;
-        let product = (0..3).map(|axis| mean_square_wave(p[axis], width[axis])).product::<f32>();
-        opaque(self.odd.rgb().lerp(self.even.rgb(), 0.5 + 0.5 * product))
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        assert_eq!(at.len(), colors.len(), "one colour for every point");
+        for (at, color) in at.iter().zip(colors) {
+            // A plane along an axis keeps its colour however wide the footprint, since that lies in the surface.
+            let reach = (Vec3::ONE - at.n * at.n).max(Vec3::ZERO);
+            let width = at.footprint / self.cell * Vec3::new(reach.x.sqrt(), reach.y.sqrt(), reach.z.sqrt());
+            let p = at.p / self.cell;
+            let product = (0..3).map(|axis| mean_square_wave(p[axis], width[axis])).product::<f32>();
+            *color = opaque(self.odd.rgb().lerp(self.even.rgb(), 0.5 + 0.5 * product));
+        }
     }
 }
 
@@ -137,22 +140,31 @@ fn mean_of_run(x: f32, width: f32, length: f32) -> f32 {
     ((integral(x + 0.5 * width) - integral(x - 0.5 * width)) / width).clamp(0.0, 1.0)
 }
 
-impl Solid for Brick {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let share = self.height(at);
+impl Brick {
+    fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         if self.relief {
-            return opaque(Vec3::splat(share));
+            at.iter().zip(colors).for_each(|(at, color)| *color = opaque(Vec3::splat(self.height(at))));
+            return;
         }
-        let cell = self.in_bricks(at.p).floor().as_ivec3();
-        // Bricks that are smaller than the footprint have their mean colour.
-        let left = 1.0 - (at.footprint / self.size.min_element()).min(1.0);
-        let tint = 2.0 * self.noise().cell_value(cell) - 1.0;
-        let warmth = self.noise().cell_value(cell + IVec3::new(0, 0, 977)) - 0.5;
-        let grain = self.noise().fbm(at.p * 60.0, Fractal::octaves(3), 60.0 * at.footprint);
-        let brightness = 1.0 + self.variation * left * 0.55 * tint + 0.18 * grain;
-        let toned =
-            self.brick.rgb() * (1.0 + self.variation * left * warmth * Vec3::new(0.1, 0.5, 0.6)) * brightness;
-        opaque((self.mortar.rgb() * (1.0 + 0.2 * grain)).lerp(toned, share).max(Vec3::ZERO))
+        let grain = fbm(&self.noise(), at, 3, 60.0, |_, p| p * 60.0);
+        for ((at, grain), color) in at.iter().zip(grain).zip(colors) {
+            let cell = self.in_bricks(at.p).floor().as_ivec3();
+            // Bricks that are smaller than the footprint have their mean colour.
+            let left = 1.0 - (at.footprint / self.size.min_element()).min(1.0);
+            let tint = 2.0 * self.noise().cell_value(cell) - 1.0;
+            let warmth = self.noise().cell_value(cell + IVec3::new(0, 0, 977)) - 0.5;
+            let brightness = 1.0 + self.variation * left * 0.55 * tint + 0.18 * grain;
+            let warm = 1.0 + self.variation * left * warmth * Vec3::new(0.1, 0.5, 0.6);
+            let toned = self.brick.rgb() * warm * brightness;
+            let mortar = self.mortar.rgb() * (1.0 + 0.2 * grain);
+            *color = opaque(mortar.lerp(toned, self.height(at)).max(Vec3::ZERO));
+        }
+    }
+}
+
+impl Solid for Brick {
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        in_blocks(at, colors, |at, colors| self.block(at, colors));
     }
 }
 
@@ -217,24 +229,40 @@ impl Recipe for Clouds {
 impl CloudField {
     /// Thickness of the cloud at a point, 0 to 1.
     pub fn density(&self, at: &SolidPoint) -> f32 {
+        self.densities(std::slice::from_ref(at))[0]
+    }
+
+    fn densities(&self, at: &[SolidPoint]) -> Notes<f32> {
         let Clouds { size, cover, softness, speed, .. } = self.clouds;
-        let (p, width) = (at.p / size, at.footprint / size);
-        let swirl = self.swirl.fbm(p * 1.3, Fractal::octaves(2), 1.3 * width);
-        let at_time = (p + 0.35 * swirl).extend(speed * at.time).to_array();
+        let swirl = fbm(&self.swirl, at, 2, 1.3 / size, |_, p| p / size * 1.3);
+        let places: Notes<Vec4> = at
+            .iter()
+            .zip(swirl)
+            .map(|(at, swirl)| (at.p / size + 0.35 * swirl).extend(speed * at.time))
+            .collect();
+        let widths: Notes<f32> = at.iter().map(|at| at.footprint / size).collect();
+        let mut sums: Notes<f32> = at.iter().map(|_| 0.0).collect();
+        self.noise.values_4d(&places, &widths, &mut sums);
         // About 0.3 is the standard deviation of the sum.
         let threshold = 0.75 * (0.5 - cover);
-        // What the footprint takes from the noise's contrast comes back as softer borders.
-        let half = 0.5 * softness + 0.5 * width.min(1.0);
-        smoothstep(threshold - half, threshold + half, self.noise.value(at_time, width))
+        let density = |(sum, width): (f32, f32)| {
+            // What the footprint takes from the noise's contrast comes back as softer borders.
+            let half = 0.5 * softness + 0.5 * width.min(1.0);
+            smoothstep(threshold - half, threshold + half, sum)
+        };
+        sums.into_iter().zip(widths).map(density).collect()
     }
 }
 
 impl Solid for CloudField {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let density = self.density(at);
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         let Clouds { sky, cloud, sky_alpha, .. } = self.clouds;
-        let rgb = sky.rgb().lerp(cloud.rgb(), density);
-        rgb.extend(sky_alpha + (1.0 - sky_alpha) * density).to_array()
+        in_blocks(at, colors, |at, colors| {
+            for (density, color) in self.densities(at).into_iter().zip(colors) {
+                let rgb = sky.rgb().lerp(cloud.rgb(), density);
+                *color = rgb.extend(sky_alpha + (1.0 - sky_alpha) * density).to_array();
+            }
+        });
     }
 }
 

@@ -5,8 +5,8 @@ use std::f32::consts::{PI, TAU};
 use fantex_base::parameters;
 use glam::{IVec3, Quat, Vec3};
 
-use super::{BLOCK, Notes, Solid, SolidPoint, fbm, opaque};
-use crate::noise::{CellularMetric, Fractal, Noise, band_limit, cellular, smoothstep};
+use super::{Notes, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque, places, values};
+use crate::noise::{Cellular, CellularMetric, Fractal, Noise, band_limit, cellular_all, smoothstep};
 use crate::{Allowed, Color};
 
 // Wood: annual rings about a trunk, after the classic recipe `grain = round(radius) mod period`.
@@ -56,43 +56,56 @@ impl Wood {
         Noise::new(self.seed)
     }
 
-    /// The distance from the trunk's (bent) axis, in which the rings are equally wide, and the angle around it.
-    fn radius_and_height(&self, p: Vec3) -> (f32, f32) {
-        // The trunk's axis passes beside the model, so that boards show arcs and cathedrals, not targets only.
+    /// Turns the trunk upright.
+    fn trunk(&self) -> Quat {
         let tilt = self.tilt.to_radians() as f32;
-        let trunk = Quat::from_rotation_z(tilt) * Quat::from_rotation_x(0.6 * tilt);
-        let local = trunk * (p + Vec3::new(0.35, 0.0, 0.25));
+        Quat::from_rotation_z(tilt) * Quat::from_rotation_x(0.6 * tilt)
+    }
+
+    /// The distance from the trunk's (bent) axis in which the rings are equally wide, at a point of the upright trunk.
+    fn radius(&self, local: Vec3, waves: f32) -> f32 {
         let plain = local.x.hypot(local.z);
         let off_center = self.eccentricity * plain;
         let (x, z) = (local.x - 0.5 * off_center, local.z * (1.0 + 0.3 * self.eccentricity));
         let lobes = self.twist * (5.0 * z.atan2(x) + 0.8 * TAU * local.y).sin() * smoothstep(0.0, 0.3, plain);
-        let slow = Vec3::new(local.x * 1.6, local.y * 0.5, local.z * 1.6);
-        let waves = self.wobble * self.noise().fbm(slow, Fractal::octaves(3), 0.0);
-        (x.hypot(z) + lobes + waves, local.y)
+        x.hypot(z) + lobes + self.wobble * waves
+    }
+}
+
+/// The trunk's axis passes beside the model, so that boards show arcs and cathedrals, not targets only.
+const FROM_AXIS: Vec3 = Vec3::new(0.35, 0.0, 0.25);
+
+impl Wood {
+    fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        let noise = self.noise();
+        let trunk = self.trunk();
+        let locals: Notes<Vec3> = at.iter().map(|at| trunk * (at.p + FROM_AXIS)).collect();
+        let still: Notes<SolidPoint> = at.iter().map(|at| SolidPoint { footprint: 0.0, ..*at }).collect();
+        let waves = fbm(&noise, &still, 3, 1.0, |i, _| locals[i] * Vec3::new(1.6, 0.5, 1.6));
+        let fibers = fbm(&noise, at, 3, 60.0, |i, p| Vec3::new(p.x * 60.0, locals[i].y * 3.0, p.z * 60.0));
+        let pores = fbm(&noise, at, 1, 110.0, |i, p| Vec3::new(p.x * 110.0, locals[i].y * 4.0, p.z * 110.0));
+        let tones = fbm(&noise, at, 2, 1.3, |_, p| p * 1.3);
+        for (i, (at, color)) in at.iter().zip(colors).enumerate() {
+            let rings = self.radius(locals[i], waves[i]) / self.ring;
+            let ring = rings.floor();
+            // The sharp end of a ring is a tenth of it.
+            let left = band_limit(2.0 / self.ring, at.footprint);
+            // Years differ.
+            let vigor = 0.55 + 0.45 * noise.cell_value(IVec3::new(ring as i32, 0, 0));
+            let late = RING_MEAN * 0.775 + left * (vigor * ring_profile(rings - ring) - RING_MEAN * 0.775);
+            let share = (1.15 * late + self.grain * 0.16 * fibers[i]).clamp(0.0, 1.0);
+            let pores = smoothstep(0.25, 0.6, pores[i]);
+            let tone = 1.0 + 0.25 * tones[i];
+            let rgb =
+                self.early.rgb().lerp(self.late.rgb(), share) * tone * (1.0 - self.grain * 0.35 * pores);
+            *color = opaque(rgb.max(Vec3::ZERO));
+        }
     }
 }
 
 impl Solid for Wood {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let (radius, height) = self.radius_and_height(at.p);
-        let rings = radius / self.ring;
-        let ring = rings.floor();
-        // The sharp end of a ring is a tenth of it.
-        let left = band_limit(2.0 / self.ring, at.footprint);
-        // Years differ.
-        let vigor = 0.55 + 0.45 * self.noise().cell_value(IVec3::new(ring as i32, 0, 0));
-        let late = RING_MEAN * 0.775 + left * (vigor * ring_profile(rings - ring) - RING_MEAN * 0.775);
-
-        let fibers_at = Vec3::new(at.p.x * 60.0, height * 3.0, at.p.z * 60.0);
-        let fibers = self.noise().fbm(fibers_at, Fractal::octaves(3), 60.0 * at.footprint);
-        let pores_at = Vec3::new(at.p.x * 110.0, height * 4.0, at.p.z * 110.0);
-        let pores =
-            smoothstep(0.25, 0.6, self.noise().fbm(pores_at, Fractal::octaves(1), 110.0 * at.footprint));
-        let tone = 1.0 + 0.25 * self.noise().fbm(at.p * 1.3, Fractal::octaves(2), 1.3 * at.footprint);
-
-        let share = (1.15 * late + self.grain * 0.16 * fibers).clamp(0.0, 1.0);
-        let rgb = self.early.rgb().lerp(self.late.rgb(), share) * tone * (1.0 - self.grain * 0.35 * pores);
-        opaque(rgb.max(Vec3::ZERO))
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        in_blocks(at, colors, |at, colors| self.block(at, colors));
     }
 }
 
@@ -133,29 +146,45 @@ impl Marble {
         Noise::new(self.seed)
     }
 
-    /// The veins of one direction; a second set is finer and fainter.
-    fn veins(&self, p: Vec3, direction: Vec3, frequency: f32, footprint: f32) -> f32 {
-        let folds = self.noise().turbulence(p * frequency, Fractal::octaves(6), frequency * footprint)
-            + 0.7 * self.noise().fbm(p * 0.7 * frequency, Fractal::octaves(2), 0.7 * frequency * footprint);
-        let phase = direction.dot(p) * frequency + self.warp * folds;
-        // A vein is a sixth of its period, and folding makes periods up to about three times narrower.
-        let left = band_limit(6.0 * frequency, footprint);
-        VEIN_MEAN + left * (vein(phase) - VEIN_MEAN)
+    /// The veins of one direction, from places shifted by `shift`; a second set is finer and fainter.
+    fn veins(&self, at: &[SolidPoint], shift: f32, direction: Vec3, frequency: f32) -> Notes<f32> {
+        let (noise, octaves) = (self.noise(), Fractal::octaves(6));
+        let place = |_, p| (p + shift) * frequency;
+        let folds = fractal_sum(Noise::turbulence_all, &noise, at, octaves, frequency, place);
+        let slow = fbm(&noise, at, 2, 0.7 * frequency, |_, p| (p + shift) * 0.7 * frequency);
+        let veins = at.iter().zip(folds.iter().zip(&slow)).map(|(at, (folds, slow))| {
+            // A vein is a sixth of its period, and folding makes periods up to about three times narrower.
+            let left = band_limit(6.0 * frequency, at.footprint);
+            if left == 0.0 {
+                return VEIN_MEAN;
+            }
+            let phase = direction.dot(at.p + shift) * frequency + self.warp * (folds + 0.7 * slow);
+            VEIN_MEAN + left * (vein(phase) - VEIN_MEAN)
+        });
+        veins.collect()
+    }
+
+    fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        let noise = self.noise();
+        let clouds = fbm(&noise, at, 5, 1.7, |_, p| p * 1.7 + 11.0);
+        let coarse = self.veins(at, 0.0, Vec3::new(0.62, 0.55, 0.56), self.frequency);
+        let fine = self.veins(at, 31.0, Vec3::new(-0.48, 0.77, 0.42), 2.7 * self.frequency);
+        // Veins run in some places and fade out in others.
+        let presence = values(&noise, at, |_, p| p * 1.1 - 7.0);
+        let crystals = fbm(&noise, at, 2, 70.0, |_, p| p * 70.0);
+        for (i, color) in colors.iter_mut().enumerate() {
+            let presence = smoothstep(-0.35, 0.4, presence[i]);
+            let stone = self.stone.rgb().lerp(self.cloud.rgb(), smoothstep(-0.25, 0.65, clouds[i]));
+            let share =
+                (0.9 * coarse[i] * (0.35 + 0.65 * presence) + 0.4 * fine[i] * presence).clamp(0.0, 1.0);
+            *color = opaque((stone * (1.0 + 0.06 * crystals[i])).lerp(self.vein.rgb(), share));
+        }
     }
 }
 
 impl Solid for Marble {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let (p, footprint) = (at.p, at.footprint);
-        let clouds = self.noise().fbm(p * 1.7 + 11.0, Fractal::octaves(5), 1.7 * footprint);
-        let coarse = self.veins(p, Vec3::new(0.62, 0.55, 0.56), self.frequency, footprint);
-        let fine = self.veins(p + 31.0, Vec3::new(-0.48, 0.77, 0.42), 2.7 * self.frequency, footprint);
-        // Veins run in some places and fade out in others.
-        let presence = smoothstep(-0.35, 0.4, self.noise().value(p * 1.1 - 7.0));
-        let crystals = 1.0 + 0.06 * self.noise().fbm(p * 70.0, Fractal::octaves(2), 70.0 * footprint);
-        let stone = self.stone.rgb().lerp(self.cloud.rgb(), smoothstep(-0.25, 0.65, clouds));
-        let share = (0.9 * coarse * (0.35 + 0.65 * presence) + 0.4 * fine * presence).clamp(0.0, 1.0);
-        opaque((stone * crystals).lerp(self.vein.rgb(), share))
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        in_blocks(at, colors, |at, colors| self.block(at, colors));
     }
 }
 
@@ -195,44 +224,54 @@ impl Granite {
             + self.mica.rgb() * (1.0 - SHARES[1])
     }
 
-    fn grains(&self, p: Vec3, width: f32, footprint: f32, seed: u32) -> Vec3 {
-        let left = band_limit(0.7 / width, footprint);
-        if left == 0.0 {
-            return self.mean();
+    /// The grains of one width, from places shifted by `shift`.
+    fn grains(&self, at: &[SolidPoint], shift: f32, width: f32, seed: u32) -> Notes<Vec3> {
+        if at.iter().all(|at| band_limit(0.7 / width, at.footprint) == 0.0) {
+            return at.iter().map(|_| self.mean()).collect();
         }
         // Grains have crooked borders.
         let noise = Noise::new(seed);
-        let crooked = Vec3::new(
-            noise.value(p * 2.1 / width),
-            noise.value(p * 2.1 / width + 19.0),
-            noise.value(p * 2.1 / width - 23.0),
-        );
-        let grain = cellular(seed, (p / width + 0.35 * crooked).to_array(), CellularMetric::Euclidean);
-        let mineral = match grain.id {
-            id if id < SHARES[0] => self.feldspar.rgb(),
-            id if id < SHARES[1] => self.quartz.rgb(),
-            _ => self.mica.rgb(),
+        let crooked =
+            [0.0, 19.0, -23.0].map(|axis| values(&noise, at, |_, p| (p + shift) * 2.1 / width + axis));
+        let place = |i: usize, p: Vec3| {
+            (p + shift) / width + 0.35 * Vec3::new(crooked[0][i], crooked[1][i], crooked[2][i])
         };
-        // Brightness differs from grain to grain; thin dark borders part them.
-        let shade = 0.78 + 0.44 * (grain.id * 37.0).fract();
-        let blur = (footprint / width).max(0.02);
-        let border = smoothstep(0.0, 0.06 + blur, grain.second - grain.nearest);
-        self.mean().lerp(mineral * shade * (0.72 + 0.28 * border), left)
+        let mut grains: Notes<Cellular> = at.iter().map(|_| Cellular::default()).collect();
+        cellular_all(seed, &places(at, place), CellularMetric::Euclidean, &mut grains);
+        let color = |(at, grain): (&SolidPoint, &Cellular)| {
+            let mineral = match grain.id {
+                id if id < SHARES[0] => self.feldspar.rgb(),
+                id if id < SHARES[1] => self.quartz.rgb(),
+                _ => self.mica.rgb(),
+            };
+            // Brightness differs from grain to grain; thin dark borders part them.
+            let shade = 0.78 + 0.44 * (grain.id * 37.0).fract();
+            let blur = (at.footprint / width).max(0.02);
+            let border = smoothstep(0.0, 0.06 + blur, grain.second - grain.nearest);
+            let left = band_limit(0.7 / width, at.footprint);
+            self.mean().lerp(mineral * shade * (0.72 + 0.28 * border), left)
+        };
+        at.iter().zip(&grains).map(color).collect()
+    }
+
+    fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        let coarse = self.grains(at, 0.0, self.grain, self.seed);
+        let fine = self.grains(at, 7.7, 0.4 * self.grain, self.seed ^ 0x5bd1_e995);
+        // Where the fine grains fill in between the coarse ones.
+        let frequency = 0.6 / self.grain;
+        let noise = Noise::new(self.seed.wrapping_add(3));
+        let fill = fbm(&noise, at, 2, frequency, |_, p| p * frequency);
+        let cloud = fbm(&noise, at, 3, 2.0, |_, p| p * 2.0 + 5.0);
+        for (i, color) in colors.iter_mut().enumerate() {
+            let fill = smoothstep(-0.15, 0.25, fill[i]);
+            *color = opaque(coarse[i].lerp(fine[i], 0.75 * fill) * (1.0 + 0.12 * cloud[i]));
+        }
     }
 }
 
 impl Solid for Granite {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let (p, footprint) = (at.p, at.footprint);
-        let coarse = self.grains(p, self.grain, footprint, self.seed);
-        let fine = self.grains(p + 7.7, 0.4 * self.grain, footprint, self.seed ^ 0x5bd1_e995);
-        // Where the fine grains fill in between the coarse ones.
-        let frequency = 0.6 / self.grain;
-        let noise = Noise::new(self.seed.wrapping_add(3));
-        let fill =
-            smoothstep(-0.15, 0.25, noise.fbm(p * frequency, Fractal::octaves(2), frequency * footprint));
-        let cloud = 1.0 + 0.12 * noise.fbm(p * 2.0 + 5.0, Fractal::octaves(3), 2.0 * footprint);
-        opaque(coarse.lerp(fine, 0.75 * fill) * cloud)
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        in_blocks(at, colors, |at, colors| self.block(at, colors));
     }
 }
 
@@ -296,10 +335,9 @@ impl Rock {
             Vec3::new(p.x * 2.0, levels[i] * 4.0, p.z * 2.0)
         });
         let weathering = fbm(&self.noise(), at, 5, 9.0, |_, p| p * 9.0);
-        let cracks_at: Notes<Vec3> = at.iter().map(|at| at.p * Vec3::new(6.0, 2.5, 6.0)).collect();
-        let footprints: Notes<f32> = at.iter().map(|at| 6.0 * at.footprint).collect();
-        let mut cracks: Notes<f32> = at.iter().map(|_| 0.0).collect();
-        self.noise().ridged_all(&cracks_at, Fractal::octaves(3), &footprints, &mut cracks);
+        let cracks = fractal_sum(Noise::ridged_all, &self.noise(), at, Fractal::octaves(3), 6.0, |_, p| {
+            p * Vec3::new(6.0, 2.5, 6.0)
+        });
 
         let mean = LAYERS.iter().sum::<Vec3>() / LAYERS.len() as f32;
         for (i, (at, color)) in at.iter().zip(colors).enumerate() {
@@ -314,15 +352,8 @@ impl Rock {
 }
 
 impl Solid for Rock {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let mut color = [[0.0; 4]];
-        self.block(std::slice::from_ref(at), &mut color);
-        color[0]
-    }
-
     fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
-        assert_eq!(at.len(), colors.len(), "one colour for every point");
-        at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)).for_each(|(at, colors)| self.block(at, colors));
+        in_blocks(at, colors, |at, colors| self.block(at, colors));
     }
 }
 

@@ -1,10 +1,10 @@
 //! Noise: statistics, derivatives, sums of octaves, waves.
 
 use fantex_texture::noise::{
-    CellularMetric, Fractal, FractalKind, FractalNoise, NoiseFamily, Waves, cellular, gradient_noise,
-    simplex_noise, white_noise,
+    Cellular, CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, Waves, cellular,
+    cellular_all, gradient_noise, simplex_noise, white_noise,
 };
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use std::ops::Range;
 
 /// Points spread evenly over a large cube around the origin: an additive recurrence.
@@ -143,18 +143,61 @@ fn sums_have_the_mean_they_state_and_wide_footprints_leave_it() {
     }
 }
 
+/// Points far apart, and points along lines so fine that neighbours share the cells of most octaves.
+fn scattered_and_lined_up(count: u32) -> Vec<Vec3> {
+    let lines = |i: u32| Vec3::new(0.003 * i as f32 - 0.9, 5.1 + (i / 64) as f32, 0.001 * i as f32);
+    points::<3>(count).map(Vec3::from_array).chain((0..count).map(lines)).collect()
+}
+
 #[test]
 fn sums_at_many_points_are_those_at_single_ones() {
-    let places: Vec<Vec3> = points::<3>(150).map(Vec3::from_array).collect();
-    let widths: Vec<f32> = (0..places.len()).map(|i| 0.004 * i as f32).collect();
+    let places = scattered_and_lined_up(150);
+    let widths: Vec<f32> = (0..places.len()).map(|i| 0.002 * i as f32).collect();
     for (family, metric) in FAMILIES {
         for kind in KINDS {
             let noise = FractalNoise::with_metric(family, metric, kind, Fractal::octaves(5), 3);
             let mut sums = vec![f32::NAN; places.len()];
             noise.values(&places, &widths, &mut sums);
-            for ((p, &width), sum) in places.iter().zip(&widths).zip(sums) {
-                assert_eq!(sum, noise.value(p.to_array(), width), "{family:?} {kind:?} at {p}");
+            for ((p, &width), sum) in places.iter().zip(&widths).zip(&sums) {
+                assert_eq!(*sum, noise.value(p.to_array(), width), "{family:?} {kind:?} at {p}");
             }
+            let in_time: Vec<Vec4> = places.iter().map(|p| p.extend(0.3 * p.y)).collect();
+            noise.values_4d(&in_time, &widths, &mut sums);
+            for ((p, &width), sum) in in_time.iter().zip(&widths).zip(&sums) {
+                assert_eq!(*sum, noise.value(p.to_array(), width), "{family:?} {kind:?} at {p}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sums_of_gradient_noise_at_many_points_are_those_at_single_ones() {
+    let noise = Noise::new(5);
+    let places = scattered_and_lined_up(200);
+    // From points to footprints that leave nothing.
+    let footprints: Vec<f32> = (0..places.len()).map(|i| (i % 7) as f32 * 0.15).collect();
+    let mut sums = vec![f32::NAN; places.len()];
+    for fractal in [1, 5, 20].map(Fractal::octaves) {
+        for count in [1, 3, 4, 63, 64, 65, 400] {
+            let (at, widths, sums) = (&places[..count], &footprints[..count], &mut sums[..count]);
+            noise.fbm_all(at, fractal, widths, sums);
+            (0..count).for_each(|i| assert_eq!(sums[i], noise.fbm(at[i], fractal, widths[i])));
+            noise.turbulence_all(at, fractal, widths, sums);
+            (0..count).for_each(|i| assert_eq!(sums[i], noise.turbulence(at[i], fractal, widths[i])));
+            noise.ridged_all(at, fractal, widths, sums);
+            (0..count).for_each(|i| assert_eq!(sums[i], noise.ridged(at[i], fractal, widths[i])));
+        }
+    }
+}
+
+#[test]
+fn cells_at_many_points_are_those_at_single_ones() {
+    let places = scattered_and_lined_up(20_000);
+    let mut found = vec![Cellular::default(); places.len()];
+    for metric in [CellularMetric::Euclidean, CellularMetric::Manhattan, CellularMetric::Chebyshev] {
+        cellular_all(9, &places, metric, &mut found);
+        for (p, found) in places.iter().zip(&found) {
+            assert_eq!(*found, cellular(9, p.to_array(), metric), "{metric:?} at {p}");
         }
     }
 }

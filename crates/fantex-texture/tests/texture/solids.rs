@@ -30,6 +30,31 @@ fn colors_are_plausible_everywhere() {
     assert!(solid_by_name("cheese", BOUNDS, 1).is_err());
 }
 
+/// Scattered points and texels in a row, of any number and with footprints of any width.
+#[test]
+fn many_points_have_the_colors_of_single_ones() {
+    let mut random = Random::new(4);
+    for name in SOLID_NAMES {
+        let solid = solid_by_name(name, BOUNDS, 1).unwrap();
+        for count in [1, 2, 3, 17, 64, 65, 300] {
+            let (start, step) = (random_point(&mut random), 0.002 * random_point(&mut random));
+            let points: Vec<SolidPoint> = (0..count)
+                .map(|i| SolidPoint {
+                    p: if count % 2 == 0 { start + step * i as f32 } else { random_point(&mut random) },
+                    n: random_point(&mut random).normalize_or(Vec3::Y),
+                    footprint: if count > 100 { random.unit().powi(4) } else { step.length() },
+                    time: random.unit(),
+                })
+                .collect();
+            let mut colors = vec![[f32::NAN; 4]; count];
+            solid.colors(&points, &mut colors);
+            for (at, color) in points.iter().zip(&colors) {
+                assert_eq!(*color, solid.color(at), "{name}, {count} points, {at:?}");
+            }
+        }
+    }
+}
+
 /// A wide footprint must give about the mean of the fine texture inside it, and vary little.
 #[test]
 fn footprints_fade_details_to_their_mean() {
