@@ -26,11 +26,40 @@ pub struct Comparison {
 ///
 /// The pictures differ in size.
 pub fn compare(reference: &Image, test: &Image) -> Result<Comparison> {
+    compare_where(reference, test, &every_texel(reference))
+}
+
+/// All measures over the texels that count, row by row; over all of them where none does. A texel's similarity and FLIP error
+/// depend on its surroundings, too, which need not count.
+///
+/// # Errors
+///
+/// The pictures differ in size, or `counts` has not as many texels.
+pub fn compare_where(reference: &Image, test: &Image, counts: &[bool]) -> Result<Comparison> {
+    check_sizes(reference, test)?;
+    let texels = reference.width as usize * reference.height as usize;
+    if counts.len() != texels {
+        return Err(Error::invalid(format!("{} texels are to count or not, of {texels}", counts.len())));
+    }
+    let all = every_texel(reference);
+    let counts = if counts.contains(&true) { counts } else { &all };
+    let errors = flip_map(reference, test, FlipOptions::default())?;
+    let flip = mean(errors.iter().zip(counts).filter(|(_, counts)| **counts).map(|(&e, _)| f64::from(e)));
     Ok(Comparison {
-        psnr_db: psnr_db(reference, test)?,
-        ssim: ssim(reference, test)?,
-        flip: flip(reference, test, FlipOptions::default())?,
+        psnr_db: psnr_where(reference, test, counts),
+        ssim: ssim_where(reference, test, counts),
+        flip,
     })
+}
+
+fn every_texel(image: &Image) -> Vec<bool> {
+    vec![true; image.width as usize * image.height as usize]
+}
+
+/// NaN of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0_u64), |(sum, count), value| (sum + value, count + 1));
+    sum / count as f64
 }
 
 /// Peak signal-to-noise ratio, `10 log10(1 / mse)`, the mean squared error taken over the three colour channels of all
@@ -41,14 +70,18 @@ pub fn compare(reference: &Image, test: &Image) -> Result<Comparison> {
 /// The pictures differ in size.
 pub fn psnr_db(reference: &Image, test: &Image) -> Result<f64> {
     check_sizes(reference, test)?;
+    Ok(psnr_where(reference, test, &every_texel(reference)))
+}
+
+fn psnr_where(reference: &Image, test: &Image, counts: &[bool]) -> f64 {
     let (reference, test) = (display_rgb(reference), display_rgb(test));
-    let squares: f64 = reference
-        .as_flattened()
+    let squares = reference
         .iter()
-        .zip(test.as_flattened())
-        .map(|(a, b)| f64::from(a - b) * f64::from(a - b))
-        .sum();
-    Ok(-10.0 * (squares / (3 * reference.len()) as f64).log10())
+        .zip(&test)
+        .zip(counts)
+        .filter(|(_, counts)| **counts)
+        .flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| f64::from(a - b) * f64::from(a - b)));
+    -10.0 * mean(squares).log10()
 }
 
 /// A picture of the absolute differences of the sRGB-encoded colours, times `gain`, as 8-bit sRGB.
@@ -149,26 +182,28 @@ fn weigh(taps: &[f32], center: usize, size: usize, value: impl Fn(usize) -> f32)
 /// The pictures differ in size.
 pub fn ssim(reference: &Image, test: &Image) -> Result<f64> {
     check_sizes(reference, test)?;
+    Ok(ssim_where(reference, test, &every_texel(reference)))
+}
+
+/// The mean over the windows around texels that count: those inside the picture, or all if there are none.
+fn ssim_where(reference: &Image, test: &Image, counts: &[bool]) -> f64 {
     let (a, b) = (luma(reference), luma(test));
     let window = gaussian();
-    let mean = |plane: &Plane| plane.separable(&window, &window);
-    let (mean_a, mean_b) = (mean(&a), mean(&b));
-    let mean_aa = mean(&a.map2(&a, |x, y| x * y));
-    let mean_bb = mean(&b.map2(&b, |x, y| x * y));
-    let mean_ab = mean(&a.map2(&b, |x, y| x * y));
+    let blurred = |plane: &Plane| plane.separable(&window, &window);
+    let (mean_a, mean_b) = (blurred(&a), blurred(&b));
+    let mean_aa = blurred(&a.map2(&a, |x, y| x * y));
+    let mean_bb = blurred(&b.map2(&b, |x, y| x * y));
+    let mean_ab = blurred(&a.map2(&b, |x, y| x * y));
 
-    let margin = |size: usize| if size >= WINDOW { RADIUS } else { 0 };
-    let (mx, my) = (margin(a.width), margin(a.height));
-    let (mut sum, mut count) = (0.0, 0_u64);
-    for y in my..a.height - my {
-        for x in mx..a.width - mx {
-            let at = |plane: &Plane| f64::from(plane.values[y * plane.width + x]);
-            let moments = [&mean_a, &mean_b, &mean_aa, &mean_bb, &mean_ab].map(at);
-            sum += similarity(moments);
-            count += 1;
-        }
-    }
-    Ok(sum / count as f64)
+    let similarity_within = |[left, top]: [usize; 2]| {
+        let rows = (top..a.height - top).flat_map(|y| (left..a.width - left).map(move |x| y * a.width + x));
+        mean(rows.filter(|&i| counts[i]).map(|i| {
+            let at = |plane: &Plane| f64::from(plane.values[i]);
+            similarity([&mean_a, &mean_b, &mean_aa, &mean_bb, &mean_ab].map(at))
+        }))
+    };
+    let inside = similarity_within([a.width, a.height].map(|size| if size >= WINDOW { RADIUS } else { 0 }));
+    if inside.is_nan() { similarity_within([0, 0]) } else { inside }
 }
 
 const WINDOW: usize = 11;
@@ -224,7 +259,7 @@ impl Default for FlipOptions {
 /// The pictures differ in size.
 pub fn flip(reference: &Image, test: &Image, options: FlipOptions) -> Result<f64> {
     let errors = flip_map(reference, test, options)?;
-    Ok(errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len() as f64)
+    Ok(mean(errors.iter().map(|&error| f64::from(error))))
 }
 
 /// The error of every texel, row by row: 0 (none) to 1 (largest).

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fantex::Result;
+use fantex::glam::Vec3;
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
-use fantex::render::{Background, Camera, RenderOptions, Surface};
-use fantex::texture::compare::{Comparison, compare, difference_picture};
+use fantex::render::{Background, Camera, Picture, RenderOptions, Surface};
+use fantex::texture::compare::{Comparison, compare_where, difference_picture, psnr_db};
 use fantex::texture::{Filter, Image};
 use serde::Serialize;
 
@@ -27,8 +28,9 @@ Example:
   fantex compare oak.toml chair.fan
 
 The cameras stand around the first file's model. A look brings its own lamps and dresses the other file's model where it
-names none; its background is left out. PSNR, SSIM and FLIP are those of the sRGB pictures; FLIP is 0 for
-equal pictures. Difference pictures show the absolute difference, sixteen times enlarged.")]
+names none; its background is left out. PSNR, SSIM and FLIP are those of the sRGB pictures, over the pixels that show
+either model; 'whole' is the PSNR with the background, which is equal in both. FLIP is 0 for equal pictures.
+Difference pictures show the absolute difference, sixteen times enlarged.")]
 pub(crate) struct CompareArgs {
     /// The reference: a model, an asset or a look
     a: PathBuf,
@@ -62,10 +64,14 @@ struct MeanMin {
 
 #[derive(Debug, Serialize)]
 struct ViewInfo {
-    /// Null for equal pictures, whose ratio is infinite.
+    /// Over the pixels that show a model; null for equal pictures, whose ratio is infinite.
     psnr_db: Option<f64>,
     ssim: f64,
     flip: f64,
+    /// Share of the pixels that show a model.
+    model_share: f64,
+    /// Over all pixels.
+    whole_psnr_db: Option<f64>,
     pictures: Vec<PathBuf>,
 }
 
@@ -74,8 +80,52 @@ struct CompareInfo {
     psnr_db: MeanMin,
     ssim: f64,
     flip: f64,
+    model_share: f64,
+    whole_psnr_db: MeanMin,
     views: u32,
     per_view: Vec<ViewInfo>,
+}
+
+/// What is seen behind models in the pictures that are compared, linear.
+const BACKDROP: Vec3 = Vec3::splat(0.46);
+
+/// A picture on the backdrop, linear light, and which of its pixels show a model.
+struct Seen {
+    image: Image,
+    is_model: Vec<bool>,
+}
+
+impl Seen {
+    /// Of a picture without background.
+    fn new(picture: &Picture) -> Self {
+        let on_backdrop =
+            |&[r, g, b, alpha]: &[f32; 4]| BACKDROP.lerp(Vec3::new(r, g, b), alpha).extend(1.0).to_array();
+        let texels: Vec<[f32; 4]> = picture.rgba.iter().map(on_backdrop).collect();
+        Self {
+            image: Image::from_linear_rgb(picture.width, picture.height, &texels),
+            is_model: picture.rgba.iter().map(|pixel| pixel[3] > 0.0).collect(),
+        }
+    }
+}
+
+/// Measures of a pair of pictures.
+#[derive(Clone, Copy)]
+struct ViewComparison {
+    /// Over the pixels that show either model.
+    model: Comparison,
+    model_share: f64,
+    whole_psnr_db: f64,
+}
+
+impl ViewComparison {
+    fn new([reference, test]: &[Seen; 2]) -> Result<Self> {
+        let is_model: Vec<bool> = reference.is_model.iter().zip(&test.is_model).map(|(a, b)| a | b).collect();
+        Ok(Self {
+            model: compare_where(&reference.image, &test.image, &is_model)?,
+            model_share: is_model.iter().filter(|is| **is).count() as f64 / is_model.len() as f64,
+            whole_psnr_db: psnr_db(&reference.image, &test.image)?,
+        })
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -85,8 +135,9 @@ pub(crate) struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image> {
-        Ok(photograph(self.mesh, self.surface, camera, options)?.picture.to_linear_image())
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Seen> {
+        let options = RenderOptions { background: Background::Transparent, ..options.clone() };
+        Ok(Seen::new(&photograph(self.mesh, self.surface, camera, &options)?.picture))
     }
 }
 
@@ -142,7 +193,7 @@ impl<'a> Prepared<'a> {
             size: Some(args.size),
             samples: Some(args.samples),
             filter,
-            background: Some(Background::default()),
+            background: Some(Background::Transparent),
             ..PictureChanges::default()
         };
         let given = other.0.model(other.1);
@@ -156,15 +207,15 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The picture, linear light. A look has its size and samples already.
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image> {
+    /// A look has its size and samples already.
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Seen> {
         match self {
             Self::Scene { scene, surface } => {
                 Subject { mesh: scene.mesh(), surface: surface.as_ref() }.picture(camera, options)
             }
             Self::Look(look) => {
                 let time = look.times().first().copied().unwrap_or(0.0);
-                Ok(look.render_from(camera, time)?.picture.to_linear_image())
+                Ok(Seen::new(&look.render_from(camera, time)?.picture))
             }
         }
     }
@@ -199,21 +250,29 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         context.check_interrupt()?;
     }
     [&a, &b].into_iter().for_each(|file| file.show_damage(context));
+    let mean = |of: fn(&ViewComparison) -> f64| {
+        views.iter().map(|(view, _)| of(view)).sum::<f64>() / views.len() as f64
+    };
+    let mean_min = |of: fn(&ViewComparison) -> f64| MeanMin {
+        mean: finite(mean(of)),
+        min: finite(views.iter().map(|(view, _)| of(view)).fold(f64::INFINITY, f64::min)),
+    };
     let info = CompareInfo {
-        psnr_db: MeanMin {
-            mean: finite(views.iter().map(|(c, _)| c.psnr_db).sum::<f64>() / views.len() as f64),
-            min: finite(views.iter().map(|(c, _)| c.psnr_db).fold(f64::INFINITY, f64::min)),
-        },
-        ssim: views.iter().map(|(c, _)| c.ssim).sum::<f64>() / views.len() as f64,
-        flip: views.iter().map(|(c, _)| c.flip).sum::<f64>() / views.len() as f64,
+        psnr_db: mean_min(|view| view.model.psnr_db),
+        ssim: mean(|view| view.model.ssim),
+        flip: mean(|view| view.model.flip),
+        model_share: mean(|view| view.model_share),
+        whole_psnr_db: mean_min(|view| view.whole_psnr_db),
         views: args.views,
         per_view: views
-            .into_iter()
-            .map(|(c, pictures)| ViewInfo {
-                psnr_db: finite(c.psnr_db),
-                ssim: c.ssim,
-                flip: c.flip,
-                pictures,
+            .iter()
+            .map(|(view, pictures)| ViewInfo {
+                psnr_db: finite(view.model.psnr_db),
+                ssim: view.model.ssim,
+                flip: view.model.flip,
+                model_share: view.model_share,
+                whole_psnr_db: finite(view.whole_psnr_db),
+                pictures: pictures.clone(),
             })
             .collect(),
     };
@@ -222,12 +281,13 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
 
 /// Measures, and pictures written.
 fn compare_view(
-    [reference, test]: &[Image; 2],
+    pictures: &[Seen; 2],
     files: Option<[PathBuf; 3]>,
     context: &Context,
-) -> Result<(Comparison, Vec<PathBuf>)> {
-    let comparison = compare(reference, test)?;
+) -> Result<(ViewComparison, Vec<PathBuf>)> {
+    let comparison = ViewComparison::new(pictures)?;
     let Some(files) = files else { return Ok((comparison, Vec::new())) };
+    let [reference, test] = pictures.each_ref().map(|seen| &seen.image);
     let difference = difference_picture(reference, test, GAIN)?;
     let _deferral = context.defer_interrupt();
     let images = [reference, test, &difference];
@@ -235,6 +295,7 @@ fn compare_view(
     Ok((comparison, files.to_vec()))
 }
 
+/// Over the pixels that show either subject.
 pub(crate) fn mean_psnr_db(
     subjects: [Subject; 2],
     cameras: &[Camera],
@@ -244,7 +305,8 @@ pub(crate) fn mean_psnr_db(
     let mut sum = 0.0;
     for camera in cameras {
         let [a, b] = subjects;
-        sum += compare(&a.picture(camera, options)?, &b.picture(camera, options)?)?.psnr_db;
+        let pictures = [a.picture(camera, options)?, b.picture(camera, options)?];
+        sum += ViewComparison::new(&pictures)?.model.psnr_db;
         context.check_interrupt()?;
     }
     Ok(sum / cameras.len() as f64)
@@ -256,13 +318,18 @@ fn finite(value: f64) -> Option<f64> {
 
 fn text(info: &CompareInfo) -> String {
     let psnr = |db: Option<f64>| db.map_or("equal".to_owned(), |db| format!("{db:.2}"));
-    let mut rows = vec![["view", "PSNR dB", "SSIM", "FLIP"].map(str::to_owned).to_vec()];
+    let mut rows = vec![["view", "PSNR dB", "SSIM", "FLIP", "model", "whole dB"].map(str::to_owned).to_vec()];
+    let mut row = |name: String, db: Option<f64>, [ssim, flip, share]: [f64; 3], whole: Option<f64>| {
+        let numbers =
+            [psnr(db), format!("{ssim:.4}"), format!("{flip:.4}"), format!("{:.1} %", 100.0 * share)];
+        rows.push([name].into_iter().chain(numbers).chain([psnr(whole)]).collect());
+    };
     for (i, view) in info.per_view.iter().enumerate() {
-        let number = (i + 1).to_string();
-        rows.push(vec![number, psnr(view.psnr_db), format!("{:.4}", view.ssim), format!("{:.4}", view.flip)]);
+        let measures = [view.ssim, view.flip, view.model_share];
+        row((i + 1).to_string(), view.psnr_db, measures, view.whole_psnr_db);
     }
-    let mean = psnr(info.psnr_db.mean);
-    rows.push(vec!["mean".to_owned(), mean, format!("{:.4}", info.ssim), format!("{:.4}", info.flip)]);
+    let measures = [info.ssim, info.flip, info.model_share];
+    row("mean".to_owned(), info.psnr_db.mean, measures, info.whole_psnr_db.mean);
     let mut text = columns(&rows);
     for path in info.per_view.iter().flat_map(|v| &v.pictures) {
         text.push_str(&format!("{}\n", path.display()));

@@ -171,6 +171,15 @@ fn the_bottle_looks_like_its_original() {
     let compared =
         json(&[&"compare", &bottle(), &asset, &"--views", &"3", &"--size", &"320x240", &"-o", &pictures]);
     assert_keys(&compared, &["psnr_db.mean", "psnr_db.min", "ssim", "flip", "views"]);
+    // The background, which is equal in both, counts in the whole pictures alone: with a share s of the pixels, -10 log10(s) dB more.
+    assert_keys(&compared, &["model_share", "whole_psnr_db.mean", "whole_psnr_db.min"]);
+    for view in compared["per_view"].as_array().unwrap() {
+        let number = |key: &str| view[key].as_f64().unwrap();
+        let share = number("model_share");
+        assert!((0.05..0.95).contains(&share), "{view:#}");
+        let gain = number("whole_psnr_db") - number("psnr_db");
+        assert!((gain + 10.0 * share.log10()).abs() < 1e-3, "{view:#}");
+    }
     assert!(compared["psnr_db"]["mean"].as_f64().unwrap() > 38.0, "{compared:#}");
     assert_eq!(files(&pictures).len(), 9);
 
