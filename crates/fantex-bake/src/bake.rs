@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, GroupTriangles};
-use fantex_mesh::{Mesh, shading_normals};
+use fantex_mesh::{Mesh, creaseless_normals, shading_normals};
 use fantex_store::{AssetWriter, CreateOptions, Quality};
 use rayon::prelude::*;
 
@@ -21,6 +21,8 @@ const ENCODED_BYTES_PER_FLOAT_TEXEL: u64 = 22;
 const BATCH_TEXELS: std::ops::RangeInclusive<u64> = 1 << 16..=8 << 20;
 
 /// Bakes `source` into the tiles of `cover` and writes the asset `path`.
+///
+/// Where the source [crosses creases](Source::crosses_creases), the asset's mesh has normals without creases.
 ///
 /// Memory besides mesh, cover and source is bounded by `options.memory_bytes`, whatever the number of texels. The asset's
 /// bytes do not depend on the number of threads.
@@ -43,6 +45,8 @@ pub fn bake(
             mesh.triangles.len()
         )));
     }
+    let smoothed = source.crosses_creases().then(|| without_creases(mesh)).flatten();
+    let mesh = smoothed.as_ref().unwrap_or(mesh);
     let source_channels = source.channels();
     let plans: Vec<ChannelPlan> =
         source_channels.iter().map(|c| ChannelPlan::new(c, options.format)).collect();
@@ -90,6 +94,13 @@ pub fn bake(
     summary.encode_seconds = encode_time.as_secs_f64();
     summary.write_seconds = write_time.as_secs_f64();
     Ok(summary)
+}
+
+/// The mesh with normals that are continuous; `None` if its own are.
+fn without_creases(mesh: &Mesh) -> Option<Mesh> {
+    let mut smoothed = mesh.clone();
+    smoothed.corners.normals = creaseless_normals(mesh)?;
+    Some(smoothed)
 }
 
 pub(crate) fn cancelled() -> Error {

@@ -63,6 +63,12 @@ pub trait Source: Sync {
         Prefilter::Box
     }
 
+    /// Whether it gives normals that do not follow the creases of the mesh that is baked, such as those of a smoother mesh. They
+    /// are then stored relative to normals without creases, which become those of the asset's mesh.
+    fn crosses_creases(&self) -> bool {
+        false
+    }
+
     /// Writes one value per channel.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 

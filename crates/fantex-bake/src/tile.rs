@@ -241,6 +241,10 @@ impl TileBaker<'_> {
             for (point, value) in points.iter().zip(values) {
                 let [x, y] = group.shading_axes(point.normal);
                 let mut along = Vec2::new(value.truncate().dot(x), value.truncate().dot(y));
+                if !is_doubled && value.truncate().dot(point.normal) < 0.0 {
+                    // The nearest normal on the front side.
+                    along = along.normalize_or_zero();
+                }
                 if is_doubled {
                     let unit = along.normalize_or_zero();
                     along = unit.rotate(unit) * value.w;

@@ -300,6 +300,10 @@ impl Source for TransferSource<'_> {
         self.channels.clone()
     }
 
+    fn crosses_creases(&self) -> bool {
+        self.channels.iter().any(|channel| channel.kind == ChannelKind::Normal)
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let share = 1.0 / self.samples as f32;
         let steps = point.position_steps.map(|s| s * share);

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::adjacency::Star;
-use crate::{Mesh, SurfacePoint, VertexCorners, angle_between};
+use crate::{FanCorner, Fans, Mesh, SurfacePoint, VertexCorners, angle_between};
 
 const BLOCK: usize = 1 << 12;
 /// Among more triangles at one edge than this, none are smoothed across it.
@@ -61,6 +61,34 @@ pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
     };
     own.par_iter().with_min_len(BLOCK).enumerate().map(checked).collect()
 }
+
+/// The [`shading_normals`] without creases: around each vertex where they differ, their mean weighted by the triangles' angles there.
+/// Across an edge of two triangles these are continuous. `None` where the shading normals are so already.
+///
+/// Vertices whose triangles are wound against each other, or whose normals cancel out, keep what they have.
+pub fn creaseless_normals(mesh: &Mesh) -> Option<Vec<Vec3>> {
+    let fans = Fans::of(&mesh.triangles, &VertexCorners::of(&mesh.triangles, mesh.positions.len()));
+    let mut normals = shading_normals(mesh);
+    let mut creased = false;
+    for fan in 0..fans.len() {
+        let corners = fans.corners(fan);
+        let normal = |corner: &FanCorner| normals[corner.corner() as usize];
+        let first = normal(&corners[0]);
+        if corners.iter().any(|corner| corner.reversed() != corners[0].reversed())
+            || corners.iter().all(|corner| normal(corner).distance_squared(first) < SAME_NORMAL)
+        {
+            continue;
+        }
+        let weighted = |corner: &FanCorner| normal(corner).as_dvec3() * corner_angle(mesh, corner.corner());
+        let Some(mean) = corners.iter().map(weighted).sum::<DVec3>().try_normalize() else { continue };
+        creased = true;
+        corners.iter().for_each(|corner| normals[corner.corner() as usize] = mean.as_vec3());
+    }
+    creased.then_some(normals)
+}
+
+/// Squared distance of normals that are alike.
+const SAME_NORMAL: f32 = 1e-8;
 
 /// Unit normals per corner, averaged over the triangles around each vertex and weighted by their angle there (G. Thürmer
 /// and C. Wüthrich, "Computing vertex normals from polygonal facets", 1998).

@@ -10,7 +10,7 @@ use fantex_mesh::{
 use fantex_store::{ChannelKind, TileId, TileSource, TileTexels};
 use fantex_texture::Image;
 use fantex_texture::material::TangentFrame;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::common::{OfPosition, baked, cleaned, cover, data_folder, float_options, loaded, sample};
 
@@ -117,6 +117,59 @@ fn sample_in_shading_frame(
         sum += weight * (x_axis * x + y_axis * y + vertex_normal * z);
     }
     sum.normalize()
+}
+
+/// The edges of an octahedron bend by 70 degrees. Its normals are those of a sphere right up to them, on both sides alike.
+#[test]
+fn normals_of_a_smooth_mesh_cross_the_creases_of_a_coarse_one() {
+    let sphere = cleaned(generate::icosphere(5));
+    let octahedron = || {
+        let mut model = generate::icosphere(0);
+        model.positions = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]).collect();
+        model.triangles = (0..8_u32)
+            .map(|i| {
+                let [x, y, z] = [i & 1, 2 + (i >> 1 & 1), 4 + (i >> 2)];
+                if i.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] }
+            })
+            .collect();
+        model.corners = Default::default();
+        cleaned(model)
+    };
+    // A mesh without normals, and one with those of its facets.
+    let mut faceted = octahedron();
+    let facets = |t: usize| [faceted.facet_normal(t).as_vec3(); 3];
+    faceted.corners.normals = (0..8).flat_map(facets).collect();
+    for coarse in [octahedron(), faceted] {
+        let source = TransferSource::new(&coarse, &sphere, None, &TransferOptions::default()).unwrap();
+        let asset = baked(&coarse, &cover(&coarse, 512, 400_000), &source, &float_options(Fit::Sharp));
+        let mesh = asset.cache.asset().mesh();
+        let normals = shading_normals(mesh);
+        let ray_normals = fantex_mesh::corner_normals(&coarse, 180.0);
+        let mut worst = 0.0_f32;
+        for triangle in 0..8 {
+            for (i, beside) in (1..40).flat_map(|i| [0.0, 0.01, 0.3].map(|beside| (i, beside))) {
+                let lambda = Vec3::new(
+                    (1.0 - beside) * i as f32 / 40.0,
+                    (1.0 - beside) * (1.0 - i as f32 / 40.0),
+                    beside,
+                );
+                for turn in 0..3 {
+                    let lambda = Vec3::from_array(std::array::from_fn(|k| lambda[(k + turn) % 3]));
+                    let blend = |normals: &[Vec3]| {
+                        (0..3).map(|k| normals[3 * triangle + k] * lambda[k]).sum::<Vec3>().normalize()
+                    };
+                    let stored = sample_in_shading_frame(&asset.cache, triangle, lambda, blend(&normals));
+                    // The unit sphere along the ray, in the world.
+                    let p = mesh.world_from_mesh.point(at(mesh, triangle, lambda));
+                    let ray = blend(&ray_normals).as_dvec3();
+                    let half = p.dot(ray);
+                    let hit = p + ray * ((half * half + 1.0 - p.length_squared()).sqrt() - half);
+                    worst = worst.max(stored.angle_between(hit.as_vec3()).to_degrees());
+                }
+            }
+        }
+        assert!(worst < 1.5, "{worst} degrees");
+    }
 }
 
 #[test]
