@@ -1,7 +1,8 @@
-//! Benchmarks of fantex that only its developers need: images, noise, block encoders, pictures of a million triangles.
+//! Benchmarks of fantex that only its developers need: covers, images, noise, block encoders, pictures of a million triangles.
 //!
-//! `cargo run --release -p fantex-bench -- [images|noise|encode|terrain ...] [--json]`
+//! `cargo run --release -p fantex-bench -- [covers|images|noise|encode|terrain ...] [--json]`
 
+mod covers;
 mod images;
 mod noise;
 mod terrain;
@@ -17,8 +18,13 @@ type Measured = Result<Vec<Row>, Box<dyn Error>>;
 
 type Subject = fn() -> Measured;
 
-const SUBJECTS: [(&str, Subject); 4] =
-    [("images", images::rows), ("noise", noise::rows), ("encode", encode), ("terrain", terrain::rows)];
+const SUBJECTS: [(&str, Subject); 5] = [
+    ("covers", covers::rows),
+    ("images", images::rows),
+    ("noise", noise::rows),
+    ("encode", encode),
+    ("terrain", terrain::rows),
+];
 
 const SEED: u64 = 1;
 

@@ -30,25 +30,17 @@ pub enum TexelBudget {
 pub struct CoverOptions {
     /// How many texels the surface gets.
     pub budget: TexelBudget,
-    /// Target extent of a tile in texels; 0 gives every fan its own tile.
+    /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile.
     pub tile: u32,
     /// Width of the blend band in barycentric coordinates, 0 < delta <= 1/3.
     pub delta: f32,
     /// Groups of several fans keep this cosine between projection direction and every triangle normal.
     pub facing: f32,
-    /// While patches are cut, fans' directions keep this cosine to the patch's.
-    pub patch_facing: f32,
 }
 
 impl Default for CoverOptions {
     fn default() -> Self {
-        Self {
-            budget: TexelBudget::Total(4 << 20),
-            tile: 128,
-            delta: 1.0 / 16.0,
-            facing: 0.6,
-            patch_facing: 0.85,
-        }
+        Self { budget: TexelBudget::Total(4 << 20), tile: 1024, delta: 1.0 / 16.0, facing: 0.25 }
     }
 }
 
@@ -81,18 +73,16 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
             (0..).zip(shapes).for_each(|(fan, shape)| verdict(fan, shape.layout, shape.folds));
         });
         stats.seconds_fans = started.elapsed().as_secs_f64();
-        let limits = GroupLimits {
-            delta: options.delta,
-            extent_texels: options.tile as f32,
-            facing: options.facing,
-            patch_facing: options.patch_facing,
-        };
+        let limits =
+            GroupLimits { delta: options.delta, extent_texels: options.tile as f32, facing: options.facing };
         group_fans(&surface, &shapes, items, &density, &limits)
     };
     let scale = match options.budget {
         TexelBudget::Total(texels) => scale_to_total(&grouping.laid, texels),
         _ => 1.0,
     };
+    stats.fans.unfolded = grouping.laid.iter().filter(|l| l.layout == Layout::Unfolded).count() as u64;
+    stats.fans.projected = surface.fans.len() as u64 - stats.fans.unfolded;
     let cover = assemble(&surface, grouping, scale, density.mean(&surface) * scale, options.delta)?;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, |t| density.of_triangle(t) * scale);
@@ -188,9 +178,11 @@ fn shape_fans(surface: &Surface<'_>, density: &NominalDensity<'_>) -> (Vec<FanSh
         let shape = FanShape::of(ring, surface, fan);
         let item = Item {
             position: ring.center,
-            axis: shape.cone.axis,
+            axis: shape.axis,
             area: shape.area,
+            reach: shape.reach,
             density: density.of_fan(surface, fan),
+            error: shape.error,
             fan: fan as u32,
         };
         (shape, item)
@@ -276,7 +268,8 @@ fn assemble(
     delta: f32,
 ) -> Result<Cover> {
     let laid = &grouping.laid;
-    let longest = laid.par_iter().map(|l| l.size.max_element() * l.density * scale).reduce(|| 0.0, f32::max);
+    let longest =
+        laid.par_iter().map(|l| (l.size * l.density).max_element() * scale).reduce(|| 0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
         let wanted = (longest + 1.0) as u64;
         return Err(Error::too_large(format!(
@@ -307,7 +300,7 @@ fn place(laid: &Laid, scale: f32) -> Group {
     let extent = extent(laid.size * laid.density, scale);
     let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
     // A rectangle thinner than the nominal density can tell (a point, a line) is not blown up to the tile's size.
-    let thinnest = Vec2::splat(0.5 / (laid.density * scale));
+    let thinnest = 0.5 / (laid.density * scale);
     let uv_scale = (texels - 1.0) / texels / laid.size.max(thinnest);
     let middle = laid.min + 0.5 * laid.size;
     let uv_offset = Vec2::splat(0.5) - uv_scale * middle;
@@ -322,6 +315,8 @@ fn place(laid: &Laid, scale: f32) -> Group {
 
 /// Texels per mesh unit before the total is met.
 pub(crate) enum NominalDensity<'a> {
+    /// As good as a total allows.
+    Total(f32),
     Uniform(f32),
     PerTriangle(&'a [f32]),
 }
@@ -334,16 +329,21 @@ impl<'a> NominalDensity<'a> {
         match &options.budget {
             TexelBudget::Total(n) => {
                 let area = surface.total(|_| 1.0).max(f64::MIN_POSITIVE);
-                Self::Uniform((EXPECTED_SHARE * *n as f64 / area).sqrt() as f32)
+                Self::Total((EXPECTED_SHARE * *n as f64 / area).sqrt() as f32)
             }
             TexelBudget::Density(d) => Self::Uniform(*d as f32),
             TexelBudget::PerTriangle(field) => Self::PerTriangle(field),
         }
     }
 
+    /// True where tiles share a total, and not each has a density of its own to meet.
+    pub(crate) fn is_total(&self) -> bool {
+        matches!(self, Self::Total(_))
+    }
+
     pub(crate) fn of_triangle(&self, triangle: usize) -> f32 {
         match self {
-            Self::Uniform(d) => *d,
+            Self::Total(d) | Self::Uniform(d) => *d,
             Self::PerTriangle(field) => field[triangle],
         }
     }
@@ -351,7 +351,7 @@ impl<'a> NominalDensity<'a> {
     /// The densest of a fan's triangles decides, so that no detail is lost where densities meet.
     pub(crate) fn of_fan(&self, surface: &Surface<'_>, fan: usize) -> f32 {
         match self {
-            Self::Uniform(d) => *d,
+            Self::Total(d) | Self::Uniform(d) => *d,
             Self::PerTriangle(field) => {
                 surface.fans.corners(fan).iter().map(|c| field[c.triangle()]).fold(0.0, f32::max)
             }
@@ -361,7 +361,7 @@ impl<'a> NominalDensity<'a> {
     /// Root of the area-weighted mean square.
     pub(crate) fn mean(&self, surface: &Surface<'_>) -> f32 {
         match self {
-            Self::Uniform(d) => *d,
+            Self::Total(d) | Self::Uniform(d) => *d,
             Self::PerTriangle(field) => {
                 let area = surface.total(|_| 1.0).max(f64::MIN_POSITIVE);
                 let texels = surface.total(|t| f64::from(field[t]) * f64::from(field[t]));

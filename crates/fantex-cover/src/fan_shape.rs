@@ -1,9 +1,10 @@
 //! How each fan is laid flat: projected along its best direction, unfolded, or split.
 
 use fantex_mesh::unit_vector;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3Swizzles};
 
 use crate::cone::{Cone, narrowest_cone};
+use crate::cost::error_at;
 use crate::surface::{Ring, Surface};
 
 /// Below this cosine between direction and worst normal a fan is rather unfolded: the projection would shrink a triangle
@@ -22,6 +23,33 @@ pub(crate) enum Layout {
     Split,
 }
 
+/// How far a partial fan reaches from its centre in each direction, nearly: the ellipsoid of its spokes' second moments.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    diagonal: Vec3,
+    /// Of yz, zx, xy.
+    mixed: Vec3,
+}
+
+impl Reach {
+    fn of(spokes: &[Vec3]) -> Self {
+        let (mut diagonal, mut mixed) = (Vec3::ZERO, Vec3::ZERO);
+        for &spoke in spokes {
+            diagonal += spoke * spoke;
+            mixed += spoke.yzx() * spoke.zxy();
+        }
+        // A region ends half way along its spokes; of spokes all around, the mean square along an axis is half that of the longest.
+        let scale = 0.5 / spokes.len() as f32;
+        Self { diagonal: diagonal * scale, mixed: mixed * (2.0 * scale) }
+    }
+
+    /// Along a unit vector.
+    #[inline]
+    pub(crate) fn along(&self, axis: Vec3) -> f32 {
+        (self.diagonal.dot(axis * axis) + self.mixed.dot(axis.yzx() * axis.zxy())).max(0.0).sqrt()
+    }
+}
+
 /// The decision for one fan.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FanShape {
@@ -30,6 +58,12 @@ pub(crate) struct FanShape {
     pub(crate) cone: Cone,
     /// A third of the area of the fan's triangles.
     pub(crate) area: f32,
+    /// Mean normal.
+    pub(crate) axis: Vec3,
+    /// The error per area of a projection along the mean normal (see [`error_at`]).
+    pub(crate) error: f32,
+    /// How far the partial fan reaches.
+    pub(crate) reach: Reach,
     /// True where no direction sees the whole fan from the front.
     pub(crate) folds: bool,
 }
@@ -48,7 +82,18 @@ impl FanShape {
         } else {
             Layout::Split
         };
-        Self { layout, cone, area: ring.area / 3.0, folds: !projectable }
+        let facets = || ring.normals.iter().zip(&ring.areas);
+        let sum: Vec3 = facets().map(|(&normal, &area)| normal * area).sum();
+        let mean = sum.try_normalize().unwrap_or(cone.axis);
+        let axis = if cone.cos > 0.95 {
+            mean
+        } else {
+            crate::cost::direction(facets().map(|(&n, &a)| (n, a)), cone.axis)
+        };
+        let error: f32 = facets().map(|(normal, area)| area * error_at(normal.dot(axis))).sum();
+        let error = if ring.area > 0.0 { error / ring.area } else { 1.0 };
+        let reach = Reach::of(&ring.spokes);
+        Self { layout, cone, area: ring.area / 3.0, axis, error, reach, folds: !projectable }
     }
 }
 
@@ -73,36 +118,37 @@ fn winds_once(ring: &Ring, direction: Vec3) -> bool {
 
 // Unfolding a fan about its centre: radii are kept, angles are scaled so that a closed fan closes.
 
-/// After scaling no triangle may span more than this angle at the centre, or it would degenerate (170 degrees).
+/// No triangle spans more than this angle at the centre, or it would degenerate (170 degrees).
 const MAX_TRIANGLE_ANGLE: f32 = 2.967;
+
+/// Nor less than this, if there is room.
+const MIN_TRIANGLE_ANGLE: f32 = 1e-3;
 
 /// An open fan is not spread over more than this angle (300 degrees).
 const MAX_OPEN_FAN_ANGLE: f32 = 5.236;
 
 /// Planar coordinates of the centre (the origin) and the two ring vertices of each triangle, in the fan's order and
-/// mesh units; `None` where a triangle is too wide to be unfolded (a cone of three triangles pressed flat, for example).
+/// mesh units; `None` only for closed fans of two triangles, which lie back to back.
 pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>> {
     let corners = surface.fans.corners(fan);
-    let spans: Vec<[f32; 3]> = corners
-        .iter()
-        .map(|&c| {
-            let [center, from, to] = surface.fan_triangle(c);
-            let (from, to) = (from - center, to - center);
-            [libm::atan2f(from.cross(to).length(), from.dot(to)), from.length(), to.length()]
-        })
-        .collect();
-    let total: f32 = spans.iter().map(|s| s[0]).sum();
-    let closed = surface.fans.is_closed(fan);
-    let factor = if closed { std::f32::consts::TAU / total } else { (MAX_OPEN_FAN_ANGLE / total).min(1.0) };
-    if !factor.is_finite() || spans.iter().any(|s| s[0] * factor > MAX_TRIANGLE_ANGLE) {
-        return None;
+    let mut radii = Vec::with_capacity(corners.len());
+    let mut angles = Vec::with_capacity(corners.len());
+    for &corner in corners {
+        let [center, from, to] = surface.fan_triangle(corner);
+        let (from, to) = (from - center, to - center);
+        radii.push([from.length(), to.length()]);
+        angles.push(libm::atan2f(from.cross(to).length(), from.dot(to)));
     }
+    let closed = surface.fans.is_closed(fan);
+    let total: f32 = angles.iter().sum();
+    let target = if closed { std::f32::consts::TAU } else { total.min(MAX_OPEN_FAN_ANGLE) };
+    spread(&mut angles, target, closed)?;
     let mut angle = 0.0;
     let mut unfolded = Vec::with_capacity(corners.len());
-    for (i, [span, from, to]) in spans.iter().enumerate() {
+    for (i, (&[from, to], span)) in radii.iter().zip(&angles).enumerate() {
         let start = unit_vector(angle) * from;
-        angle += span * factor;
-        let last = closed && i + 1 == spans.len();
+        angle += span;
+        let last = closed && i + 1 == radii.len();
         let end = if last { Vec2::X } else { unit_vector(angle) };
         unfolded.push([Vec2::ZERO, start, end * to]);
     }
@@ -114,6 +160,31 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
         unfolded[0][1] = last;
     }
     Some(unfolded)
+}
+
+/// Scales angles so that they sum up to `target` with none beyond the bounds; those of an open fan may sum up to less. `None` where
+/// that is impossible.
+fn spread(angles: &mut [f32], target: f32, closed: bool) -> Option<()> {
+    let n = angles.len() as f32;
+    if closed && n * MAX_TRIANGLE_ANGLE < target {
+        return None;
+    }
+    let floor = MIN_TRIANGLE_ANGLE.min(0.5 * target / n);
+    let at = |angle: f32, factor: f32| (angle * factor).clamp(floor, MAX_TRIANGLE_ANGLE);
+    angles.iter_mut().for_each(|angle| *angle = if angle.is_finite() { angle.max(1e-6) } else { 1e-6 });
+    let sum = |factor: f32| angles.iter().map(|&angle| at(angle, factor)).sum::<f32>();
+    let plain = target / angles.iter().sum::<f32>();
+    let mut factor = plain;
+    if (sum(plain) - target).abs() > 1e-6 * target {
+        // The sum grows with the factor: bisection on a scale of powers of two.
+        let (mut low, mut high) = (plain * 1e-3, plain.max(1.0) * 4.0e6);
+        for _ in 0..60 {
+            factor = (low * high).sqrt();
+            if sum(factor) < target { low = factor } else { high = factor }
+        }
+    }
+    angles.iter_mut().for_each(|angle| *angle = at(*angle, factor));
+    Some(())
 }
 
 #[cfg(test)]
@@ -162,9 +233,18 @@ mod tests {
     }
 
     #[test]
-    fn flattened_cones_and_wide_triangles_cannot_be_unfolded() {
-        assert!(unfolded(&umbrella(&[Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 1e-3)], true)).is_none());
-        assert!(unfolded(&umbrella(&[Vec3::X, Vec3::new(-1.0, 1e-3, 0.0)], false)).is_none());
+    fn flattened_cones_wide_triangles_and_needles_are_unfolded() {
+        unfolded(&umbrella(&[Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 1e-3)], true)).unwrap();
+        unfolded(&umbrella(&[Vec3::X, Vec3::new(-1.0, 1e-3, 0.0)], false)).unwrap();
+        let at = |degrees: f32| Vec2::from_angle(degrees.to_radians()).extend(0.1 * degrees.sin());
+        for turns in [[172.6, 84.0, 56.0, 34.0, 5.0], [172.6, 172.0, 0.0, 0.0, 1e-4]] {
+            let mut angle = 0.0;
+            let ring = turns.map(|turn| {
+                angle += turn;
+                at(angle)
+            });
+            unfolded(&umbrella(&ring, true)).unwrap();
+        }
     }
 
     proptest! {

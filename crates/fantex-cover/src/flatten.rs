@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 
 use crate::Frame;
 use crate::cone::{Cone, narrowest_cone};
+use crate::cost::{self, Distortion};
 use crate::fan_shape::{Layout, unfold};
 use crate::injective::{OverlapFinder, Segment, Wedge, any_crossing};
 use crate::rectangle::{Rectangle, RectangleFinder};
@@ -19,8 +20,10 @@ pub(crate) struct Laid {
     pub(crate) frame: Frame,
     pub(crate) min: Vec2,
     pub(crate) size: Vec2,
-    /// Nominal texels per mesh unit.
-    pub(crate) density: f32,
+    /// Texels per mesh unit along the frame's axes, before a total is met.
+    pub(crate) density: Vec2,
+    /// The filter margin of both sides with which the rectangle was chosen, mesh units.
+    pub(crate) pad: f32,
     /// The first of its fans; the only one unless it is projected.
     pub(crate) fan: u32,
     pub(crate) layout: Layout,
@@ -36,6 +39,8 @@ pub(crate) struct Flat {
     pub(crate) size: Vec2,
     /// Smallest cosine between the direction and a triangle's normal.
     pub(crate) cos: f32,
+    /// How the surface is shrunk, along the frame's axes.
+    pub(crate) distortion: Distortion,
     /// Points on the convex outline of a projected group, mesh space.
     pub(crate) outline: Box<[Vec3]>,
 }
@@ -75,7 +80,9 @@ impl Flattener {
         if cone.cos < limits.facing {
             return None;
         }
-        let projection = Projection::new(surface.fan_center(fans[fans.len() / 2] as usize), cone.axis);
+        let facets = || std::iter::zip(&self.border.normals, &self.border.areas).map(|(&n, &area)| (n, area));
+        let (direction, cos) = best_direction(facets(), cone, limits.facing);
+        let projection = Projection::new(surface.fan_center(fans[fans.len() / 2] as usize), direction);
         self.border.lay_flat(surface, membership, &projection, limits.delta);
         if self.border.points.is_empty() {
             // A closed surface in one group is steeper than any bound, so this is only ever reached by rounding.
@@ -87,7 +94,8 @@ impl Flattener {
         {
             return None;
         }
-        Some(enclose(&mut self.rectangles, &mut self.border.points, &projection, cone.cos, limits.pad))
+        let facets = std::iter::zip(&self.border.normals, &self.border.areas).map(|(&n, &area)| (n, area));
+        Some(enclose(&mut self.rectangles, &mut self.border.points, &projection, cos, limits.pad, facets))
     }
 
     /// Projects a single fan along its own direction.
@@ -98,7 +106,9 @@ impl Flattener {
         cone: Cone,
         limits: &FlatLimits,
     ) -> Flat {
-        let projection = Projection::new(surface.fan_center(fan), cone.axis);
+        let facets = || surface.fans.corners(fan).iter().map(|&corner| surface.fan_facet(corner));
+        let (direction, cos) = best_direction(facets(), cone, 0.5 * cone.cos);
+        let projection = Projection::new(surface.fan_center(fan), direction);
         let open = !surface.fans.is_closed(fan);
         self.points.clear();
         for &corner in surface.fans.corners(fan) {
@@ -106,7 +116,7 @@ impl Flattener {
             let points = &mut self.points;
             outline_points(triangle, [true, false, false], limits.delta, open, |p| points.push(p));
         }
-        enclose(&mut self.rectangles, &mut self.points, &projection, cone.cos, limits.pad)
+        enclose(&mut self.rectangles, &mut self.points, &projection, cos, limits.pad, facets())
     }
 
     /// Unfolds a single fan; `None` where that is impossible.
@@ -117,12 +127,18 @@ impl Flattener {
         cone: Cone,
         limits: &FlatLimits,
     ) -> Option<Flat> {
-        let (rectangle, _) =
+        let (rectangle, planar) =
             unfolded_rectangle(surface, fan as usize, limits.delta, limits.pad, &mut self.rectangles)?;
+        let mut distortion = Distortion::default();
+        for (&corner, triangle) in surface.fans.corners(fan as usize).iter().zip(planar) {
+            let [a, b, c] = surface.fan_triangle(corner);
+            let [u, v, w] = triangle.map(|p| rectangle.turned(p));
+            distortion.add_edges([b - a, c - a], [v - u, w - u], surface.fan_facet(corner).1 / 3.0);
+        }
         let origin = surface.fan_center(fan as usize);
         let frame = Frame { origin, direction: cone.axis, x_axis: cone.axis.any_orthonormal_vector() };
         let Rectangle { min, size, .. } = rectangle;
-        Some(Flat { frame, min, size, cos: cone.cos, outline: Box::default() })
+        Some(Flat { frame, min, size, cos: cone.cos, distortion, outline: Box::default() })
     }
 }
 
@@ -133,12 +149,27 @@ fn enclose(
     projection: &Projection,
     cos: f32,
     pad: f32,
+    facets: impl Iterator<Item = (Vec3, f32)>,
 ) -> Flat {
     let Rectangle { x_axis, min, size } = rectangles.smallest(points, pad);
     let x_axis = (projection.x * x_axis.x + projection.y * x_axis.y).normalize();
     let frame = Frame { origin: projection.origin, direction: projection.direction, x_axis };
     let outline = rectangles.hull().iter().map(|&p| projection.spatial(p)).collect();
-    Flat { frame, min, size, cos, outline }
+    let mut distortion = Distortion::default();
+    let y_axis = frame.y_axis();
+    for (normal, area) in facets {
+        let local = Vec3::new(normal.dot(x_axis), normal.dot(y_axis), normal.dot(frame.direction));
+        distortion.add_projected(local, area / 3.0);
+    }
+    Flat { frame, min, size, cos, distortion, outline }
+}
+
+/// The direction in which facets are seen with the least error, if all are seen with the cosine `facing`; else the axis of their
+/// cone.
+fn best_direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, cone: Cone, facing: f32) -> (Vec3, f32) {
+    let direction = cost::direction(facets.clone(), cone.axis);
+    let cos = facets.map(|(normal, _)| normal.dot(direction)).fold(1.0, f32::min);
+    if cos >= facing { (direction, cos) } else { (cone.axis, cone.cos) }
 }
 
 /// Planar coordinates of an unfolded fan's triangles, see [`unfold`].
@@ -163,19 +194,18 @@ pub(crate) fn unfolded_rectangle(
 /// The rotated coordinates of an unfolded fan: for every corner at its centre the corner's index and the planar coordinates
 /// of the triangle's corners.
 pub(crate) fn unfolded_corners(surface: &Surface<'_>, laid: &Laid, delta: f32) -> Vec<(u32, [Vec2; 3])> {
-    let (fan, pad) = (laid.fan as usize, 1.0 / laid.density.max(f32::MIN_POSITIVE));
-    let Some((Rectangle { x_axis, .. }, planar)) =
-        unfolded_rectangle(surface, fan, delta, pad, &mut RectangleFinder::default())
+    let fan = laid.fan as usize;
+    let Some((rectangle, planar)) =
+        unfolded_rectangle(surface, fan, delta, laid.pad, &mut RectangleFinder::default())
     else {
         return Vec::new();
     };
-    let turned = |p: Vec2| Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));
     let corners = surface.fans.corners(fan).iter().zip(planar);
     corners
         .map(|(&corner, p)| {
             let mut by_slot = [Vec2::ZERO; 3];
             for (slot, p) in corner.slots().into_iter().zip(p) {
-                by_slot[slot] = turned(p);
+                by_slot[slot] = rectangle.turned(p);
             }
             (corner.corner(), by_slot)
         })
@@ -245,6 +275,8 @@ struct BorderTriangle {
 struct Border {
     /// The normals of all triangles with a corner in the group.
     pub(crate) normals: Vec<Vec3>,
+    /// The areas of their triangles, thrice as large where all corners are in the group as where one is.
+    pub(crate) areas: Vec<f32>,
     triangles: Vec<BorderTriangle>,
     open_fans: Vec<u32>,
     /// The outline points of the group's region, once laid flat.
@@ -259,6 +291,7 @@ impl Border {
     /// Walks over the fans of a group.
     pub(crate) fn gather(&mut self, surface: &Surface<'_>, fans: &[u32], membership: Membership<'_>) {
         self.normals.clear();
+        self.areas.clear();
         self.triangles.clear();
         self.open_fans.clear();
         for &fan in fans {
@@ -272,7 +305,9 @@ impl Border {
                 let inside = [true, membership.holds(around[from]), membership.holds(around[to])];
                 let first = !(inside[1] && from < center || inside[2] && to < center);
                 if first {
-                    self.normals.push(surface.fan_facet(corner).0);
+                    let (normal, area) = surface.fan_facet(corner);
+                    self.normals.push(normal);
+                    self.areas.push(area * inside.map(f32::from).iter().sum::<f32>());
                 }
                 let all = open || corner.reversed();
                 if all || first && inside != [true; 3] {

@@ -9,7 +9,7 @@ use crate::build::NominalDensity;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions};
-use crate::partition::{Connector, Item, PatchLimits, partition};
+use crate::partition::{Connector, Cutting, Item, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 
@@ -21,8 +21,6 @@ pub(crate) struct GroupLimits {
     pub(crate) extent_texels: f32,
     /// Smallest cosine between a group's direction and its triangles' normals.
     pub(crate) facing: f32,
-    /// Smallest cosine between a patch's direction and its fans' directions while patches are cut.
-    pub(crate) patch_facing: f32,
 }
 
 /// One group while the cover is built.
@@ -44,11 +42,27 @@ impl Patch {
         &order[self.start as usize..(self.start + self.length) as usize]
     }
 
-    fn laid(&self, order: &[u32]) -> Laid {
-        let Flat { frame, min, size, .. } = self.flat;
+    fn laid(&self, order: &[u32], density: &NominalDensity<'_>) -> Laid {
+        let Flat { frame, min, size, distortion, .. } = self.flat;
         let fan = order[self.start as usize];
-        Laid { frame, min, size, density: self.density, fan, layout: self.layout, folds: false }
+        let factor = if density.is_total() {
+            distortion.density(size * self.density, self.density * self.density)
+        } else {
+            distortion.density_for_nominal()
+        };
+        let (density, pad) = (distortion.aspect() * factor * self.density, pad(self.density));
+        Laid { frame, min, size, density, pad, fan, layout: self.layout, folds: false }
     }
+
+    /// See [`cost`](crate::cost).
+    pub(crate) fn cost(&self) -> f32 {
+        self.flat.distortion.cost(self.flat.size * self.density, self.density * self.density)
+    }
+}
+
+/// The filter margin of both sides, mesh units.
+fn pad(density: f32) -> f32 {
+    1.0 / density.max(f32::MIN_POSITIVE)
 }
 
 /// The groups of a mesh, before tiles are sized.
@@ -63,12 +77,36 @@ pub(crate) struct Grouping {
 pub(crate) fn group_fans(
     surface: &Surface<'_>,
     shapes: &[FanShape],
-    mut items: Vec<Item>,
+    items: Vec<Item>,
     density: &NominalDensity<'_>,
     limits: &GroupLimits,
 ) -> Grouping {
-    let patch_limits = PatchLimits { extent_texels: limits.extent_texels, facing: limits.patch_facing };
-    let lengths = partition(&mut items, &patch_limits);
+    let ways = if items.len() <= MAX_FANS_FOR_ALL_WAYS { WAYS.as_slice() } else { &WAYS[..1] };
+    let (first, others) = ways.split_first().unwrap_or((&WAYS[0], &[]));
+    let tried = others.iter().map(|&way| grouped(surface, shapes, items.clone(), density, limits, way));
+    let tried: Vec<(f32, Grouping)> = tried.collect();
+    let first = grouped(surface, shapes, items, density, limits, *first);
+    tried.into_iter().fold(first, |best, next| if next.0 < best.0 { next } else { best }).1
+}
+
+/// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
+/// scans; which is best for a model of few large triangles is found by trying.
+const WAYS: [(f32, f32); 4] = [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY)];
+
+/// On meshes with more fans only the first way is tried.
+const MAX_FANS_FOR_ALL_WAYS: usize = 40_000;
+
+/// The groups found in one way, and what they cost.
+fn grouped(
+    surface: &Surface<'_>,
+    shapes: &[FanShape],
+    mut items: Vec<Item>,
+    density: &NominalDensity<'_>,
+    limits: &GroupLimits,
+    (tolerance, normals_below): (f32, f32),
+) -> (f32, Grouping) {
+    let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below };
+    let lengths = partition(&mut items, &cutting);
     let mut connector = Connector::new(&surface.fans, shapes);
     let (order, lengths) = connector.connect(&items, &lengths, limits.facing);
     drop(items);
@@ -78,12 +116,23 @@ pub(crate) fn group_fans(
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
     let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
-    let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
-    patches = builder.join(patches, &joined);
-    builder.number_groups(&patches);
-    let laid = patches.iter().map(|patch| patch.laid(&builder.order)).collect();
-    Grouping { laid, fan_groups: builder.fan_groups }
+    for _ in 0..JOIN_ROUNDS {
+        let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
+        let before = patches.len();
+        patches = builder.join(patches, &joined);
+        builder.number_groups(&patches);
+        if patches.len() as f32 > 0.995 * before as f32 {
+            break;
+        }
+    }
+    builder.unfold_lone_fans(&mut patches);
+    let laid = patches.iter().map(|patch| patch.laid(&builder.order, density)).collect();
+    let cost = patches.iter().map(Patch::cost).sum();
+    (cost, Grouping { laid, fan_groups: builder.fan_groups })
 }
+
+/// Unions are chosen by summaries and then laid flat; so many times.
+const JOIN_ROUNDS: usize = 4;
 
 /// Runs of the order, `(start, length)`.
 struct Pieces(Vec<(u32, u32)>);
@@ -166,7 +215,7 @@ impl Builder<'_> {
         let membership = Membership { fan_groups: &self.fan_groups, group };
         let limits = FlatLimits {
             delta: self.limits.delta,
-            pad: 1.0 / density.max(f32::MIN_POSITIVE),
+            pad: pad(density),
             facing: facing_limit(self.limits.facing, steepest_fan),
         };
         let shape = &self.shapes[first];
@@ -198,33 +247,79 @@ impl Builder<'_> {
         self.unused_label = patches.len() as u32;
     }
 
-    /// Brings the fans of joined patches together and lays the unions flat; `joined` names each patch's union by one of its
-    /// members.
+    /// Brings the fans of joined patches together and lays the unions flat; those that cannot be, or cost more than their members, are
+    /// undone. `joined` names each patch's union by one of its members.
     fn join(&mut self, patches: Vec<Patch>, joined: &[u32]) -> Vec<Patch> {
         let mut members: Vec<(u32, u32)> = joined.iter().copied().zip(0..).collect();
         members.sort_unstable();
         let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         unions.sort_unstable_by_key(|union| union[0].1);
         let mut order = Vec::with_capacity(self.order.len());
-        let mut kept = Vec::new();
-        let mut pieces = Vec::new();
-        for union in unions {
-            let start = order.len() as u32;
-            for &(_, p) in union {
+        let mut starts = Vec::with_capacity(unions.len());
+        for union in &unions {
+            starts.push(order.len() as u32);
+            for &(_, p) in *union {
                 order.extend_from_slice(patches[p as usize].fans(&self.order));
-            }
-            if let &[(_, p)] = union {
-                kept.push(Patch { start, ..patches[p as usize].clone() });
-            } else {
-                pieces.push((start, order.len() as u32 - start));
             }
         }
         self.order = order;
-        kept.extend(self.flatten(Pieces(pieces)));
-        kept.sort_unstable_by_key(|p| p.start);
+        let ends = starts.iter().copied().skip(1).chain([self.order.len() as u32]);
+        let runs: Vec<(u32, u32)> = starts.iter().copied().zip(ends).collect();
+        for (&(start, end), label) in runs.iter().zip(self.unused_label..) {
+            for &fan in &self.order[start as usize..end as usize] {
+                self.fan_groups[fan as usize] = label;
+            }
+        }
+        let first_label = self.unused_label;
+        self.unused_label += runs.len() as u32;
+        let laid: Vec<Option<Patch>> = (0..runs.len())
+            .into_par_iter()
+            .map_init(Flattener::default, |flattener, i| {
+                if unions[i].len() < 2 {
+                    return None;
+                }
+                let (start, end) = runs[i];
+                let union = self.flatten_piece(start, end - start, first_label + i as u32, flattener)?;
+                let apart: f32 = unions[i].iter().map(|&(_, p)| patches[p as usize].cost()).sum();
+                (union.cost() < apart).then_some(union)
+            })
+            .collect();
+        let mut kept = Vec::with_capacity(patches.len());
+        for ((union, laid), &(mut start, _)) in unions.iter().zip(laid).zip(&runs) {
+            match laid {
+                Some(patch) => kept.push(patch),
+                None => {
+                    for &(_, p) in *union {
+                        let patch = &patches[p as usize];
+                        kept.push(Patch { start, ..patch.clone() });
+                        start += patch.length;
+                    }
+                }
+            }
+        }
         kept
     }
+
+    /// Unfolds fans that are alone in their group where that costs less than projecting them.
+    fn unfold_lone_fans(&self, patches: &mut [Patch]) {
+        patches.par_iter_mut().filter(|p| p.length == 1 && p.layout == Layout::Projected).for_each_init(
+            Flattener::default,
+            |flattener, patch| {
+                let fan = patch.fans(&self.order)[0];
+                let limits = FlatLimits { delta: self.limits.delta, pad: pad(patch.density), facing: 0.0 };
+                let cone = self.shapes[fan as usize].cone;
+                let Some(flat) = flattener.unfold(self.surface, fan, cone, &limits) else { return };
+                let unfolded = Patch { flat, layout: Layout::Unfolded, ..patch.clone() };
+                if unfolded.cost() < UNFOLDED_WORTH * patch.cost() {
+                    *patch = unfolded;
+                }
+            },
+        );
+    }
 }
+
+/// Unfolding must make a fan's tile cheaper by this factor: its coordinates are stored per corner.
+const UNFOLDED_WORTH: f32 = 0.97;
 
 /// The facing cosine that a group must keep: the one asked for, or somewhat less than what its steepest fan reaches alone.
 /// Without the latter no two corners of a box could share a tile.
@@ -304,7 +399,7 @@ impl Layer {
     fn lay(&mut self, surface: &Surface<'_>, fan: u32, density: f32, delta: f32) -> Laid {
         self.ring.gather(surface, fan as usize);
         let FanShape { layout, cone, folds, .. } = FanShape::of(&self.ring, surface, fan as usize);
-        let pad = 1.0 / density.max(f32::MIN_POSITIVE);
+        let pad = pad(density);
         let (x, y) = cone.axis.any_orthonormal_pair();
         let (rectangle, x_axis) = match layout {
             Layout::Projected => {
@@ -318,7 +413,8 @@ impl Layer {
             }
         };
         let frame = Frame { origin: self.ring.center, direction: cone.axis, x_axis };
-        Laid { frame, min: rectangle.min, size: rectangle.size, density, fan, layout, folds }
+        let (min, size, density) = (rectangle.min, rectangle.size, Vec2::splat(density));
+        Laid { frame, min, size, density, pad, fan, layout, folds }
     }
 
     /// The outline of the projected partial fan, counter-clockwise: see `outline_points`.

@@ -12,6 +12,7 @@
 
 mod build;
 mod cone;
+mod cost;
 mod cover;
 mod fan_shape;
 mod flatten;

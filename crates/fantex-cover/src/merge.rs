@@ -1,9 +1,9 @@
-//! Small groups join a neighbour where one tile costs fewer texels than two.
+//! Groups join a neighbour where one tile costs less than two (see [`cost`](crate::cost)).
 //!
 //! Unions are judged by summaries (a cone that holds both normal cones, the convex outlines of both), which costs about a
-//! microsecond each. In every round each small group proposes its cheapest union, in parallel; proposals are taken in order
-//! of the texels they save, each group at most once, so the result does not depend on the number of threads. What was
-//! joined is laid flat exactly afterwards, and halved again where the summary promised too much.
+//! microsecond each. In every round each group proposes the union that saves most, in parallel; proposals are taken in order
+//! of what they save, each group at most once, so the result does not depend on the number of threads. What was
+//! joined is laid flat exactly afterwards, and undone where the summary promised too much.
 
 use std::sync::LazyLock;
 
@@ -11,21 +11,16 @@ use fantex_mesh::{Fans, unit_vector};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::build::side_texels;
+use crate::cost;
 use crate::fan_shape::Layout;
+use crate::flatten::Flat;
 use crate::groups::{Patch, facing_limit};
 use crate::rectangle::FourBounds;
-
-/// Groups with a tile smaller than this share of the target tile look for a partner.
-const SMALL: f32 = 0.6;
-
-/// A union may exceed the target extent by this factor.
-const STRETCHED_TARGET: f32 = 1.25;
 
 /// Neighbours tried per group, by the length of the common border.
 const CANDIDATES: usize = 6;
 
-const ROUNDS: usize = 12;
+const ROUNDS: usize = 4;
 
 /// When two groups may share a tile.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +35,13 @@ struct Summary {
     cone: WideCone,
     /// Points on the convex outline, mesh space.
     outline: Box<[Vec3]>,
+    /// Mean direction, by area.
+    direction: Vec3,
+    /// Area in nominal texels.
     texels: f32,
+    /// Error per area.
+    error: f32,
+    cost: f32,
     density: f32,
     fans: u32,
     steepest_fan: f32,
@@ -49,7 +50,7 @@ struct Summary {
 
 #[derive(Clone, Copy, Debug)]
 struct Proposal {
-    saved_texels: f32,
+    saved: f32,
     small: u32,
     partner: u32,
 }
@@ -75,9 +76,7 @@ pub(crate) fn choose_unions(
         if proposals.is_empty() {
             break;
         }
-        proposals.par_sort_unstable_by(|a, b| {
-            b.saved_texels.total_cmp(&a.saved_texels).then(a.small.cmp(&b.small))
-        });
+        proposals.par_sort_unstable_by(|a, b| b.saved.total_cmp(&a.saved).then(a.small.cmp(&b.small)));
         let taken = merger.accept(&proposals);
         let is_stale = |p: &Proposal| taken[p.small as usize] || taken[p.partner as usize];
         changed = proposals.iter().filter(|p| is_stale(p)).map(|p| merger.joined[p.small as usize]).collect();
@@ -102,17 +101,16 @@ impl Merger {
     /// The union of a small group with a neighbour that saves most texels.
     fn propose(&self, small: u32) -> Option<Proposal> {
         let summary = self.summaries[small as usize].as_ref()?;
-        let target = self.limits.extent_texels * self.limits.extent_texels;
-        if summary.texels > SMALL * target || !summary.mergeable {
+        if !summary.mergeable {
             return None;
         }
         let mut best: Option<Proposal> = None;
         for partner in self.longest_borders(small) {
             let Some(other) = self.summaries[partner as usize].as_ref() else { continue };
-            let Some(texels) = summary.union_texels(other, &self.limits) else { continue };
-            let saved_texels = summary.texels + other.texels - texels;
-            if saved_texels > 0.0 && best.is_none_or(|b| saved_texels > b.saved_texels) {
-                best = Some(Proposal { saved_texels, small, partner });
+            let Some(cost) = summary.union_cost(other, &self.limits) else { continue };
+            let saved = summary.cost + other.cost - cost;
+            if saved > 0.0 && best.is_none_or(|b| saved > b.saved) {
+                best = Some(Proposal { saved, small, partner });
             }
         }
         best
@@ -165,14 +163,17 @@ impl Merger {
 
 impl Summary {
     fn of(patch: &Patch) -> Self {
-        let texels = patch.flat.size * patch.density;
+        let Flat { frame, size, cos, distortion, outline, .. } = &patch.flat;
+        let squared = patch.density * patch.density;
+        let texels = distortion.area() * squared;
+        let error = distortion.error(Vec2::ONE) * squared;
         Self {
-            cone: WideCone {
-                axis: patch.flat.frame.direction,
-                half_angle: libm::acosf(patch.flat.cos.clamp(-1.0, 1.0)),
-            },
-            outline: patch.flat.outline.clone(),
-            texels: tile_texels(texels),
+            cone: WideCone { axis: frame.direction, half_angle: libm::acosf(cos.clamp(-1.0, 1.0)) },
+            outline: outline.clone(),
+            direction: frame.direction,
+            texels,
+            error: if texels > 0.0 { error / texels } else { 1.0 },
+            cost: cost::cost(error, size * patch.density),
             density: patch.density,
             fans: patch.length,
             steepest_fan: patch.steepest_fan,
@@ -180,8 +181,8 @@ impl Summary {
         }
     }
 
-    /// Texels of the tile of a union, if it may be.
-    fn union_texels(&self, other: &Summary, limits: &MergeLimits) -> Option<f32> {
+    /// The cost of a union, if it may be.
+    fn union_cost(&self, other: &Summary, limits: &MergeLimits) -> Option<f32> {
         if !other.mergeable {
             return None;
         }
@@ -191,21 +192,38 @@ impl Summary {
         {
             return None;
         }
-        let texels = bounding_size(self.planar_outline(other, cone.axis)) * self.union_density(other);
-        let fits = texels.max_element() <= limits.extent_texels * STRETCHED_TARGET;
-        fits.then(|| tile_texels(texels))
+        let (direction, error) = self.union_error(other)?;
+        if libm::cbrtf(error) * libm::cbrtf((self.texels + other.texels).powi(2)) >= self.cost + other.cost {
+            return None;
+        }
+        let size = bounding_size(self.planar_outline(other, direction)) * self.union_density(other);
+        (size.max_element() <= limits.extent_texels).then(|| cost::cost(error, size))
+    }
+
+    /// The direction and the error of a union.
+    fn union_error(&self, other: &Summary) -> Option<(Vec3, f32)> {
+        let facets = [(self.direction, self.texels), (other.direction, other.texels)].into_iter();
+        let mean = self.direction * self.texels + other.direction * other.texels;
+        let direction = cost::direction(facets, mean.try_normalize()?);
+        let error = |part: &Summary| part.texels * part.error * cost::error_at(part.direction.dot(direction));
+        Some((direction, error(self) + error(other)))
     }
 
     fn union(&self, other: &Summary) -> Option<Summary> {
         let cone = self.cone.union(other.cone)?;
         let density = self.union_density(other);
-        let planar: Vec<Vec2> = self.planar_outline(other, cone.axis).collect();
-        let texels = tile_texels(bounding_size(planar.iter().copied()) * density);
+        let (direction, error) = self.union_error(other)?;
+        let planar: Vec<Vec2> = self.planar_outline(other, direction).collect();
+        let cost = cost::cost(error, bounding_size(planar.iter().copied()) * density);
         let spatial: Vec<Vec3> = self.outline.iter().chain(&other.outline).copied().collect();
+        let texels = self.texels + other.texels;
         Some(Summary {
             cone,
             outline: extreme_points(&planar).map(|i| spatial[i]).collect(),
+            direction,
             texels,
+            error: error / texels.max(f32::MIN_POSITIVE),
+            cost,
             density,
             fans: self.fans + other.fans,
             steepest_fan: self.steepest_fan.min(other.steepest_fan),
@@ -226,10 +244,6 @@ impl Summary {
         let (x, y) = direction.any_orthonormal_pair();
         self.outline.iter().chain(&other.outline).map(move |p| Vec2::new(p.dot(x), p.dot(y)))
     }
-}
-
-fn tile_texels(size: Vec2) -> f32 {
-    side_texels(size.x) as f32 * side_texels(size.y) as f32
 }
 
 /// The size of the smallest bounding rectangle among eight rotations.

@@ -1,67 +1,109 @@
-//! Top-down partition of the fans into patches of about one tile's extent and coherent normals.
+//! Top-down partition of the fans into patches that cost as little as possible.
 //!
-//! Like a surface-area kd-tree builder, but planes are chosen for tiles: where normals agree, a set is cut across its longer
-//! side in its own projection plane, at a multiple of the target extent, so that patches come out as nearly square cells that
-//! fill their bounding rectangles. Where normals disagree, a set much larger than a tile is cut in space, a small one between
-//! its two bundles of normals. Every cut permutes one array in place; the order of the result follows the cuts and is
-//! therefore a space-filling curve over the surface.
+//! A set of fans is cut by a plane in space or between its normals: across the sides of its own rectangle and along the
+//! direction in which its normals differ most, at the place where the two parts promise the least [`cost`](crate::cost). Then both
+//! parts are cut further, and what they cost in the end decides whether the cut stays: as in a decision tree (L. Breiman and
+//! others, "Classification and Regression Trees", 1984), which is grown fully and pruned from the leaves. Every cut permutes one
+//! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
-use fantex_mesh::{Fans, unit_vector};
-use glam::{Mat3, Vec3};
+use fantex_mesh::Fans;
+use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::cone::Cone;
-use crate::fan_shape::{FanShape, Layout};
+use crate::cost;
+use crate::fan_shape::{FanShape, Layout, Reach};
+use crate::rectangle::{Rectangle, RectangleFinder};
 
 /// One fan, as the partition sees it. Mesh space.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     pub(crate) position: Vec3,
-    /// Best direction of the fan.
+    /// Mean normal of the fan.
     pub(crate) axis: Vec3,
+    /// How far the partial fan reaches from its centre.
+    pub(crate) reach: Reach,
     /// A third of the area of the fan's triangles.
     pub(crate) area: f32,
     /// Nominal texels per mesh unit here.
     pub(crate) density: f32,
+    /// The fan's error per area, seen along its own direction.
+    pub(crate) error: f32,
     pub(crate) fan: u32,
-}
-
-/// When a set of fans is a patch.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PatchLimits {
-    /// Longest side in texels.
-    pub(crate) extent_texels: f32,
-    /// Smallest cosine between the patch's direction and a fan's.
-    pub(crate) facing: f32,
 }
 
 /// Sets larger than this are split on two threads.
 const PARALLEL_FROM: usize = 8192;
 
-/// A set longer than this many tiles is cut in space, whatever its normals.
-const SPATIAL_CUT_FROM: f32 = 3.0;
+/// So many fans of a set are looked at, evenly spaced.
+const SAMPLES: usize = 2048;
 
-/// Below this ratio of the summed to the absolute normals a set has no plane of its own.
-const COHERENT: f32 = 0.75;
+/// Below this ratio of the summed to the absolute normals a set has no direction of its own.
+const COHERENT: f32 = 0.7;
+
+/// Patches of fewer texels are not cut.
+const MIN_TEXELS: f32 = 64.0;
+
+/// A set that costs at most so much per texel is not cut.
+const GOOD: f32 = 1.04;
+
+/// How sets are cut.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cutting {
+    /// Longest side of a patch in texels.
+    pub(crate) extent_texels: f32,
+    /// A cut stays if its parts cost at most this many times as much as the whole. More than one is worth while, because small patches
+    /// can be joined afterwards, and large ones are never cut again.
+    pub(crate) tolerance: f32,
+    /// Sets without a direction of their own that are longer, in texels, are cut in the middle.
+    pub(crate) normals_below: f32,
+}
+
+/// What the most lopsided cut costs more than one in the middle.
+const LOPSIDED: f32 = 0.04;
+
+/// Places tried per direction of a cut.
+const BINS: usize = 16;
 
 /// Permutes the items so that patches are contiguous; returns their lengths in order.
-pub(crate) fn partition(items: &mut [Item], limits: &PatchLimits) -> Vec<u32> {
-    let Some(cut) = Summary::of(items).cut(items, limits) else {
-        return vec![items.len() as u32];
-    };
+pub(crate) fn partition(items: &mut [Item], cutting: &Cutting) -> Vec<u32> {
+    divide(items, cutting, &mut Scratch::default()).1
+}
+
+/// Reused buffers.
+#[derive(Default)]
+struct Scratch {
+    rectangles: RectangleFinder,
+    points: Vec<Vec3>,
+}
+
+/// The patches' cost and lengths.
+fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32, Vec<u32>) {
+    let set = Set::of(items);
+    let tile = set.tile(items, cutting.extent_texels, scratch);
+    let whole = tile.as_ref().map_or(f32::INFINITY, |tile| tile.cost);
+    if items.len() < 2 || whole <= GOOD * set.texels || whole.is_finite() && set.texels < MIN_TEXELS {
+        return (whole, vec![items.len() as u32]);
+    }
+    let cut = set.cut(items, tile.as_ref(), cutting.normals_below);
     let middle = separate(items, |item| cut.key(item) < cut.threshold);
     let middle = if middle == 0 || middle == items.len() { halve(items, &cut) } else { middle };
     let (left, right) = items.split_at_mut(middle);
-    let (mut first, second) = if left.len() + right.len() >= PARALLEL_FROM {
-        rayon::join(|| partition(left, limits), || partition(right, limits))
+    let ((a, mut first), (b, second)) = if left.len() + right.len() >= PARALLEL_FROM {
+        let other = || divide(right, cutting, &mut Scratch::default());
+        rayon::join(|| divide(left, cutting, scratch), other)
     } else {
-        (partition(left, limits), partition(right, limits))
+        (divide(left, cutting, scratch), divide(right, cutting, scratch))
     };
+    if whole * cutting.tolerance <= a + b {
+        return (whole, vec![items.len() as u32]);
+    }
     first.extend(second);
-    first
+    (a + b, first)
 }
 
 /// A plane: items with a smaller key go left.
+#[derive(Clone, Copy)]
 struct Cut {
     direction: Vec3,
     by_normal: bool,
@@ -69,6 +111,7 @@ struct Cut {
 }
 
 impl Cut {
+    #[inline]
     fn key(&self, item: &Item) -> f32 {
         let v = if self.by_normal { item.axis } else { item.position };
         v.dot(self.direction)
@@ -97,126 +140,213 @@ fn halve(items: &mut [Item], cut: &Cut) -> usize {
     items.len() / 2
 }
 
-/// Moments of a set of items.
-#[derive(Clone, Copy, Default)]
-struct Summary {
+/// Evenly spaced items of a set.
+fn samples(items: &[Item]) -> impl Iterator<Item = &Item> + Clone {
+    items.iter().step_by(items.len().div_ceil(SAMPLES))
+}
+
+/// Sums over the samples of a set, as if they were all.
+struct Set {
+    area: f32,
+    /// Sum of the normals, by area.
+    axis: Vec3,
+    /// Texels per mesh unit.
+    density: f32,
+    texels: f32,
+    low: Vec3,
+    high: Vec3,
+    /// Items per sample.
+    times: f32,
+}
+
+/// A set as one patch.
+struct Tile {
+    direction: Vec3,
+    /// Along the sides of its rectangle.
+    sides: [Vec3; 2],
+    cost: f32,
+}
+
+impl Set {
+    fn of(items: &[Item]) -> Self {
+        let (mut area, mut axis, mut density, mut count) = (0.0, Vec3::ZERO, 0.0, 0);
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for item in samples(items) {
+            area += item.area;
+            axis += item.axis * item.area;
+            density += item.density * item.area;
+            low = low.min(item.position);
+            high = high.max(item.position);
+            count += 1;
+        }
+        let times = items.len() as f32 / count as f32;
+        let density = if area > 0.0 { density / area } else { items[0].density };
+        let texels = area * times * density * density;
+        Self { area: area * times, axis: axis * times, density, texels, low, high, times }
+    }
+
+    /// The set as one patch; `None` where it is too long or has no direction.
+    fn tile(&self, items: &[Item], extent_texels: f32, scratch: &mut Scratch) -> Option<Tile> {
+        let alone = items.len() == 1;
+        if !alone && self.axis.length() < COHERENT * self.area {
+            return None;
+        }
+        let facets = samples(items).map(|item| (item.axis, item.area));
+        let direction = cost::direction(facets, self.axis.try_normalize().unwrap_or(items[0].axis));
+        let (x, y) = direction.any_orthonormal_pair();
+        scratch.points.clear();
+        scratch.points.extend(samples(items).map(|i| Vec3::new(i.position.dot(x), i.position.dot(y), 0.0)));
+        let Rectangle { x_axis, .. } = scratch.rectangles.smallest(&mut scratch.points, 0.0);
+        let side = x * x_axis.x + y * x_axis.y;
+        let sides = [side, direction.cross(side)];
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for item in samples(items) {
+            let p = Vec2::new(item.position.dot(sides[0]), item.position.dot(sides[1]));
+            let reach = Vec2::from(sides.map(|side| item.reach.along(side)));
+            low = low.min(p - reach);
+            high = high.max(p + reach);
+        }
+        let size = (high - low) * self.density;
+        let error =
+            samples(items).map(|i| i.area * i.error * cost::error_at(i.axis.dot(direction))).sum::<f32>();
+        let error = error * self.times * self.density * self.density;
+        let fits = alone || size.max_element() <= extent_texels;
+        let cost = if fits { cost::cost(error, size) } else { f32::INFINITY };
+        Some(Tile { direction, sides, cost })
+    }
+
+    /// The plane whose two sides promise to cost least.
+    fn cut(&self, items: &[Item], tile: Option<&Tile>, normals_below: f32) -> Cut {
+        let mut best: Option<(f32, Cut)> = None;
+        let mut consider = |direction: Vec3, by_normal: bool| {
+            let cut = Cut { direction, by_normal, threshold: 0.0 };
+            if let Some((cost, threshold)) = self.sweep(items, cut, tile)
+                && best.is_none_or(|(least, _)| cost < least)
+            {
+                best = Some((cost, Cut { threshold, ..cut }));
+            }
+        };
+        let longest = (self.high - self.low).max_element() * self.density;
+        match tile {
+            Some(tile) => {
+                tile.sides.iter().for_each(|&side| consider(side, false));
+                if tile.cost.is_finite() {
+                    consider(self.normals_axis(items), true);
+                }
+            }
+            None if longest < normals_below => {
+                Vec3::AXES.iter().for_each(|&side| consider(side, false));
+                consider(self.normals_axis(items), true);
+            }
+            None => {}
+        }
+        let widest = || {
+            let mut direction = Vec3::ZERO;
+            let axis = (self.high - self.low).max_position();
+            direction[axis] = 1.0;
+            Cut { direction, by_normal: false, threshold: 0.5 * (self.low[axis] + self.high[axis]) }
+        };
+        best.map_or_else(widest, |(_, cut)| cut)
+    }
+
+    /// The best of evenly spaced places of a cut, with what both sides promise to cost.
+    fn sweep(&self, items: &[Item], cut: Cut, tile: Option<&Tile>) -> Option<(f32, f32)> {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for item in samples(items) {
+            let key = cut.key(item);
+            low = low.min(key);
+            high = high.max(key);
+        }
+        let scale = BINS as f32 / (high - low);
+        if !scale.is_finite() {
+            return None;
+        }
+        let axes = tile.map_or(Vec3::AXES, |t| [t.sides[0], t.sides[1], t.direction]);
+        let mut bins = [Bin::default(); BINS];
+        for item in samples(items) {
+            let bin = (((cut.key(item) - low) * scale) as usize).min(BINS - 1);
+            bins[bin].add(item, &axes);
+        }
+        let mut right = [Bin::default(); BINS];
+        let mut sum = Bin::default();
+        for i in (1..BINS).rev() {
+            sum.merge(&bins[i]);
+            right[i] = sum;
+        }
+        let mut left = Bin::default();
+        let mut best: Option<(f32, f32)> = None;
+        for i in 1..BINS {
+            left.merge(&bins[i - 1]);
+            if left.area <= 0.0 || right[i].area <= 0.0 {
+                continue;
+            }
+            let lopsided = (2.0 * i as f32 / BINS as f32 - 1.0).abs();
+            let cost = (left.cost(self) + right[i].cost(self)) * (1.0 + LOPSIDED * lopsided);
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, low + i as f32 / scale));
+            }
+        }
+        best
+    }
+
+    /// The direction in which the normals vary most.
+    fn normals_axis(&self, items: &[Item]) -> Vec3 {
+        let mean = self.axis / self.area.max(f32::MIN_POSITIVE);
+        let mut covariance = Mat3::ZERO;
+        for item in samples(items) {
+            let d = item.axis - mean;
+            covariance += Mat3::from_cols(d * d.x, d * d.y, d * d.z) * item.area;
+        }
+        principal_axis(covariance)
+    }
+}
+
+/// What lies between two planes.
+#[derive(Clone, Copy)]
+struct Bin {
     area: f32,
     axis: Vec3,
-    density: f32,
-    position: Vec3,
-    largest: f32,
+    /// Along the sides and the direction of the tile, or along the axes.
     low: Vec3,
     high: Vec3,
 }
 
-impl Summary {
-    fn of(items: &[Item]) -> Self {
-        let mut s = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, ..Self::default() };
-        // Partial sums of fixed length keep single precision accurate, and the same on any number of threads.
-        for chunk in items.chunks(512) {
-            let mut c = Self::default();
-            for item in chunk {
-                c.area += item.area;
-                c.axis += item.axis * item.area;
-                c.density += item.density * item.area;
-                c.position += item.position;
-                s.low = s.low.min(item.position);
-                s.high = s.high.max(item.position);
-                s.largest = s.largest.max(item.area);
-            }
-            s.area += c.area;
-            s.axis += c.axis;
-            s.density += c.density;
-            s.position += c.position;
-        }
-        s.position /= items.len() as f32;
-        s
+impl Default for Bin {
+    fn default() -> Self {
+        Self { area: 0.0, axis: Vec3::ZERO, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }
+    }
+}
+
+impl Bin {
+    #[inline]
+    fn add(&mut self, item: &Item, axes: &[Vec3; 3]) {
+        let coordinates = |v: Vec3| Vec3::from(axes.map(|axis| v.dot(axis)));
+        self.area += item.area;
+        self.axis += coordinates(item.axis) * item.area;
+        let (p, reach) = (coordinates(item.position), Vec3::from(axes.map(|axis| item.reach.along(axis))));
+        self.low = self.low.min(p - reach);
+        self.high = self.high.max(p + reach);
     }
 
-    /// The plane to cut at, or `None` for a patch.
-    fn cut(&self, items: &[Item], limits: &PatchLimits) -> Option<Cut> {
-        if items.len() < 2 {
-            return None;
-        }
-        let density = self.density / self.area.max(f32::MIN_POSITIVE);
-        let target = limits.extent_texels / density.max(f32::MIN_POSITIVE);
-        let size = self.high - self.low;
-        if size.max_element() > 2.0 * SPATIAL_CUT_FROM * target && items.len() > 256 {
-            return Some(self.cut_box(size));
-        }
-        let coherent = self.axis.length() > COHERENT * self.area;
-        let direction = self.axis.normalize_or_zero();
-        if coherent {
-            let facing = items.iter().map(|i| i.axis.dot(direction)).fold(f32::INFINITY, f32::min);
-            let (long_axis, side) = self.long_side(items, direction);
-            // Partial fans reach beyond their centres by about half an edge.
-            let reach = 1.15 * (self.area / items.len() as f32).sqrt();
-            let length = side.1 - side.0 + reach;
-            if length > target && (facing >= limits.facing || length > SPATIAL_CUT_FROM * target) {
-                let cells = (length / target).ceil();
-                let threshold = side.0 + (side.1 - side.0) * (cells * 0.5).floor() / cells;
-                return Some(Cut { direction: long_axis, by_normal: false, threshold });
-            }
-            if facing >= limits.facing {
-                return None;
-            }
-        } else if size.max_element() > SPATIAL_CUT_FROM * target {
-            return Some(self.cut_box(size));
-        }
-        Some(self.cut_normals(items))
+    #[inline]
+    fn merge(&mut self, other: &Self) {
+        self.area += other.area;
+        self.axis += other.axis;
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
     }
 
-    /// Across the longest side of the bounding box, at the centroid.
-    fn cut_box(&self, size: Vec3) -> Cut {
-        let axis = size.max_position();
-        let mut direction = Vec3::ZERO;
-        direction[axis] = 1.0;
-        Cut { direction, by_normal: false, threshold: self.position[axis] }
-    }
-
-    /// The principal axis of the positions in the plane orthogonal to `direction`, or the perpendicular one if the set is
-    /// longer along it, with the range of the positions.
-    fn long_side(&self, items: &[Item], direction: Vec3) -> (Vec3, (f32, f32)) {
-        let (x_axis, y_axis) = direction.any_orthonormal_pair();
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for item in items {
-            let p = item.position - self.position;
-            let (x, y) = (p.dot(x_axis), p.dot(y_axis));
-            xx += x * x;
-            xy += x * y;
-            yy += y * y;
-        }
-        let turn = unit_vector(0.5 * libm::atan2f(2.0 * xy, xx - yy));
-        let u = x_axis * turn.x + y_axis * turn.y;
-        let v = direction.cross(u);
-        let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-        for item in items {
-            for (k, axis) in [u, v].into_iter().enumerate() {
-                let x = item.position.dot(axis);
-                low[k] = low[k].min(x);
-                high[k] = high[k].max(x);
-            }
-        }
-        let k = usize::from(high[1] - low[1] > high[0] - low[0]);
-        ([u, v][k], (low[k], high[k]))
-    }
-
-    /// Between the two bundles of normals: across the direction of greatest variance.
-    fn cut_normals(&self, items: &[Item]) -> Cut {
-        let mean = self.axis / self.area.max(f32::MIN_POSITIVE);
-        let mut covariance = Mat3::ZERO;
-        for item in items {
-            let d = item.axis - mean;
-            covariance += Mat3::from_cols(d * d.x, d * d.y, d * d.z) * item.area;
-        }
-        let direction = principal_axis(covariance);
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for item in items {
-            let x = item.axis.dot(direction);
-            low = low.min(x);
-            high = high.max(x);
-        }
-        Cut { direction, by_normal: true, threshold: 0.5 * (low + high) }
+    /// An estimate. Normals spread evenly over a cap whose mean has the length `m` have an error of about `m^-5` per area.
+    fn cost(&self, set: &Set) -> f32 {
+        let length = self.axis.length() / self.area.max(f32::MIN_POSITIVE);
+        let mean = length.max(0.05);
+        let area = self.area * set.times * set.density * set.density;
+        let error = area / (mean * mean * mean * mean * mean);
+        // The box as it is seen along the mean normal.
+        let size = (self.high - self.low) * set.density;
+        let sides = Vec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
+        let seen = sides.dot(self.axis.abs()) / self.axis.length().max(f32::MIN_POSITIVE);
+        cost::cost(error, Vec2::splat(seen.max(0.0).sqrt()))
     }
 }
 

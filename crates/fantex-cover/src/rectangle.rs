@@ -20,6 +20,12 @@ pub(crate) struct Rectangle {
 impl Rectangle {
     /// Nothing but the origin.
     pub(crate) const POINT: Self = Self { x_axis: Vec2::X, min: Vec2::ZERO, size: Vec2::ZERO };
+
+    /// A point's coordinates along the rectangle's axes.
+    #[inline]
+    pub(crate) fn turned(&self, p: Vec2) -> Vec2 {
+        Vec2::new(p.dot(self.x_axis), self.x_axis.perp_dot(p))
+    }
 }
 
 /// Buffers that are reused between calls.

@@ -37,6 +37,17 @@ pub struct CoverStats {
     /// Texels that lie on the surface (each point counted once), divided by those that the tiles hold: 1 would be a texture
     /// without margins, gaps, overlaps and foreshortening, and so at the ideal density.
     pub density_share: f64,
+    /// The same where each triangle counts with the density along the direction in which its texels lie least dense.
+    pub worst_share: f64,
+    /// Share of the tiles' texels in their rectangles beside the surface: neither read nor margin.
+    pub gap_share: f64,
+    /// Share of the tiles' texels in the half texel along the sides that filters read.
+    pub margin_share: f64,
+    /// Share of the tiles' texels that repeat others in the blend bands.
+    pub overlap_share: f64,
+    /// What the cover costs, in decibels of the error of smooth detail, beside a texture of as many texels without gaps and
+    /// foreshortening: the mean squared error of interpolation grows with the fourth power of a texel's length.
+    pub loss_db: f64,
     /// Mean number of tiles that the texture function reads at a point of the surface.
     pub lookups_per_sample: f64,
     /// Texel density along the direction in which a triangle's texels are most stretched, divided by the nominal density:
@@ -72,7 +83,16 @@ impl CoverStats {
         let mut sum = Part::default();
         parts.iter().for_each(|p| sum.add(p));
         let whole_area = surface.total(|_| 1.0);
-        self.density_share = sum.surface_texels / sum.area * whole_area / self.texels as f64;
+        let share = |texels: f64| texels / sum.area * whole_area / self.texels as f64;
+        let inside = |extent: [u32; 2]| extent.map(|n| f64::from(n) - 1.0).iter().product::<f64>();
+        let inner: f64 = cover.groups.iter().map(|group| inside(group.extent)).sum();
+        self.density_share = share(sum.surface_texels);
+        self.worst_share = share(sum.worst_texels);
+        self.overlap_share = share(sum.read_texels) - self.density_share;
+        let ideal = self.texels as f64 / whole_area;
+        self.loss_db = 10.0 * (sum.error / sum.area * ideal * ideal).log10();
+        self.margin_share = 1.0 - inner / self.texels as f64;
+        self.gap_share = 1.0 - self.density_share - self.overlap_share - self.margin_share;
         self.lookups_per_sample = sum.lookups / sum.area;
         self.stretch = sum.stretch.percentiles();
         self.density_spread = sum.spread.percentiles();
@@ -89,6 +109,9 @@ const SAMPLED_CHUNKS: usize = 256;
 struct Part {
     area: f64,
     surface_texels: f64,
+    worst_texels: f64,
+    read_texels: f64,
+    error: f64,
     lookups: f64,
     stretch: Histogram,
     spread: Histogram,
@@ -114,7 +137,12 @@ impl Part {
             for slot in 0..slots {
                 let values = |plane: &Plane| singular_values(plane, surface.mesh, cover, t, slot);
                 let [large, small] = plane.as_ref().map_or([0.0; 2], values);
-                part.surface_texels += f64::from(large * small) * weight;
+                let texels = f64::from(large * small);
+                part.surface_texels += texels * weight;
+                part.worst_texels += f64::from(small * small) * weight;
+                let fourth = |length: f32| f64::from(length).powi(4).max(f64::MIN_POSITIVE);
+                part.error += weight * 0.5 * (1.0 / fourth(large) + 1.0 / fourth(small));
+                part.read_texels += texels * a * region_share(groups, slot, f64::from(cover.delta));
                 part.stretch.add(small / density, weight);
                 part.spread.add(large * small / (density * density), weight);
             }
@@ -125,6 +153,9 @@ impl Part {
     fn add(&mut self, other: &Part) {
         self.area += other.area;
         self.surface_texels += other.surface_texels;
+        self.worst_texels += other.worst_texels;
+        self.read_texels += other.read_texels;
+        self.error += other.error;
         self.lookups += other.lookups;
         self.stretch.merge(&other.stretch);
         self.spread.merge(&other.spread);
@@ -138,6 +169,16 @@ fn expected_lookups([a, b, c]: [u32; 3], delta: f64) -> f64 {
         (true, true, _) => 1.0,
         (false, false, false) => (1.0 + delta) * (1.0 + delta),
         _ => 1.0 + 4.0 / 3.0 * delta,
+    }
+}
+
+/// The share of a triangle's area in which the group of a corner has a positive weight, divided among that group's corners,
+/// except where all have one group: then the first stands for all.
+fn region_share(groups: [u32; 3], slot: usize, delta: f64) -> f64 {
+    match groups.iter().filter(|&&group| group == groups[slot]).count() {
+        1 => (1.0 + delta) * (1.0 + delta) / 3.0,
+        2 => 0.5 - (1.0 - delta) * (1.0 - delta) / 6.0,
+        _ => 1.0,
     }
 }
 

@@ -102,6 +102,8 @@ pub(crate) struct Ring {
     pub(crate) spokes: Vec<Vec3>,
     /// Unit normals of the triangles, on the fan's front side.
     pub(crate) normals: Vec<Vec3>,
+    /// Their areas.
+    pub(crate) areas: Vec<f32>,
     /// Sum of the triangles' areas.
     pub(crate) area: f32,
 }
@@ -114,12 +116,14 @@ impl Ring {
         self.closed = surface.fans.is_closed(fan);
         self.spokes.clear();
         self.normals.clear();
+        self.areas.clear();
         self.area = 0.0;
         for &corner in corners {
             let vertex = surface.mesh.triangles[corner.triangle()][corner.slots()[1]];
             self.spokes.push(surface.mesh.positions[vertex as usize] - self.center);
             let (normal, area) = surface.fan_facet(corner);
             self.normals.push(normal);
+            self.areas.push(area);
             self.area += area;
         }
         let last = match corners.last() {

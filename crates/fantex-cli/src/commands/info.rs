@@ -51,7 +51,7 @@ pub(crate) struct CoverArgs {
     /// Texels per world unit of length, everywhere
     #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) density: Option<f64>,
-    /// Target extent of a tile in texels; 0 gives every fan its own tile [default: 128]
+    /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile [default: 1024]
     #[arg(long, value_name = "N")]
     pub(crate) tile: Option<u32>,
 }
@@ -134,6 +134,11 @@ struct ModelInfo {
     /// Where a number was asked for. Many small tiles may hold more.
     texels_asked: Option<u64>,
     density_share: f64,
+    worst_share: f64,
+    gap_share: f64,
+    margin_share: f64,
+    overlap_share: f64,
+    loss_db: f64,
     texels_per_ideal_texel: f64,
     lookups_per_sample: f64,
     stretch: Stretch,
@@ -209,6 +214,11 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         groups,
         texels,
         density_share,
+        worst_share,
+        gap_share,
+        margin_share,
+        overlap_share,
+        loss_db,
         lookups_per_sample,
         stretch,
         density_spread,
@@ -247,6 +257,11 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         texels,
         texels_asked,
         density_share,
+        worst_share,
+        gap_share,
+        margin_share,
+        overlap_share,
+        loss_db,
         texels_per_ideal_texel: 1.0 / density_share,
         lookups_per_sample,
         stretch: stretch.into(),
@@ -312,10 +327,15 @@ fn model_text(info: &ModelInfo, path: &Path) -> String {
         .row("  projected", grouped(info.fans_projected))
         .row("  unfolded", grouped(info.fans_unfolded))
         .row("  split", grouped(info.fans_split))
-        .row("  still folding", grouped(info.fans_folding))
+        .row("  seen from no side", grouped(info.fans_folding))
         .row("groups = tiles", grouped(info.groups))
         .row("texels", grouped(info.texels))
         .row("share of ideal density", format!("{:.3}", info.density_share))
+        .row("  in the worst direction", format!("{:.3}", info.worst_share))
+        .row("texels in gaps", format!("{:.3}", info.gap_share))
+        .row("  in margins", format!("{:.3}", info.margin_share))
+        .row("  read twice", format!("{:.3}", info.overlap_share))
+        .row("loss beside ideal texels", format!("{:.2} dB", info.loss_db))
         .row("texels per ideal texel", format!("{:.3}", info.texels_per_ideal_texel))
         .row("look-ups per sample", format!("{:.3}", info.lookups_per_sample))
         .row("stretch, 1 % / median / 99 %", share(&info.stretch))

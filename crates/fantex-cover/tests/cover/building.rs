@@ -52,7 +52,8 @@ fn a_budget_below_the_smallest_tiles_gives_the_smallest_tiles() {
     assert!(cover.groups.iter().all(|g| g.extent == [4, 4]));
 }
 
-/// Rounding a tile's sides costs at most 6 % of the nominal density, and gives at most four texels per side.
+/// Rounding a tile's sides costs at most 6 % of the nominal density, and gives at most four texels per side. Groups get more, because what
+/// they are seen at a slant is made up for, and not the same along both sides.
 #[test]
 fn densities_stay_near_the_nominal() {
     for (name, mesh) in generated() {
@@ -60,15 +61,22 @@ fn densities_stay_near_the_nominal() {
             let cover = built(&mesh, tile, TexelBudget::Density(density));
             assert_eq!(cover.density, density as f32);
             for group in cover.groups {
-                for (scale, extent) in group.uv_scale.to_array().into_iter().zip(group.extent) {
-                    let ratio = f64::from(scale) * f64::from(extent) / density;
-                    let texels = f64::from(extent);
-                    let most = if extent == 4 { 6.0 } else { (texels - 1.0) / (texels - 5.0) };
-                    let most = if extent > 1000 { 1.02 } else { most };
-                    assert!(
-                        ratio > 0.94 - 1e-4 && ratio < most + 1e-3,
-                        "{name}, tile {tile}: {ratio} at {extent}"
-                    );
+                let sides = group.uv_scale.to_array().into_iter().zip(group.extent);
+                let ratios: Vec<(f64, f64)> = sides
+                    .map(|(scale, extent)| {
+                        let texels = f64::from(extent);
+                        let most = if extent == 4 { 6.0 } else { (texels - 1.0) / (texels - 5.0) };
+                        let most = if extent > 1000 { 1.02 } else { most };
+                        (f64::from(scale) * texels / density, most + 1e-3)
+                    })
+                    .collect();
+                if tile == 0 {
+                    let good = ratios.iter().all(|&(ratio, most)| ratio > 0.94 - 1e-4 && ratio < most);
+                    assert!(good, "{name}: {ratios:?}");
+                } else {
+                    let both = (ratios[0].0 * ratios[1].0).sqrt();
+                    let most = (ratios[0].1 * ratios[1].1).sqrt();
+                    assert!(both > 0.94 - 1e-4 && both < 4.0 * most, "{name}, tile {tile}: {ratios:?}");
                 }
             }
         }
@@ -245,8 +253,8 @@ fn tiles_that_no_format_holds_are_refused() {
 #[test]
 fn odd_limits_still_give_covers() {
     let mesh = cleaned(generate::torus(12, 8));
-    for (facing, patch_facing) in [(2.0, 0.85), (-1.0, -1.0), (0.999, 2.0), (f32::NAN, f32::NAN)] {
-        let options = CoverOptions { facing, patch_facing, ..options(64, TexelBudget::Total(100_000)) };
+    for facing in [2.0, -1.0, 0.999, f32::NAN] {
+        let options = CoverOptions { facing, ..options(64, TexelBudget::Total(100_000)) };
         covered("torus", &mesh, &options);
     }
 }

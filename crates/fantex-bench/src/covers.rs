@@ -1,0 +1,197 @@
+//! Where the texels of covers go: shipped models, and generated ones that are rough, folded, boxy, drilled or full of needles.
+
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use fantex::cover::{CoverOptions, TexelBudget, build_cover};
+use fantex::glam::DVec3;
+use fantex::mesh::{CleanOptions, LoadOptions, Material, Model, clean, generate, load};
+use fantex_base::Random;
+
+use crate::{Measured, Row};
+
+/// Makes a model.
+type Maker = fn() -> Model;
+
+/// Shipped models with the texels that their covers get.
+const FILES: [(&str, u64); 6] = [
+    ("meshes/bunny/stanford_bunny.ply", 5_592_405),
+    ("meshes/suzanne.ply", 1 << 20),
+    ("meshes/spot/spot_triangulated.obj", 4 << 20),
+    ("meshes/teapot.stl", 1 << 20),
+    ("meshes/mengerSponge3.glb", 4 << 20),
+    ("meshes/WaterBottle/WaterBottle.gltf", 4 << 20),
+];
+
+const GENERATED: [(&str, u64, Maker); 8] = [
+    ("cube of 12 triangles", 1 << 20, || generate::cube(1)),
+    ("cube of 768 triangles", 1 << 20, || generate::cube(8)),
+    ("landscape", 8 << 20, || landscape(200_000)),
+    ("folded ball", 8 << 20, || folded(7, 0.25)),
+    ("noisy ball", 8 << 20, || noisy(6, 1.0)),
+    ("corridors", 4 << 20, || corridors(16, 220)),
+    ("drilled plate", 4 << 20, || drilled(10, 48, 0.4)),
+    ("needles", 1 << 20, needles),
+];
+
+/// For each model what its cover loses beside ideal texels, the share of the ideal density in the worst direction, and triangles per
+/// second. Files are those of the test data, where there are some.
+pub(crate) fn rows() -> Measured {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let data = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
+    let mut rows = Vec::new();
+    for (name, texels) in FILES {
+        let path = data.join(name);
+        if path.exists() {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            rows.extend(measured(&stem, load(&path, &LoadOptions::default())?, texels)?);
+        } else {
+            eprintln!("SKIPPED: {} is not there", path.display());
+        }
+    }
+    for (name, texels, make) in GENERATED {
+        rows.extend(measured(name, make(), texels)?);
+    }
+    Ok(rows)
+}
+
+fn measured(name: &str, model: Model, texels: u64) -> Measured {
+    let (mesh, _) = clean(model, &CleanOptions::default())?;
+    let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
+    let (_, stats) = build_cover(&mesh, &options)?;
+    let speed = mesh.triangles.len() as f64 / (stats.seconds_fans + stats.seconds_groups) / 1e6;
+    Ok(vec![
+        Row::new(format!("{name}, loss"), stats.loss_db, "dB"),
+        Row::new(format!("{name}, worst direction"), stats.worst_share, "of ideal"),
+        Row::new(format!("{name}, gaps"), stats.gap_share, "of texels"),
+        Row::new(format!("{name}, tiles"), stats.groups as f64, ""),
+        Row::new(format!("{name}, speed"), speed, "M triangles/s"),
+    ])
+}
+
+fn model_of(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Model {
+    let materials = vec![Material::default()];
+    Model { name: "generated".into(), positions, triangles, materials, ..Model::default() }
+}
+
+/// A ball with folds of several sizes.
+fn folded(level: u32, depth: f64) -> Model {
+    let mut random = Random::new(5);
+    let mut waves = Vec::new();
+    for octave in 0..4 {
+        for _ in 0..6 {
+            let mut unit = || random.unit() * 2.0 - 1.0;
+            let direction = DVec3::new(unit(), unit(), unit()).normalize();
+            waves.push((
+                direction * 4.0 * f64::from(1 << octave),
+                unit() * 9.0,
+                depth / f64::from(1 << octave),
+            ));
+        }
+    }
+    let mut model = generate::icosphere(level);
+    for p in &mut model.positions {
+        let height: f64 =
+            waves.iter().map(|(d, phase, size)| (0.4 - (p.dot(*d) + phase).sin().abs()) * size).sum();
+        *p *= 1.0 + height;
+    }
+    model
+}
+
+/// A ball whose vertices are off by noise, as in a scan.
+fn noisy(level: u32, noise: f64) -> Model {
+    let mut random = Random::new(7);
+    let mut model = generate::icosphere(level);
+    let edge = 1.1 / f64::from(1 << level);
+    for p in &mut model.positions {
+        let bump = 0.15 * ((p.x * 5.0).sin() * (p.y * 4.0).cos() + (p.z * 7.0).sin() * 0.5);
+        *p *= 1.0 + bump + (random.unit() - 0.5) * noise * edge;
+    }
+    model
+}
+
+/// Rooms and corridors: the faces between full and empty cells of a random walk, some touching along an edge only.
+fn corridors(cells: i32, steps: usize) -> Model {
+    let mut random = Random::new(11);
+    let mut empty = BTreeSet::new();
+    let mut at = [cells / 2; 3];
+    for _ in 0..steps {
+        let axis = random.below(3) as usize;
+        let sign = if random.below(2) == 0 { 1 } else { -1 };
+        for _ in 0..=random.below(4) {
+            at[axis] = (at[axis] + sign).clamp(1, cells - 2);
+            empty.insert(at);
+        }
+    }
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for &cell in &empty {
+        for axis in 0..3 {
+            for sign in [0, 1] {
+                let mut other = cell;
+                other[axis] += 2 * sign - 1;
+                if empty.contains(&other) {
+                    continue;
+                }
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                let base = positions.len() as u32;
+                for (a, b) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
+                    let mut p = cell;
+                    p[axis] += sign;
+                    p[u] += a;
+                    p[v] += b;
+                    positions.push(DVec3::from(p.map(f64::from)));
+                }
+                let quad = if sign == 0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
+                triangles.extend(quad.map(|t: [u32; 3]| t.map(|i| base + i)));
+            }
+        }
+    }
+    model_of(positions, triangles)
+}
+
+/// A plate with round holes, in long triangles as CAD programs make them.
+fn drilled(holes: u32, around: u32, thick: f64) -> Model {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    let mut quad = |p: [DVec3; 4]| {
+        let base = positions.len() as u32;
+        positions.extend(p);
+        triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    };
+    let rim = |i: u32, radius: f64| {
+        let (s, c) = (TAU * f64::from(i) / f64::from(around)).sin_cos();
+        DVec3::new(c * radius, s * radius, 0.0)
+    };
+    let border = |i: u32| {
+        let p = rim(i, 1.0);
+        p / p.abs().max_element()
+    };
+    for hole in 0..holes {
+        let center = DVec3::new(2.0 * f64::from(hole % 5), 2.0 * f64::from(hole / 5), 0.0);
+        let up = DVec3::Z * thick;
+        for i in 0..around {
+            let [a, b] = [i, i + 1].map(|i| center + rim(i, 0.5));
+            let [c, d] = [i, i + 1].map(|i| center + border(i));
+            quad([a + up, c + up, d + up, b + up]);
+            quad([a, b, d, c]);
+            quad([a, a + up, b + up, b]);
+        }
+    }
+    model_of(positions, triangles)
+}
+
+fn landscape(triangles: u64) -> Model {
+    let landscape = generate::landscape(&generate::LandscapeOptions { triangles, ..Default::default() });
+    model_of(landscape.positions.iter().map(|p| p.as_dvec3()).collect(), landscape.triangles)
+}
+
+/// Needles around a hub, and a saddle: fans that are hard to lay flat.
+fn needles() -> Model {
+    let mut random = Random::new(3);
+    let mut model = generate::icosphere(4);
+    for p in &mut model.positions {
+        let stretch = 1.0 + 4.0 * random.unit().powi(12);
+        *p = DVec3::new(p.x * 12.0, p.y, p.z) * stretch;
+    }
+    model
+}

@@ -1,0 +1,142 @@
+//! What a tile costs: texels per unit of error along the direction in which the surface is resolved worst.
+//!
+//! Interpolation between texels of length `h` is off by a multiple of `h^2` times the second derivative, so the squared error
+//! of smooth detail grows with `h^4`. Where the map into the tile shrinks the surface, texels are longer on it. With `G` the
+//! metric, the squared lengths on the surface per squared length in the plane, the mean over all directions of detail is
+//! `|G|^2 / 2` (Frobenius), 1 where nothing is shrunk. A patch whose tile has `R` texels at the nominal density `1` and whose integral
+//! of that is `E` (in texels, too) has the error `E / s^4` and `s^2 R` texels at the density `s`. The least error of all patches for
+//! a sum of texels has `s = (E / R)^(1/6)` up to a common factor, and is the third power of the sum of [`cost`]s
+//! `E^(1/3) R^(2/3)`, over the square of the sum of texels. So costs can be added up and compared.
+
+use glam::{Vec2, Vec3};
+
+/// Surfaces seen at a smaller cosine than this are so bad that how bad makes no difference.
+const MIN_COSINE: f32 = 0.125;
+
+/// Texels beside a region on both sides together, and what rounding to multiples of four adds on average.
+const MARGIN: f32 = 1.5;
+
+/// Texels that a tile's entries in the file and the atlas are worth.
+const ENTRY: f32 = 64.0;
+
+/// The error of a facet per area where it is seen with a cosine.
+#[inline]
+pub(crate) fn error_at(cos: f32) -> f32 {
+    let squared = cos.max(MIN_COSINE);
+    let squared = squared * squared;
+    0.5 + 0.5 / (squared * squared)
+}
+
+/// The cost of a patch with an error (in texels, at least its area) in a rectangle (in texels).
+#[inline]
+pub(crate) fn cost(error: f32, size: Vec2) -> f32 {
+    let texels = (size.x + MARGIN) * (size.y + MARGIN) + ENTRY;
+    libm::cbrtf(error) * libm::cbrtf(texels * texels)
+}
+
+/// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the
+/// error's gradient weighs normals by the inverse fifth power of their cosine.
+pub(crate) fn direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, mut guess: Vec3) -> Vec3 {
+    for _ in 0..ROUNDS {
+        let mut sum = Vec3::ZERO;
+        for (normal, area) in facets.clone() {
+            let cos = normal.dot(guess).max(MIN_COSINE);
+            let squared = cos * cos;
+            sum += normal * (area / (squared * squared * cos));
+        }
+        let Some(next) = sum.try_normalize() else { break };
+        // Half way: the full step goes too far where normals disagree.
+        let Some(middle) = (next + guess).try_normalize() else { break };
+        guess = middle;
+    }
+    guess
+}
+
+const ROUNDS: usize = 4;
+
+/// The integral over a patch of products of its metric, from which errors follow for every scale along the axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Distortion {
+    area: f32,
+    xx: f32,
+    xy: f32,
+    yy: f32,
+}
+
+/// Density along the axes of a tile relative to the mean, at most that far from one.
+const MAX_ASPECT: f32 = 2.0;
+
+/// The most and the least that a tile's density may differ from the nominal one.
+const DENSITIES: [f32; 2] = [0.7, 4.0];
+
+impl Distortion {
+    /// Adds a facet of unit normal `normal` in the frame of a projection (its z along the direction).
+    pub(crate) fn add_projected(&mut self, normal: Vec3, area: f32) {
+        let z = normal.z.max(MIN_COSINE);
+        let slope = normal.truncate() / z;
+        self.add([1.0 + slope.x * slope.x, slope.x * slope.y, 1.0 + slope.y * slope.y], area);
+    }
+
+    /// Adds a facet by two of its edges on the surface and in the plane.
+    pub(crate) fn add_edges(&mut self, spatial: [Vec3; 2], planar: [Vec2; 2], area: f32) {
+        let [p, q] = planar;
+        let determinant = p.perp_dot(q);
+        let limit = 1.0 / (MIN_COSINE * MIN_COSINE);
+        // The inverse of the planar edges takes the axes to combinations of the edges.
+        let inverse = determinant.abs().max(f32::MIN_POSITIVE).recip() * determinant.signum();
+        let x = (spatial[0] * q.y - spatial[1] * p.y) * inverse;
+        let y = (spatial[1] * p.x - spatial[0] * q.x) * inverse;
+        let metric = [x.length_squared(), x.dot(y), y.length_squared()];
+        let clamped = metric.map(|m| if m.is_finite() { m.clamp(-limit, limit) } else { limit });
+        self.add(clamped, area);
+    }
+
+    /// The area of all facets, mesh units.
+    pub(crate) fn area(&self) -> f32 {
+        self.area
+    }
+
+    fn add(&mut self, [xx, xy, yy]: [f32; 3], area: f32) {
+        self.area += area;
+        self.xx += area * xx * xx;
+        self.xy += area * xy * xy;
+        self.yy += area * yy * yy;
+    }
+
+    /// The factors of the density along both axes that have the least error for their product, which is one.
+    pub(crate) fn aspect(&self) -> Vec2 {
+        let ratio = (self.xx / self.yy.max(f32::MIN_POSITIVE)).powf(0.125);
+        let ratio = if ratio.is_finite() { ratio.clamp(1.0 / MAX_ASPECT, MAX_ASPECT) } else { 1.0 };
+        Vec2::new(ratio, 1.0 / ratio)
+    }
+
+    /// The error at factors of the density along both axes.
+    pub(crate) fn error(&self, factors: Vec2) -> f32 {
+        let Vec2 { x, y } = factors * factors;
+        0.5 * (self.xx / (x * x) + 2.0 * self.xy / (x * y) + self.yy / (y * y))
+    }
+
+    /// The density of a tile relative to all others' that makes the most of the texels, for a region of `size` texels whose area
+    /// is `texels_per_area` times as many texels.
+    pub(crate) fn density(&self, size: Vec2, texels_per_area: f32) -> f32 {
+        let aspect = self.aspect();
+        let error = self.error(aspect) * texels_per_area;
+        let size = size * aspect + MARGIN;
+        clamped_density((error / (size.x * size.y)).powf(1.0 / 6.0))
+    }
+
+    /// The density at which the error is that of a surface at the nominal density.
+    pub(crate) fn density_for_nominal(&self) -> f32 {
+        clamped_density((self.error(self.aspect()) / self.area.max(f32::MIN_POSITIVE)).powf(0.25))
+    }
+
+    /// The cost of the patch in a rectangle of `size` texels, at the best aspect.
+    pub(crate) fn cost(&self, size: Vec2, texels_per_area: f32) -> f32 {
+        let aspect = self.aspect();
+        cost(self.error(aspect) * texels_per_area, size * aspect)
+    }
+}
+
+fn clamped_density(density: f32) -> f32 {
+    if density.is_finite() { density.clamp(DENSITIES[0], DENSITIES[1]) } else { 1.0 }
+}
