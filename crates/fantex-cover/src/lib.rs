@@ -1,13 +1,14 @@
 //! The cover of a mesh by partial fans, and the texture function over it.
 //!
 //! ```text
-//!  Mesh --> fans --> fan_shape --> partition ---------------> flatten --> merge --> Cover
-//!           umbrellas  project?    patches of a tile's        direction,  small     tile maps,
-//!                 |    unfold?     extent; their connected    rectangle,  groups    extents
-//!                 |    split?      pieces                     injective?  join        ^
-//!                 '--> lay_fans (one fan per tile: all of that, fan by fan) ----------'
+//!  Mesh --> fans --> fan_shape --> partition --------------> flatten --> merge --> Cover
+//!           umbrellas  project?    cuts that make tiles      direction,  groups    tile maps,
+//!                 |    unfold?     cheaper; connected        rectangle,  join      extents
+//!                 |    split?      pieces                    injective?              ^
+//!                 '--> lay_fans (one fan per tile: all of that, fan by fan) ---------'
 //! ```
 //!
+//! What "cheaper" means is in `cost`: texels per unit of error in the worst direction.
 //! [`Cover`] is the run-time data with the texture function's weights and tile coordinates; [`build_cover`] makes one.
 
 mod build;
