@@ -278,15 +278,18 @@ fn assemble(
         )));
     }
     let groups: Vec<Group> = laid.par_iter().with_min_len(1 << 10).map(|laid| place(laid, scale)).collect();
-    let mut unfolded = Vec::new();
-    for (laid, group) in laid.iter().zip(&groups).filter(|(laid, _)| laid.layout == Layout::Unfolded) {
-        let corners = unfolded_corners(surface, laid, delta);
-        unfolded.extend(corners.into_iter().map(|(corner, planar)| UnfoldedCorner {
-            corner,
-            uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
-        }));
-    }
-    unfolded.sort_unstable_by_key(|u| u.corner);
+    let mut unfolded: Vec<UnfoldedCorner> = laid
+        .par_iter()
+        .zip(&groups)
+        .filter(|(laid, _)| laid.layout == Layout::Unfolded)
+        .flat_map_iter(|(laid, group)| {
+            unfolded_corners(surface, laid, delta).into_iter().map(|(corner, planar)| UnfoldedCorner {
+                corner,
+                uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
+            })
+        })
+        .collect();
+    unfolded.par_sort_unstable_by_key(|u| u.corner);
     let corner_groups = (0..surface.mesh.triangles.len())
         .into_par_iter()
         .with_min_len(1 << 12)

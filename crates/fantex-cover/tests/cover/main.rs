@@ -5,3 +5,5 @@
 mod building;
 mod common;
 mod meshes;
+mod sheets;
+mod texture_function;

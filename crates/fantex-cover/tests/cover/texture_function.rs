@@ -1,0 +1,84 @@
+//! Levels, stored directions, and the taps of the texture function.
+
+use fantex_cover::{Cover, Frame, Group, GroupKind, GroupTriangles, level_count, level_length, stretch_axes};
+use fantex_mesh::{Mesh, SurfacePoint};
+use glam::{Vec2, Vec3};
+
+#[test]
+fn levels_end_with_the_first_that_is_four_texels_long() {
+    for longest in (1..5000).chain([16_384, 65_532, 65_536]) {
+        let first = (0..).find(|&level| level_length(longest, level) == 4).unwrap();
+        assert_eq!(level_count([4, longest]), first + 1, "{longest}");
+    }
+}
+
+fn group() -> Group {
+    let direction = Vec3::new(0.2, -0.4, 0.8).normalize();
+    Group {
+        kind: GroupKind::Projected,
+        frame: Frame { origin: Vec3::ZERO, direction, x_axis: direction.any_orthonormal_vector() },
+        uv_scale: Vec2::ONE,
+        uv_offset: Vec2::ZERO,
+        extent: [4, 4],
+    }
+}
+
+#[test]
+fn normals_return_from_a_tile_as_they_were() {
+    let (group, vertex_normal) = (group(), Vec3::new(-0.3, 0.1, 0.9).normalize());
+    for normal in [Vec3::Z, vertex_normal, Vec3::new(-0.6, 0.5, 0.4).normalize()] {
+        let stored = group.stored_from_normal(normal, vertex_normal);
+        assert!(group.normal_from_stored(stored, vertex_normal).distance(normal) < 1e-6);
+        let tangent = group.tangent_from_stored(stored, vertex_normal);
+        assert!((tangent + vertex_normal * normal.dot(vertex_normal)).distance(normal) < 1e-6);
+        assert!(group.stored_from_tangent(tangent, vertex_normal).distance(stored) < 1e-6);
+    }
+    assert!(group.stored_from_tangent(Vec3::X * 9.0, Vec3::Z).distance(Vec2::splat(0.5)) < 0.5001);
+}
+
+#[test]
+fn stretches_of_opposite_directions_are_the_same() {
+    let (group, vertex_normal) = (group(), Vec3::Z);
+    let [x, y] = stretch_axes(vertex_normal);
+    let direction = x * 0.6 + y * 0.8;
+    for along in [direction, -direction] {
+        let stored = group.stored_from_stretch(along, 0.5, vertex_normal);
+        let stretch = group.stretch_from_stored(stored, vertex_normal);
+        assert!(stretch.distance(Vec2::new(0.6, 0.8).rotate(Vec2::new(0.6, 0.8)) * 0.5) < 1e-6);
+    }
+}
+
+#[test]
+fn every_group_gets_the_triangles_that_name_it_once() {
+    let corner_groups = vec![[0, 1, 2], [2, 2, 2], [1, 0, 1], [0, 0, 3]];
+    let groups = vec![group(); 4];
+    let cover = Cover { delta: 0.2, density: 1.0, corner_groups, groups, unfolded: Vec::new() };
+    let triangles = GroupTriangles::of(&cover);
+    let rows = [0, 1, 2, 3].map(|g| triangles.of_group(g));
+    assert_eq!(rows, [[0, 2, 3].as_slice(), &[0, 2], &[0, 1], &[3]]);
+    assert!(cover.groups_of(0).eq(0..3));
+    assert!(cover.groups_of(2).eq([1, 0]));
+}
+
+#[test]
+fn taps_are_the_weighted_tiles_of_the_corners() {
+    let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+    let groups = vec![group(); 3];
+    let corner_groups = vec![[2, 0, 1]];
+    let cover = Cover { delta: 0.25, density: 1.0, corner_groups, groups, unfolded: Vec::new() };
+    for lambda in [Vec3::X, Vec3::splat(1.0 / 3.0), Vec3::new(0.1, 0.4, 0.5)] {
+        let point = SurfacePoint { triangle: 0, lambda };
+        let taps = cover.taps(&mesh, point);
+        assert_eq!(*taps, *cover.triangle_tiles(&mesh, 0).taps(lambda));
+        let weights = cover.weights(0, lambda);
+        assert!(taps.iter().map(|tap| (tap.slot, tap.weight)).eq(weights.iter()));
+        for tap in taps {
+            assert_eq!(tap.corners, cover.tile_corners(&mesh, 0, tap.slot));
+            assert_eq!(tap.group, cover.corner_groups[0][tap.slot]);
+            let group = &cover.groups[tap.group as usize];
+            assert!(tap.uv.distance(group.tile_from_mesh(point.position(&mesh))) < 1e-6);
+            assert_eq!(tap.steps([Vec3::X, Vec3::Y]), [tap.corners[0], tap.corners[1]]);
+        }
+    }
+}
