@@ -53,7 +53,7 @@ fn a_budget_below_the_smallest_tiles_gives_the_smallest_tiles() {
 }
 
 /// Rounding a tile's sides costs at most 6 % of the nominal density, and gives at most four texels per side. Groups get more, because what
-/// they are seen at a slant is made up for, and not the same along both sides.
+/// they are seen at a slant is made up for, and not the same along both sides; unfolded fans, which are spread out, may get less.
 #[test]
 fn densities_stay_near_the_nominal() {
     for (name, mesh) in generated() {
@@ -76,7 +76,9 @@ fn densities_stay_near_the_nominal() {
                 } else {
                     let both = (ratios[0].0 * ratios[1].0).sqrt();
                     let most = (ratios[0].1 * ratios[1].1).sqrt();
-                    assert!(both > 0.94 - 1e-4 && both < 4.0 * most, "{name}, tile {tile}: {ratios:?}");
+                    let least = if group.kind == GroupKind::Unfolded { 0.7 } else { 1.0 };
+                    let good = both > (0.94 - 1e-4) * least && both < 4.0 * most;
+                    assert!(good, "{name}, tile {tile}: {:?} {ratios:?}", group.kind);
                 }
             }
         }

@@ -376,7 +376,8 @@ fn no_foreign_texel_is_read_down_to_the_level_that_is_promised() {
     }
 }
 
-/// For every texel the piece whose block of 16 x 16 texels it lies in: that of any of its texels within 8 of a triangle.
+/// For every texel the piece whose block of 16 x 16 texels it lies in: that of any of its texels within 8 of a triangle, less
+/// 0.005 for rounding, of which a look-up reads less than a thousandth.
 fn nearest_pieces(mesh: &fantex_mesh::Mesh, pieces: &[u32], side: usize) -> Vec<u32> {
     let uv = &mesh.corners.uv_sets[0];
     let blocks = side / 16;
@@ -389,7 +390,7 @@ fn nearest_pieces(mesh: &fantex_mesh::Mesh, pieces: &[u32], side: usize) -> Vec<
             for j in 0..=(steps - i) {
                 let (s, r) = (i as f32 / steps as f32, j as f32 / steps as f32);
                 let p = corners[0] * (1.0 - s - r) + corners[1] * s + corners[2] * r;
-                for d in [[-7.9, -7.9], [7.9, -7.9], [-7.9, 7.9], [7.9, 7.9]] {
+                for d in [[-7.995, -7.995], [7.995, -7.995], [-7.995, 7.995], [7.995, 7.995]] {
                     let block = ((p + Vec2::from(d)) / 16.0).floor().as_uvec2();
                     let owner = &mut owner[block.y as usize * blocks + block.x as usize];
                     assert!(*owner == u32::MAX || *owner == piece, "two pieces claim a block");

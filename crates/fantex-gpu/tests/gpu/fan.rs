@@ -171,10 +171,11 @@ fn both_sides_of_a_sheet() {
     }
 }
 
-/// A cube whose tiles are cut into several pages.
+/// A square whose tiles are cut into several pages.
 fn paged() -> Baked {
-    let mesh = cleaned(generate::cube(3));
+    let mesh = cleaned(generate::grid(12));
     let cover = cover(&mesh, 1024, 4 << 20);
+    assert!(cover.groups.len() > 1);
     assert!(cover.groups.iter().any(|g| g.extent[0] > 2 * PAGE && g.extent[1] > 2 * PAGE));
     baked(&mesh, &cover, BakeFormat::Rgba8)
 }
