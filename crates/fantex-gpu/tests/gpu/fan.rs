@@ -468,7 +468,18 @@ fn lights() -> Lights {
 }
 
 /// A look on a torus, as an asset; compared by both renderers, and with the look itself.
-fn assert_shows_the_look(name: &str, material: LookMaterial, format: BakeFormat, [mean, most]: [f32; 2]) {
+fn assert_shows_the_look(name: &str, material: LookMaterial, format: BakeFormat, tolerance: [f32; 2]) {
+    assert_shows_the_look_within(name, material, format, tolerance, 0.02);
+}
+
+/// `most` is what 999 of 1000 pixels may differ by from those of the CPU.
+fn assert_shows_the_look_within(
+    name: &str,
+    material: LookMaterial,
+    format: BakeFormat,
+    [look_mean, look_most]: [f32; 2],
+    most: f32,
+) {
     let Some(gpu) = gpu() else { return };
     let mut mesh = torus();
     let materials = vec![Arc::new(material)];
@@ -480,11 +491,11 @@ fn assert_shows_the_look(name: &str, material: LookMaterial, format: BakeFormat,
     let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
     let (lights, options) = (lights(), lit_options());
     let seen = compare(name, &gpu, &baked, &camera, &lights, &options);
-    assert_close(&seen, 0.002, 0.02);
+    assert_close(&seen, 0.002, most);
     let look = cpu(&mesh, &LookSurface::new(&mesh, materials), &camera, &lights, &options);
     let asset = baked.surface(baked.cache(), &options);
     let asset = cpu(&mesh, &asset, &camera, &lights, &options);
-    assert_close(&Comparison::of(&format!("{name} as a look"), &asset, &look), mean, most);
+    assert_close(&Comparison::of(&format!("{name} as a look"), &asset, &look), look_mean, look_most);
 }
 
 fn toon(interpolation: RampInterpolation) -> Arc<ColorRamp> {
@@ -532,7 +543,8 @@ fn stretched_highlights() {
             }),
             ..LookMaterial::default()
         };
-        assert_shows_the_look(&format!("stretched {strength}"), material, format, [0.004, 0.05]);
+        // With texels of floats the two differ by a fifth of this: steep highlights magnify how hardware filters eight bits.
+        assert_shows_the_look_within(&format!("stretched {strength}"), material, format, [0.004, 0.05], 0.03);
     }
 }
 
