@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, ObjectSpace, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::look::{
     Anisotropy, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity, Relief,
@@ -86,6 +86,10 @@ impl Source for LookSource<'_> {
         self.materials().prefilter()
     }
 
+    fn has_shares(&self) -> bool {
+        self.materials().has_shares()
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         self.materials().evaluate(point, values);
     }
@@ -113,7 +117,8 @@ impl<'a> TextureSource<'a> {
         let channels = channels(&materials);
         let normals = shading_normals(mesh);
         let tangents = look_tangents(mesh, &normals, materials.iter().map(AsRef::as_ref));
-        Ok(Self { materials, finder: PointFinder { mesh, normals, time }, tangents, channels })
+        let finder = PointFinder { mesh, space: ObjectSpace::of(mesh), normals, time };
+        Ok(Self { materials, finder, tangents, channels })
     }
 
     fn material_of(&self, triangle: usize) -> &LookMaterial {
@@ -143,6 +148,10 @@ impl<'a> TextureSource<'a> {
 impl Source for TextureSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         self.channels.clone()
+    }
+
+    fn has_shares(&self) -> bool {
+        true
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
@@ -192,7 +201,11 @@ impl TextureSource<'_> {
             *out = match channel.kind {
                 ChannelKind::BaseColor => {
                     let base = value(&material.base_color);
-                    color(base).extend(base.w * value(&material.alpha).x)
+                    let alpha = match material.opacity {
+                        Opacity::Mask { .. } => material.opacity_at(at, base.w),
+                        Opacity::Opaque | Opacity::Blend => base.w * value(&material.alpha).x,
+                    };
+                    color(base).extend(alpha)
                 }
                 ChannelKind::Normal => {
                     let reliefs = Reliefs {
@@ -246,7 +259,8 @@ pub fn baked_materials(materials: &[Arc<LookMaterial>]) -> Vec<Material> {
         emission: constant(&look.emission).map_or(Vec3::ZERO, |v| v.truncate().max(Vec3::ZERO)),
         alpha: match look.opacity {
             Opacity::Opaque => AlphaMode::Opaque,
-            Opacity::Mask { threshold } => AlphaMode::Mask(threshold),
+            // What is baked is the share of the texel that is there.
+            Opacity::Mask { .. } => AlphaMode::Mask(0.5),
             Opacity::Blend => AlphaMode::Blend,
         },
         double_sided: look.double_sided,
@@ -333,6 +347,7 @@ const INLINE_SETS: usize = 4;
 #[derive(Debug)]
 struct PointFinder<'a> {
     pub(crate) mesh: &'a Mesh,
+    pub(crate) space: ObjectSpace,
     /// Unit vectors, per corner.
     pub(crate) normals: Vec<Vec3>,
     /// Seconds.
@@ -366,12 +381,11 @@ impl PointFinder<'_> {
     }
 
     fn shading_point<'u>(&self, point: &TexelPoint, uv: &'u [UvPoint]) -> ShadingPoint<'u> {
-        let scale = self.mesh.world_from_mesh.scale as f32;
         // Off the triangle, colours must not be extrapolated.
         let inside = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
         ShadingPoint {
-            position: point.position * scale,
-            position_steps: point.position_steps.map(|step| step * scale),
+            position: self.space.point(point.position),
+            position_steps: point.position_steps.map(|step| self.space.vector(step)),
             normal: point.normal,
             normal_steps: self.normal_steps(point),
             uv,

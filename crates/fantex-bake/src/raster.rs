@@ -1,6 +1,7 @@
 //! Values of one channel over a rectangle of texels: fitting to the reconstruction, and halving for the levels.
 
 use fantex_texture::filter::{Overlap, overlaps};
+use fantex_texture::material::coverage_scale;
 use glam::Vec4;
 
 use crate::{Fit, Prefilter};
@@ -14,9 +15,20 @@ pub(crate) struct Raster {
     pub(crate) channels: usize,
     /// The channel whose alpha is coverage, if any.
     pub(crate) coverage: Option<usize>,
+    /// Where everything is a cut-out of the same threshold.
+    pub(crate) cut_out: Option<CutOut>,
     pub(crate) valid: Vec<bool>,
     /// True where a look-up of the texture function falls into the texel.
     pub(crate) read: Vec<bool>,
+}
+
+/// A cut-out.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CutOut {
+    /// Least alpha that is seen, 0..1.
+    pub(crate) threshold: f32,
+    /// Alpha is the share of a texel that is there.
+    pub(crate) has_shares: bool,
 }
 
 /// Which values may overshoot how far when they are fitted.
@@ -102,7 +114,7 @@ impl Raster {
     /// The next coarser level: each texel is the mean of the valid part of its footprint, exact for any ratio of extents.
     pub(crate) fn halved(&self, extent: [u32; 2]) -> Self {
         let [columns, rows] = [0, 1].map(|axis| overlaps(self.extent[axis], extent[axis], extent[axis]));
-        let mut coarse = Self::empty(extent, self.channels, self.coverage);
+        let mut coarse = Self { cut_out: self.cut_out, ..Self::empty(extent, self.channels, self.coverage) };
         let are_halves = self.extent == extent.map(|n| 2 * n);
         for (y, row) in rows.iter().enumerate().take(extent[1] as usize) {
             for (x, column) in columns.iter().enumerate().take(extent[0] as usize) {
@@ -205,7 +217,8 @@ impl Raster {
                 for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
                     for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
                         if self.valid[ny * width + nx] {
-                            near.add(self.values[(ny * width + nx) * self.channels + channel]);
+                            let value = (ny * width + nx) * self.channels + channel;
+                            near.add(self.values[value].with_w(values[value].w));
                         }
                     }
                 }
@@ -215,8 +228,51 @@ impl Raster {
         }
     }
 
+    /// Scales the alpha of a cut-out so that the share of it that is there stays what it is, whatever its holes are beside texels.
+    /// `values` as in `fitted`; `covered` is that share, if it is known already.
+    pub(crate) fn keep_coverage(&self, values: &mut [Vec4], covered: &mut Option<f32>) {
+        let (Some(cut_out), Some(channel)) = (self.cut_out, self.coverage) else { return };
+        let threshold = cut_out.threshold;
+        let width = self.extent[0] as usize;
+        let alpha = |texel: usize| values[texel * self.channels + channel].w;
+        let shown: Vec<usize> = (0..self.valid.len()).filter(|&t| self.valid[t] && self.read[t]).collect();
+        // Between texels, too, where all four are there.
+        let is_whole = |texel: usize| {
+            texel % width + 1 < width
+                && [texel + 1, texel + width, texel + width + 1]
+                    .iter()
+                    .all(|&t| self.valid.get(t).copied().unwrap_or(false))
+        };
+        let mut alphas = Vec::new();
+        for &texel in &shown {
+            if !is_whole(texel) {
+                alphas.push(alpha(texel));
+                continue;
+            }
+            for [s, t] in [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]] {
+                let row = |first: usize| alpha(first) + (alpha(first + 1) - alpha(first)) * s;
+                let (upper, lower) = (row(texel), row(texel + width));
+                alphas.push(upper + (lower - upper) * t);
+            }
+        }
+        if alphas.is_empty() {
+            return;
+        }
+        let mean = shown.iter().map(|&texel| alpha(texel)).sum::<f32>() / shown.len() as f32;
+        let passed = alphas.iter().filter(|&&a| a >= threshold).count() as f32 / alphas.len() as f32;
+        // Where texels resolve the cut-out, its edges are where they are.
+        let is_unresolved = cut_out.has_shares && (passed - mean).abs() > RESOLVED;
+        let goal = *covered.get_or_insert(if is_unresolved { mean } else { passed });
+        if (passed - goal).abs() < 1e-3 {
+            return;
+        }
+        let scale = coverage_scale(alphas, threshold, goal);
+        values.iter_mut().skip(channel).step_by(self.channels).for_each(|v| v.w = (v.w * scale).min(1.0));
+    }
+
     pub(crate) fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Self {
-        let mut window = Self { extent, channels: self.channels, coverage: self.coverage, ..Self::default() };
+        let Self { channels, coverage, cut_out, .. } = *self;
+        let mut window = Self { extent, channels, coverage, cut_out, ..Self::default() };
         for row in origin[1]..origin[1] + extent[1] {
             let start = row as usize * self.extent[0] as usize + origin[0] as usize;
             let end = start + extent[0] as usize;
@@ -246,6 +302,7 @@ impl Raster {
             values: vec![Vec4::ZERO; texels * channels],
             channels,
             coverage,
+            cut_out: None,
             valid: vec![false; texels],
             read: vec![false; texels],
         }
@@ -263,6 +320,9 @@ fn unweighted(v: Vec4) -> Vec4 {
 }
 
 const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
+
+/// A share that passes the threshold and a mean of alpha that differ by less belong to a cut-out that texels resolve.
+const RESOLVED: f32 = 0.05;
 
 #[derive(Default)]
 pub(crate) struct Mean {

@@ -1,8 +1,7 @@
 //! What is baked: functions of a surface point and a texel's footprint.
 
-use fantex_base::Aabb;
 use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, SurfacePoint};
+use fantex_mesh::{Mesh, ObjectSpace, SurfacePoint};
 use fantex_store::ChannelKind;
 use fantex_texture::{AnyMapping, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
@@ -69,6 +68,11 @@ pub trait Source: Sync {
         false
     }
 
+    /// Whether the alpha of cut-outs is the share of the texel that is there, and not a number to be compared with their threshold.
+    fn has_shares(&self) -> bool {
+        false
+    }
+
     /// Writes one value per channel.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 
@@ -100,41 +104,6 @@ impl TexelPoint {
     /// Whether both lie on (or beside) the same triangle, so that their steps are equal as well.
     pub fn is_on_triangle_of(&self, other: &Self) -> bool {
         self.at.triangle == other.at.triangle
-    }
-}
-
-// The space in which recipes and mappings are evaluated.
-
-/// World units and axes, with the origin at the mesh's centre: recipes keep their real size, and models far from the
-/// world's origin keep their precision.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WorldSpace {
-    /// World units per mesh unit.
-    scale: f32,
-}
-
-impl WorldSpace {
-    /// That of a mesh.
-    pub fn of(mesh: &Mesh) -> Self {
-        Self { scale: mesh.world_from_mesh.scale as f32 }
-    }
-
-    /// The mesh's bounding box in this space.
-    pub fn bounds(mesh: &Mesh) -> Aabb {
-        let (low, high) = mesh
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
-        let scale = mesh.world_from_mesh.scale as f32;
-        Aabb { min: low * scale, max: high * scale }
-    }
-
-    pub(crate) fn point(&self, p_mesh: Vec3) -> Vec3 {
-        p_mesh * self.scale
-    }
-
-    pub(crate) fn steps(&self, steps_mesh: [Vec3; 2]) -> [Vec3; 2] {
-        steps_mesh.map(|s| s * self.scale)
     }
 }
 
@@ -186,13 +155,13 @@ pub struct MappedImageSource {
     texture: ImageTexture,
     mapping: AnyMapping,
     wrap: [Wrap; 2],
-    space: WorldSpace,
+    space: ObjectSpace,
 }
 
 impl MappedImageSource {
-    /// `mapping` takes world-space points relative to the mesh's centre ([`WorldSpace`]).
+    /// `mapping` takes points of [`ObjectSpace`].
     pub fn new(mesh: &Mesh, texture: ImageTexture, mapping: AnyMapping, wrap: [Wrap; 2]) -> Self {
-        Self { texture, mapping, wrap, space: WorldSpace::of(mesh) }
+        Self { texture, mapping, wrap, space: ObjectSpace::of(mesh) }
     }
 }
 
@@ -204,7 +173,7 @@ impl Source for MappedImageSource {
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let p = self.space.point(point.position);
-        let steps = self.space.steps(point.position_steps);
+        let steps = point.position_steps.map(|step| self.space.vector(step));
         let color = self.mapping.evaluate(p, point.normal, steps, |uv, footprint| {
             self.texture.sample_area(uv, footprint, self.wrap)
         });
@@ -214,21 +183,21 @@ impl Source for MappedImageSource {
 
 // Solid textures.
 
-/// A recipe that is defined everywhere in space, evaluated in world space. Solids fade what is finer than the footprint, as a mean
+/// A recipe that is defined everywhere in space, evaluated in object space. Solids fade what is finer than the footprint, as a mean
 /// over the texel would.
 pub struct SolidSource {
     solid: Box<dyn Solid>,
-    space: WorldSpace,
+    space: ObjectSpace,
 }
 
 impl SolidSource {
-    /// `solid` takes world-space points relative to the mesh's centre ([`WorldSpace`]).
+    /// `solid` takes points of [`ObjectSpace`].
     pub fn new(mesh: &Mesh, solid: Box<dyn Solid>) -> Self {
-        Self { solid, space: WorldSpace::of(mesh) }
+        Self { solid, space: ObjectSpace::of(mesh) }
     }
 
     fn solid_point(&self, point: &TexelPoint) -> SolidPoint {
-        let steps = self.space.steps(point.position_steps);
+        let steps = point.position_steps.map(|step| self.space.vector(step));
         let footprint = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
         SolidPoint { p: self.space.point(point.position), n: point.normal, footprint, time: 0.0 }
     }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use fantex_base::Result;
 use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
-use fantex_mesh::{Mesh, SurfacePoint, interpolate};
+use fantex_mesh::{AlphaMode, Mesh, SurfacePoint, interpolate};
 use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, Quality, TexelFormat, TexelSlice, encode_many, page_extent,
     page_grid, page_origin,
@@ -23,7 +23,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::{Meter, cancelled};
-use crate::raster::{Mean, Overshoot, Raster};
+use crate::raster::{CutOut, Mean, Overshoot, Raster};
 use crate::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, TexelPoint};
 
 /// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
@@ -55,6 +55,8 @@ pub(crate) struct BakedTile {
     pub(crate) pages: Vec<EncodedPage>,
     /// Mean linear value per channel.
     pub(crate) means: Vec<[f32; 4]>,
+    /// The share of a cut-out that is there, once it is known.
+    covered: Option<f32>,
     pub(crate) bake_time: Duration,
     pub(crate) encode_time: Duration,
 }
@@ -102,7 +104,10 @@ impl TileBaker<'_> {
             .par_iter()
             .map(|&at| self.bake_block(group, extent, shared_extent, triangles, at))
             .collect::<Result<Vec<_>>>()?;
-        let mut shared = self.empty_raster(shared_extent);
+        let cut_out = self.cut_out(triangles);
+        let mut shared = Raster { cut_out, ..self.empty_raster(shared_extent) };
+        let known: Vec<f32> = baked.iter().filter_map(|(block, ..)| block.covered).collect();
+        tile.covered = (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32);
         for (block, part, origin) in baked {
             shared.paste(origin, &part);
             tile.pages.extend(block.pages);
@@ -173,7 +178,8 @@ impl TileBaker<'_> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
-        let mut raster = self.empty_raster(block.extent);
+        let cut_out = self.cut_out(&footprints.triangles);
+        let mut raster = Raster { cut_out, ..self.empty_raster(block.extent) };
         let channels = self.plans.len();
         let width = block.extent[0];
         let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
@@ -287,6 +293,7 @@ impl TileBaker<'_> {
         } else {
             raster.values.clone()
         };
+        raster.keep_coverage(&mut values, &mut tile.covered);
         raster.fill_blocks(&mut values);
         let filled = Texels { extent: raster.extent, values, channels: raster.channels };
         tile.bake_time += started.elapsed();
@@ -310,6 +317,17 @@ impl TileBaker<'_> {
 
     fn empty_raster(&self, extent: [u32; 2]) -> Raster {
         Raster::empty(extent, self.plans.len(), self.plans.iter().position(|p| p.has_alpha))
+    }
+
+    /// Where all triangles are cut-outs of the same threshold.
+    fn cut_out(&self, triangles: &[TexelTriangle]) -> Option<CutOut> {
+        let mode = |t: &TexelTriangle| {
+            self.mesh.materials.get(self.mesh.material_of(t.triangle as usize)).map(|material| material.alpha)
+        };
+        let first = triangles.first().and_then(mode)?;
+        let AlphaMode::Mask(threshold) = first else { return None };
+        let cut_out = CutOut { threshold, has_shares: self.source.has_shares() };
+        triangles.iter().all(|t| mode(t) == Some(first)).then_some(cut_out)
     }
 
     fn prefilter(&self) -> Prefilter {

@@ -228,19 +228,18 @@ pub(crate) struct SurroundingsArgs {
     /// Factor of the environment's light
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "environment", value_parser = not_negative)]
     environment_strength: f32,
-    /// What is seen behind the model
-    #[arg(long, value_enum, default_value_t, requires = "environment")]
-    background: BackgroundArg,
+    /// What is seen behind the model: the environment by default, the gradient without one
+    #[arg(long, value_enum)]
+    background: Option<BackgroundArg>,
     /// How much the environment is blurred behind the model, 0 to 1; its light and reflections stay as they are
     #[arg(long, value_name = "0..1", default_value_t = 0.0, requires = "environment", value_parser = share)]
     background_blur: f32,
 }
 
 /// What is seen behind the model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum BackgroundArg {
     /// The environment
-    #[default]
     Environment,
     /// A grey gradient, as without an environment
     Gradient,
@@ -260,14 +259,31 @@ pub(crate) struct Surroundings {
     pub(crate) light: EnvironmentLight,
     /// Colour of the lamp that stands for the sun of a computed sky.
     pub(crate) sun: Option<Vec3>,
-    background: BackgroundArg,
-    blur: f32,
 }
 
 impl SurroundingsArgs {
     /// Whether an environment was asked for.
     pub(crate) fn is_given(&self) -> bool {
         self.environment.is_some()
+    }
+
+    /// Whether a background was asked for.
+    pub(crate) fn has_background(&self) -> bool {
+        self.background.is_some()
+    }
+
+    /// What is seen behind the model.
+    pub(crate) fn background(&self) -> Result<Background> {
+        let environment = Background::Environment { blur: self.background_blur };
+        Ok(match (self.background, self.is_given()) {
+            (None | Some(BackgroundArg::Environment), true) => environment,
+            (Some(BackgroundArg::Environment), false) => {
+                let sentence = "there is no environment to be seen: give one with --environment, or another --background";
+                return Err(Error::invalid(sentence));
+            }
+            (None | Some(BackgroundArg::Gradient), _) => Background::default(),
+            (Some(BackgroundArg::Transparent), _) => Background::Transparent,
+        })
     }
 
     /// Reads or computes the environment that was asked for. `to_sun` is where a computed sky has its sun.
@@ -286,16 +302,7 @@ impl SurroundingsArgs {
             strength: self.environment_strength,
             rotation_degrees: self.environment_rotation,
         };
-        Ok(Some(Surroundings { light, sun, background: self.background, blur: self.background_blur }))
+        Ok(Some(Surroundings { light, sun }))
     }
 }
 
-impl Surroundings {
-    pub(crate) fn background(&self) -> Background {
-        match self.background {
-            BackgroundArg::Environment => Background::Environment { blur: self.blur },
-            BackgroundArg::Gradient => Background::default(),
-            BackgroundArg::Transparent => Background::Transparent,
-        }
-    }
-}

@@ -1,13 +1,15 @@
 //! The files that are written.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::{exists, persist, temporary_file};
 use fantex_base::{Error, Result};
-use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh, VertexCorners};
+use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
@@ -110,7 +112,7 @@ impl Document<'_> {
             })
             .collect();
         let materials: Vec<Value> =
-            self.geometry.by_material.iter().map(|(m, _)| self.material_json(*m)).collect();
+            self.geometry.primitives.iter().map(|p| self.material_json(p.material)).collect();
         let mut used: Vec<&str> = materials
             .iter()
             .filter_map(|m| m.get("extensions")?.as_object())
@@ -152,36 +154,42 @@ impl Document<'_> {
 
     fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<Value>) {
         let geometry = self.geometry;
-        let vertices = geometry.positions.len();
-        let (low, high) = geometry
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
         let names = ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0"];
         let types = ["VEC3", "VEC3", "VEC4", "VEC2"];
         let sections = geometry.section_bytes();
         let (mut views, mut accessors, mut offset) = (Vec::new(), Vec::new(), 0);
-        let mut attributes = json!({});
+        let mut attributes = Vec::new();
         for (k, &bytes) in sections[..4].iter().enumerate().filter(|(_, bytes)| **bytes > 0) {
-            attributes[names[k]] = accessors.len().into();
-            accessors.push(json!({
-                "bufferView": views.len(), "componentType": FLOAT, "count": vertices, "type": types[k],
-            }));
+            let stride = bytes / geometry.positions.len() as u64;
+            attributes.push((names[k], types[k], views.len(), stride));
             views.push(json!({
-                "buffer": 0, "byteOffset": offset, "byteLength": bytes, "target": ARRAY_BUFFER,
+                "buffer": 0, "byteOffset": offset, "byteLength": bytes, "byteStride": stride, "target": ARRAY_BUFFER,
             }));
             offset += bytes;
         }
-        accessors[0]["min"] = json!(low.to_array());
-        accessors[0]["max"] = json!(high.to_array());
         let index_view = views.len();
         views.push(json!({
             "buffer": 0, "byteOffset": offset, "byteLength": sections[4], "target": ELEMENT_ARRAY_BUFFER,
         }));
         let (mut primitives, mut first) = (Vec::new(), 0);
-        for (material, (_, triangles)) in geometry.by_material.iter().enumerate() {
+        for (material, Primitive { vertices, triangles, .. }) in geometry.primitives.iter().enumerate() {
+            let positions = &geometry.positions[vertices.clone()];
+            let (low, high) = positions
+                .iter()
+                .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+            let start = accessors.len();
+            let mut own = json!({});
+            for (name, kind, view, stride) in &attributes {
+                own[name] = accessors.len().into();
+                accessors.push(json!({
+                    "bufferView": view, "byteOffset": stride * vertices.start as u64, "componentType": FLOAT,
+                    "count": vertices.len(), "type": kind,
+                }));
+            }
+            accessors[start]["min"] = json!(low.to_array());
+            accessors[start]["max"] = json!(high.to_array());
             primitives.push(json!({
-                "attributes": attributes, "indices": accessors.len(), "material": material, "mode": 4,
+                "attributes": own, "indices": accessors.len(), "material": material, "mode": 4,
             }));
             accessors.push(json!({
                 "bufferView": index_view, "byteOffset": 12 * first, "componentType": UNSIGNED_INT,
@@ -266,10 +274,19 @@ pub(crate) struct Geometry {
     pub(crate) tangents: Vec<Vec4>,
     /// Origin top left.
     pub(crate) uv: Vec<Vec2>,
-    /// The triangles of each material that has some, counter-clockwise seen from outside.
-    pub(crate) by_material: Vec<(usize, Vec<[u32; 3]>)>,
+    /// One for each material that has triangles. Their vertices follow one another.
+    pub(crate) primitives: Vec<Primitive>,
     /// Zero unless single precision is too coarse for the world's coordinates.
     pub(crate) translation: DVec3,
+}
+
+/// What has one material.
+#[derive(Clone, Debug)]
+pub(crate) struct Primitive {
+    pub(crate) material: usize,
+    pub(crate) vertices: Range<usize>,
+    /// Counter-clockwise seen from outside; relative to the first vertex.
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 impl Geometry {
@@ -279,45 +296,36 @@ impl Geometry {
         let is_exact = (0..mesh.positions.len()).all(|v| world(v).as_vec3().as_dvec3() == world(v));
         let translation = if is_exact { DVec3::ZERO } else { mesh.world_from_mesh.offset };
         let mut geometry = Self { translation, ..Self::default() };
-        let mut vertex_of_corner = vec![0; 3 * mesh.triangles.len()];
-        let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
         let uv = |corner: usize| layout.uv[corner / 3][corner % 3];
         let attributes = |corner: usize| {
             let tangent = tangents.get(corner).copied().unwrap_or_default();
             let (n, t) = (normals[corner], uv(corner));
             [n.x, n.y, n.z, t.x, t.y, tangent.x, tangent.y, tangent.z, tangent.w].map(f32::to_bits)
         };
-        let mut distinct: Vec<([u32; 9], u32)> = Vec::new();
-        for v in 0..around.len() {
-            distinct.clear();
-            for &corner in around.at(v) {
-                let corner = corner as usize;
-                let own = attributes(corner);
-                let known = distinct.iter().find(|(other, _)| *other == own).map(|d| d.1);
-                vertex_of_corner[corner] = known.unwrap_or_else(|| {
-                    let index = geometry.positions.len() as u32;
-                    geometry.positions.push((world(v) - translation).as_vec3());
+        let mut of_material: Vec<Vec<usize>> = vec![Vec::new(); mesh.materials.len().max(1)];
+        (0..mesh.triangles.len()).for_each(|t| of_material[mesh.material_of(t)].push(t));
+        for (material, own) in of_material.into_iter().enumerate().filter(|(_, own)| !own.is_empty()) {
+            let start = geometry.positions.len();
+            let mut known: HashMap<(u32, [u32; 9]), u32> = HashMap::new();
+            let mut vertex = |corner: usize| {
+                let v = mesh.triangles[corner / 3][corner % 3];
+                *known.entry((v, attributes(corner))).or_insert_with(|| {
+                    geometry.positions.push((world(v as usize) - translation).as_vec3());
                     geometry.normals.push(normals[corner]);
                     geometry.tangents.extend(tangents.get(corner));
                     geometry.uv.push(uv(corner));
-                    distinct.push((own, index));
-                    index
-                });
-            }
-        }
-        for material in 0..mesh.materials.len().max(1) {
-            let own = (0..mesh.triangles.len()).filter(|&t| mesh.material_of(t) == material);
-            let triangles: Vec<[u32; 3]> =
-                own.map(|t| [0, 1, 2].map(|k| vertex_of_corner[3 * t + k])).collect();
-            if !triangles.is_empty() {
-                geometry.by_material.push((material, triangles));
-            }
+                    (geometry.positions.len() - 1 - start) as u32
+                })
+            };
+            let triangles = own.into_iter().map(|t| [0, 1, 2].map(|k| vertex(3 * t + k))).collect();
+            let vertices = start..geometry.positions.len();
+            geometry.primitives.push(Primitive { material, vertices, triangles });
         }
         geometry
     }
 
     pub(crate) fn triangle_count(&self) -> usize {
-        self.by_material.iter().map(|(_, triangles)| triangles.len()).sum()
+        self.primitives.iter().map(|primitive| primitive.triangles.len()).sum()
     }
 
     /// The sections of the binary buffer, in order: positions, normals, tangents, texture coordinates, indices. None is
@@ -333,7 +341,7 @@ impl Geometry {
         write_floats(self.normals.iter().map(Vec3::to_array), out)?;
         write_floats(self.tangents.iter().map(Vec4::to_array), out)?;
         write_floats(self.uv.iter().map(Vec2::to_array), out)?;
-        let indices = self.by_material.iter().flat_map(|(_, triangles)| triangles.as_flattened());
+        let indices = self.primitives.iter().flat_map(|primitive| primitive.triangles.as_flattened());
         indices.copied().try_for_each(|i| out.write_all(&i.to_le_bytes()))
     }
 }

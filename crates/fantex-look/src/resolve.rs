@@ -12,7 +12,7 @@ use std::f32::consts::TAU;
 use std::sync::Arc;
 
 use fantex_base::{Aabb, Error, Result};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, ObjectSpace};
 use fantex_texture::combine::{Contours, Field, Layers, RampTexture, TextureUse};
 use fantex_texture::coordinates::{Coordinates, InPlace, InSpace, Parameter, Place, TextureMatrix};
 use fantex_texture::look::{Anisotropy, LookMaterial, NormalSpace, Opacity, Relief, Slot};
@@ -59,6 +59,8 @@ pub struct Resolver<'a> {
     mesh: Option<&'a Mesh>,
     /// Object space.
     bounds: Aabb,
+    /// Range of y over which landscapes go from sand to snow.
+    altitudes: [f32; 2],
     options: ResolveOptions,
     images: &'a LookImages,
     model_images: ModelImages,
@@ -70,7 +72,7 @@ type Node = Arc<dyn Texture>;
 impl<'a> Resolver<'a> {
     /// For a model. Images are shared with all resolvers that have the same `images`.
     pub fn new(file: &'a LookFile, mesh: &'a Mesh, images: &'a LookImages, options: ResolveOptions) -> Self {
-        Self::with_bounds(file, Some(mesh), object_bounds(mesh), images, options)
+        Self::with_bounds(file, Some(mesh), ObjectSpace::of(mesh).bounds(), images, options)
     }
 
     /// For what has no model, such as the slide of a projector: a cube of edge 1 around the origin.
@@ -87,7 +89,14 @@ impl<'a> Resolver<'a> {
         options: ResolveOptions,
     ) -> Self {
         let (model_images, made) = (ModelImages::new(), BTreeMap::new());
-        Self { file, mesh, bounds, options, images, model_images, made }
+        let altitudes = [bounds.min.y, bounds.max.y];
+        Self { file, mesh, bounds, altitudes, options, images, model_images, made }
+    }
+
+    /// With the altitudes of what displacement has made of the model.
+    pub fn with_altitudes_of(self, displaced: &Mesh) -> Self {
+        let bounds = ObjectSpace::of(displaced).bounds();
+        Self { altitudes: [bounds.min.y, bounds.max.y], ..self }
     }
 
     /// With images of the model that have been read already.
@@ -126,6 +135,7 @@ impl<'a> Resolver<'a> {
             T::Noise(noise) => self.noise(noise, key)?,
             T::Sines(table) => self.sines(table, key)?,
             T::Wood(solid) => self.solid(solid, key)?,
+            T::Rings(solid) => self.solid(solid, key)?,
             T::Marble(solid) => self.solid(solid, key)?,
             T::Clouds(solid) => self.solid(solid, key)?,
             T::Granite(solid) => self.solid(solid, key)?,
@@ -133,7 +143,8 @@ impl<'a> Resolver<'a> {
             T::Brick(solid) => self.solid(solid, key)?,
             T::Rock(solid) => self.solid(solid, key)?,
             T::Landscape(solid) => {
-                let half_height = (0.5 * (self.bounds.max.y - self.bounds.min.y) / self.radius()).max(1e-6);
+                let [low, high] = self.altitudes;
+                let half_height = (0.5 * (high - low) / self.radius()).max(1e-6);
                 let texture = Landscape { half_height, ..solid.texture };
                 self.solid(&InPlace { texture, place: solid.place }, key)?
             }
@@ -172,7 +183,11 @@ impl<'a> Resolver<'a> {
             }
             T::Polygons(table) => self.polygons(table, key)?,
             T::Height(table) => self.parameter(self.height(table), &key.name("direction"))?,
-            T::Distance(table) => self.parameter(Parameter::Distance { center: table.center }, key)?,
+            T::Distance(table) => {
+                let center = table.center;
+                let from_axis = |axis: [f32; 3]| Parameter::AxisDistance { center, direction: axis.into() };
+                self.parameter(table.axis.map_or(Parameter::Distance { center }, from_axis), key)?
+            }
             T::Slope(table) => self.parameter(Parameter::Slope { up: table.up }, &key.name("up"))?,
             T::Facing(_) => Arc::new(Parameter::Facing),
             T::Time(_) => Arc::new(Parameter::Time),
@@ -225,14 +240,6 @@ impl<'a> Resolver<'a> {
         let radius = 0.5 * (self.bounds.max - self.bounds.min).length();
         if radius > 0.0 { radius } else { 1.0 }
     }
-}
-
-/// The bounding box of a mesh in object space: world units, the origin in the middle.
-fn object_bounds(mesh: &Mesh) -> Aabb {
-    let scale = mesh.world_from_mesh.scale as f32;
-    let first = mesh.positions.first().copied().unwrap_or(Vec3::ZERO);
-    let (min, max) = mesh.positions.iter().fold((first, first), |(min, max), &p| (min.min(p), max.max(p)));
-    Aabb { min: min * scale, max: max * scale }
 }
 
 // ---- Textures of space and numbers of the surface.

@@ -1,5 +1,6 @@
 //! The cleaned mesh that all of fantex works on.
 
+use fantex_base::Aabb;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::{ImageSource, Material};
@@ -7,7 +8,7 @@ use crate::{ImageSource, Material};
 /// The similarity that takes mesh space to world space: `p_world = offset + scale * p_mesh`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldFromMesh {
-    /// Centre of the model's bounding box, world units.
+    /// Centre of the model's bounding box, rounded to an eighth of the scale; world units.
     pub offset: DVec3,
     /// World units per mesh unit, a power of two.
     pub scale: f64,
@@ -28,6 +29,48 @@ impl WorldFromMesh {
 impl Default for WorldFromMesh {
     fn default() -> Self {
         Self { offset: DVec3::ZERO, scale: 1.0 }
+    }
+}
+
+/// *Object space*, in which textures of space are evaluated: world units and axes, the origin in the middle of the mesh's
+/// bounding box. So patterns keep their real size, moving a model does not move it within its pattern, and models far from the
+/// world's origin keep their precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObjectSpace {
+    bounds_mesh: Aabb,
+    /// World units per mesh unit.
+    scale: f32,
+}
+
+impl ObjectSpace {
+    /// That of a mesh. Looks at every vertex.
+    pub fn of(mesh: &Mesh) -> Self {
+        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (min, max) = mesh.positions.iter().fold(start, |(min, max), &p| (min.min(p), max.max(p)));
+        let (min, max) = if mesh.positions.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (min, max) };
+        Self { bounds_mesh: Aabb { min, max }, scale: mesh.world_from_mesh.scale as f32 }
+    }
+
+    /// The origin, mesh space.
+    pub fn origin_mesh(&self) -> Vec3 {
+        0.5 * (self.bounds_mesh.min + self.bounds_mesh.max)
+    }
+
+    /// Takes a point from mesh space here.
+    #[inline]
+    pub fn point(&self, p_mesh: Vec3) -> Vec3 {
+        (p_mesh - self.origin_mesh()) * self.scale
+    }
+
+    /// Takes a difference of points from mesh space here.
+    #[inline]
+    pub fn vector(&self, v_mesh: Vec3) -> Vec3 {
+        v_mesh * self.scale
+    }
+
+    /// The bounding box of the mesh.
+    pub fn bounds(&self) -> Aabb {
+        Aabb { min: self.point(self.bounds_mesh.min), max: self.point(self.bounds_mesh.max) }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Coverage to texels: a page as it is after the stroke.
 
+use std::ops::Range;
+
 use fantex_base::Result;
 use fantex_cover::{Tap, TexelTriangle};
 use fantex_mesh::interpolate;
@@ -14,7 +16,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::stroke::walk_straight;
 use crate::stroke_page::StrokePage;
-use crate::texel_page::{Rect, TexelPage};
+use crate::texel_page::{Rect, TexelPage, blocks_of};
 use crate::{ChannelPaint, Paint, PaintColor, Surface, SurfacePoint, Tool};
 
 /// The bytes of a page in all painted channels: `shown` with the blocks of stale texels replaced, from those before the
@@ -241,9 +243,8 @@ pub(crate) fn shade<R>(
     ask: impl FnOnce(&ShadingPoint<'_>) -> R,
 ) -> R {
     let (mesh, index) = (surface.mesh(), triangle.triangle as usize);
-    let scale = mesh.world_from_mesh.scale as f32;
+    let space = surface.space();
     let positions = mesh.triangle_positions(index);
-    let position = |lambda: Vec3| interpolate(positions, lambda) * scale;
     let corners = surface.normals().of_triangle(triangle.triangle);
     let blended = |lambda: Vec3| interpolate(corners, lambda);
     let facet = || surface.facet_normal(triangle.triangle).as_vec3();
@@ -260,8 +261,8 @@ pub(crate) fn shade<R>(
     };
     let uv: Vec<UvPoint> = mesh.corners.uv_sets.iter().map(uv_point).collect();
     ask(&ShadingPoint {
-        position: position(lambda),
-        position_steps: triangle.steps.map(position),
+        position: space.point(interpolate(positions, lambda)),
+        position_steps: triangle.steps.map(|step| space.vector(interpolate(positions, step))),
         normal,
         normal_steps,
         uv: &uv,
@@ -318,12 +319,12 @@ pub(crate) fn replace_blocks(
         let texels: Vec<[u8; 4]> = texels.map(|v| stored_bytes(channel, v)).collect();
         encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::U8(&texels))?
     };
-    let width = extent[0] as usize;
-    for [x, y] in blocks_of(rect) {
-        if (0..16).any(|k| changed((y + k / 4) * width + x + k % 4)) {
-            let from = BlockAt { bytes: &encoded, columns: rect.extent()[0] as usize };
-            let low = rect.low.map(|n| n as usize);
-            copy_block(channel.format, &from, [x - low[0], y - low[1]], bytes, width, [x, y]);
+    let columns = extent[0] as usize;
+    for block in blocks_of(rect) {
+        if block.texels().any(|[x, y]| changed(y as usize * columns + x as usize)) {
+            let from = block_bytes(channel.format, rect.extent()[0], block.relative_to(rect.low).low);
+            let to = block_bytes(channel.format, extent[0], block.low);
+            from.zip(to).for_each(|(from, to)| bytes[to].copy_from_slice(&encoded[from]));
         }
     }
     Ok(())
@@ -331,48 +332,27 @@ pub(crate) fn replace_blocks(
 
 /// Copies the blocks of a rectangle from one page to another of the same extent.
 pub(crate) fn copy_blocks(channel: &Channel, extent: [u32; 2], from: &[u8], to: &mut [u8], rect: Rect) {
-    let width = extent[0] as usize;
-    let from = BlockAt { bytes: from, columns: width };
-    for place in blocks_of(rect.blocks()) {
-        copy_block(channel.format, &from, place, to, width, place);
-    }
-}
-
-/// First texels of the blocks of a rectangle of whole blocks.
-fn blocks_of(rect: Rect) -> impl Iterator<Item = [usize; 2]> {
-    let columns = move || (rect.low[0]..rect.high[0]).step_by(4);
-    let rows = (rect.low[1]..rect.high[1]).step_by(4);
-    rows.flat_map(move |y| columns().map(move |x| [x as usize, y as usize]))
-}
-
-/// Texels to copy from, so many in a row.
-struct BlockAt<'a> {
-    bytes: &'a [u8],
-    columns: usize,
-}
-
-/// Copies one block of 4 x 4 texels.
-fn copy_block(
-    format: TexelFormat,
-    from: &BlockAt<'_>,
-    [u, v]: [usize; 2],
-    to: &mut [u8],
-    width: usize,
-    [x, y]: [usize; 2],
-) {
-    if matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7) {
-        let size = format.block_bytes();
-        let target = (y / 4 * (width / 4) + x / 4) * size;
-        let source = (v / 4 * (from.columns / 4) + u / 4) * size;
-        to[target..target + size].copy_from_slice(&from.bytes[source..source + size]);
-    } else {
-        let size = format.block_bytes() / 16;
-        for row in 0..4 {
-            let target = ((y + row) * width + x) * size;
-            let source = ((v + row) * from.columns + u) * size;
-            to[target..target + 4 * size].copy_from_slice(&from.bytes[source..source + 4 * size]);
+    for block in blocks_of(rect.blocks()) {
+        for bytes in block_bytes(channel.format, extent[0], block.low) {
+            to[bytes.clone()].copy_from_slice(&from[bytes]);
         }
     }
+}
+
+/// Where the bytes of a block of 4 x 4 texels lie in so many columns of texels, by its first texel.
+pub(crate) fn block_bytes(
+    format: TexelFormat,
+    columns: u32,
+    [x, y]: [u32; 2],
+) -> impl Iterator<Item = Range<usize>> {
+    let [columns, x, y] = [columns, x, y].map(|n| n as usize);
+    let is_compressed =
+        matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7);
+    let size = if is_compressed { format.block_bytes() } else { format.block_bytes() / 4 };
+    (0..if is_compressed { 1 } else { 4 }).map(move |row| {
+        let first = if is_compressed { y / 4 * (columns / 4) + x / 4 } else { ((y + row) * columns + x) / 4 };
+        first * size..(first + 1) * size
+    })
 }
 
 fn stored_float(channel: &Channel, value: Vec4) -> [f32; 4] {

@@ -298,7 +298,7 @@ fn part_name(id: u64, part: u32) -> String {
 // | page | u32 0; u32 group, level, column, row, channel, length; bytes before xor bytes after |
 // | attachment | u32 2; u32 lengths of name, contents before, contents after; these (of length 0: none) |
 // | mean | u32 1; u32 group, channel; f32[4] before; f32[4] after |
-// | base | u32 3; u32 group, column, row: of a page of level 0, which is put aside as the base of the layers |
+// | base | u32 3; u32 group, level, column, row: of a page that is put aside as the base of the layers |
 
 /// One change.
 #[derive(Clone, Debug, PartialEq)]
@@ -332,8 +332,8 @@ impl Record {
                 out.extend([ATTACHMENT].into_iter().chain(lengths).flat_map(u32::to_le_bytes));
                 [name.as_bytes(), before, after].into_iter().for_each(|part| out.extend(part));
             }
-            Self::Base(PageId { group, page: [column, row], .. }) => {
-                out.extend([BASE, *group, *column, *row].into_iter().flat_map(u32::to_le_bytes));
+            Self::Base(PageId { group, level, page: [column, row] }) => {
+                out.extend([BASE, *group, *level, *column, *row].into_iter().flat_map(u32::to_le_bytes));
             }
         }
     }
@@ -360,8 +360,8 @@ impl Record {
                 Some(Self::Attachment { name, contents: [before, after] })
             }
             BASE => {
-                let [group, column, row] = words(rest)?;
-                Some(Self::Base(PageId { group, level: 0, page: [column, row] }))
+                let [group, level, column, row] = words(rest)?;
+                Some(Self::Base(PageId { group, level, page: [column, row] }))
             }
             _ => None,
         }

@@ -1,7 +1,7 @@
 //! Layers: any number of them over what was baked.
 //!
 //! ```text
-//!  layers/base/PAGE      the page's bytes under all layers     --.
+//!  layers/base/PAGE      the page's bytes under all layers     --.     (also of coarser levels: `base_levels.rs`)
 //!  layers/ID/PAGE        straight linear RGBA per channel, f16   |-- flatten --> the page that everybody reads
 //!  layers/ID/mask/PAGE   one f16 per texel                     --'
 //!  layers/index          what there is, from the bottom to the top
@@ -9,7 +9,7 @@
 //!
 //! All are attachments of the asset, and the asset's own texels are the flattened result: readers that know nothing of layers
 //! show what the painter sees. Only pages of level 0 on which something was painted are kept; coarser levels are made of the
-//! flattened texels. Blending follows [`BlendMode`](crate::BlendMode), from the bottom to the top.
+//! flattened texels, or are those of the base. Blending follows [`BlendMode`](crate::BlendMode), from the bottom to the top.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -184,7 +184,7 @@ fn prefix(target: Target) -> String {
     }
 }
 
-/// The attachment that a stroke changes on a page.
+/// The attachment that a stroke changes on a page of level 0.
 pub(crate) fn page_name(target: Target, id: PageId) -> String {
     format!("{}{:010}/{:05}/{:05}", prefix(target), id.group, id.page[1], id.page[0])
 }
@@ -196,8 +196,15 @@ fn page_of_suffix(suffix: &str) -> Option<PageId> {
     numbers.next().is_none().then_some(PageId { group, level: 0, page: [x, y] })
 }
 
+/// Where the bytes of a page of any level are kept while something lies over them.
 pub(crate) fn base_name(id: PageId) -> String {
-    page_name(Target::Base, id)
+    let name = page_name(Target::Base, id);
+    if id.level == 0 { name } else { format!("{name}/{:02}", id.level) }
+}
+
+/// The same for the means of a group: four f32 per channel.
+pub(crate) fn base_mean_name(group: u32) -> String {
+    format!("{}{group:010}/mean", prefix(Target::Base))
 }
 
 // Pages of layers as bytes: half floats, so that neither darkness nor light beyond 1 is lost.

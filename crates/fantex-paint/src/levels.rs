@@ -1,10 +1,11 @@
 //! Coarser levels of the texels that have changed.
 //!
-//! A texel of a coarser level is the mean of the valid part of its footprint in the level before, weighted by area, as in
-//! the bake. Only texels over something that changed are computed, from the stored texels of the finer level.
+//! A texel of a coarser level is the mean of the known part of its footprint in the level before, weighted by area, as in
+//! the bake. Only texels over something that changed are computed, from the stored texels of the finer level. Where layers show
+//! nothing the texels of the base come back (`base_levels.rs`).
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -21,6 +22,9 @@ use crate::texel_page::{Rect, TexelPage, TexelPages};
 /// Changed texels of a level, page by page, in the level's texels.
 pub(crate) type Dirty = BTreeMap<[u32; 2], Rect>;
 
+/// Pages as they are under all layers: bytes per channel.
+pub(crate) type Base = BTreeMap<PageId, Vec<Vec<u8>>>;
+
 #[derive(Debug)]
 pub(crate) struct PageChange {
     pub(crate) id: PageId,
@@ -31,13 +35,16 @@ pub(crate) struct PageChange {
 
 #[derive(Debug, Default)]
 pub(crate) struct CoarserLevels {
+    /// Whether or not their bytes differ; levels ascend within a channel.
     pub(crate) pages: Vec<PageChange>,
+    /// Layers lie over the tile.
+    pub(crate) is_layered: bool,
     /// Channel and mean.
     pub(crate) means: Vec<(usize, [f32; 4])>,
 }
 
 /// The changed texels of all levels of a tile, from those of level 0.
-fn dirty_levels(surface: &Surface, group: u32, finest: Dirty) -> Vec<Dirty> {
+pub(crate) fn dirty_levels(surface: &Surface, group: u32, finest: Dirty) -> Vec<Dirty> {
     let shape = &surface.cover().groups[group as usize];
     let mut levels = vec![finest];
     for level in 1..shape.level_count() {
@@ -61,7 +68,7 @@ fn coarse_rect(rect: Rect, fine: [u32; 2], coarse: [u32; 2]) -> Rect {
 }
 
 /// The fine texels under coarse ones.
-fn fine_rect(rect: Rect, fine: [u32; 2], coarse: [u32; 2]) -> Rect {
+pub(crate) fn fine_rect(rect: Rect, fine: [u32; 2], coarse: [u32; 2]) -> Rect {
     coarse_rect(rect, coarse, fine)
 }
 
@@ -81,15 +88,15 @@ fn page_rect(extent: [u32; 2], page: [u32; 2]) -> Rect {
 }
 
 /// The pages of a level that a rectangle meets.
-fn pages_of(rect: Rect) -> impl Iterator<Item = [u32; 2]> {
+pub(crate) fn pages_of(rect: Rect) -> impl Iterator<Item = [u32; 2]> {
     let to = rect.high.map(|n| n.div_ceil(PAGE));
     (rect.low[1] / PAGE..to[1]).flat_map(move |y| (rect.low[0] / PAGE..to[0]).map(move |x| [x, y]))
 }
 
-/// Pages whose validity the coarser levels ask for.
-fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec<PageId> {
+/// Pages that the coarser levels ask for.
+pub(crate) fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec<PageId> {
     let shape = &surface.cover().groups[group as usize];
-    let mut ids = std::collections::BTreeSet::new();
+    let mut ids = BTreeSet::new();
     for (level, dirty) in (0u32..).zip(levels) {
         let id = |level: u32, page| PageId { group, level, page };
         if level > 0 {
@@ -108,6 +115,7 @@ fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec<PageId> {
 struct LevelJob<'a> {
     surface: &'a Surface,
     pages: &'a EditorSnapshot,
+    base: &'a Base,
     group: u32,
     channel: usize,
     maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
@@ -116,8 +124,7 @@ struct LevelJob<'a> {
 impl LevelJob<'_> {
     /// Appends all coarser pages that change, and the mean.
     fn run(&self, levels: &[Dirty], result: &mut CoarserLevels) -> Result<()> {
-        // Pages of the level before, as they have become, by page.
-        let mut finer: BTreeMap<[u32; 2], Vec<Vec4>> = BTreeMap::new();
+        let mut finer = LevelPages::new();
         let shape = self.surface.cover().groups[self.group as usize];
         for (level, dirty) in (0u32..).zip(levels).skip(1) {
             let extents = [shape.level_extent(level - 1), shape.level_extent(level)];
@@ -131,104 +138,111 @@ impl LevelJob<'_> {
         }
         let last = PageId { group: self.group, level: shape.level_count() - 1, page: [0, 0] };
         self.load(last, &mut finer)?;
-        let valid = |texel: &usize| self.maps.get(&last).is_none_or(|map| map.is_valid(*texel));
-        let values = &finer[&last.page];
-        let mut chosen: Vec<usize> = (0..values.len()).filter(valid).collect();
-        if chosen.is_empty() {
-            chosen = (0..values.len()).collect();
+        let known: Vec<Vec4> = finer[&last.page].iter().flatten().copied().collect();
+        if !known.is_empty() {
+            let mean = known.iter().sum::<Vec4>() / known.len() as f32;
+            result.means.push((self.channel, mean.to_array()));
         }
-        let sum: Vec4 = chosen.iter().map(|&texel| values[texel]).sum();
-        result.means.push((self.channel, (sum / chosen.len() as f32).to_array()));
         Ok(())
     }
 
-    /// A page with the texels of `rect` computed anew; its decoded values.
+    /// A page with the texels of `rect` computed anew; its decoded values, where they are known.
     fn page(
         &self,
         id: PageId,
         rect: Rect,
         [fine, coarse]: [[u32; 2]; 2],
-        finer: &mut BTreeMap<[u32; 2], Vec<Vec4>>,
+        finer: &mut LevelPages,
         result: &mut CoarserLevels,
-    ) -> Result<Vec<Vec4>> {
+    ) -> Result<Vec<Option<Vec4>>> {
         let under = fine_rect(rect, fine, coarse);
         let window = self.window(id.level - 1, fine, under, finer)?;
-        let before = self.pages.read_page_raw(self.channel, id)?;
+        let before = self.read(id)?;
         let asset = self.pages.asset();
         let decoded = asset.decode_page_raw(self.channel, id, &before)?;
         let extent = decoded.extent;
         let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
         let mut changed = vec![false; values.len()];
+        let mut known = self.known(id, values.len());
         let by_alpha = asset.channels()[self.channel].kind == ChannelKind::BaseColor;
         let local = rect.relative_to(page_origin(id.page));
         for [x, y] in local.texels() {
             let at = [x + page_origin(id.page)[0], y + page_origin(id.page)[1]];
-            if let Some(mean) = window.mean(at, fine, coarse, by_alpha) {
-                let texel = (y * extent[0] + x) as usize;
-                values[texel] = mean;
-                changed[texel] = true;
-            }
+            let texel = (y * extent[0] + x) as usize;
+            let mean = window.mean(at, fine, coarse, by_alpha);
+            (changed[texel], known[texel]) = (mean.is_some(), mean.is_some());
+            values[texel] = mean.unwrap_or(values[texel]);
         }
-        continue_values(&mut values, &mut changed, extent, local);
+        let around = local.grown(extent);
+        continue_values(&mut values, &mut changed, &known, extent, around);
         let mut after = before.clone();
         let channel = &asset.channels()[self.channel];
-        replace_blocks(channel, extent, &mut after, &values, local, |texel| changed[texel])?;
+        replace_blocks(channel, extent, &mut after, &values, around, |texel| changed[texel])?;
         // What is stored is what the next level sees.
         let decoded = asset.decode_page_raw(self.channel, id, &after)?;
-        if after != before {
-            result.pages.push(PageChange { id, channel: self.channel, before, after });
-        }
-        Ok(decoded.rgba.into_iter().map(Vec4::from).collect())
+        result.pages.push(PageChange { id, channel: self.channel, before, after });
+        Ok(where_known(decoded.rgba, &known))
+    }
+
+    /// Which texels of a page are known.
+    fn known(&self, id: PageId, texels: usize) -> Vec<bool> {
+        let map = self.maps.get(&id);
+        (0..texels).map(|texel| map.is_none_or(|map| map.is_known(texel))).collect()
     }
 
     /// Reads a page that has not changed, unless it is there.
-    fn load(&self, id: PageId, pages: &mut BTreeMap<[u32; 2], Vec<Vec4>>) -> Result<()> {
+    fn load(&self, id: PageId, pages: &mut LevelPages) -> Result<()> {
         if let Entry::Vacant(place) = pages.entry(id.page) {
-            let texels = self.pages.read_page(self.channel, id)?;
-            place.insert(texels.rgba.into_iter().map(Vec4::from).collect());
+            let texels = self.pages.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
+            let known = self.known(id, texels.rgba.len());
+            place.insert(where_known(texels.rgba, &known));
         }
         Ok(())
     }
 
-    /// Values and validity of a rectangle of the finer level.
-    fn window(
-        &self,
-        level: u32,
-        extent: [u32; 2],
-        rect: Rect,
-        finer: &mut BTreeMap<[u32; 2], Vec<Vec4>>,
-    ) -> Result<Window> {
+    fn read(&self, id: PageId) -> Result<Vec<u8>> {
+        match self.base.get(&id) {
+            Some(channels) => Ok(channels[self.channel].clone()),
+            None => self.pages.read_page_raw(self.channel, id),
+        }
+    }
+
+    /// Values of a rectangle of the finer level, where they are known.
+    fn window(&self, level: u32, extent: [u32; 2], rect: Rect, finer: &mut LevelPages) -> Result<Window> {
         let [width, height] = rect.extent().map(|n| n as usize);
         let mut window = Window { rect, values: vec![None; width * height] };
         for page in pages_of(rect) {
             let id = PageId { group: self.group, level, page };
             self.load(id, finer)?;
-            let (values, map) = (&finer[&page], self.maps.get(&id));
+            let values = &finer[&page];
             let columns = page_extent(extent, page)[0];
             let part = rect.intersection(page_rect(extent, page));
             for [x, y] in part.texels() {
                 let [px, py] = [x - page_origin(page)[0], y - page_origin(page)[1]];
                 let texel = (py * columns + px) as usize;
                 let to = (y - rect.low[1]) as usize * width + (x - rect.low[0]) as usize;
-                if map.is_none_or(|map| map.is_valid(texel)) {
-                    window.values[to] = Some(values[texel]);
-                }
+                window.values[to] = values[texel];
             }
         }
         Ok(window)
     }
 }
 
+/// Pages of a level, as they have become, where their texels are known.
+type LevelPages = BTreeMap<[u32; 2], Vec<Option<Vec4>>>;
+
+fn where_known(rgba: Vec<[f32; 4]>, known: &[bool]) -> Vec<Option<Vec4>> {
+    rgba.into_iter().zip(known).map(|(rgba, known)| known.then_some(rgba.into())).collect()
+}
+
 /// Gives texels beside the surface the mean of their neighbours on it: look-ups at its outline read them.
-fn continue_values(values: &mut [Vec4], changed: &mut [bool], extent: [u32; 2], rect: Rect) {
-    let known = changed.to_vec();
+fn continue_values(values: &mut [Vec4], changed: &mut [bool], known: &[bool], extent: [u32; 2], rect: Rect) {
     for [x, y] in rect.texels() {
         let texel = (y * extent[0] + x) as usize;
         if known[texel] {
             continue;
         }
-        let low = [x.saturating_sub(1), y.saturating_sub(1)];
-        let around = Rect { low, high: [(x + 2).min(extent[0]), (y + 2).min(extent[1])] };
+        let around = Rect { low: [x, y], high: [x + 1, y + 1] }.grown(extent);
         let near = around.texels().map(|[x, y]| (y * extent[0] + x) as usize).filter(|&t| known[t]);
         let (sum, count) = near.fold((Vec4::ZERO, 0), |(sum, count), t| (sum + values[t], count + 1));
         if count > 0 {
@@ -293,6 +307,10 @@ pub(crate) struct LevelWork {
     pub(crate) surface: Arc<Surface>,
     pub(crate) pages: EditorSnapshot,
     pub(crate) groups: Vec<(u32, Dirty)>,
+    /// Those that layers lie over.
+    pub(crate) layered: BTreeSet<u32>,
+    /// Read instead of what is shown.
+    pub(crate) base: Base,
     pub(crate) channels: Vec<usize>,
     /// Of texel maps.
     pub(crate) budget_bytes: usize,
@@ -320,10 +338,12 @@ impl LevelWork {
         let maps: BTreeMap<_, _> = ids.into_iter().zip(maps).collect();
         jobs.par_iter()
             .map(|(group, levels)| {
-                let mut result = CoarserLevels::default();
+                let is_layered = self.layered.contains(group);
+                let mut result = CoarserLevels { is_layered, ..CoarserLevels::default() };
                 for &channel in &self.channels {
-                    let (group, pages) = (*group, &self.pages);
-                    LevelJob { surface, pages, group, channel, maps: &maps }.run(levels, &mut result)?;
+                    let (group, pages, base) = (*group, &self.pages, &self.base);
+                    LevelJob { surface, pages, base, group, channel, maps: &maps }
+                        .run(levels, &mut result)?;
                 }
                 Ok((*group, result))
             })

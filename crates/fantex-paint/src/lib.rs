@@ -26,6 +26,7 @@
 //!
 //! Everything is a function of its input only, on any number of threads. There is no window in this crate.
 
+mod base_levels;
 mod composite;
 mod cover;
 mod dab;

@@ -24,8 +24,8 @@ use crate::dab::PlacedDab;
 use crate::error::encoded;
 use crate::graph::FillTextures;
 use crate::history::PageStep;
-use crate::layers::{LayerStack, LayeredPage, Layers, ShownPage, base_name, page_name};
-use crate::levels::{Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway, PageChange};
+use crate::layers::{LayerStack, LayeredPage, Layers, ShownPage, base_bytes, base_name, page_name};
+use crate::levels::{Base, Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
 use crate::log::{self, Portable, Recording, portable};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
@@ -468,13 +468,17 @@ const MAX_PAGES_IN_BACKGROUND: usize = 2048;
 
 /// Changed texels of level 0, group by group.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Changes(BTreeMap<u32, Dirty>);
+pub(crate) struct Changes {
+    pub(crate) groups: BTreeMap<u32, Dirty>,
+    /// What lies under the layers has changed.
+    pub(crate) is_base: bool,
+}
 
 impl Changes {
     /// Adds texels of a page, given relative to it.
     pub(crate) fn add(&mut self, id: PageId, rect: Rect) {
         let rect = rect.moved(page_origin(id.page));
-        let known = self.0.entry(id.group).or_default().entry(id.page).or_insert(Rect::EMPTY);
+        let known = self.groups.entry(id.group).or_default().entry(id.page).or_insert(Rect::EMPTY);
         *known = known.union(rect);
     }
 }
@@ -503,7 +507,9 @@ impl Painter {
         let Some((mut summary, changes, channels)) = self.close_stroke()? else {
             return Ok(StrokeSummary::default());
         };
-        if is_in_background && summary.pages * channels.len().max(1) <= MAX_PAGES_IN_BACKGROUND {
+        let is_under_layers = changes.is_base && changes.groups.keys().any(|&g| self.keeps_base_levels(g));
+        let is_small = summary.pages * channels.len().max(1) <= MAX_PAGES_IN_BACKGROUND;
+        if is_in_background && is_small && !is_under_layers {
             let work = self.level_work(changes.clone(), &channels);
             self.levels = LevelsUnderway::start(work, &self.level_maps);
         }
@@ -552,7 +558,7 @@ impl Painter {
         let ids = stroke.pages.ids();
         let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
         self.begin_step(&stroke.label);
-        let mut changes = Changes::default();
+        let mut changes = Changes { is_base: stroke.target == Target::Base, ..Changes::default() };
         for &id in &ids {
             let Some(page) = stroke.pages.take(id)? else { continue };
             changes.add(id, page.touched);
@@ -644,6 +650,9 @@ impl Painter {
 
     /// Computes the coarser levels of what has changed; returns how many pages that changes. More of the step may come.
     pub(crate) fn finish_changes(&mut self, changes: Changes, channels: &[usize]) -> Result<usize> {
+        if changes.is_base {
+            self.finish_base_levels(&changes, channels)?;
+        }
         let mut work = self.level_work(changes, channels);
         let mut groups = std::mem::take(&mut work.groups).into_iter();
         let mut count = 0;
@@ -660,26 +669,40 @@ impl Painter {
         Ok(count)
     }
 
-    fn level_work(&self, changes: Changes, channels: &[usize]) -> LevelWork {
+    pub(crate) fn level_work(&self, changes: Changes, channels: &[usize]) -> LevelWork {
+        let is_layered = |(&group, dirty): (&u32, &Dirty)| {
+            let is_kept = |page| self.editor.has_attachment(&base_name(PageId { group, level: 0, page }));
+            let is_first_layered = || !changes.is_base && dirty.keys().copied().any(is_kept);
+            (self.keeps_base_levels(group) || is_first_layered()).then_some(group)
+        };
         LevelWork {
             surface: Arc::clone(&self.surface),
             pages: self.editor.snapshot(),
-            groups: changes.0.into_iter().collect(),
+            layered: changes.groups.iter().filter_map(is_layered).collect(),
+            base: Base::new(),
+            groups: changes.groups.into_iter().collect(),
             channels: channels.to_vec(),
             budget_bytes: self.options.budget(),
         }
     }
 
-    /// Puts coarser levels in their places; returns the pages, channel by channel.
+    /// Puts coarser levels in their places; returns the pages, one for each channel that changes.
     fn apply_levels(&mut self, results: LevelResults) -> Result<Vec<PageId>> {
         let mut ids = Vec::new();
-        for (group, result) in results {
-            for change in result.pages {
-                let PageChange { id, channel, before, after } = change;
-                ids.push(id);
-                let channels = vec![(channel, before, after.clone())];
-                self.remember(PageStep { id, channels, is_first_layered: false })?;
-                self.editor.replace(id, channel, after)?;
+        for (group, mut result) in results {
+            if result.is_layered {
+                self.keep_means(group)?;
+            }
+            for step in self.page_steps(&mut result)? {
+                let id = step.id;
+                if step.is_first_layered {
+                    self.editor.attach(&base_name(id), base_bytes(&self.editor, id, None)?.concat())?;
+                }
+                for (channel, _, after) in &step.channels {
+                    ids.push(id);
+                    self.editor.replace(id, *channel, after.clone())?;
+                }
+                self.remember(step)?;
             }
             for (channel, mean) in result.means {
                 let before = self.editor.mean(channel, group);
@@ -767,10 +790,21 @@ impl Painter {
             let touched = stroke.pages.touched(group);
             touched.map(|(id, rect)| (id.page, rect.moved(page_origin(id.page)))).collect()
         };
-        let changes = Changes(groups.into_iter().map(|group| (group, finest(group))).collect());
-        let work = self.level_work(changes, &stroke.affected);
-        let pages = work.run(&mut self.maps)?.into_iter().flat_map(|(_, result)| result.pages);
-        Ok(pages.map(|page| PreviewPage { id: page.id, channel: page.channel, bytes: page.after }).collect())
+        let groups = groups.into_iter().map(|group| (group, finest(group))).collect();
+        let is_base = stroke.target == Target::Base;
+        let mut work = self.level_work(Changes { groups, is_base }, &stroke.affected);
+        if is_base {
+            // Its coarser levels are those from before the stroke.
+            work.layered.clear();
+        }
+        let mut pages = Vec::new();
+        for (_, mut result) in work.run(&mut self.maps)? {
+            for PageStep { id, channels, .. } in self.page_steps(&mut result)? {
+                let preview = |(channel, _, bytes)| PreviewPage { id, channel, bytes };
+                pages.extend(channels.into_iter().map(preview));
+            }
+        }
+        Ok(pages)
     }
 }
 

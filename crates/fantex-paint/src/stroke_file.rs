@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::{Aabb, Result};
+use fantex_base::Result;
 use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
 use fantex_texture::{ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
@@ -312,7 +312,7 @@ pub enum ColorSettings {
     Linear([f32; 4]),
     /// A solid by its name, scaled to the model.
     Solid {
-        /// wood, marble, rock, granite, clouds, checker, brick or landscape.
+        /// wood, rings, marble, rock, granite, clouds, checker, brick or landscape.
         name: String,
         /// Of its noise.
         #[serde(default)]
@@ -427,7 +427,7 @@ pub(crate) fn color_of(
         ColorSettings::Srgb(color) => Vec3::from(color.map(linear_from_srgb)).extend(1.0),
         ColorSettings::Linear(color) => Vec4::from(*color),
         ColorSettings::Solid { name, seed } => {
-            let solid = solid_by_name(name, object_bounds(surface), *seed);
+            let solid = solid_by_name(name, surface.space().bounds(), *seed);
             let solid = solid.map_err(|source| preparation.of_stroke(malformed(source)))?;
             return Ok(PaintColor::Texture(Arc::new(NamedSolid(solid))));
         }
@@ -456,14 +456,4 @@ impl Texture for NamedSolid {
         let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
         Vec4::from_array(self.0.color(&point))
     }
-}
-
-/// The model's bounds in object space.
-fn object_bounds(surface: &Surface) -> Aabb {
-    let mesh = surface.mesh();
-    let scale = mesh.world_from_mesh.scale as f32;
-    let positions = || mesh.positions.iter().map(|p| *p * scale);
-    let min = positions().fold(Vec3::INFINITY, Vec3::min);
-    let max = positions().fold(Vec3::NEG_INFINITY, Vec3::max);
-    Aabb { min, max }
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{
-    CornerNormals, Edges, Mesh, OpposedTriangles, RayHit, SurfacePoint, TriangleBvh, interpolate,
+    CornerNormals, Edges, Mesh, ObjectSpace, OpposedTriangles, RayHit, SurfacePoint, TriangleBvh, interpolate,
 };
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
@@ -25,6 +25,7 @@ pub struct Surface {
     is_inside_out: bool,
     /// Per corner; made when first asked for.
     normals: OnceLock<CornerNormals>,
+    space: ObjectSpace,
 }
 
 impl std::fmt::Debug for Surface {
@@ -46,7 +47,8 @@ impl Surface {
         let bvh = TriangleBvh::new(&mesh);
         let opposed = OpposedTriangles::of(&mesh.triangles);
         let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
-        Self { mesh, cover, bvh, opposite, triangles_of_groups, opposed, is_inside_out, normals }
+        let space = ObjectSpace::of(&mesh);
+        Self { mesh, cover, bvh, opposite, triangles_of_groups, opposed, is_inside_out, normals, space }
     }
 
     /// The mesh.
@@ -57,6 +59,11 @@ impl Surface {
     /// The cover.
     pub fn cover(&self) -> &Cover {
         &self.cover
+    }
+
+    /// Where textures of space are evaluated.
+    pub fn space(&self) -> &ObjectSpace {
+        &self.space
     }
 
     /// Rays and nearest points.

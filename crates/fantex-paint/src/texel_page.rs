@@ -21,6 +21,8 @@ pub(crate) struct TexelPage {
     pub(crate) triangles: Vec<TexelTriangle>,
     /// Per texel, row-major: index into `triangles`, or `NO_OWNER` off the surface.
     pub(crate) owner: Vec<u32>,
+    /// Per block of 4 x 4 texels, row-major: whether a filter reads it. The bake leaves the others empty.
+    is_read: Vec<bool>,
 }
 
 impl TexelPage {
@@ -29,18 +31,36 @@ impl TexelPage {
         let extent = cover.groups[id.group as usize].level_extent(id.level);
         let block = TexelBlock { origin: page_origin(id.page), extent: page_extent(extent, id.page) };
         let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
+        // A texel more on each side: look-ups beside the page read its outermost blocks.
+        let low = block.origin.map(|n| n.saturating_sub(1));
+        let end = [0, 1].map(|k| (block.origin[k] + block.extent[k] + 1).min(extent[k]));
+        let around = TexelBlock { origin: low, extent: [end[0] - low[0], end[1] - low[1]] };
         let in_page = |&t: &u32| {
             let triangle = texel_triangle(surface, id.group, t, texels)?;
-            triangle.touches(block).then_some(triangle)
+            triangle.touches(around).then_some(triangle)
         };
         let triangles = surface.triangles_of_group(id.group).iter().filter_map(in_page).collect();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
-        footprints.cover(block, cover.delta);
+        footprints.cover(around, cover.delta);
+        let own = Rect::of(block.extent).moved([0, 1].map(|k| block.origin[k] - low[k]));
+        let texel = |[x, y]: [u32; 2]| (y * around.extent[0] + x) as usize;
         // A texel of a coarser level counts if a texel of level 0 within it does.
         let reach = if id.level == 0 { f32::INFINITY } else { 0.5 + 2.0 / (1u64 << id.level) as f32 };
-        let Footprints { triangles, mut owner, distance, .. } = footprints;
-        owner.iter_mut().zip(&distance).filter(|(_, d)| **d > reach).for_each(|(o, _)| *o = NO_OWNER);
-        Self { group: id.group, block, triangles, owner }
+        let owner = own.texels().map(texel);
+        let owner =
+            owner.map(|t| if footprints.distance[t] > reach { NO_OWNER } else { footprints.owner[t] });
+        let is_read = blocks_of(own).map(|block| {
+            let mut near = block.grown(around.extent).texels();
+            near.any(|place| footprints.in_region[texel(place)])
+        });
+        let (owner, is_read) = (owner.collect(), is_read.collect());
+        Self { group: id.group, block, triangles: footprints.triangles, owner, is_read }
+    }
+
+    /// True where the texel shows the surface, and is stored: the bake leaves blocks empty that no filter reads.
+    pub(crate) fn is_known(&self, texel: usize) -> bool {
+        let [x, y] = self.place(texel);
+        self.is_valid(texel) && self.is_read[(y / 4 * (self.block.extent[0] / 4) + x / 4) as usize]
     }
 
     pub(crate) fn is_valid(&self, texel: usize) -> bool {
@@ -73,7 +93,10 @@ impl TexelPage {
     }
 
     fn memory_bytes(&self) -> usize {
-        size_of::<Self>() + 4 * self.owner.len() + size_of::<TexelTriangle>() * self.triangles.len()
+        size_of::<Self>()
+            + 4 * self.owner.len()
+            + self.is_read.len()
+            + size_of::<TexelTriangle>() * self.triangles.len()
     }
 }
 
@@ -201,8 +224,23 @@ impl Rect {
         [0, 1].map(|k| self.high[k].saturating_sub(self.low[k]))
     }
 
+    /// With a texel more on each side, within `extent`.
+    pub(crate) fn grown(self, extent: [u32; 2]) -> Self {
+        let high = [0, 1].map(|k| (self.high[k] + 1).min(extent[k]));
+        Self { low: self.low.map(|n| n.saturating_sub(1)), high }
+    }
+
     /// Columns and rows, row by row.
     pub(crate) fn texels(self) -> impl Iterator<Item = [u32; 2]> {
         (self.low[1]..self.high[1]).flat_map(move |y| (self.low[0]..self.high[0]).map(move |x| [x, y]))
     }
+}
+
+/// The blocks of 4 x 4 texels of a rectangle from its first texel on, row by row.
+pub(crate) fn blocks_of(rect: Rect) -> impl Iterator<Item = Rect> {
+    let rows = (rect.low[1]..rect.high[1]).step_by(4);
+    rows.flat_map(move |y| {
+        let columns = (rect.low[0]..rect.high[0]).step_by(4);
+        columns.map(move |x| Rect { low: [x, y], high: [x + 4, y + 4] })
+    })
 }

@@ -546,6 +546,7 @@ impl Painter {
                 page.originals = work.stroke.originals(&self.editor, *id)?;
             }
         }
+        work.slices.changes.is_base = work.stroke.target == Target::Base;
         let (editor, layers, stroke) = (&self.editor, (&self.layers, &self.fills), &work.stroke);
         let shown_page = |(id, page, map): &(PageId, StrokePage, Arc<TexelPage>)| {
             if page.stale.is_empty() {

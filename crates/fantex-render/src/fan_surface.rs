@@ -7,8 +7,7 @@ use fantex_store::{
 use fantex_texture::ColorRamp;
 use glam::{Vec3, Vec4};
 
-use crate::surface::CornerNormals;
-use crate::surface::apply_alpha_mode;
+use crate::surface::{CornerNormals, apply_alpha_mode, bent_steps};
 use crate::{
     AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface,
 };
@@ -25,6 +24,7 @@ use crate::{
 pub struct FanSurface<S = PageCache> {
     sampler: Sampler<S>,
     normals: CornerNormals,
+    normal_channel: Option<usize>,
     has_base_color: bool,
     has_surface: bool,
     has_emission: bool,
@@ -47,6 +47,7 @@ impl<S: TileSource> FanSurface<S> {
         let mesh = sampler.mesh();
         Self {
             normals: CornerNormals::of_mesh(mesh),
+            normal_channel: sampler.channels().iter().position(|channel| channel.kind == ChannelKind::Normal),
             has_base_color: sampler.has(ChannelKind::BaseColor),
             has_surface: sampler.has(ChannelKind::OcclusionRoughnessMetallic),
             has_emission: sampler.has(ChannelKind::Emission),
@@ -62,7 +63,7 @@ impl<S: TileSource> FanSurface<S> {
         mesh.materials.get(mesh.material_of(triangle))
     }
 
-    fn sample(&self, hit: &Hit, normal_steps: [Vec3; 2], values: &SurfaceValues) -> MaterialSample {
+    fn sample(&self, hit: &Hit, vertex_steps: [Vec3; 2], values: &SurfaceValues) -> MaterialSample {
         let default_material;
         let material = match self.material(hit.triangle()) {
             Some(material) => material,
@@ -81,12 +82,17 @@ impl<S: TileSource> FanSurface<S> {
         .to_array()
         .map(|v| v.clamp(0.0, 1.0));
         let emission = or_factors(self.has_emission, values.emission, material.emission.extend(1.0));
+        let normal_steps = self.normal_channel.and_then(|channel| {
+            let footprint = Footprint { lambda_steps: hit.lambda_steps };
+            let at = |moved: &Hit| Some(self.sampler.sample_channel(channel, moved.at, footprint).truncate());
+            bent_steps(hit, roughness, values.normal, at)
+        });
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { values.normal } else { -values.normal },
-            normal_steps,
+            normal_steps: normal_steps.unwrap_or(vertex_steps),
             occlusion,
             roughness,
             metallic,

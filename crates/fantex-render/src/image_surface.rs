@@ -2,7 +2,7 @@
 //! points at once.
 
 use fantex_base::Result;
-use fantex_mesh::{Material, Mesh, OpposedTriangles, SurfacePoint};
+use fantex_mesh::{Material, Mesh, OpposedTriangles};
 use fantex_texture::material::{
     ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
@@ -10,8 +10,7 @@ use fantex_texture::material::{
 use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
-use crate::surface::CornerNormals;
-use crate::surface::apply_alpha_mode;
+use crate::surface::{CornerNormals, apply_alpha_mode, bent_steps};
 use crate::{Coverage, FilterOptions, Hit, MaterialSample, Shaded, SmoothPoint, Surface};
 
 /// A mesh with its own materials. Textures whose texture coordinates the mesh lacks are left out.
@@ -77,35 +76,11 @@ impl<'a> ImageSurface<'a> {
 
 type Texels = ImageSlots<Option<Vec4>>;
 
-/// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
-const SHINY: f32 = 0.3;
-
-/// Share of a triangle up to which its frame is continued beyond its border.
-const NEARBY: f32 = 0.5;
-
 impl ImageSurface<'_> {
     /// The unit normal that a normal map's texel gives the front side.
     fn bent_normal(&self, material: &Material, texel: Vec4, hit: &Hit) -> Option<Vec3> {
         let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle(), hit.at.lambda);
         frame.bend(material, texel)
-    }
-
-    /// The change of the bent normal to the next pixels, on the side that the eye sees.
-    fn bent_steps(
-        &self,
-        material: &Material,
-        layer: &TextureLayer,
-        hit: &Hit,
-        normal: Vec3,
-    ) -> Option<[Vec3; 2]> {
-        let side = if hit.front { 1.0 } else { -1.0 };
-        let next = |change: Vec3| {
-            let nearby = change.abs().max_element() < NEARBY;
-            let at = SurfacePoint { lambda: hit.at.lambda + change, ..hit.at };
-            let moved = Hit { at, ..*hit };
-            nearby.then(|| self.bent_normal(material, self.texel(layer, &moved), &moved)).flatten()
-        };
-        Some([(next(hit.lambda_steps[0])? - normal) * side, (next(hit.lambda_steps[1])? - normal) * side])
     }
 }
 
@@ -129,8 +104,10 @@ impl ImageSurface<'_> {
         let bent = texels.normal.and_then(|texel| self.bent_normal(material, texel, hit));
         let normal = bent.unwrap_or(vertex_normal);
         let normal_steps = match &textures.normal {
-            Some(layer) if surface.y < SHINY => self.bent_steps(material, layer, hit, normal),
-            _ => None,
+            Some(layer) => bent_steps(hit, surface.y, normal, |moved| {
+                self.bent_normal(material, self.texel(layer, moved), moved)
+            }),
+            None => None,
         }
         .unwrap_or(vertex_steps);
         MaterialSample {

@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use fantex_base::Result;
-use fantex_mesh::{Mesh, OpposedTriangles};
+use fantex_mesh::{Mesh, ObjectSpace, OpposedTriangles};
 use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
     Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity,
@@ -99,6 +99,7 @@ impl Surface for LookSurface<'_> {
 #[derive(Debug)]
 struct TextureSurface<'a> {
     mesh: &'a Mesh,
+    space: ObjectSpace,
     normals: CornerNormals,
     /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
     tangents: Vec<Vec<Vec4>>,
@@ -114,7 +115,8 @@ impl<'a> TextureSurface<'a> {
         }
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = look_tangents(mesh, normals.all(), materials.iter().map(AsRef::as_ref));
-        Self { mesh, normals, tangents, materials, time: 0.0, opposed: OpposedTriangles::of(&mesh.triangles) }
+        let (space, opposed) = (ObjectSpace::of(mesh), OpposedTriangles::of(&mesh.triangles));
+        Self { mesh, space, normals, tangents, materials, time: 0.0, opposed }
     }
 
     fn material_of(&self, triangle: usize) -> &LookMaterial {
@@ -173,15 +175,15 @@ impl<'a> TextureSurface<'a> {
     ) -> Shaded<'s> {
         let side = if hit.front { 1.0 } else { -1.0 };
         // Relief rises from the front, so that a sheet seen from behind shows its dents as bumps.
-        let bent = self.relief(material, hit, at, at.normal * side);
+        let bent = self.relief(material, hit, at, at.normal);
         let normal = bent.normal * side;
         let base = slots.base_color;
         let color = |value: Vec4| value.truncate().max(Vec3::ZERO);
         let mut sample = MaterialSample {
             base_color: color(base),
-            alpha: opacity_at(material, at, base.w),
+            alpha: material.opacity_at(at, base.w),
             normal,
-            normal_steps: at.normal_steps,
+            normal_steps: at.normal_steps.map(|step| step * side),
             occlusion: slots.occlusion.x.clamp(0.0, 1.0),
             roughness: slots.roughness.x.clamp(0.0, 1.0),
             metallic: slots.metallic.x.clamp(0.0, 1.0),
@@ -203,7 +205,7 @@ impl<'a> TextureSurface<'a> {
             anisotropy: None,
         };
         if let Some(anisotropy) = &material.anisotropy {
-            finish.anisotropy = self.anisotropy(anisotropy, hit, at, normal);
+            finish.anisotropy = self.anisotropy(anisotropy, hit, at, bent.normal);
         }
         if bent.slope_variance > 0.0 {
             widen(&mut sample, &mut finish, bent.slope_variance);
@@ -237,7 +239,7 @@ impl<'a> TextureSurface<'a> {
 impl Surface for TextureSurface<'_> {
     fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let material = self.material_of(hit.triangle());
-        let own = LookPoint::new(self.mesh, &self.normals, hit, self.time);
+        let own = LookPoint::new(self, hit);
         let at = own.shading_point();
         self.shaded(material, hit, &at, &Slots::new(material, |slot| slot.evaluate(&at)))
     }
@@ -246,7 +248,7 @@ impl Surface for TextureSurface<'_> {
         let material_of = |hit: &Hit| self.material_of(hit.triangle());
         for hits in hits.chunk_by(|a, b| std::ptr::eq(material_of(a), material_of(b))) {
             let material = material_of(&hits[0]);
-            let own = |hit: &Hit| LookPoint::new(self.mesh, &self.normals, hit, self.time);
+            let own = |hit: &Hit| LookPoint::new(self, hit);
             let own: Vec<LookPoint> = hits.iter().map(own).collect();
             let at: Vec<ShadingPoint<'_>> = own.iter().map(LookPoint::shading_point).collect();
             let mut columns = Columns { at: &at, asked: Vec::new() };
@@ -258,9 +260,9 @@ impl Surface for TextureSurface<'_> {
 
     fn alpha(&self, hit: &Hit) -> f32 {
         let material = self.material_of(hit.triangle());
-        let own = LookPoint::new(self.mesh, &self.normals, hit, self.time);
+        let own = LookPoint::new(self, hit);
         let at = own.shading_point();
-        opacity_at(material, &at, material.base_color.evaluate(&at).w)
+        material.opacity_at(&at, material.base_color.evaluate(&at).w)
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
@@ -414,9 +416,9 @@ struct LookPoint {
 }
 
 impl LookPoint {
-    fn new(mesh: &Mesh, normals: &CornerNormals, hit: &Hit, time: f32) -> Self {
-        let world_per_mesh = mesh.world_from_mesh.scale as f32;
-        let positions = mesh.triangle_positions(hit.triangle()).map(|p| p * world_per_mesh);
+    fn new(surface: &TextureSurface<'_>, hit: &Hit) -> Self {
+        let TextureSurface { mesh, space, normals, time, .. } = surface;
+        let positions = mesh.triangle_positions(hit.triangle()).map(|p| space.point(p));
         let (position, position_steps) = hit.interpolate(positions);
         let (normal, normal_steps) = smooth_normal(mesh, normals, hit);
         let mut uv = [UvPoint::default(); MAX_UV_SETS];
@@ -436,7 +438,7 @@ impl LookPoint {
             uv_sets: sets.len().min(MAX_UV_SETS),
             vertex_color: vertex_color(mesh, hit.triangle(), hit.at.lambda),
             to_eye: hit.to_eye,
-            time,
+            time: *time,
         }
     }
 
@@ -455,36 +457,13 @@ impl LookPoint {
     }
 }
 
-/// The interpolated unit normal on the side that is seen, and its change along the footprint's edges: of `b / |b|` that is
+/// The interpolated unit normal of the front, whichever side is seen, and its change along the footprint's edges: of `b / |b|` that is
 /// `(db - n (n . db)) / |b|`.
 fn smooth_normal(mesh: &Mesh, normals: &CornerNormals, hit: &Hit) -> (Vec3, [Vec3; 2]) {
-    let side = if hit.front { 1.0 } else { -1.0 };
-    let normal = normals.at(mesh, hit) * side;
-    let corners = hit.at.corner_values(normals.all()).map(|normal| normal * side);
-    let (blend, changes) = hit.interpolate(corners);
+    let normal = normals.at(mesh, hit);
+    let (blend, changes) = hit.interpolate(hit.at.corner_values(normals.all()));
     let length = blend.length().max(1e-3);
     (normal, changes.map(|change| (change - normal * normal.dot(change)) / length))
-}
-
-/// The value of a texture at the point moved by `offset` along the footprint's edges, over a footprint that is `share` times
-/// as wide.
-fn evaluate_beside(texture: &dyn Texture, at: &ShadingPoint, offset: Vec2, share: f32) -> Vec4 {
-    let mut uv = [UvPoint::default(); MAX_UV_SETS];
-    for (moved, own) in uv.iter_mut().zip(at.uv) {
-        let [x, y] = own.steps;
-        *moved = UvPoint { uv: own.uv + x * offset.x + y * offset.y, steps: [x * share, y * share] };
-    }
-    let [x, y] = at.position_steps;
-    let [normal_x, normal_y] = at.normal_steps;
-    let normal = at.normal + normal_x * offset.x + normal_y * offset.y;
-    texture.evaluate(&ShadingPoint {
-        position: at.position + x * offset.x + y * offset.y,
-        position_steps: [x * share, y * share],
-        normal: normal.normalize_or(at.normal),
-        normal_steps: [normal_x * share, normal_y * share],
-        uv: &uv[..at.uv.len().min(MAX_UV_SETS)],
-        ..*at
-    })
 }
 
 /// Point `i` of an even spread over the footprint, each coordinate in -0.5..0.5: the additive recurrence on the plastic
@@ -492,75 +471,6 @@ fn evaluate_beside(texture: &dyn Texture, at: &ShadingPoint, offset: Vec2, share
 pub(crate) fn spread(i: usize) -> Vec2 {
     const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
     (STEP * i as f32 + 0.5).fract() - 0.5
-}
-
-// Opacity of a look material.
-
-/// Points along each axis of the footprint at which a cut-out's alpha is compared with its threshold.
-const POINTS: u32 = 4;
-
-/// Width of the points' own footprints, as a share of the pixel's: small, for what they average is lost to the comparison.
-const POINT_SHARE: f32 = 1.0 / 64.0;
-
-/// Means of alpha below and above which it is zero or one on the whole footprint.
-const NOWHERE: f32 = 1e-3;
-const EVERYWHERE: f32 = 1.0 - 1e-3;
-
-/// The opacity at a point. `base_alpha` is the base colour's alpha there.
-///
-/// A cut-out is as opaque as the share of the footprint whose alpha reaches the threshold. Comparing the filtered alpha would
-/// be all or nothing; a fence would vanish, or become a wall, as soon as its bars are narrower than pixels.
-fn opacity_at(material: &LookMaterial, at: &ShadingPoint, base_alpha: f32) -> f32 {
-    match material.opacity {
-        Opacity::Opaque => 1.0,
-        Opacity::Blend => (base_alpha * material.alpha.evaluate_number(at)).clamp(0.0, 1.0),
-        Opacity::Mask { threshold } => {
-            let mean = base_alpha * material.alpha.evaluate_number(at);
-            let slots = [&material.base_color, &material.alpha];
-            let is_constant = slots.iter().all(|slot| matches!(slot, Slot::Constant(_)));
-            if is_constant || mean <= NOWHERE || mean >= EVERYWHERE {
-                return f32::from(u8::from(mean >= threshold));
-            }
-            let mut random = Random::of_point(at);
-            let is_there = |i: &u32| {
-                let offset = (random.cell(i % POINTS, i / POINTS)) - 0.5;
-                alpha_beside(material, at, offset) >= threshold
-            };
-            (0..POINTS * POINTS).filter(is_there).count() as f32 / (POINTS * POINTS) as f32
-        }
-    }
-}
-
-/// Random points that are the same wherever and whenever a point of the surface is asked. Regular ones would beat with the
-/// regular patterns that cut-outs often have.
-struct Random(u32);
-
-impl Random {
-    fn of_point(at: &ShadingPoint) -> Self {
-        Self(at.position.to_array().iter().fold(0x9E37_79B9, |hash, x| mixed(hash ^ x.to_bits())))
-    }
-
-    /// A point of a cell of the square that is divided into [`POINTS`] times as many.
-    fn cell(&mut self, x: u32, y: u32) -> Vec2 {
-        self.0 = mixed(self.0.wrapping_add(0x9E37_79B9));
-        let [low, high] = [self.0 & 0xFFFF, self.0 >> 16].map(|bits| bits as f32 / 65536.0);
-        Vec2::new(x as f32 + low, y as f32 + high) / POINTS as f32
-    }
-}
-
-/// The finaliser of MurmurHash3 (A. Appleby, 2011).
-fn mixed(mut x: u32) -> u32 {
-    x = (x ^ x >> 16).wrapping_mul(0x85EB_CA6B);
-    x = (x ^ x >> 13).wrapping_mul(0xC2B2_AE35);
-    x ^ x >> 16
-}
-
-fn alpha_beside(material: &LookMaterial, at: &ShadingPoint, offset: Vec2) -> f32 {
-    let value = |slot: &Slot| match slot {
-        Slot::Constant(value) => *value,
-        Slot::Texture(texture) => evaluate_beside(&**texture, at, offset, POINT_SHARE),
-    };
-    value(&material.base_color).w * value(&material.alpha).x
 }
 
 // Bent normals, and what of the relief is too fine to be seen.
@@ -607,7 +517,7 @@ impl Bump<'_> {
 
     /// Change of the height along the footprint's edges, from differences over half of them.
     fn change(&self, at: &ShadingPoint) -> Vec2 {
-        let height = |offset: Vec2| evaluate_beside(self.texture, at, offset, 1.0).x;
+        let height = |offset: Vec2| at.part(offset, 1.0, |there| self.texture.evaluate(there)).x;
         let steps = at.position_steps.map(|edge| self.min_share(edge).max(0.5));
         height_change(self.difference, steps, height) * self.height
     }
@@ -624,7 +534,7 @@ impl Bump<'_> {
         if share > 0.5 {
             return 0.0;
         }
-        let height = |offset: Vec2| evaluate_beside(self.texture, at, offset, share).x;
+        let height = |offset: Vec2| at.part(offset, share, |there| self.texture.evaluate(there)).x;
         variance(mean, |p| {
             let here = height(p);
             let there = Vec2::new(height(p + Vec2::X * share), height(p + Vec2::Y * share));
@@ -651,7 +561,7 @@ impl DerivativeMap<'_> {
         let gradient = |texel: Vec4| axes.of_derivatives(texel, uv, self.scale);
         let mean = gradient(self.texture.evaluate(at));
         let Some(normal) = (normal - mean).try_normalize() else { return unbent };
-        let slope = |p: Vec2| gradient(evaluate_beside(self.texture, at, p, SLOPE_SHARE));
+        let slope = |p: Vec2| gradient(at.part(p, SLOPE_SHARE, |there| self.texture.evaluate(there)));
         let slope_variance = if with_variance { variance(mean, slope) } else { 0.0 };
         Bent { normal, slope_variance }
     }

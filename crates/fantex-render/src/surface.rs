@@ -1,6 +1,6 @@
 //! What a surface tells the renderer about its points.
 
-use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, SurfacePoint, shading_normals};
 use glam::Vec3;
 
 use crate::{Finish, Hit};
@@ -73,6 +73,32 @@ impl MaterialSample {
             lookups: 0,
         }
     }
+}
+
+/// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
+const SHINY: f32 = 0.3;
+
+/// Share of a triangle up to which its plane is continued beyond its border.
+const NEARBY: f32 = 0.5;
+
+/// The change of the bent `normal` of a shiny surface's front to the next pixels, on the side that the eye sees; `at` gives the
+/// normal there. None where it does not matter, or the next pixels lie far beyond the triangle.
+pub(crate) fn bent_steps(
+    hit: &Hit,
+    roughness: f32,
+    normal: Vec3,
+    at: impl Fn(&Hit) -> Option<Vec3>,
+) -> Option<[Vec3; 2]> {
+    let is_nearby = |step: &Vec3| step.abs().max_element() < NEARBY;
+    if roughness >= SHINY || !hit.lambda_steps.iter().all(is_nearby) {
+        return None;
+    }
+    let side = if hit.front { 1.0 } else { -1.0 };
+    let [x, y] = hit.lambda_steps.map(|step| {
+        let at_next = SurfacePoint { lambda: hit.at.lambda + step, ..hit.at };
+        Some((at(&Hit { at: at_next, ..*hit })? - normal) * side)
+    });
+    Some([x?, y?])
 }
 
 /// The material at a point, and what it has beyond the core of glTF.

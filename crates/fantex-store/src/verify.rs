@@ -1,4 +1,4 @@
-//! Verifying assets: structure, checksums and the continuity certificate.
+//! Verifying assets: structure, checksums, the continuity certificate, and (`verify_levels.rs`) that detail levels agree.
 //!
 //! The continuity certificate: on every edge the texture function, evaluated from either of the triangles that continue each
 //! other there ([`continued`](fantex_mesh::continued)) on the texels as they are stored, gives the same value.
@@ -26,6 +26,7 @@ use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::verify_levels::{LevelAgreement, compare_levels};
 use crate::{Asset, ClusterId, PageCache, Tile, TileId, TileSource, TileTexels};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
@@ -50,7 +51,7 @@ impl Default for VerifyOptions {
 /// What verification found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VerifyReport {
-    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`].
+    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`], no stray texel.
     pub ok: bool,
     /// Tile levels with damage (all channels of a tile's level count as one).
     pub damaged_tiles: u64,
@@ -64,6 +65,8 @@ pub struct VerifyReport {
     pub mesh_faults: Vec<MeshFault>,
     /// The certificate.
     pub continuity: Continuity,
+    /// What filters read of coarser levels, beside the finer ones.
+    pub agreement: LevelAgreement,
     /// Detail levels of the tile with the most.
     pub levels: u32,
     /// Length of the file.
@@ -93,6 +96,7 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
         damaged_attachments: count_damaged_attachments(asset),
         mesh_faults: find_faults(asset.mesh()),
         continuity,
+        agreement: compare_levels(&cache),
         levels: asset.level_count(),
         bytes: asset.file_bytes(),
     };
@@ -101,7 +105,8 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
         && report.damaged_attachments == 0
         && report.mesh_faults.is_empty()
         && report.continuity.needless_splits == 0
-        && report.continuity.largest_jump <= JUMP_BOUND;
+        && report.continuity.largest_jump <= JUMP_BOUND
+        && report.agreement.largest_stray <= 1.0;
     report
 }
 

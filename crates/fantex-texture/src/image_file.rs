@@ -128,9 +128,16 @@ impl Image {
             return Err(unknown());
         }
         // The decoders are safe code that is meant to report errors, but not all of them keep to it on damaged data.
-        let decoded = std::panic::catch_unwind(|| decode_dynamic(bytes, label, format, limits));
-        let decoded = decoded.unwrap_or_else(|_| Err(not_readable(label, format, "the data is damaged")))?;
-        let mut image = from_dynamic(decoded, default_space);
+        let decoded = std::panic::catch_unwind(|| {
+            if format == ImageFormat::Tiff
+                && let Some(image) = decode_numbers(bytes, label, limits)?
+            {
+                return Ok(image);
+            }
+            Ok(from_dynamic(decode_dynamic(bytes, label, format, limits)?, default_space))
+        });
+        let damaged = |_| Err(not_readable(label, format, "the data is damaged"));
+        let mut image = decoded.unwrap_or_else(damaged)?;
         if format == ImageFormat::OpenExr {
             divide_by_alpha(&mut image);
         }
@@ -248,6 +255,47 @@ fn decode_dynamic(
         return Err(too_much_memory(label, limits));
     }
     DynamicImage::from_decoder(decoder).map_err(report)
+}
+
+/// A grey TIFF of signed, wide or floating-point numbers, as terrain comes in: floats as they are (those that are no number as 0),
+/// whole numbers as shares of the largest of their kind. None for other TIFFs.
+fn decode_numbers(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<Option<Image>> {
+    use tiff::ColorType::Gray;
+    use tiff::decoder::{Decoder, DecodingResult as Numbers, Limits};
+    let report = |error: tiff::TiffError| {
+        not_readable(label, ImageFormat::Tiff, &error.to_string()).with_source(error)
+    };
+    // What cannot be opened here is reported by the decoder of pictures.
+    let Ok(mut decoder) = Decoder::new(Cursor::new(bytes)) else { return Ok(None) };
+    let Ok(Gray(bits)) = decoder.colortype() else { return Ok(None) };
+    let format = decoder.find_tag_unsigned_vec::<u16>(tiff::tags::Tag::SampleFormat).ok().flatten();
+    let is_unsigned = format.and_then(|formats| formats.first().copied()).is_none_or(|format| format == 1);
+    if is_unsigned && bits <= 16 {
+        return Ok(None);
+    }
+    let (width, height) = decoder.dimensions().map_err(report)?;
+    check_sides(label, width, height, limits)?;
+    if u64::from(width) * u64::from(height) * 12 > limits.bytes {
+        return Err(too_much_memory(label, limits));
+    }
+    let mut allowed = Limits::default();
+    allowed.decoding_buffer_size = usize::try_from(limits.bytes).unwrap_or(usize::MAX);
+    allowed.intermediate_buffer_size = allowed.decoding_buffer_size;
+    let mut decoder = decoder.with_limits(allowed);
+    let shares = |numbers: Vec<f64>, largest: f64| numbers.iter().map(|n| (n / largest) as f32).collect();
+    let samples: Vec<f32> = match decoder.read_image().map_err(report)? {
+        Numbers::I8(n) => shares(n.into_iter().map(f64::from).collect(), f64::from(i8::MAX)),
+        Numbers::I16(n) => shares(n.into_iter().map(f64::from).collect(), f64::from(i16::MAX)),
+        Numbers::I32(n) => shares(n.into_iter().map(f64::from).collect(), f64::from(i32::MAX)),
+        Numbers::U32(n) => shares(n.into_iter().map(f64::from).collect(), f64::from(u32::MAX)),
+        Numbers::F16(n) => n.into_iter().map(f32::from).collect(),
+        Numbers::F32(n) => n,
+        Numbers::F64(n) => n.into_iter().map(|n| n as f32).collect(),
+        _ => return Ok(None),
+    };
+    let samples = samples.into_iter().map(|n| if n.is_finite() { n } else { 0.0 }).collect();
+    let (space, samples) = (ColorSpace::Linear, Samples::F32(samples));
+    Ok(Some(Image { width, height, channels: 1, space, samples }))
 }
 
 fn from_dynamic(decoded: DynamicImage, default_space: ColorSpace) -> Image {

@@ -1,5 +1,6 @@
 //! Materials whose every property may be a texture: what renderers and bakers evaluate.
 
+mod opacity;
 mod relief;
 
 use std::sync::Arc;

@@ -14,11 +14,11 @@ use crate::look::Slot;
 /// edges, to first order.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint<'a> {
-    /// Object space: world units and axes, origin at the centre of the model's bounding box.
+    /// Object space: world units and axes, origin in the middle of the model's bounding box.
     pub position: Vec3,
     /// Change of `position` along the footprint's edges.
     pub position_steps: [Vec3; 2],
-    /// Unit normal of the smooth surface, object space, on the side that is asked.
+    /// Unit normal of the smooth surface, object space, on its front: a bake has no other side.
     pub normal: Vec3,
     /// Change of `normal` along the footprint's edges.
     pub normal_steps: [Vec3; 2],
@@ -60,7 +60,16 @@ impl ShadingPoint<'_> {
     /// Asks at the point moved by `a` and `b` times the footprint's edges: position, normal and texture coordinates change
     /// to first order, everything else (the footprint's size too) stays.
     pub fn shifted<R>(&self, a: f32, b: f32, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
-        let move_uv = |set: &UvPoint| UvPoint { uv: set.uv + set.steps[0] * a + set.steps[1] * b, ..*set };
+        self.part(Vec2::new(a, b), 1.0, ask)
+    }
+
+    /// The same with a footprint that is `share` times as wide.
+    pub fn part<R>(&self, at: Vec2, share: f32, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
+        let [a, b] = at.to_array();
+        let move_uv = |set: &UvPoint| UvPoint {
+            uv: set.uv + set.steps[0] * a + set.steps[1] * b,
+            steps: set.steps.map(|step| step * share),
+        };
         let (mut inline, heap);
         let uv = if self.uv.len() <= INLINE_UV_SETS {
             inline = [UvPoint::default(); INLINE_UV_SETS];
@@ -73,7 +82,9 @@ impl ShadingPoint<'_> {
         let normal = self.normal + self.normal_steps[0] * a + self.normal_steps[1] * b;
         ask(&ShadingPoint {
             position: self.position + self.position_steps[0] * a + self.position_steps[1] * b,
+            position_steps: self.position_steps.map(|step| step * share),
             normal: normal.try_normalize().unwrap_or(self.normal),
+            normal_steps: self.normal_steps.map(|step| step * share),
             uv,
             ..*self
         })

@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 
 use fantex_bake::{
     BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress, Prefilter,
-    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, WorldSpace, bake,
+    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
 };
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
-use fantex_mesh::Material;
+use fantex_mesh::{Material, ObjectSpace};
 use fantex_store::Quality;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
@@ -121,6 +121,17 @@ impl<'a> Source<'a> {
     }
 }
 
+/// Refuses sizes whose squares single precision, in which textures are evaluated, does not hold.
+fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
+    let scale = mesh.world_from_mesh.scale;
+    if (1e-18..=1e18).contains(&scale) {
+        return Ok(());
+    }
+    Err(Error::invalid(format!(
+        "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
+    )))
+}
+
 impl Kind<'_> {
     fn evaluator<'m>(
         &'m self,
@@ -132,11 +143,11 @@ impl Kind<'_> {
             Self::VertexColors => Box::new(VertexColorSource::new(mesh)?),
             Self::Image(path, mapping) => {
                 let texture = ImageTexture::new(Arc::new(Image::load(path)?));
-                let mapping = mapping.fit(WorldSpace::bounds(mesh));
+                let mapping = mapping.fit(ObjectSpace::of(mesh).bounds());
                 Box::new(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2]))
             }
             Self::Solid(name) => {
-                let solid = solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed))?;
+                let solid = solid_by_name(name, ObjectSpace::of(mesh).bounds(), folded_seed(seed))?;
                 Box::new(SolidSource::new(mesh, solid))
             }
             Self::Function(color) => Box::new(FunctionSource(color.as_ref())),
@@ -206,6 +217,9 @@ impl fmt::Debug for Observer<'_> {
 impl<'a> Baker<'a> {
     /// Texels where nothing else says how many.
     pub const DEFAULT_TEXELS: u64 = 4_000_000;
+
+    /// More texels than this, which nobody asked for, are worth a note.
+    const MANY_TEXELS: u64 = 64_000_000;
 
     /// A baker for a mesh.
     pub fn new(mesh: &'a Mesh) -> Self {
@@ -343,6 +357,8 @@ impl<'a> Baker<'a> {
         own_density: Option<Vec<f32>>,
         path: &Path,
     ) -> Result<Baked> {
+        check_size(mesh)?;
+        let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
         let budget = match (self.budget, own_density) {
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
             (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
@@ -362,13 +378,18 @@ impl<'a> Baker<'a> {
         let cover_time = started.elapsed();
         self.check_cancelled()?;
         let summary = bake(mesh, &cover, source, path, &self.options, self.progress.0)?;
+        let dense = format!(
+            "at the density of the model's own textures these are {} million texels; a number of texels may be given instead",
+            stats.texels / 1_000_000
+        );
+        let notes = if is_own_density && stats.texels > Self::MANY_TEXELS { vec![dense] } else { Vec::new() };
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
             texels_asked,
             cover: stats,
             cover_time,
             summary,
-            notes: Vec::new(),
+            notes,
             #[cfg(feature = "photos")]
             photos: None,
         })

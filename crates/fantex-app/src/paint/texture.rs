@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::paint::{PaintSettings, StickerKind};
 
-pub const SOLIDS: [&str; 8] = SOLID_NAMES;
+pub const SOLIDS: [&str; 9] = SOLID_NAMES;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -133,9 +133,8 @@ impl ChosenTexture {
 
     /// A picture of it in a slanting cut through the model's middle, where trunks show rings and layers show: sRGB, row-major.
     pub fn preview(&self, surface: &Surface, [width, height]: [usize; 2]) -> Vec<[u8; 3]> {
-        let mesh = surface.mesh();
-        let scale = mesh.world_from_mesh.scale as f32;
-        let radius = scale * mesh.positions.iter().map(|p| p.length()).fold(0.0, f32::max);
+        let positions = surface.mesh().positions.iter().map(|p| surface.space().point(*p));
+        let radius = positions.map(Vec3::length).fold(0.0, f32::max);
         let step = 2.0 * radius / width.max(1) as f32;
         let up = Vec3::new(0.0, 0.6, -0.8);
         let texel = |x: usize, y: usize| {

@@ -22,7 +22,8 @@ impl Display {
             fantex_test::skip("the window is not tested (no Vulkan driver is installed)");
             return None;
         }
-        let arguments = ["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"];
+        // Without -noreset the server starts over when its last client leaves, and does not answer the next one meanwhile.
+        let arguments = ["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-noreset"];
         let started =
             Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
@@ -33,8 +34,31 @@ impl Display {
         let stdout = server.stdout.take().unwrap();
         BufReader::new(stdout).read_line(&mut line).unwrap();
         let number = line.trim().parse().expect("Xvfb tells its number");
-        Some(Self { server, number })
+        let display = Self { server, number };
+        display.wait_until_it_answers();
+        Some(display)
     }
+
+    /// The number is told before clients are let in.
+    #[cfg(unix)]
+    fn wait_until_it_answers(&self) {
+        use std::io::{Read, Write};
+        let socket = format!("/tmp/.X11-unix/X{}", self.number);
+        // X11's connection setup: little-endian, protocol 11.0, no authorization. The first byte of the answer is 1 for yes.
+        let setup = [b'l', 0, 11, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        let is_let_in = || -> std::io::Result<bool> {
+            let (mut stream, mut answer) = (std::os::unix::net::UnixStream::connect(&socket)?, [0]);
+            stream.write_all(&setup)?;
+            stream.read_exact(&mut answer)?;
+            Ok(answer[0] == 1)
+        };
+        while !is_let_in().unwrap_or(false) {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+    }
+
+    #[cfg(not(unix))]
+    fn wait_until_it_answers(&self) {}
 
     /// Runs the viewer with a session until it ends. Files of the session and its pictures are in `folder`.
     pub(crate) fn run(&self, folder: &Path, arguments: &[&str], steps: &str) -> Output {

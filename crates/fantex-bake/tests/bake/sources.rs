@@ -3,19 +3,22 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_bake::{Fit, LookSource, MappedImageSource, Source, TexelPoint, VertexColorSource, WorldSpace};
+use fantex_bake::{
+    Fit, LookSource, MappedImageSource, SolidSource, Source, TexelPoint, VertexColorSource, baked_materials,
+};
 use fantex_base::ErrorKind;
 use fantex_mesh::{
-    AlphaMode, ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, generate, interpolate,
+    AlphaMode, ImageSource, Material, Mesh, ObjectSpace, SurfacePoint, TextureRef, WrapMode, generate,
+    interpolate,
 };
 use fantex_store::{ChannelKind, PageCache};
 use fantex_texture::coordinates::ImageLookup;
-use fantex_texture::look::{Anisotropy, Difference, LookMaterial, NormalSpace, Relief, Slot};
+use fantex_texture::look::{Anisotropy, Difference, LookMaterial, NormalSpace, Opacity, Relief, Slot};
 use fantex_texture::{
-    ColorSpace, Image, ImageTexture, MappingKind, Marble, NoiseOptions, NoiseTexture, Samples, SolidTexture,
-    Texture, Wrap,
+    ColorSpace, Image, ImageTexture, MappingKind, Marble, NoiseOptions, NoiseTexture, Samples, ShadingPoint,
+    SolidTexture, Texture, Wrap,
 };
-use glam::{Mat3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
 use crate::common::{baked, barycentric_points, cleaned, cover, float_options, sample};
 
@@ -64,13 +67,99 @@ fn vertex_colors_are_interpolated() {
 }
 
 #[test]
+fn solids_are_the_same_as_sources_and_in_looks_wherever_the_model_lies() {
+    let marble = || Marble::new(3);
+    let value = |moved: DVec3| {
+        let mut model = generate::torus(16, 10);
+        model.positions.iter_mut().for_each(|p| *p += moved);
+        let mesh = cleaned(model);
+        let texture: Arc<dyn Texture> = Arc::new(SolidTexture(marble()));
+        let material = LookMaterial { base_color: Slot::Texture(texture), ..LookMaterial::default() };
+        let look = LookSource::new(&mesh, vec![Arc::new(material)], 0.0).unwrap();
+        let solid = SolidSource::new(&mesh, Box::new(marble()));
+        let lambda = Vec3::new(0.2, 0.3, 0.5);
+        let at = |triangle: u32| TexelPoint {
+            at: SurfacePoint { triangle, lambda },
+            lambda_steps: [Vec3::ZERO; 2],
+            position: interpolate(mesh.triangle_positions(triangle as usize), lambda),
+            position_steps: [Vec3::X * 1e-3, Vec3::Y * 1e-3],
+            normal: Vec3::Z,
+        };
+        let of = |source: &dyn Source, triangle| {
+            let mut values = vec![Vec4::ZERO; source.channels().len()];
+            source.evaluate(&at(triangle), &mut values);
+            values[0].truncate()
+        };
+        let values = (0..mesh.triangles.len() as u32).map(|t| [of(&look, t), of(&solid, t)]);
+        values.collect::<Vec<_>>()
+    };
+    let first = value(DVec3::ZERO);
+    for moved in [DVec3::new(0.03, -0.2, 0.11), DVec3::splat(7.3)] {
+        for (a, b) in first.iter().zip(value(moved)) {
+            assert!((b[0] - b[1]).abs().max_element() < 1e-6, "{b:?}");
+            assert!((a[0] - b[0]).abs().max_element() < 1e-3, "{a:?} {b:?}");
+        }
+    }
+}
+
+/// Discs on a square lattice, so many along the mesh's edge.
+#[derive(Debug)]
+struct Discs {
+    cells: f32,
+    radius: f32,
+}
+
+impl Texture for Discs {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let p = Vec2::new(at.position.x, at.position.z) * self.cells / 2.0;
+        let distance = (p - p.floor() - 0.5).length();
+        let share = std::f32::consts::PI * self.radius * self.radius;
+        let is_resolved = at.width() * self.cells / 2.0 < 0.5;
+        // What is finer than the footprint is its mean.
+        let alpha = if is_resolved { f32::from(u8::from(distance < self.radius)) } else { share };
+        Vec4::new(0.2, 0.6, 0.1, alpha)
+    }
+}
+
+#[test]
+fn cut_outs_keep_their_coverage_at_every_level() {
+    let mut mesh = cleaned(generate::grid(8));
+    for cells in [12.0, 60.0, 500.0] {
+        let texture: Arc<dyn Texture> = Arc::new(Discs { cells, radius: 0.3 });
+        let material = LookMaterial {
+            base_color: Slot::Texture(texture),
+            opacity: Opacity::Mask { threshold: 0.7 },
+            ..LookMaterial::default()
+        };
+        let materials = vec![Arc::new(material)];
+        mesh.materials = baked_materials(&materials);
+        let AlphaMode::Mask(threshold) = mesh.materials[0].alpha else { panic!() };
+        let source = LookSource::new(&mesh, materials, 0.0).unwrap();
+        let baked = baked(&mesh, &cover(&mesh, 128, 60_000), &source, &float_options(Fit::Sharp));
+        for level in 0..4 {
+            let (mut there, mut all) = (0.0, 0.0);
+            for triangle in 0..mesh.triangles.len() {
+                for lambda in barycentric_points(16) {
+                    let alpha = sample(&baked.cache, 0, level, triangle, lambda).w;
+                    there += f32::from(u8::from(alpha >= threshold));
+                    all += 1.0;
+                }
+            }
+            let expected = std::f32::consts::PI * 0.09;
+            let covered = there / all;
+            assert!((covered - expected).abs() < 0.06, "{cells} cells, level {level}: {covered}");
+        }
+    }
+}
+
+#[test]
 fn constant_images_are_constant_through_every_mapping() {
     let mesh = cleaned(generate::torus(16, 10));
     let cover = cover(&mesh, 64, 30_000);
     for kind in MappingKind::ALL {
         let image = Image::from_linear_rgba(8, 8, &[[0.2, 0.4, 0.6, 0.8]; 64]);
         let texture = ImageTexture::new(Arc::new(image));
-        let mapping = kind.fit(WorldSpace::bounds(&mesh));
+        let mapping = kind.fit(ObjectSpace::of(&mesh).bounds());
         let source = MappedImageSource::new(&mesh, texture, mapping, [Wrap::Repeat; 2]);
         let baked = baked(&mesh, &cover, &source, &float_options(Fit::Sharp));
         assert_gives(&baked.cache, 0, 1e-4, |_, _| Some(Vec4::new(0.2, 0.4, 0.6, 0.8)));
@@ -83,7 +172,7 @@ fn a_planar_image_lies_on_the_model() {
     let mesh = cleaned(generate::grid(4));
     let ramp: Vec<[f32; 4]> = (0..64 * 64).map(|i| [((i % 64) as f32 + 0.5) / 64.0; 4]).collect();
     let texture = ImageTexture::new(Arc::new(Image::from_linear_rgb(64, 64, &ramp)));
-    let mapping = MappingKind::Planar.fit(WorldSpace::bounds(&mesh));
+    let mapping = MappingKind::Planar.fit(ObjectSpace::of(&mesh).bounds());
     let source = MappedImageSource::new(&mesh, texture, mapping, [Wrap::Clamp; 2]);
     assert!(!source.channels()[0].has_alpha);
     let baked = baked(&mesh, &cover(&mesh, 0, 200_000), &source, &float_options(Fit::Point));

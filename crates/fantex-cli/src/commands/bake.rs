@@ -43,7 +43,7 @@ pub(crate) struct BakeArgs {
     #[arg(short, long, value_name = "ASSET")]
     output: PathBuf,
     /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],
-    /// photos=PATH[,images=FOLDER][,frame=original][,exposure=off][,unseen=RRGGBB] or look=PATH; solids are wood, marble, rock, granite, clouds, checker, brick and landscape
+    /// photos=PATH[,images=FOLDER][,frame=original][,exposure=off][,unseen=RRGGBB] or look=PATH; solids are wood, rings, marble, rock, granite, clouds, checker, brick and landscape
     #[arg(long)]
     source: Option<SourceArg>,
     /// A look (.toml), whose materials are baked: short for --source look=PATH

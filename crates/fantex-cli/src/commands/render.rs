@@ -96,6 +96,9 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         if args.light.is_some() || args.surroundings.is_given() {
             return Err(not_for_looks("--light and --environment", path));
         }
+        if args.surroundings.has_background() {
+            return Err(not_for_looks("--background", path));
+        }
         if args.gpu {
             return Err(not_for_looks("--gpu", path));
         }
@@ -106,12 +109,12 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     let mut options = RenderOptions::default();
     [options.width, options.height] = args.size.unwrap_or([options.width, options.height]);
     options.samples = args.samples.unwrap_or(options.samples);
+    options.background = args.surroundings.background()?;
     let [width, height] = [options.width, options.height];
     let camera = camera(args, &scene, &options);
     let sun = args.light.map(|to_light| to_light.as_vec3());
     let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
     if let Some(surroundings) = args.surroundings.load(sun)? {
-        options.background = surroundings.background();
         lights.ambient = AmbientLight::environment(surroundings.light);
         lights.lamps.retain_mut(|lamp| match surroundings.sun {
             Some(color) => {

@@ -1,10 +1,10 @@
-//! `fantex verify`: structure, checksums and the continuity certificate of an asset.
+//! `fantex verify`: structure, checksums, the continuity certificate and the detail levels of an asset.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::store::{self, JUMP_BOUND, VerifyOptions, VerifyReport};
+use fantex::store::{self, JUMP_BOUND, StrayTexel, VerifyOptions, VerifyReport};
 use fantex::{Error, Result};
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use crate::scene::open_asset;
 use crate::text::Table;
 use crate::text::{counted, grouped, megabytes};
 
-/// Check an asset: structure, checksums, and that its texture is continuous across every edge.
+/// Check an asset: structure, checksums, that its texture is continuous across every edge, and that its levels agree.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -36,6 +36,13 @@ struct ContinuityInfo {
 }
 
 #[derive(Debug, Serialize)]
+struct LevelInfo {
+    texels: u64,
+    largest_stray: f32,
+    bound: f32,
+}
+
+#[derive(Debug, Serialize)]
 struct VerifyInfo {
     ok: bool,
     damaged_tiles: u64,
@@ -44,6 +51,7 @@ struct VerifyInfo {
     damage: Vec<String>,
     mesh_faults: Vec<String>,
     continuity: ContinuityInfo,
+    agreement: LevelInfo,
     levels: u32,
     bytes: u64,
     seconds: f64,
@@ -71,6 +79,11 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
             exempt_edges: continuity.exempt_edges,
             needless_splits: continuity.needless_splits,
         },
+        agreement: LevelInfo {
+            texels: report.agreement.texels,
+            largest_stray: report.agreement.largest_stray,
+            bound: 1.0,
+        },
         levels: report.levels,
         bytes: report.bytes,
         seconds: started.elapsed().as_secs_f64(),
@@ -96,6 +109,12 @@ pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> Error {
         format!(
             "at {edges} the two triangles name different groups, so the texture may jump there; bake it again"
         )
+    } else if let Some(worst) = report.agreement.worst.filter(|_| jump <= JUMP_BOUND) {
+        let StrayTexel { group, level, texel: [x, y], .. } = worst;
+        format!(
+            "texel {x}, {y} of group {group} at level {level} is not what the finer texels under it are; bake it again, or let the \
+             layers over it be evaluated again by hiding and showing them"
+        )
     } else {
         format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
     };
@@ -113,6 +132,11 @@ fn text(info: &VerifyInfo, path: &Path) -> String {
         .row("edges left out", grouped(continuity.exempt_edges))
         .row("levels compared", continuity.levels.to_string())
         .row("values compared", grouped(continuity.samples))
+        .row("coarser texels compared", grouped(info.agreement.texels))
+        .row(
+            "farthest from finer ones",
+            format!("{:.2} (bound {})", info.agreement.largest_stray, info.agreement.bound),
+        )
         .row("result", if info.ok { "passed" } else { "NOT PASSED" });
     table.to_text()
 }

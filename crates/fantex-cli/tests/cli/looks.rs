@@ -311,6 +311,10 @@ fn a_panorama_lights_the_model_and_is_seen_behind_it() {
     ];
     json(&transparent);
     assert_eq!(fantex::texture::Image::load(&through).unwrap().linear_texel(0, 0)[3], 0.0);
+    let alone = folder.path().join("alone.png");
+    json(&[&"render", &model, &"-o", &alone, &"--background", &"transparent", &"--size=32x24"]);
+    let image = fantex::texture::Image::load(&alone).unwrap();
+    assert_eq!([(0, 0), (16, 12)].map(|(x, y)| image.linear_texel(x, y)[3]), [0.0, 1.0]);
 }
 
 #[test]

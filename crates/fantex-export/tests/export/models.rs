@@ -61,7 +61,10 @@ fn check_glb(path: &std::path::Path) {
         assert!(reader.read_tex_coords(0).unwrap().into_f32().flatten().all(f32::is_finite));
         let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
         assert_eq!(indices.len() % 3, 0);
-        assert!(indices.iter().all(|&i| (i as usize) < positions.len()));
+        // A primitive has vertices of its own, and no others.
+        let mut used = vec![false; positions.len()];
+        indices.iter().for_each(|&i| used[i as usize] = true);
+        assert!(used.iter().all(|used| *used));
         let material = primitive.material();
         assert_eq!(material.normal_texture().is_some(), primitive.get(&Semantic::Tangents).is_some());
         for t in reader.read_tangents().into_iter().flatten() {

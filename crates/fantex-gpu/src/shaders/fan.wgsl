@@ -94,11 +94,17 @@ fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> vec4<f32> {
     m.metallic = clamp(made_of.z, 0.0, 1.0);
     m.emission = select(fan_factors.emission, max(blend.emission.rgb, vec3<f32>(0.0)), FAN_EMISSION);
     m.normal = at.vertex_normal;
-    if FAN_NORMAL {
-        m.normal = unit_or(blend.normal, at.vertex_normal * side) * side;
-    }
     m.normal_dx = dpdx(at.vertex_normal);
     m.normal_dy = dpdy(at.vertex_normal);
+    if FAN_NORMAL {
+        m.normal = unit_or(blend.normal, at.vertex_normal * side) * side;
+        let dx = dpdx(m.normal);
+        let dy = dpdy(m.normal);
+        if m.roughness < SHINY {
+            m.normal_dx = dx;
+            m.normal_dy = dy;
+        }
+    }
     m.unlit = fan_factors.unlit == 1u;
     if FAN_OVERLAY != 0u {
         m.base_color = blend.overlay;

@@ -14,6 +14,9 @@ const SMALLEST_ALPHA: f32 = 2e-3;
 // Nodes of the split sum's table along each axis.
 const SPLIT_SUM_NODES: f32 = 24.0;
 
+// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
+const SHINY: f32 = 0.3;
+
 // What the surface is made of, at a fragment.
 struct MaterialSample {
     // Linear.

@@ -23,9 +23,6 @@ struct UvVarying {
     @location(5) @interpolate(perspective, centroid) color: vec4<f32>,
 }
 
-// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
-const SHINY: f32 = 0.3;
-
 @vertex
 fn vs_uv(vertex: UvVertex) -> UvVarying {
     var out: UvVarying;

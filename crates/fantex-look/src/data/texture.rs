@@ -5,7 +5,7 @@ use fantex_texture::combine::{Binary, Combine, Contours, Layers, Mix, RampTextur
 use fantex_texture::coordinates::{InPlace, Place, PlaceUnit, TextureMatrixOptions};
 use fantex_texture::{
     AlphaUse, Brick, Checker, Clouds, Color, ColorSpace, Depth, Filter, FrameWrap, Granite, Landscape, List3,
-    Marble, NoiseOptions, PositiveLength, Rock, Wood, Wrap,
+    Marble, NoiseOptions, PositiveLength, Rings, Rock, Wood, Wrap,
 };
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -33,6 +33,8 @@ pub enum TextureTable {
     Sines(SinesTable),
     /// Wood: annual rings about a trunk.
     Wood(InPlace<Wood>),
+    /// Rings about an axis: `round(radius) mod period`.
+    Rings(InPlace<Rings>),
     /// Marble: veins that wander.
     Marble(InPlace<Marble>),
     /// Clouds or smoke.
@@ -272,6 +274,8 @@ parameters! {
         /// The point, object space.
         #[serde(with = "List3")]
         pub center: Vec3 = Vec3::ZERO,
+        /// Direction of an axis through it, object space, from which distance is measured instead.
+        pub axis: Option<[f32; 3]> = None,
     }
 
     /// A slope.

@@ -212,6 +212,9 @@ impl Resolver<'_> {
         let (center, extent) = (self.bounds.center(), self.bounds.extent());
         let voxel = extent.max_element() / table.size as f32;
         let size = extent.to_array().map(|length| ((length / voxel).round() as u32).clamp(2, table.size));
+        // Of a smooth table the outermost values lie on the box, so that none is continued within it. A flat model's is as thick as a value.
+        let spread = if table.smooth { size.map(|n| n as f32 / (n - 1) as f32) } else { [1.0; 3] };
+        let extent = extent.max(Vec3::splat(voxel)) * Vec3::from_array(spread);
         let grid = Tabulation { size, samples: 1, memory_bytes: self.options.memory_bytes };
         let texels = grid.texels(|at| {
             let position = center + (Vec3::from_array(at) - 0.5) * extent;

@@ -161,3 +161,22 @@ fn volumes_are_read_and_bounded_by_the_memory() {
     let message = resolver.texture("a").unwrap_err().to_string();
     assert!(message.contains("look.toml:10: textures.a.size: ") && message.contains("1000"), "{message}");
 }
+
+#[test]
+fn smooth_tables_reach_the_borders_of_the_model() {
+    let text = "[textures.h]\nkind = \"height\"\ndirection = [0.6, 0.8, 0]\norigin = [0, 0, 0]\n\
+                [textures.a]\nkind = \"table\"\ntexture = \"h\"\nsize = 8\nsmooth = true\n";
+    let (file, images) = (file(text), LookImages::default());
+    let mut flat = cube();
+    flat.positions.iter_mut().for_each(|p| p.y = 0.0);
+    for mesh in [cube(), flat] {
+        let reach = fantex_mesh::ObjectSpace::of(&mesh).bounds().max;
+        let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+        let (height, table) = (resolver.texture("h").unwrap(), resolver.texture("a").unwrap());
+        for share in [-1.0, -0.96, -0.3, 0.5, 0.99] {
+            let p = at(reach * Vec3::new(share, share, -share), 0.0, &[]);
+            let (expected, found) = (height.evaluate(&p).x, table.evaluate(&p).x);
+            assert!((expected - found).abs() < 1e-3, "{share}: {found} instead of {expected}");
+        }
+    }
+}

@@ -13,13 +13,21 @@ use fantex_store::{Asset, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
-use crate::{Baked, ball, cleaned, contents, cover, data_folder, loaded, paint_stroke, red, sample, stroke};
+use crate::{
+    Baked, Contents, ball, cleaned, contents, cover, data_folder, loaded, paint_stroke, red, sample, stroke,
+};
 
 fn paint_on(painter: &mut Painter, target: Target, paint: Paint, positions: &[Vec3]) {
     let surface = Arc::clone(painter.surface());
     painter.begin_on(target, "test", paint).unwrap();
     painter.dab(&dabs_of(&surface, &stroke(&surface, 50.0, positions))).unwrap();
     painter.end().unwrap();
+}
+
+fn everywhere(color: Vec4) -> Layer {
+    let mut layer = Layer::fill("fill", &[color, color]);
+    layer.mask = None;
+    layer
 }
 
 const LINE: [Vec3; 3] = [Vec3::X, Vec3::new(0.6, 0.6, 0.5), Vec3::Z];
@@ -34,30 +42,82 @@ fn white() -> Paint {
     }
 }
 
+/// Hides and shows a layer; all texels, coarser levels included, are the bytes from before then.
 #[test]
 fn hidden_layers_give_back_the_base_and_shown_ones_come_back() {
     for format in [BakeFormat::Bc7, BakeFormat::Rgba8] {
         let baked = ball(60_000, format);
         let mut painter = baked.painter();
-        let base = contents(&painter).0;
+        let base = contents(&painter);
         let layer = painter.add_layer(Layer::painted("paint")).unwrap();
-        assert!(contents(&painter).0 == base, "an empty layer shows nothing");
+        assert!(contents(&painter) == base, "an empty layer shows nothing");
         paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE);
-        let painted = contents(&painter).0;
+        let painted = contents(&painter);
         assert!(painted != base);
         painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
-        let finest = |pages: &[(fantex_store::PageId, Vec<u8>)]| -> Vec<Vec<u8>> {
-            pages.iter().filter(|(id, _)| id.level == 0).map(|(_, bytes)| bytes.clone()).collect()
-        };
-        assert!(finest(&contents(&painter).0) == finest(&base), "{format:?}");
+        assert!(contents(&painter) == base, "{format:?}");
         painter.commit().unwrap();
         drop(painter);
         let mut painter = baked.painter();
         assert_eq!(painter.layers().len(), 1);
         painter.edit_layers("show", |layers| layers[0].visible = true).unwrap();
-        assert!(finest(&contents(&painter).0) == finest(&painted), "{format:?}");
+        let finest = |(pages, _): &Contents| -> Vec<Vec<u8>> {
+            pages.iter().filter(|(id, _)| id.level == 0).map(|(_, bytes)| bytes.clone()).collect()
+        };
+        assert!(finest(&contents(&painter)) == finest(&painted), "{format:?}");
         painter.commit().unwrap();
         assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    }
+}
+
+#[test]
+fn layers_over_paint_on_the_base_give_it_back() {
+    let baked = ball(60_000, BakeFormat::Bc7);
+    let mut painter = baked.painter();
+    let layer = painter.add_layer(Layer::painted("paint")).unwrap();
+    let fill = everywhere(Vec4::new(0.1, 0.4, 0.1, 1.0));
+    paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE);
+    painter.add_layer(fill.clone()).unwrap();
+    paint_on(&mut painter, Target::Base, red(0.5), &[Vec3::Y, Vec3::X]);
+    painter.edit_layers("hide", |layers| layers.iter_mut().for_each(|l| l.visible = false)).unwrap();
+    let base = contents(&painter);
+    let fade = |layer: &mut Layer| (layer.visible, layer.opacity) = (true, 0.5);
+    painter.edit_layers("fade", |layers| fade(&mut layers[1])).unwrap();
+    assert!(contents(&painter) != base);
+    painter.edit_layers("remove", |layers| layers.clear()).unwrap();
+    assert!(contents(&painter) == base);
+    painter.add_layer(fill).unwrap();
+    painter.edit_layers("remove", |layers| layers.clear()).unwrap();
+    assert!(contents(&painter) == base);
+    while painter.undo().unwrap() {}
+    let untouched = ball(60_000, BakeFormat::Bc7);
+    assert!(contents(&painter) == contents(&untouched.painter()));
+}
+
+/// A tile's own value at a point of the surface differs from its neighbours' by no more than the texture varies: a fill layer of
+/// the very colours of the base changes nothing on any level.
+#[test]
+fn coarser_levels_show_the_fill_up_to_the_border() {
+    let mesh = cleaned(generate::icosphere(3));
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 40_000), BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let color = Vec4::new(0.5, 0.5, 0.5, 1.0);
+    painter.add_layer(everywhere(color)).unwrap();
+    painter.commit().unwrap();
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    let cache = baked.cache();
+    for level in 0..cache.asset().level_count() {
+        for triangle in 0..cache.asset().mesh().triangles.len() {
+            for step in 0..=10 {
+                let s = step as f32 / 10.0;
+                for lambda in [Vec3::new(s, 1.0 - s, 0.0), Vec3::new(0.5 * s, 0.5 * s, 1.0 - s)] {
+                    let (_, parts) = sample(&cache, 0, level, triangle, lambda);
+                    for part in parts {
+                        assert!((part - color).abs().max_element() < 0.01, "{level} {triangle} {part}");
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -548,3 +548,40 @@ fn many_points_are_shaded_like_single_ones() {
         }
     }
 }
+
+/// The colour that a material shows at a point of its front or back, with the normal that it is lit by.
+fn seen_at(mesh: &Mesh, material: &LookMaterial, at: SurfacePoint, front: bool) -> (Vec3, Vec3) {
+    let surface = LookSurface::new(mesh, look(material.clone()));
+    let lambda_steps = [Vec3::new(0.01, -0.01, 0.0), Vec3::new(0.0, 0.01, -0.01)];
+    let sample = surface.shade(&Hit { at, lambda_steps, front, to_eye: Vec3::Y }).0;
+    (sample.base_color, sample.normal)
+}
+
+#[test]
+fn both_sides_show_what_a_bake_holds() {
+    let normal = |at: &ShadingPoint<'_>| (at.normal * 0.5 + 0.5).extend(1.0);
+    let material = LookMaterial { base_color: slot(normal), ..LookMaterial::default() };
+    let ball = sphere(20, 0.6);
+    for triangle in (0..ball.triangles.len() as u32).step_by(7) {
+        let at = SurfacePoint { triangle, lambda: Vec3::new(0.2, 0.3, 0.5) };
+        let [front, back] = [true, false].map(|front| seen_at(&ball, &material, at, front));
+        assert_eq!(front.0, back.0);
+        assert_eq!(front.1, -back.1);
+        assert!((front.0 * 2.0 - 1.0 - front.1).length() < 1e-6);
+    }
+}
+
+#[test]
+fn object_space_has_its_origin_in_the_middle_of_the_bounding_box() {
+    let position = |at: &ShadingPoint<'_>| (at.position + 10.0).extend(1.0);
+    let material = LookMaterial { base_color: slot(position), ..LookMaterial::default() };
+    // A corner of the square, moved, as rounding of the mesh's origin leaves it.
+    let mut mesh = square();
+    let moved = Vec3::new(0.06, 0.04, -0.02);
+    mesh.positions.iter_mut().for_each(|p| *p += moved);
+    mesh.world_from_mesh.scale = 4.0;
+    mesh.world_from_mesh.offset = glam::DVec3::new(100.0, 0.0, 0.0);
+    let at = SurfacePoint { triangle: 0, lambda: Vec3::Y };
+    let (seen, _) = seen_at(&mesh, &material, at, true);
+    assert!((seen - Vec3::new(12.0, 8.0, 10.0)).abs().max_element() < 1e-5, "{seen}");
+}

@@ -138,15 +138,18 @@ pub(crate) fn plain_channels() -> Vec<Channel> {
     ]
 }
 
-/// Texels of a page in stored encoding: waves that differ between tiles, levels and channels.
+/// Texels of a page in stored encoding: waves that differ between tiles and channels, at every level those of the finest.
 pub(crate) fn page_texels(cover: &Cover, id: PageId, channel: usize) -> ([u32; 2], Vec<[f32; 4]>) {
     let level_extent = cover.groups[id.group as usize].level_extent(id.level);
     let [width, height] = page_extent(level_extent, id.page);
     let [x0, y0] = page_origin(id.page);
-    let phase = id.group as f32 + 10.0 * id.level as f32 + 3.0 * channel as f32;
+    let phase = id.group as f32 + 3.0 * channel as f32;
+    let finest = cover.groups[id.group as usize].extent;
+    let scale = [0, 1].map(|k| finest[k] as f32 / level_extent[k] as f32);
     let texels = (0..width * height)
         .map(|i| {
-            let (x, y) = ((x0 + i % width) as f32, (y0 + i / width) as f32);
+            let [x, y] = [x0 + i % width, y0 + i / width].map(|n| n as f32 + 0.5);
+            let (x, y) = (x * scale[0], y * scale[1]);
             let wave = |kx: f32, ky: f32| 0.5 + 0.5 * (kx * x + ky * y + phase).sin();
             [wave(0.2, 0.13), wave(-0.11, 0.3), wave(0.07, 0.09), 1.0]
         })

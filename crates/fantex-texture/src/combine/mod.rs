@@ -518,18 +518,29 @@ pub enum Operation {
     Minimum,
     /// The larger one.
     Maximum,
+    /// `a / b`, and 0 where `b` is 0.
+    Divide,
+    /// What is left of `a` after as many whole `b` as fit in it: from 0 up to `b`.
+    Modulo,
+    /// `a` rounded to the nearest whole number.
+    Round,
+    /// The largest whole number up to `a`.
+    Floor,
+    /// What `a` has beyond that.
+    Fract,
 }
 
 nodes! {
-    /// `a` and `b`, calculated in red, green and blue. Alpha is that of `a`, except in a product, which multiplies it.
-    #[schemars(extend("required" = ["operation", "a", "b"]))]
+    /// `a` and `b`, calculated in red, green and blue. Alpha is that of `a`, except in a product, which multiplies it. Where whole
+    /// numbers make steps, these are averaged over the footprint.
+    #[schemars(extend("required" = ["operation", "a"]))]
     pub struct Binary {
         /// What is calculated.
         pub operation: Operation = Operation::Multiply,
         inputs {
             /// The first.
             pub a = 0.0,
-            /// The second.
+            /// The second, where there is one.
             pub b = 0.0,
         }
     }
@@ -636,17 +647,71 @@ impl Binary {
             Operation::Multiply => return a * b,
             Operation::Minimum => a.min(b),
             Operation::Maximum => a.max(b),
+            Operation::Divide => quotient(a, b),
+            Operation::Modulo | Operation::Round | Operation::Floor | Operation::Fract => {
+                return self.steps(a, b, Vec3::ZERO);
+            }
         };
         value.truncate().extend(a.w)
     }
+
+    fn has_steps(&self) -> bool {
+        use Operation::{Floor, Fract, Modulo, Round};
+        matches!(self.operation, Modulo | Round | Floor | Fract) && matches!(self.a, Slot::Texture(_))
+    }
+
+    /// Means over values of `a` that are spread over `widths`.
+    fn steps(&self, a: Vec4, b: Vec4, widths: Vec3) -> Vec4 {
+        let floors = |a: Vec4, widths: Vec3| {
+            Vec3::new(mean_floor(a.x, widths.x), mean_floor(a.y, widths.y), mean_floor(a.z, widths.z))
+        };
+        let value = match self.operation {
+            Operation::Round => floors(a + 0.5, widths),
+            Operation::Floor => floors(a, widths),
+            Operation::Fract => a.truncate() - floors(a, widths),
+            _ => {
+                let widths = quotient(widths.extend(0.0), b).truncate();
+                a.truncate() - b.truncate() * floors(quotient(a, b), widths.abs())
+            }
+        };
+        value.extend(a.w)
+    }
+}
+
+fn quotient(a: Vec4, b: Vec4) -> Vec4 {
+    Vec4::select(b.cmpeq(Vec4::ZERO), Vec4::ZERO, a / b)
+}
+
+/// The mean of `floor` over an interval.
+fn mean_floor(center: f32, width: f32) -> f32 {
+    if width < 1e-5 {
+        return center.floor();
+    }
+    let up_to = |x: f64| {
+        let n = x.floor();
+        n * x - 0.5 * n * (n + 1.0)
+    };
+    let (center, width) = (f64::from(center), f64::from(width));
+    ((up_to(center + 0.5 * width) - up_to(center - 0.5 * width)) / width) as f32
 }
 
 impl Texture for Binary {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.of(self.a.evaluate(at), self.b.evaluate(at))
+        let (a, b) = (self.a.evaluate(at), self.b.evaluate(at));
+        if self.has_steps() {
+            let beside = |x: f32, y: f32| at.shifted(x, y, |at| self.a.evaluate(at).truncate());
+            let [x, y] =
+                [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)];
+            return self.steps(a, b, (x * x + y * y).map(f32::sqrt));
+        }
+        self.of(a, b)
     }
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        if self.has_steps() {
+            at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
+            return;
+        }
         let mut others = vec![Vec4::ZERO; at.len()];
         self.a.evaluate_all(at, values);
         self.b.evaluate_all(at, &mut others);

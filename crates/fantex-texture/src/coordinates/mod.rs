@@ -124,6 +124,13 @@ pub enum Parameter {
         /// The point.
         center: Vec3,
     },
+    /// The distance from an axis.
+    AxisDistance {
+        /// A point of it.
+        center: Vec3,
+        /// Its direction; of any length but 0.
+        direction: Vec3,
+    },
     /// The angle between the normal and `up` in degrees: 0 on level ground, 90 on a wall, 180 under a ceiling.
     Slope {
         /// The upward direction; of any length but 0.
@@ -168,6 +175,11 @@ impl Parameter {
             Self::Distance { center } => {
                 Allowed::Finite.check("a distance", "the centre", &center.to_array())
             }
+            Self::AxisDistance { center, direction } => {
+                Allowed::Finite.check("a distance", "the centre", &center.to_array())?;
+                Allowed::Finite.check("a distance", "the axis", &direction.to_array())?;
+                Allowed::Positive.check("a distance", "the length of the axis", &[direction.length()])
+            }
             Self::Slope { up } => {
                 Allowed::Finite.check("a slope", "the upward direction", &up.to_array())?;
                 Allowed::Positive.check("a slope", "the length of the upward direction", &[up.length()])
@@ -181,9 +193,12 @@ impl Parameter {
         match *self {
             Self::Along { origin, direction } => direction.dot(at.position - origin),
             Self::Distance { center } => at.position.distance(center),
+            Self::AxisDistance { center, direction } => {
+                direction.normalize().cross(at.position - center).length()
+            }
             // Unlike the arc cosine, precise on level ground, too.
             Self::Slope { up } => at.normal.cross(up).length().atan2(at.normal.dot(up)).to_degrees(),
-            Self::Facing => at.to_eye.map_or(1.0, |to_eye| at.normal.dot(to_eye).max(0.0)),
+            Self::Facing => at.to_eye.map_or(1.0, |to_eye| at.normal.dot(to_eye).abs()),
             Self::U { set } => at.uv.get(set).map_or(0.0, |point| point.uv.x),
             Self::V { set } => at.uv.get(set).map_or(0.0, |point| point.uv.y),
             Self::Time => at.time,
@@ -198,7 +213,7 @@ impl Parameter {
             Self::U { set } => of_set(set).map(|step| step.x),
             Self::V { set } => of_set(set).map(|step| step.y),
             Self::Time => [0.0; 2],
-            Self::Distance { .. } | Self::Slope { .. } | Self::Facing => {
+            Self::Distance { .. } | Self::AxisDistance { .. } | Self::Slope { .. } | Self::Facing => {
                 let beside = |a: f32, b: f32| at.shifted(a, b, |point| self.value(point));
                 [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)]
             }

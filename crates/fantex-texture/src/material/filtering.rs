@@ -37,7 +37,7 @@ impl AlphaCoverage {
         let covered = base.iter().filter(|&&a| a >= threshold).count() as f32 / base.len() as f32;
         let scale = |level: usize| match level {
             0 => 1.0,
-            _ => scale_to(alphas(texture.level(level)), threshold, covered),
+            _ => coverage_scale(alphas(texture.level(level)), threshold, covered),
         };
         Self { covered, scales: (0..texture.level_count()).map(scale).collect() }
     }
@@ -96,8 +96,8 @@ fn alphas(level: &Image) -> Vec<f32> {
     values
 }
 
-/// The factor that lets a share of `covered` reach the threshold.
-fn scale_to(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32 {
+/// The factor that lets a share of `covered` of some alphas (at least one) reach the threshold of a cut-out; at most 64.
+pub fn coverage_scale(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32 {
     if covered <= 0.0 || covered >= 1.0 {
         return 1.0;
     }

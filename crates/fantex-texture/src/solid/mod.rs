@@ -29,6 +29,7 @@ macro_rules! seeded {
 
 mod landscape;
 mod pattern;
+mod rings;
 mod stone;
 
 use arrayvec::ArrayVec;
@@ -41,6 +42,7 @@ use crate::{ShadingPoint, Texture};
 
 pub use landscape::Landscape;
 pub use pattern::{Brick, Checker, CloudField, Clouds};
+pub use rings::Rings;
 pub use stone::{Granite, Marble, Rock, Wood};
 
 /// Where a solid is asked for its colour.
@@ -136,13 +138,13 @@ pub trait Recipe {
 }
 
 /// The names that [`solid_by_name`] knows.
-pub const SOLID_NAMES: [&str; 8] =
-    ["wood", "marble", "rock", "granite", "clouds", "checker", "brick", "landscape"];
+pub const SOLID_NAMES: [&str; 9] =
+    ["wood", "rings", "marble", "rock", "granite", "clouds", "checker", "brick", "landscape"];
 
 /// What to say of a name that is none of [`SOLID_NAMES`].
 pub fn unknown_solid(name: &str) -> Error {
     Error::invalid(format!(
-        "'{name}' is no solid; use wood, marble, rock, granite, clouds, checker, brick or landscape"
+        "'{name}' is no solid; use wood, rings, marble, rock, granite, clouds, checker, brick or landscape"
     ))
 }
 
@@ -160,6 +162,7 @@ pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Soli
     }
     Ok(match name {
         "wood" => placed(Wood::new(seed), center, radius),
+        "rings" => placed(Rings::default(), center, radius),
         "marble" => placed(Marble::new(seed), center, radius),
         "rock" => placed(Rock::new(seed), center, radius),
         "granite" => placed(Granite::new(seed), center, radius),

@@ -9,7 +9,7 @@ use super::{Notes, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque, place
 use crate::noise::{Cellular, CellularMetric, Fractal, Noise, band_limit, cellular_all, smoothstep};
 use crate::{Allowed, Color};
 
-// Wood: annual rings about a trunk, after the classic recipe `grain = round(radius) mod period`.
+// Wood: annual rings about a trunk, with irregular waves, fibres and pores; the textbook's is [`Rings`](super::Rings).
 
 parameters! {
     /// Wood. The trunk stands along y.

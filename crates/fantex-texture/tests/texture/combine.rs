@@ -75,6 +75,18 @@ fn arithmetic_is_what_it_says() {
     assert_value(&binary(Operation::Multiply), T * F, "multiply");
     assert_value(&binary(Operation::Minimum), Vec4::new(0.2, 0.4, 0.25, 0.25), "minimum");
     assert_value(&binary(Operation::Maximum), Vec4::new(1.0, 0.5, 0.8, 0.25), "maximum");
+    assert_value(&binary(Operation::Divide), Vec4::new(0.2, 0.8, 3.2, 0.25), "divide");
+    let of = |operation, a: [f32; 3], b: f32| {
+        let [x, y, z] = a;
+        Binary { operation, a: Slot::Constant(Vec4::new(x, y, z, 1.0)), b: Slot::Constant(Vec4::splat(b)) }
+    };
+    let numbers = [7.25, -0.75, 2.5];
+    assert_value(&of(Operation::Modulo, numbers, 2.0), Vec4::new(1.25, 1.25, 0.5, 1.0), "modulo");
+    assert_value(&of(Operation::Modulo, numbers, 0.0), Vec4::new(7.25, -0.75, 2.5, 1.0), "modulo 0");
+    assert_value(&of(Operation::Divide, numbers, 0.0), Vec4::W, "divide by 0");
+    assert_value(&of(Operation::Round, numbers, 0.0), Vec4::new(7.0, -1.0, 3.0, 1.0), "round");
+    assert_value(&of(Operation::Floor, numbers, 0.0), Vec4::new(7.0, -1.0, 2.0, 1.0), "floor");
+    assert_value(&of(Operation::Fract, numbers, 0.0), Vec4::new(0.25, 0.25, 0.5, 1.0), "fract");
     let clamp = Clamp { input: input(), low: 0.3, high: 0.6 };
     assert_value(&clamp, Vec4::new(0.6, 0.5, 0.3, 0.5), "clamp");
     let remap = Remap { input: input(), from: [0.5, 0.0], to: [10.0, 20.0], clamp: true };

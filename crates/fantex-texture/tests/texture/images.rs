@@ -59,6 +59,30 @@ fn lossless_formats_give_back_what_was_saved() {
 }
 
 #[test]
+fn terrain_as_signed_or_floating_point_tiff_is_read() {
+    use tiff::encoder::{TiffEncoder, colortype};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let heights = |path| match Image::load(path) {
+        Ok(Image { width: 2, height: 2, channels: 1, samples: Samples::F32(values), .. }) => values,
+        other => panic!("{other:?}"),
+    };
+    let encoder = || TiffEncoder::new(fs::File::create(&path).unwrap()).unwrap();
+    encoder().write_image::<colortype::GrayI16>(2, 2, &[-32767, 0, 16384, 32767]).unwrap();
+    assert_eq!(heights(&path), [-1.0, 0.0, 16384.0 / 32767.0, 1.0]);
+    encoder().write_image::<colortype::Gray32Float>(2, 2, &[-12.5, f32::NAN, 4808.7, 1e-3]).unwrap();
+    assert_eq!(heights(&path), [-12.5, 0.0, 4808.7, 1e-3]);
+    encoder().write_image::<colortype::Gray64Float>(2, 2, &[-12.5, 0.0, 4808.5, 2.0]).unwrap();
+    assert_eq!(heights(&path), [-12.5, 0.0, 4808.5, 2.0]);
+    encoder().write_image::<colortype::GrayI32>(2, 2, &[i32::MAX, 0, -i32::MAX, 0]).unwrap();
+    assert_eq!(heights(&path), [1.0, 0.0, -1.0, 0.0]);
+    // Cut short.
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(Image::load(&path).is_err());
+}
+
+#[test]
 fn floats_become_srgb_bytes_in_png() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");

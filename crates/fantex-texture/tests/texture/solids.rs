@@ -1,7 +1,7 @@
 //! Properties of the solids.
 
 use fantex_base::Aabb;
-use fantex_texture::{SOLID_NAMES, SolidPoint, solid_by_name};
+use fantex_texture::{Rings, SOLID_NAMES, Solid, SolidPoint, solid_by_name};
 use glam::Vec3;
 
 use crate::common::Random;
@@ -84,8 +84,8 @@ fn seeds_and_scales_matter_as_they_should() {
         let at = SolidPoint { p: Vec3::new(0.7, 0.4, -0.9), n: Vec3::Y, footprint: 0.0, time: 0.0 };
         let one = solid_by_name(name, BOUNDS, 1).unwrap().color(&at);
         let two = solid_by_name(name, BOUNDS, 2).unwrap().color(&at);
-        // A checker has nothing random.
-        assert_eq!(one == two, name == "checker", "{name}");
+        // Checkers and rings have nothing random.
+        assert_eq!(one == two, ["checker", "rings"].contains(&name), "{name}");
         // Ten times the model, ten times the pattern.
         let large = Aabb { min: BOUNDS.min * 8.0, max: BOUNDS.max * 8.0 };
         let scaled = SolidPoint { p: at.p * 8.0, ..at };
@@ -165,4 +165,41 @@ mod pattern {
         assert!(mortar(0.295, 0.05) && !mortar(0.295, 0.15), "half a brick on, there is a brick");
         assert!(mortar(0.1, 0.095) && !mortar(0.1, 0.05), "between rows lies mortar");
     }
+}
+
+/// The recipe as the textbook has it, written out.
+#[test]
+fn rings_are_rounded_radii_modulo_the_period() {
+    let rings = Rings { unit: 0.02, period: 9, light_units: 5, ..Rings::default() };
+    let steps = [
+        rings,
+        Rings { eccentricity: 2.0, ..rings },
+        Rings { eccentricity: 2.0, twist: 3.0, ..rings },
+        Rings { eccentricity: 2.0, twist: 3.0, tilt: 20.0, lobes: 7.0, ..rings },
+    ];
+    let mut light = 0;
+    for rings in steps {
+        for i in 0..2000 {
+            let [x, y, z] = [0.7548777, 0.5698403, 0.3819660].map(|step| 2.0 * ((i as f64 * step).fract()) - 1.0);
+            let (sin, cos) = rings.tilt.to_radians().sin_cos();
+            let [tx, ty, tz] = [x * cos - y * sin, x * sin + y * cos, z];
+            let angle = tx.atan2(tz);
+            let wave = f64::from(rings.lobes) * angle + f64::from(rings.twist) * ty;
+            let radius = (tx * tx + tz * tz).sqrt() / f64::from(rings.unit) + f64::from(rings.eccentricity) * wave.sin();
+            if (radius.fract() - 0.5).abs() < 1e-3 {
+                continue;
+            }
+            let grain = (radius.round() as i64).rem_euclid(9);
+            let p = Vec3::new(x as f32, y as f32, z as f32);
+            let color = rings.color(&SolidPoint { p, n: Vec3::Z, footprint: 0.0, time: 0.0 });
+            let expected = if grain < 5 { rings.light } else { rings.dark };
+            assert_eq!(Vec3::from_slice(&color[..3]), expected.rgb(), "{p} {rings:?}");
+            light += usize::from(grain < 5);
+        }
+    }
+    assert!((3800..5000).contains(&light), "{light}");
+    // Far away, the mean.
+    let far = rings.color(&SolidPoint { p: Vec3::X, n: Vec3::Z, footprint: 50.0, time: 0.0 });
+    let mean = rings.dark.rgb().lerp(rings.light.rgb(), 5.0 / 9.0);
+    assert!((Vec3::from_slice(&far[..3]) - mean).length() < 0.01, "{far:?}");
 }

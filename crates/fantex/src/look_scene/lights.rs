@@ -20,7 +20,6 @@ use fantex_texture::look::{LookMaterial, Slot};
 use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Vec3};
 
-use super::objects::displaced;
 use super::{MaterialResolver, ResolvedMaterials};
 
 impl MaterialResolver<'_> {
@@ -241,8 +240,9 @@ impl LookBake {
     /// A texture cannot be made, or the look does not say which material the model has.
     pub fn new(resolver: &MaterialResolver<'_>, mesh: &mut Mesh, model: &Path) -> Result<Self> {
         let bake = &resolver.file.look().bake;
-        let resolved = resolver.materials(mesh, model, resolver.model_object())?;
-        *mesh = displaced(resolver, std::mem::take(mesh), &resolved)?;
+        let (shape, resolved) =
+            resolver.shape_and_materials(std::mem::take(mesh), model, resolver.model_object())?;
+        *mesh = shape;
         let ResolvedMaterials { mut materials, .. } = resolved;
         if let Some(name) = &bake.texture {
             let mut textures = Resolver::new(resolver.file, mesh, resolver.images, resolver.options);

@@ -52,6 +52,17 @@ impl MaterialResolver<'_> {
     ///
     /// A texture cannot be made, or the object names a material that the model does not have.
     pub fn materials(&self, mesh: &Mesh, model: &Path, object: Option<usize>) -> Result<ResolvedMaterials> {
+        self.materials_on(mesh, mesh, model, object)
+    }
+
+    /// The same with the altitudes of what displacement has made of the mesh.
+    fn materials_on(
+        &self,
+        mesh: &Mesh,
+        displaced: &Mesh,
+        model: &Path,
+        object: Option<usize>,
+    ) -> Result<ResolvedMaterials> {
         let names = self.names(mesh, object)?;
         let needs_own = names.iter().any(|name| match name {
             None => true,
@@ -65,7 +76,8 @@ impl MaterialResolver<'_> {
         } else {
             vec![LookMaterial::default(); mesh.materials.len()]
         };
-        let mut resolver = Resolver::new(self.file, mesh, self.images, self.options);
+        let resolver = Resolver::new(self.file, mesh, self.images, self.options);
+        let mut resolver = resolver.with_altitudes_of(displaced);
         let materials = names.iter().zip(own).map(|(name, own)| match name {
             Some(name) => resolver.material(name, &own).map(Arc::new),
             None => Ok(Arc::new(own)),

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_base::{Error, Result};
-use fantex_look::data::{ObjectTable, ShapeName, ShapeTable};
+use fantex_look::data::{ObjectTable, ShapeName, ShapeTable, TextureTable};
 use fantex_look::problem;
 use fantex_look::{Key, Resolver};
 use fantex_mesh::{
     CleanOptions, CornerAttributes, DisplaceOptions, DisplacePoint, LoadOptions, Material, Mesh, Model,
-    Refinement, clean, displace, load,
+    ObjectSpace, Refinement, clean, displace, load,
 };
 use fantex_render::{FanSurface, FilterOptions, LookSurface, Surface};
 use fantex_store::{Asset, PageCache};
@@ -128,8 +128,7 @@ impl MaterialResolver<'_> {
     }
 
     fn model(&self, mesh: Mesh, path: &Path, index: Option<usize>, table: &ObjectTable) -> Result<Object> {
-        let resolved = self.materials(&mesh, path, index)?;
-        let mesh = displaced(self, mesh, &resolved)?;
+        let (mesh, resolved) = self.shape_and_materials(mesh, path, index)?;
         Ok(Object {
             shape: Shape::Model { mesh: Box::new(mesh), materials: resolved.materials },
             name: table.name.clone(),
@@ -287,14 +286,32 @@ struct Heights {
     middle: f32,
 }
 
-/// The mesh with the displacements of its materials as real geometry; as it is where there are none.
-pub(super) fn displaced(
+impl MaterialResolver<'_> {
+    /// A model with the displacements of its materials as real geometry, and its materials.
+    pub(super) fn shape_and_materials(
+        &self,
+        mesh: Mesh,
+        model: &Path,
+        object: Option<usize>,
+    ) -> Result<(Mesh, ResolvedMaterials)> {
+        let resolved = self.materials(&mesh, model, object)?;
+        let Some(shape) = displaced(self, &mesh, &resolved)? else { return Ok((mesh, resolved)) };
+        let is_landscape = |table: &TextureTable| matches!(table, TextureTable::Landscape(_));
+        let has_altitudes = self.file.look().textures.values().any(is_landscape);
+        let resolved =
+            if has_altitudes { self.materials_on(&mesh, &shape, model, object)? } else { resolved };
+        Ok((shape, resolved))
+    }
+}
+
+/// The mesh with the displacements of its materials as real geometry; none where there are none.
+fn displaced(
     resolver: &MaterialResolver<'_>,
-    mesh: Mesh,
+    mesh: &Mesh,
     resolved: &ResolvedMaterials,
-) -> Result<Mesh> {
+) -> Result<Option<Mesh>> {
     let scale = mesh.world_from_mesh.scale;
-    let mut textures = Resolver::new(resolver.file, &mesh, resolver.images, resolver.options);
+    let mut textures = Resolver::new(resolver.file, mesh, resolver.images, resolver.options);
     let mut heights: Vec<Option<Heights>> = Vec::new();
     let mut options = DisplaceOptions { max_triangles: 0, ..DisplaceOptions::default() };
     let mut edge = f64::INFINITY;
@@ -314,29 +331,29 @@ pub(super) fn displaced(
         edge = edge.min(table.edge.map_or(0.01, |edge| edge / scale));
     }
     if heights.iter().all(Option::is_none) {
-        return Ok(mesh);
+        return Ok(None);
     }
     options.refinement = Refinement::Uniform { longest_edge: edge as f32 };
+    let space = ObjectSpace::of(mesh);
     let ask = |point: &DisplacePoint| match heights.get(mesh.material_of(point.at.index())) {
-        Some(Some(heights)) => heights.at(&mesh, point, edge as f32),
+        Some(Some(heights)) => heights.at(mesh, &space, point, edge as f32),
         _ => 0.0,
     };
-    let result = displace(&mesh, &options, ask);
+    let result = displace(mesh, &options, ask);
     let (displaced, _) = result.map_err(|error| resolver.file.error(&key, error))?;
-    Ok(displaced)
+    Ok(Some(displaced))
 }
 
 impl Heights {
     /// In mesh units, averaged over about one of the small triangles.
-    fn at(&self, mesh: &Mesh, point: &DisplacePoint, width: f32) -> f32 {
-        let scale = mesh.world_from_mesh.scale as f32;
+    fn at(&self, mesh: &Mesh, space: &ObjectSpace, point: &DisplacePoint, width: f32) -> f32 {
         let (along, across) = point.normal.any_orthonormal_pair();
         let steps_mesh = [along * width, across * width];
         let uv: Vec<UvPoint> =
             mesh.corners.uv_sets.iter().map(|set| uv_point(mesh, set, point, steps_mesh)).collect();
         let at = ShadingPoint {
-            position: point.position * scale,
-            position_steps: steps_mesh.map(|step| step * scale),
+            position: space.point(point.position),
+            position_steps: steps_mesh.map(|step| space.vector(step)),
             normal: point.normal,
             normal_steps: [Vec3::ZERO; 2],
             uv: &uv,

@@ -4,6 +4,7 @@ use fantex_base::Result;
 use fantex_look::Key;
 use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable, ToneMappingName};
 use fantex_look::problem;
+use fantex_mesh::ObjectSpace;
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Lights, RenderOptions, Rendering, Scene,
     SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
@@ -244,7 +245,9 @@ impl<'a> LookScene<'a> {
             Some(position) => DVec3::from_array(position),
             None => {
                 let shape = &self.objects[object];
-                shape.world_from_object.transform_point3(shape.mesh().world_from_mesh.offset)
+                let mesh = shape.mesh();
+                let middle = mesh.world_from_mesh.point(ObjectSpace::of(mesh).origin_mesh());
+                shape.world_from_object.transform_point3(middle)
             }
         };
         let options = CaptureOptions { side: table.size, samples: table.samples, background };

@@ -54,9 +54,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     }
     files.iter().try_for_each(|file| context.check_output(file))?;
     let surroundings = args.surroundings.load(None)?;
-    if let Some(surroundings) = &surroundings {
-        options.background = surroundings.background();
-    }
+    options.background = args.surroundings.background()?;
     let surface = scene.surface(args.filter)?;
     // An unfinished animation must not stay behind.
     let _deferral = context.defer_interrupt();

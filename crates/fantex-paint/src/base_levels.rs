@@ -1,0 +1,193 @@
+//! Coarser levels under the layers.
+//!
+//! Texels that are averaged anew differ a little from those of the bake. So coarser pages under layers are put aside like those of
+//! level 0 (`layers.rs`), and come back block by block: where all finer texels that a block is made of are the base's, so is
+//! the block. A stroke on the base brings them up to date.
+
+use std::collections::BTreeMap;
+
+use fantex_base::Result;
+use fantex_store::{Channel, PageId, page_origin};
+
+use crate::Painter;
+use crate::composite::{block_bytes, copy_blocks};
+use crate::history::PageStep;
+use crate::layers::{base_bytes, base_mean_name, base_name};
+use crate::levels::{CoarserLevels, dirty_levels, fine_rect, pages_of, pages_read};
+use crate::painter::Changes;
+use crate::texel_page::{Rect, blocks_of};
+
+impl Painter {
+    /// What coarser levels of a group change, page by page. First layered are pages whose base is to be put aside.
+    pub(crate) fn page_steps(&self, result: &mut CoarserLevels) -> Result<Vec<PageStep>> {
+        let mut steps: BTreeMap<PageId, PageStep> = BTreeMap::new();
+        for change in result.pages.drain(..) {
+            let new = || PageStep { id: change.id, channels: Vec::new(), is_first_layered: false };
+            let step = steps.entry(change.id).or_insert_with(new);
+            step.channels.push((change.channel, change.before, change.after));
+        }
+        if result.is_layered {
+            self.restore_base(&mut steps)?;
+            self.restore_means(&steps, &mut result.means)?;
+        }
+        for step in steps.values_mut() {
+            step.channels.retain(|(_, before, after)| before != after);
+            let is_kept = || self.editor.has_attachment(&base_name(step.id));
+            step.is_first_layered = result.is_layered && !step.channels.is_empty() && !is_kept();
+        }
+        Ok(steps.into_values().filter(|step| !step.channels.is_empty()).collect())
+    }
+
+    /// Gives blocks that show nothing but the base the base's bytes.
+    fn restore_base(&self, steps: &mut BTreeMap<PageId, PageStep>) -> Result<()> {
+        // Blocks of finer pages that differ from the base, by page and channel; a page's base comes with it.
+        let mut differing: BTreeMap<(PageId, usize), Vec<Rect>> = BTreeMap::new();
+        let ids: Vec<PageId> = steps.keys().copied().collect();
+        for id in ids {
+            let Some(mut step) = steps.remove(&id) else { continue };
+            let base = self.base_of(id)?;
+            let shape = self.editor.asset().cover().groups[id.group as usize];
+            let [fine, coarse] = [shape.level_extent(id.level - 1), shape.level_extent(id.level)];
+            let extent = fantex_store::page_extent(coarse, id.page);
+            for (channel, _, after) in &mut step.channels {
+                let kind = &self.editor.asset().channels()[*channel];
+                for block in differing_blocks(kind, extent, after, &base[*channel]) {
+                    let seen = fine_rect(block.moved(page_origin(id.page)).grown(coarse), fine, coarse);
+                    let mut is_base = true;
+                    for page in pages_of(seen) {
+                        let finer = PageId { level: id.level - 1, page, ..id };
+                        if !differing.contains_key(&(finer, *channel)) {
+                            let blocks = self.layered_blocks(finer, *channel, steps)?;
+                            differing.insert((finer, *channel), blocks);
+                        }
+                        let meets = |block: &Rect| !block.intersection(seen).is_empty();
+                        is_base &= !differing[&(finer, *channel)].iter().any(meets);
+                    }
+                    if is_base {
+                        copy_blocks(kind, extent, &base[*channel], after, block);
+                    }
+                }
+            }
+            steps.insert(id, step);
+        }
+        Ok(())
+    }
+
+    /// The blocks of a page that differ from the base, in texels of its level.
+    fn layered_blocks(
+        &self,
+        id: PageId,
+        channel: usize,
+        steps: &BTreeMap<PageId, PageStep>,
+    ) -> Result<Vec<Rect>> {
+        if !self.editor.has_attachment(&base_name(id)) && !steps.contains_key(&id) {
+            return Ok(Vec::new());
+        }
+        let changed = steps.get(&id).and_then(|step| step.channels.iter().find(|(c, ..)| *c == channel));
+        let bytes = match changed {
+            Some((_, _, after)) => after.clone(),
+            None => self.editor.read_page_raw(channel, id)?,
+        };
+        let asset = self.editor.asset();
+        let level = asset.cover().groups[id.group as usize].level_extent(id.level);
+        let (kind, extent) = (&asset.channels()[channel], fantex_store::page_extent(level, id.page));
+        let base = &self.base_of(id)?[channel];
+        let blocks = differing_blocks(kind, extent, &bytes, base).into_iter();
+        Ok(blocks.map(|block| block.moved(page_origin(id.page))).collect())
+    }
+
+    /// A page's bytes under all layers, per channel.
+    fn base_of(&self, id: PageId) -> Result<Vec<Vec<u8>>> {
+        base_bytes(&self.editor, id, self.editor.attachment(&base_name(id))?)
+    }
+
+    /// Where the coarsest page of a group shows nothing but the base, so does its mean.
+    fn restore_means(
+        &self,
+        steps: &BTreeMap<PageId, PageStep>,
+        means: &mut [(usize, [f32; 4])],
+    ) -> Result<()> {
+        let Some(PageId { group, .. }) = steps.keys().next().copied() else { return Ok(()) };
+        let Some(kept) = self.editor.attachment(&base_mean_name(group))? else { return Ok(()) };
+        let numbers: Vec<f32> =
+            kept.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let last = self.coarsest(group);
+        for (channel, mean) in means {
+            let is_base = self.layered_blocks(last, *channel, steps)?.is_empty();
+            if let Some(kept) = numbers.chunks_exact(4).nth(*channel).filter(|_| is_base) {
+                mean.copy_from_slice(kept);
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the means of a group aside, if they are not.
+    pub(crate) fn keep_means(&mut self, group: u32) -> Result<()> {
+        let name = base_mean_name(group);
+        if self.editor.has_attachment(&name) {
+            return Ok(());
+        }
+        let channels = 0..self.editor.asset().channels().len();
+        let means: Vec<[f32; 4]> = channels.map(|channel| self.editor.mean(channel, group)).collect();
+        self.attach(&name, means.into_iter().flatten().flat_map(f32::to_le_bytes).collect())
+    }
+
+    fn coarsest(&self, group: u32) -> PageId {
+        let levels = self.editor.asset().cover().groups[group as usize].level_count();
+        PageId { group, level: levels - 1, page: [0, 0] }
+    }
+
+    /// True where coarser levels of a group's base have been put aside.
+    pub(crate) fn keeps_base_levels(&self, group: u32) -> bool {
+        self.editor.has_attachment(&base_mean_name(group))
+    }
+
+    /// Brings the base's coarser levels up to date after a stroke on it.
+    pub(crate) fn finish_base_levels(&mut self, changes: &Changes, channels: &[usize]) -> Result<()> {
+        for (&group, dirty) in &changes.groups {
+            if !self.keeps_base_levels(group) {
+                continue;
+            }
+            let groups = BTreeMap::from([(group, dirty.clone())]);
+            let mut work = self.level_work(Changes { groups, is_base: false }, channels);
+            let levels = dirty_levels(&self.surface, group, dirty.clone());
+            for id in pages_read(&self.surface, group, &levels) {
+                work.base.insert(id, self.base_of(id)?);
+            }
+            for (_, result) in work.run(&mut self.maps)? {
+                let mut bases: BTreeMap<PageId, Vec<Vec<u8>>> = BTreeMap::new();
+                for change in result.pages {
+                    if !bases.contains_key(&change.id) {
+                        bases.insert(change.id, self.base_of(change.id)?);
+                    }
+                    if let Some(base) = bases.get_mut(&change.id) {
+                        base[change.channel] = change.after;
+                    }
+                }
+                for (id, base) in bases {
+                    self.attach(&base_name(id), base.concat())?;
+                }
+                let name = base_mean_name(group);
+                let mut means = self.editor.attachment(&name)?.unwrap_or_default();
+                for (channel, mean) in result.means {
+                    if let Some(kept) = means.chunks_exact_mut(16).nth(channel) {
+                        kept.copy_from_slice(&mean.map(f32::to_le_bytes).concat());
+                    }
+                }
+                self.attach(&name, means)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The blocks of a page that differ from another of the same extent, relative to the page.
+fn differing_blocks(channel: &Channel, extent: [u32; 2], a: &[u8], b: &[u8]) -> Vec<Rect> {
+    if a == b {
+        return Vec::new();
+    }
+    let differs = |block: &Rect| {
+        block_bytes(channel.format, extent[0], block.low).any(|bytes| a[bytes.clone()] != b[bytes])
+    };
+    blocks_of(Rect::of(extent)).filter(differs).collect()
+}
