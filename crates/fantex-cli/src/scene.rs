@@ -305,4 +305,3 @@ impl SurroundingsArgs {
         Ok(Some(Surroundings { light, sun }))
     }
 }
-

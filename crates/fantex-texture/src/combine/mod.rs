@@ -700,8 +700,7 @@ impl Texture for Binary {
         let (a, b) = (self.a.evaluate(at), self.b.evaluate(at));
         if self.has_steps() {
             let beside = |x: f32, y: f32| at.shifted(x, y, |at| self.a.evaluate(at).truncate());
-            let [x, y] =
-                [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)];
+            let [x, y] = [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)];
             return self.steps(a, b, (x * x + y * y).map(f32::sqrt));
         }
         self.of(a, b)

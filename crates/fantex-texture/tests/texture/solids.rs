@@ -180,12 +180,14 @@ fn rings_are_rounded_radii_modulo_the_period() {
     let mut light = 0;
     for rings in steps {
         for i in 0..2000 {
-            let [x, y, z] = [0.7548777, 0.5698403, 0.3819660].map(|step| 2.0 * ((i as f64 * step).fract()) - 1.0);
+            let [x, y, z] =
+                [0.7548777, 0.5698403, 0.3819660].map(|step| 2.0 * ((i as f64 * step).fract()) - 1.0);
             let (sin, cos) = rings.tilt.to_radians().sin_cos();
             let [tx, ty, tz] = [x * cos - y * sin, x * sin + y * cos, z];
             let angle = tx.atan2(tz);
             let wave = f64::from(rings.lobes) * angle + f64::from(rings.twist) * ty;
-            let radius = (tx * tx + tz * tz).sqrt() / f64::from(rings.unit) + f64::from(rings.eccentricity) * wave.sin();
+            let radius = (tx * tx + tz * tz).sqrt() / f64::from(rings.unit)
+                + f64::from(rings.eccentricity) * wave.sin();
             if (radius.fract() - 0.5).abs() < 1e-3 {
                 continue;
             }
