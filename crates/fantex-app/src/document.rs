@@ -149,7 +149,6 @@ impl OpenProgress {
     /// Begins a stage.
     ///
     /// # Errors
-    ///
     /// The user does not want it any more ([`Error::is_cancelled`]).
     pub fn enter(&self, stage: Stage) -> Result<()> {
         self.stage.store(stage as u8, Relaxed);
@@ -167,7 +166,6 @@ impl Place {
     /// are not asked.
     ///
     /// # Errors
-    ///
     /// One sentence for the user.
     pub fn check(&self) -> Result<()> {
         match self {
@@ -184,7 +182,6 @@ impl Document {
     /// Opens a model or an asset.
     ///
     /// # Errors
-    ///
     /// One sentence for the user.
     pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self> {
         progress.enter(Stage::Reading)?;
@@ -214,7 +211,6 @@ impl Document {
     /// for more texels.
     ///
     /// # Errors
-    ///
     /// One sentence for the user.
     pub fn open_for_painting(
         place: &Place,

@@ -22,7 +22,6 @@ impl<T: Send + 'static> Job<T> {
     /// Starts work. `wake` is called when it has ended, however it ended.
     ///
     /// # Errors
-    ///
     /// The operating system's, where there can be no further thread.
     pub fn spawn(
         name: &str,

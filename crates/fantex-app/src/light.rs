@@ -100,7 +100,6 @@ impl MapKey {
     /// Computes or reads the map; takes up to seconds, so in the background.
     ///
     /// # Errors
-    ///
     /// The file is no picture of surroundings.
     pub fn make(self) -> Result<SurroundingsMap> {
         let (map, sun_color) = match &self {

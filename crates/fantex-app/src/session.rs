@@ -197,7 +197,6 @@ impl Session {
     /// Reads a session.
     ///
     /// # Errors
-    ///
     /// The file cannot be read, is no session or names unknown keys.
     pub fn load(path: &Path) -> Result<Self> {
         let name = path.display();
@@ -326,7 +325,6 @@ impl SessionRunner {
     /// What to do in this frame.
     ///
     /// # Errors
-    ///
     /// A step failed or took too long.
     pub fn next(&mut self, now: &Situation) -> Result<Act> {
         if let Some(wait) = self.wait {

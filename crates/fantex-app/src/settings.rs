@@ -160,7 +160,6 @@ impl Settings {
     /// Writes the settings, whole or not at all.
     ///
     /// # Errors
-    ///
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_vec_pretty(self).map_err(|source| Error::writing(path, source.into()))?;
@@ -208,7 +207,6 @@ pub fn label_of<T: PartialEq>(all: &[(T, &'static str)], value: T) -> &'static s
 /// Reads a file of at most so many bytes; `what` names it in messages, such as `the session`.
 ///
 /// # Errors
-///
 /// There is none (of kind [`ErrorKind::NotFound`]), it is too large, or cannot be read.
 pub(crate) fn read_limited(path: &Path, max_bytes: u64, what: &str) -> Result<Vec<u8>> {
     let bytes = std::fs::metadata(path).and_then(|found| match found.len() {
@@ -241,7 +239,6 @@ pub(crate) fn continued(error: Error, rest: &str) -> Error {
 /// Writes a file beside its place and moves it there, so that at the place there is never half a file. Folders above are made.
 ///
 /// # Errors
-///
 /// The operating system refuses.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = |source| Error::writing(path, source);

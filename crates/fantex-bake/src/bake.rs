@@ -28,7 +28,6 @@ const BATCH_TEXELS: std::ops::RangeInclusive<u64> = 1 << 16..=8 << 20;
 /// bytes do not depend on the number of threads.
 ///
 /// # Errors
-///
 /// The file exists already (unless forced), cannot be written, or the bake was cancelled; in all cases nothing is left behind.
 pub fn bake(
     mesh: &Mesh,

@@ -28,7 +28,6 @@ impl<'a> ImageSource<'a> {
     /// Decodes the images.
     ///
     /// # Errors
-    ///
     /// An image that is used cannot be read.
     pub(crate) fn new(mesh: &'a Mesh) -> Result<Self> {
         let materials = load_material_textures(mesh)?;

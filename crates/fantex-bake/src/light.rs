@@ -65,7 +65,6 @@ impl<'a> LightMapSource<'a> {
     /// Prepares the mesh for rays, and looks at the sky about a million times, to know where it is bright. The mesh occludes and lights itself; its normals are those that it is shaded with.
     ///
     /// # Errors
-    ///
     /// An option or a number of a light is out of its range.
     pub fn new(mesh: &'a Mesh, scene: &LightScene<'a>, options: LightMapOptions) -> Result<Self> {
         options.check()?;
@@ -198,7 +197,6 @@ impl LightMapOptions {
     /// Checks every range.
     ///
     /// # Errors
-    ///
     /// The first option that is out of range.
     pub fn check(&self) -> Result<()> {
         let counts = [("samples", self.samples), ("max_samples", self.max_samples)];

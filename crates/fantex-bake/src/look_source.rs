@@ -35,7 +35,6 @@ impl<'a> LookSource<'a> {
     /// like the default. `time` is in seconds.
     ///
     /// # Errors
-    ///
     /// A texture depends on the eye.
     pub fn new(mesh: &'a Mesh, materials: Vec<Arc<LookMaterial>>, time: f32) -> Result<Self> {
         Ok(Self(Materials::Textures(TextureSource::new(mesh, materials, time)?)))
@@ -45,7 +44,6 @@ impl<'a> LookSource<'a> {
     /// them or materials differ in them.
     ///
     /// # Errors
-    ///
     /// An image that is used cannot be read.
     pub fn of_model(mesh: &'a Mesh) -> Result<Self> {
         Ok(Self(Materials::Images(ImageSource::new(mesh)?)))

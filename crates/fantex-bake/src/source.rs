@@ -120,7 +120,6 @@ impl<'a> VertexColorSource<'a> {
     /// Takes the mesh's colours.
     ///
     /// # Errors
-    ///
     /// The mesh has none.
     pub fn new(mesh: &'a Mesh) -> Result<Self> {
         let colors = mesh.corners.colors.as_slice();

@@ -242,7 +242,6 @@ impl<'a> TransferSource<'a> {
     /// mesh's shading normals.
     ///
     /// # Errors
-    ///
     /// An option is out of its range, or a mesh is empty.
     pub fn new(
         coarse: &'a Mesh,
@@ -377,7 +376,6 @@ const EMPTY: u32 = u32::MAX;
 /// mesh's own, or those of [`corner_tangents`]. The result does not depend on the number of threads.
 ///
 /// # Errors
-///
 /// An option out of range, no such texture coordinates, or an empty mesh.
 pub fn bake_normal_map(
     coarse: &Mesh,

@@ -16,7 +16,6 @@ pub fn folder_of(path: &Path) -> &Path {
 /// It goes away unless it gets another name.
 ///
 /// # Errors
-///
 /// The system's.
 pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let mut builder = Builder::new();
@@ -28,7 +27,6 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
 /// Gives a finished file its name; only with `force` over another.
 ///
 /// # Errors
-///
 /// [`exists`], or the system refuses.
 pub fn persist(file: TempPath, path: &Path, force: bool) -> Result<()> {
     let named = if force { file.persist(path) } else { file.persist_noclobber(path) };

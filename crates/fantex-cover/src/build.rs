@@ -49,7 +49,6 @@ const MAX_TRIANGLES: usize = (1 << 31) / 3;
 /// Covers a mesh. Deterministic on any number of threads; linear in the triangles.
 ///
 /// # Errors
-///
 /// An empty or too large mesh, or options out of range.
 pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverStats)> {
     check(mesh, options)?;

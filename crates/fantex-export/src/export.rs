@@ -55,7 +55,6 @@ const MODEL_MAPS: [ChannelMap; 4] =
 /// files beside it. All files appear at the end, or none.
 ///
 /// # Errors
-///
 /// The options or the output's extension are none that exist, the model's coordinates are missing or do not fit, the output
 /// exists, or it cannot be written. The kind is [`Cancelled`](fantex_base::ErrorKind::Cancelled) where `progress` asked to stop.
 pub fn export_model(
@@ -137,7 +136,6 @@ pub fn export_model(
 /// Writes one channel of an asset, laid out as [`export_model`] does, as `.png` (of `depth`), `.exr` or `.ktx2`.
 ///
 /// # Errors
-///
 /// As [`export_model`]; the asset may lack the channel, or the picture need more memory than is allowed.
 pub fn export_channel(
     asset: &Arc<Asset>,

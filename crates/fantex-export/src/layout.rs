@@ -102,7 +102,6 @@ const NEARLY: f32 = 0.95;
 /// Cuts the mesh into charts and packs them.
 ///
 /// # Errors
-///
 /// There are too many charts for the picture, or it was cancelled.
 pub(crate) fn atlas(
     mesh: &Mesh,
@@ -480,7 +479,6 @@ pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>> {
 /// The texture coordinates of a model with the same triangles, in whatever order.
 ///
 /// # Errors
-///
 /// The model has none, or a triangle of the asset is not one of its triangles.
 pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
     let uv = uv_of_asset(model).map_err(|_| {
@@ -523,7 +521,6 @@ const MATCH_SHARE: f64 = 1e-5;
 /// Lays the triangles out by given coordinates: a picture for every material, since materials may use the same coordinates.
 ///
 /// # Errors
-///
 /// Coordinates that are not finite, or reach over too many pictures.
 pub(crate) fn model_uv(
     mesh: &Mesh,

@@ -46,7 +46,6 @@ pub(crate) trait RowSink: Send {
 /// Makes the maps of a page and hands their rows to `sinks`, one per map. `texels_done` counts up over all pages.
 ///
 /// # Errors
-///
 /// A sink's, or the user's wish to stop.
 pub(crate) fn make_page(
     page: &Page,

@@ -32,7 +32,6 @@ impl LookFile {
     /// Reads a look.
     ///
     /// # Errors
-    ///
     /// The file cannot be read, is no TOML, or is no look.
     pub fn read(path: &Path) -> Result<Self> {
         let failed = |error: std::io::Error| {
@@ -51,7 +50,6 @@ impl LookFile {
     /// Takes a look from a text. `path` names it in messages, and files that it mentions lie beside it.
     ///
     /// # Errors
-    ///
     /// The text is no TOML or no look.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file = Self { look: Look::default(), path: path.into(), text: text.into() };
@@ -124,7 +122,6 @@ impl Look {
     /// The look as TOML that [`LookFile::parse`] reads; what has its default is left out.
     ///
     /// # Errors
-    ///
     /// A number is not finite.
     pub fn to_toml(&self) -> Result<String> {
         let mut value = serde_json::to_value(self).map_err(problem::refused)?;

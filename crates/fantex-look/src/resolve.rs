@@ -107,7 +107,6 @@ impl<'a> Resolver<'a> {
     /// The texture of a name.
     ///
     /// # Errors
-    ///
     /// There is no such texture, or it cannot be made: a missing image, numbers that make no sense together.
     pub fn texture(&mut self, name: &str) -> Result<Arc<dyn Texture>> {
         if let Some(texture) = self.made.get(name) {
@@ -383,7 +382,6 @@ impl Resolver<'_> {
     /// The material of a name. `base` is the one that the model has at the place, for materials that start from it.
     ///
     /// # Errors
-    ///
     /// There is no such material, or one of its textures cannot be made.
     pub fn material(&mut self, name: &str, base: &LookMaterial) -> Result<LookMaterial> {
         let file = self.file;
@@ -503,7 +501,6 @@ impl Resolver<'_> {
     /// The height texture of a material's displacement, if it has one: red, times `height`, in world units.
     ///
     /// # Errors
-    ///
     /// The texture cannot be made.
     pub fn displacement(&mut self, name: &str) -> Result<Option<Slot>> {
         let file = self.file;

@@ -31,7 +31,6 @@ pub struct TranslatedLook {
 /// A model's own materials, resolved: one for each of the mesh's materials. Images are decoded in parallel, each once per way of use.
 ///
 /// # Errors
-///
 /// An image of the model cannot be read; where several cannot, the one with the lowest index.
 pub fn materials_of_model(
     mesh: &Mesh,

@@ -42,7 +42,6 @@ pub struct DisplaceReport {
 /// on the number of threads.
 ///
 /// # Errors
-///
 /// An option out of range, more triangles than allowed, a height that is no number, or nothing left.
 pub fn displace(
     mesh: &Mesh,
@@ -204,7 +203,6 @@ impl DisplaceOptions {
     /// Checks every range.
     ///
     /// # Errors
-    ///
     /// The first option that is out of range.
     pub fn check(&self) -> Result<()> {
         let in_range = |what: &str, value: f32, good: bool, allowed: &str| match good {

@@ -30,7 +30,6 @@ pub struct WriteGeometry<'a> {
 /// An existing file is replaced only with `force`.
 ///
 /// # Errors
-///
 /// Where geometry cannot be written so, the file exists, or the system refuses; an existing file is then unchanged.
 pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result<()> {
     let format = ModelFormat::from_extension(path);
@@ -127,7 +126,6 @@ impl GlbHeader {
     /// Of a JSON text and the length of the binary data, a multiple of 4.
     ///
     /// # Errors
-    ///
     /// The file's length in bytes, where that exceeds the 4 GiB that the format can hold.
     pub fn new(mut json: String, binary_bytes: u64) -> Result<Self, u64> {
         json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
@@ -140,7 +138,6 @@ impl GlbHeader {
     /// Writes it; the binary data follow.
     ///
     /// # Errors
-    ///
     /// Those of `out`.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         out.write_all(b"glTF")?;

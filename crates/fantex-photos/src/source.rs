@@ -48,7 +48,6 @@ impl<'a> PhotoSource<'a> {
     /// Reads all photographs, one after the other as memory allows, and works out exposures and the fill. Progress counts pixels.
     ///
     /// # Errors
-    ///
     /// A photograph cannot be read or is not what its camera took, none of them sees the mesh, the scratch file cannot be written,
     /// or the work was cancelled.
     pub fn new(

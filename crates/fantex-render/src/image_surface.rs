@@ -28,7 +28,6 @@ impl<'a> ImageSurface<'a> {
     /// Decodes the images that the materials use and prepares normals and tangents.
     ///
     /// # Errors
-    ///
     /// An image that is used cannot be read.
     pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
         let mut textures = load_material_textures(mesh)?;

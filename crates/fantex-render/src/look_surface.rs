@@ -48,7 +48,6 @@ impl<'a> LookSurface<'a> {
     /// lacks are left out.
     ///
     /// # Errors
-    ///
     /// An image that is used cannot be read.
     pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
         Ok(Self(Materials::Images(ImageSurface::load(mesh, filter)?)))

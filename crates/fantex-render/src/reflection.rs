@@ -43,7 +43,6 @@ pub fn cube_cameras(center: DVec3) -> [Camera; 6] {
 /// The cube of whatever `picture` shows the six [`cube_cameras`]: it must give square pictures of `side` pixels.
 ///
 /// # Errors
-///
 /// What `picture` returns; or a picture has another size, or none.
 pub fn capture_with(
     center: DVec3,
@@ -75,7 +74,6 @@ pub fn capture_with(
 /// will reflect it.
 ///
 /// # Errors
-///
 /// As [`render`].
 pub fn capture_environment(
     mesh: &Mesh,

@@ -47,7 +47,6 @@ pub struct Rendering {
 /// Renders a mesh on the current rayon pool. The picture does not depend on the number of threads.
 ///
 /// # Errors
-///
 /// An option is out of its range, or the camera or a lamp is none.
 pub fn render(
     mesh: &Mesh,
@@ -432,7 +431,6 @@ pub(crate) fn behind(
 /// filter.
 ///
 /// # Errors
-///
 /// As [`render`].
 pub fn render_with_glow(
     mesh: &Mesh,

@@ -79,7 +79,6 @@ impl<'a> Scene<'a> {
     /// Puts objects together.
     ///
     /// # Errors
-    ///
     /// A placement flattens its object, or there are more vertices than a mesh can number.
     pub fn new(objects: Vec<SceneObject<'a>>) -> Result<Self> {
         check(&objects)?;

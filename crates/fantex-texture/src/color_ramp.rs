@@ -57,7 +57,6 @@ impl ColorRamp {
     /// A ramp through `(position, linear RGBA)` in ascending order of position; two stops at one position make a jump.
     ///
     /// # Errors
-    ///
     /// There is no stop, or positions are not finite and ascending.
     pub fn new(stops: Vec<(f32, Vec4)>, interpolation: RampInterpolation) -> Result<Self> {
         let stops = stops.into_iter().map(|(at, color)| Stop { at, color: Color(color) }).collect();
@@ -68,7 +67,6 @@ impl ColorRamp {
     /// Whether it can be evaluated.
     ///
     /// # Errors
-    ///
     /// There is no stop, or positions are not finite and ascending.
     pub fn check(&self) -> Result<()> {
         let mut before = f32::NEG_INFINITY;

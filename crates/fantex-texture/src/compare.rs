@@ -23,7 +23,6 @@ pub struct Comparison {
 /// All measures at once.
 ///
 /// # Errors
-///
 /// The pictures differ in size.
 pub fn compare(reference: &Image, test: &Image) -> Result<Comparison> {
     compare_where(reference, test, &every_texel(reference))
@@ -66,7 +65,6 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 /// texels, sRGB-encoded and scaled to `[0,1]` but not rounded to bytes. Infinite where nothing differs.
 ///
 /// # Errors
-///
 /// The pictures differ in size.
 pub fn psnr_db(reference: &Image, test: &Image) -> Result<f64> {
     check_sizes(reference, test)?;
@@ -87,7 +85,6 @@ fn psnr_where(reference: &Image, test: &Image, counts: &[bool]) -> f64 {
 /// A picture of the absolute differences of the sRGB-encoded colours, times `gain`, as 8-bit sRGB.
 ///
 /// # Errors
-///
 /// The pictures differ in size.
 pub fn difference_picture(reference: &Image, test: &Image, gain: f32) -> Result<Image> {
     check_sizes(reference, test)?;
@@ -178,7 +175,6 @@ fn weigh(taps: &[f32], center: usize, size: usize, value: impl Fn(usize) -> f32)
 /// dynamic range 1. As in the paper, only windows that lie inside the picture count, unless it is smaller than one.
 ///
 /// # Errors
-///
 /// The pictures differ in size.
 pub fn ssim(reference: &Image, test: &Image) -> Result<f64> {
     check_sizes(reference, test)?;
@@ -255,7 +251,6 @@ impl Default for FlipOptions {
 /// Mean of [`flip_map`].
 ///
 /// # Errors
-///
 /// The pictures differ in size.
 pub fn flip(reference: &Image, test: &Image, options: FlipOptions) -> Result<f64> {
     let errors = flip_map(reference, test, options)?;
@@ -265,7 +260,6 @@ pub fn flip(reference: &Image, test: &Image, options: FlipOptions) -> Result<f64
 /// The error of every texel, row by row: 0 (none) to 1 (largest).
 ///
 /// # Errors
-///
 /// The pictures differ in size.
 pub fn flip_map(reference: &Image, test: &Image, options: FlipOptions) -> Result<Vec<f32>> {
     check_sizes(reference, test)?;

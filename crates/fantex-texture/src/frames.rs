@@ -46,7 +46,6 @@ impl FrameTexture {
     /// (colours count by their alpha); otherwise it stays until the next one starts.
     ///
     /// # Errors
-    ///
     /// There is no frame, or the rate is not above 0.
     pub fn with_rate(textures: Vec<Slot>, rate: f32, wrap: FrameWrap, is_blended: bool) -> Result<Self> {
         Allowed::Positive.check("a texture over time", "the rate", &[rate])?;
@@ -58,7 +57,6 @@ impl FrameTexture {
     /// Frames with the seconds at which they start, in order. A round of [`FrameWrap::Repeat`] takes `duration` seconds.
     ///
     /// # Errors
-    ///
     /// There is no frame, a time is not finite or not after the one before, or the duration is not positive or shorter
     /// than the frames take.
     pub fn new(frames: Vec<(f32, Slot)>, duration: f32, wrap: FrameWrap, is_blended: bool) -> Result<Self> {

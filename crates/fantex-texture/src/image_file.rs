@@ -78,7 +78,6 @@ impl Image {
     /// [`Image::load_as`]. Of files with several images (faces, layers, slices), this is the first one.
     ///
     /// # Errors
-    ///
     /// The file cannot be read, is none of these, is damaged, or exceeds the limits.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         Self::load_as(path, ColorSpace::Srgb)
@@ -87,7 +86,6 @@ impl Image {
     /// As [`Image::load`], with the meaning of 8- and 16-bit samples said. Floating-point samples are always linear.
     ///
     /// # Errors
-    ///
     /// As [`Image::load`].
     pub fn load_as(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Self> {
         let path = path.as_ref();
@@ -97,7 +95,6 @@ impl Image {
     /// Reads an image from the bytes of a file with the default limits; `label` names it in errors.
     ///
     /// # Errors
-    ///
     /// As [`Image::decode_within`].
     pub fn decode(bytes: &[u8], label: &str, default_space: ColorSpace) -> Result<Self> {
         Self::decode_within(bytes, label, default_space, ImageLimits::default())
@@ -106,7 +103,6 @@ impl Image {
     /// As [`Image::decode`], refusing what exceeds `limits` before it is allocated.
     ///
     /// # Errors
-    ///
     /// The bytes are no image of a known format, are damaged, or exceed the limits.
     pub fn decode_within(
         bytes: &[u8],
@@ -148,7 +144,6 @@ impl Image {
     /// then slice; of other files the only one. All have the same size.
     ///
     /// # Errors
-    ///
     /// As [`Image::decode_within`]; the limit of memory holds for all images together.
     pub fn decode_all(
         bytes: &[u8],
@@ -165,7 +160,6 @@ impl Image {
     /// As [`Image::decode_all`], from a file with the default limits.
     ///
     /// # Errors
-    ///
     /// As [`Image::load_as`].
     pub fn load_all(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Vec<Self>> {
         let path = path.as_ref();
@@ -183,7 +177,6 @@ impl Image {
     /// becomes RGB where a format knows no grey.
     ///
     /// # Errors
-    ///
     /// The extension names no format, the format has no room for the channels, or the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();

@@ -56,7 +56,6 @@ impl NoiseOptions {
     /// Checks the options.
     ///
     /// # Errors
-    ///
     /// A number is out of its range.
     pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Positive.check("a noise", "cell", &[self.cell])?;

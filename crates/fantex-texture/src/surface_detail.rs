@@ -83,7 +83,6 @@ impl SurfaceDetail {
     /// Prepares polygons. Outlines without area are allowed and cover nothing.
     ///
     /// # Errors
-    ///
     /// An outline with too few corners, a coordinate out of range, or outlines that cross.
     pub fn new(polygons: &[DetailPolygon]) -> Result<Self> {
         let mut order: Vec<usize> = (0..polygons.len()).collect();
@@ -384,11 +383,9 @@ impl PolygonsTexture {
     /// `repeats` they come again in every unit square of the coordinates; they may reach into the neighbouring ones.
     ///
     /// # Errors
-    ///
     /// As [`SurfaceDetail::new`].
     ///
     /// # Panics
-    ///
     /// Where a polygon's material has no colour.
     pub fn new(
         polygons: &[DetailPolygon],

@@ -28,7 +28,6 @@ impl Tabulation {
     /// domain; the axes that have one texel only are asked in the middle.
     ///
     /// # Errors
-    ///
     /// There is nothing to tabulate, or too much.
     pub fn texels(&self, function: impl Fn([f32; 3]) -> [f32; 4] + Sync) -> Result<Vec<[f32; 4]>> {
         let Self { size, samples, memory_bytes: allowed } = *self;
@@ -61,7 +60,6 @@ impl Tabulation {
     /// The same as an image: the plane in the middle of the third axis, row 0 at the second axis' 0.
     ///
     /// # Errors
-    ///
     /// There is nothing to tabulate, or too much.
     pub fn image(&self, function: impl Fn([f32; 3]) -> [f32; 4] + Sync) -> Result<Image> {
         let [width, height, _] = self.size;

@@ -118,7 +118,6 @@ macro_rules! vector_format {
             /// Writes it as a list.
             ///
             /// # Errors
-            ///
             /// Those of the serializer.
             pub fn serialize<S: Serializer>($value: &$vector, serializer: S) -> Result<S::Ok, S::Error> {
                 let list: [$item; $count] = $to;
@@ -128,7 +127,6 @@ macro_rules! vector_format {
             /// Reads it from a list.
             ///
             /// # Errors
-            ///
             /// Those of the deserializer; a list of another length.
             pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<$vector, D::Error> {
                 let $list = <[$item; $count]>::deserialize(deserializer)?;

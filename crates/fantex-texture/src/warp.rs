@@ -73,7 +73,6 @@ impl AffineMap {
     /// From its matrix, whose columns are the images of one texture width and one texture height.
     ///
     /// # Errors
-    ///
     /// A number is not finite, or the columns are parallel.
     pub fn new(linear: DMat2, translation: DVec2) -> Result<Self> {
         if !linear.is_finite() || !translation.is_finite() {
@@ -90,7 +89,6 @@ impl AffineMap {
     /// The map that takes three texture coordinates to three positions.
     ///
     /// # Errors
-    ///
     /// A number is not finite, or three points lie on one line.
     pub fn from_points(uv: [DVec2; 3], positions: [DVec2; 3]) -> Result<Self> {
         let edges = |p: [DVec2; 3]| DMat2::from_cols(p[1] - p[0], p[2] - p[0]);
@@ -136,7 +134,6 @@ impl BilinearMap {
     /// The map that takes the corners (0,0), (1,0), (1,1), (0,1) of the texture to four positions in this order.
     ///
     /// # Errors
-    ///
     /// A number is not finite, or all corners lie on one line.
     pub fn from_quad([p00, p10, p11, p01]: [DVec2; 4]) -> Result<Self> {
         let map = Self { origin: p00, along_u: p10 - p00, along_v: p01 - p00, twist: p00 - p10 + p11 - p01 };
@@ -211,7 +208,6 @@ impl ProjectiveMap {
     /// where the denominator is positive.
     ///
     /// # Errors
-    ///
     /// A number is not finite, or the matrix has no inverse.
     pub fn new(matrix: DMat3) -> Result<Self> {
         if !matrix.is_finite() {
@@ -228,7 +224,6 @@ impl ProjectiveMap {
     /// The map that takes the corners (0,0), (1,0), (1,1), (0,1) of the texture to four positions in this order.
     ///
     /// # Errors
-    ///
     /// A number is not finite, or three corners lie on one line.
     pub fn from_quad(corners: [DVec2; 4]) -> Result<Self> {
         let [p0, p1, p2, p3] = corners;
@@ -251,7 +246,6 @@ impl ProjectiveMap {
     /// The map that takes four texture coordinates to four positions, both in the same order round a quadrilateral.
     ///
     /// # Errors
-    ///
     /// A number is not finite, or three of the texture coordinates or of the positions lie on one line.
     pub fn from_points(uv: [DVec2; 4], positions: [DVec2; 4]) -> Result<Self> {
         let matrix = Self::from_quad(positions)?.matrix * Self::from_quad(uv)?.inverse;
@@ -303,7 +297,6 @@ impl PlaneMap for ProjectiveMap {
 /// The footprint of a pixel is the pre-image of its square to first order: the inverse of the map's derivative.
 ///
 /// # Errors
-///
 /// A side is 0 or longer than [`MAX_SIDE`].
 pub fn warp_inverse(
     texture: &ImageTexture,
@@ -363,7 +356,6 @@ pub enum Spread {
 /// Texels that reach beyond the horizon of a projective map are left out.
 ///
 /// # Errors
-///
 /// A side is 0 or longer than [`MAX_SIDE`].
 pub fn warp_forward(texture: &Image, map: &dyn PlaneMap, size: [u32; 2], spread: Spread) -> Result<Image> {
     check_size(size)?;

@@ -28,7 +28,6 @@ pub fn camera_of(key: &CameraKeyframe) -> Camera {
 /// Reads and checks a path: at least one key, times ascending from zero.
 ///
 /// # Errors
-///
 /// The file cannot be read or is no path.
 pub fn load_path(path: &Path) -> Result<CameraPath> {
     let name = path.display();
@@ -61,7 +60,6 @@ pub fn load_path(path: &Path) -> Result<CameraPath> {
 /// Writes a path, whole or not at all.
 ///
 /// # Errors
-///
 /// The file cannot be written.
 pub fn save_path(found: &CameraPath, path: &Path) -> Result<()> {
     let mut text = serde_json::to_vec_pretty(found).map_err(|source| Error::writing(path, source.into()))?;

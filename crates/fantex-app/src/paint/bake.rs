@@ -28,7 +28,6 @@ pub fn asset_beside(model: &Path) -> PathBuf {
 /// Covers a mesh and bakes what it looks like into an asset that has colour and material to paint on.
 ///
 /// # Errors
-///
 /// The images of the model cannot be read, or it cannot be covered, baked or written. Nothing is left behind then.
 pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result<()> {
     if !mesh.corners.colors.is_empty()

@@ -192,7 +192,6 @@ impl Presets {
     /// Reads presets; the usual ones where there is no file.
     ///
     /// # Errors
-    ///
     /// There is a file that cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
         let text = match read_limited(path, MAX_FILE_BYTES, "the brushes") {
@@ -212,7 +211,6 @@ impl Presets {
     /// Writes them, whole or not at all.
     ///
     /// # Errors
-    ///
     /// The operating system refuses.
     pub fn save(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_vec_pretty(self).unwrap_or_default();

@@ -91,7 +91,6 @@ impl Exchange {
     /// The painter's: these pages are not any more as the file says. `texels` gives them as they are now.
     ///
     /// # Errors
-    ///
     /// That of `texels`.
     pub fn publish<E>(
         &self,

@@ -77,7 +77,6 @@ impl Painting {
     /// Begins to paint.
     ///
     /// # Errors
-    ///
     /// The operating system's, where there can be no further thread.
     pub fn new(painter: Painter, presets_file: Option<PathBuf>, wake: Wake) -> std::io::Result<Self> {
         let surface = painter.surface().clone();
@@ -151,7 +150,6 @@ impl Painting {
     /// The texture that is chosen, made once; none where a colour is, else why it cannot be made.
     ///
     /// # Errors
-    ///
     /// It cannot be made: one sentence.
     pub fn texture(&mut self, choice: &TextureChoice) -> Result<Option<ChosenTexture>, String> {
         if let Some((known, made)) = &self.texture
@@ -167,7 +165,6 @@ impl Painting {
     /// The picture over the view, read once; none where there is none, else why it cannot be read.
     ///
     /// # Errors
-    ///
     /// It cannot be read: one sentence.
     pub fn stencil(&mut self, settings: &StencilSettings) -> Result<Option<Arc<StencilPicture>>, String> {
         let Some(path) = settings.image.as_ref().filter(|_| settings.is_on) else { return Ok(None) };
@@ -364,7 +361,6 @@ impl Painting {
     /// What is done with layers; why not, where it cannot be done.
     ///
     /// # Errors
-    ///
     /// It cannot be done: one sentence.
     pub fn layer_action(&mut self, action: &LayerAction, settings: &PaintSettings) -> Result<(), String> {
         let fill = match action {

@@ -106,7 +106,6 @@ impl StencilPicture {
     /// Reads a picture.
     ///
     /// # Errors
-    ///
     /// It cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
         let image = Image::load(path)?;

@@ -60,7 +60,6 @@ impl TextureChoice {
     /// The graph and the name of the texture in it; none where a colour is painted with.
     ///
     /// # Errors
-    ///
     /// There is no look, or it cannot be read.
     pub fn graph(&self) -> Result<Option<(TextureGraph, String)>> {
         match self.source {
@@ -118,7 +117,6 @@ impl ChosenTexture {
     /// Makes the texture that is chosen; none where a colour is.
     ///
     /// # Errors
-    ///
     /// The solid is not known, or the look or a texture of it cannot be made.
     pub fn make(choice: &TextureChoice, surface: &Surface) -> Result<Option<Self>> {
         let Some((graph, name)) = choice.graph()? else { return Ok(None) };

@@ -65,7 +65,6 @@ impl PaintThread {
     /// Starts the thread.
     ///
     /// # Errors
-    ///
     /// The operating system's, where there can be no further thread.
     pub fn start(mut painter: Painter, wake: Wake) -> std::io::Result<Self> {
         let (orders, received) = channel();

@@ -76,7 +76,6 @@ impl SceneView {
     /// Lets streaming go on, and draws a picture where one is due. Returns whether one was begun.
     ///
     /// # Errors
-    ///
     /// One of the renderer's.
     pub fn update(&mut self, viewer: &mut Viewer) -> Result<bool> {
         let seconds = viewer.now();
@@ -157,7 +156,6 @@ impl SceneView {
     /// Begins a picture of `size` pixels for a file; see [`SceneView::poll_captures`].
     ///
     /// # Errors
-    ///
     /// It is too large or cannot be drawn.
     pub fn capture(&mut self, viewer: &Viewer, size: [u32; 2], path: PathBuf) -> Result<()> {
         let Some(model) = &mut self.model else {

@@ -36,7 +36,6 @@ pub struct CleanOptions {
 /// Cleans a model: see the module's description for the steps and [`Mesh`] for what holds afterwards.
 ///
 /// # Errors
-///
 /// Where no triangle is left, a count exceeds 32-bit indices, or the model contradicts itself.
 pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport)> {
     check(&model)?;

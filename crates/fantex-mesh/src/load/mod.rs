@@ -76,7 +76,6 @@ pub struct LoadOptions {
 /// ```
 ///
 /// # Errors
-///
 /// What the file, the place in it and what was expected there are. A model without a single triangle
 /// is an error too.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
@@ -87,7 +86,6 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
 /// as for [`load`], and messages name it.
 ///
 /// # Errors
-///
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model> {
     let (format, note) = detect(path, bytes)?;

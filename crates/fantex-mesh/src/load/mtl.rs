@@ -29,7 +29,6 @@ pub(super) struct Library {
 /// Reads the libraries that exist; a missing one is noted.
 ///
 /// # Errors
-///
 /// A library that exists but is broken, with its own path and line.
 pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library> {
     let mut library = Library::default();

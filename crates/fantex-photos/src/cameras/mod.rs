@@ -52,7 +52,6 @@ pub enum CameraFrame {
 /// the folder `images` beside the model, or beside one of the two folders above it, or that of `transforms.json`.
 ///
 /// # Errors
-///
 /// The sentence names the file, the place in it and what was expected there. Photographs that are not there are an
 /// error, too; their content is not looked at.
 pub fn read_cameras(path: &Path, images: Option<&Path>, frame: CameraFrame) -> Result<Vec<Photograph>> {

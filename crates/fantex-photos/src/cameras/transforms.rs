@@ -275,7 +275,6 @@ fn is_rotation(axes: DMat3) -> bool {
 /// Writes `cameras.txt`, `images.txt` and an empty `points3D.txt` into a folder, one camera per photograph.
 ///
 /// # Errors
-///
 /// A file cannot be written.
 pub fn write_colmap_text(folder: &Path, photographs: &[Photograph]) -> Result<()> {
     let mut cameras = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n".to_owned();
@@ -298,7 +297,6 @@ pub fn write_colmap_text(folder: &Path, photographs: &[Photograph]) -> Result<()
 /// Writes `cameras.bin`, `images.bin` and an empty `points3D.bin` into a folder, one camera per photograph.
 ///
 /// # Errors
-///
 /// A file cannot be written.
 pub fn write_colmap_binary(folder: &Path, photographs: &[Photograph]) -> Result<()> {
     let count = (photographs.len() as u64).to_le_bytes();
@@ -323,7 +321,6 @@ pub fn write_colmap_binary(folder: &Path, photographs: &[Photograph]) -> Result<
 /// Writes a `transforms.json`; the names of the photographs are taken as paths relative to it, below `image_folder`.
 ///
 /// # Errors
-///
 /// The file cannot be written, or there are lenses that such a file cannot hold: fisheyes beside others, fisheyes with tangential
 /// or thin-prism shifts, field-of-view lenses.
 pub fn write_transforms(path: &Path, photographs: &[Photograph], image_folder: &str) -> Result<()> {

@@ -37,7 +37,6 @@ macro_rules! nodes {
             /// The same node with other inputs, each made of the old one and its name.
             ///
             /// # Errors
-            ///
             /// The first that `input` gives.
             pub fn with_inputs<J, E>(
                 &self,
@@ -170,7 +169,6 @@ impl Combine {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("an environment mode", "the constant colour", &self.constant.0.to_array())
@@ -471,7 +469,6 @@ impl<T> TextureUse<T> {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("the use of a texture", "the factor", &self.factor.rgba().to_array())?;
@@ -578,7 +575,6 @@ impl Clamp {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("clamp", "a limit", &[self.low, self.high])?;
@@ -590,7 +586,6 @@ impl Remap {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("remap", "'from'", &self.from)?;

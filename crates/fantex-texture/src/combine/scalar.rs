@@ -77,7 +77,6 @@ impl Contours {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "contour lines";
@@ -154,7 +153,6 @@ impl Field {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         let Self::Position { min, max } = self else { return Ok(()) };

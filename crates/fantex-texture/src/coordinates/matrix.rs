@@ -126,7 +126,6 @@ impl TextureMatrix {
     /// The map that the options describe.
     ///
     /// # Errors
-    ///
     /// A number is out of range, or the matrix has no inverse.
     pub fn new(options: TextureMatrixOptions) -> fantex_base::Result<Self> {
         options.check()?;
@@ -264,7 +263,6 @@ impl SpaceMatrix {
     /// The map that the options describe.
     ///
     /// # Errors
-    ///
     /// A number is out of range, or the matrix has no inverse.
     pub fn new(options: SpaceMatrixOptions) -> fantex_base::Result<Self> {
         options.check()?;
@@ -362,7 +360,6 @@ impl Place {
     /// coordinates. `model_radius` is that of the model's bounding sphere.
     ///
     /// # Errors
-    ///
     /// A number is out of range.
     pub fn matrix(&self, model_radius: f32) -> fantex_base::Result<SpaceMatrix> {
         let unit = match self.unit {

@@ -55,7 +55,6 @@ impl Coordinates {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> Result<()> {
         match self {
@@ -163,7 +162,6 @@ impl Parameter {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> Result<()> {
         match self {

@@ -37,7 +37,6 @@ impl TriplanarMap {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a triplanar mapping";

@@ -128,7 +128,6 @@ impl Shape {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         match self {
@@ -197,7 +196,6 @@ impl SMap {
     /// The shape, moved as `placement` says.
     ///
     /// # Errors
-    ///
     /// A number of the shape or the placement is out of range.
     pub fn new(shape: Shape, placement: &Placement) -> fantex_base::Result<Self> {
         shape.check()?;
@@ -297,7 +295,6 @@ impl TwoPartMapping {
     /// Whether all numbers are in range (those of the S-map are).
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     pub fn check(&self) -> fantex_base::Result<()> {
         match self.o_map {

@@ -132,7 +132,6 @@ fn label(index: usize, Material { name, place, .. }: &Material) -> String {
 /// Reads the images of all textures of a mesh's materials that are `usable`, each once per way of use, in parallel.
 ///
 /// # Errors
-///
 /// An image that is used cannot be read; where several cannot, the one with the lowest index. The material and the channel in the
 /// message are the first ones that use it so.
 pub fn read_used_images<T: Send>(
@@ -167,7 +166,6 @@ pub fn read_used_images<T: Send>(
 /// Decodes all images that a mesh's materials use; one entry per material.
 ///
 /// # Errors
-///
 /// As [`read_used_images`].
 pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
     let decode = |source: &ImageSource, used| Ok(Arc::new(decode(source, used)?));

@@ -130,7 +130,6 @@ pub trait Recipe {
     /// Whether all numbers are in range.
     ///
     /// # Errors
-    ///
     /// The first number that is not.
     fn check(&self) -> fantex_base::Result<()> {
         Ok(())
@@ -151,7 +150,6 @@ pub fn unknown_solid(name: &str) -> Error {
 /// The recipe `name`, scaled to a model with these bounds.
 ///
 /// # Errors
-///
 /// There is no such recipe.
 pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Solid>> {
     let center = bounds.center();

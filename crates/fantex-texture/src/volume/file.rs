@@ -53,7 +53,6 @@ impl Volume {
     /// are `MET_UCHAR`, `MET_USHORT` or `MET_FLOAT`, uncompressed, one to four channels; they are taken as linear.
     ///
     /// # Errors
-    ///
     /// A file cannot be read, is damaged or of another kind, or the volume with its levels would take more than
     /// `memory_bytes`.
     pub fn load_meta_image(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Self> {
@@ -75,7 +74,6 @@ impl Volume {
     /// Reads images of one size and kind as slices, the first at the lowest z; `space` is what 8- and 16-bit samples mean.
     ///
     /// # Errors
-    ///
     /// There is no image, one cannot be read or differs from the first, or the volume with its levels would take more than
     /// `memory_bytes`.
     pub fn load_slices(paths: &[impl AsRef<Path>], space: ColorSpace, memory_bytes: u64) -> Result<Self> {
@@ -94,7 +92,6 @@ impl Volume {
     /// Reads a file of plain numbers.
     ///
     /// # Errors
-    ///
     /// The size is impossible, the file cannot be read or is too short, or the volume with its levels would take more than
     /// `memory_bytes`.
     pub fn load_raw(path: impl AsRef<Path>, layout: &RawLayout, memory_bytes: u64) -> Result<Self> {

@@ -39,7 +39,6 @@ impl Volume {
     /// encoded in sRGB are decoded at every look-up.
     ///
     /// # Errors
-    ///
     /// A side is 0 or above [`MAX_VOLUME_SIDE`], the channels are not 1 to 4, or the samples do not fit the size.
     pub fn new(size: [u32; 3], channels: u8, space: ColorSpace, samples: Samples) -> Result<Self> {
         let expected = checked_samples(size, channels)?;
@@ -55,7 +54,6 @@ impl Volume {
     /// A stack of images of one size and kind, the first at the lowest z; row 0 of an image lies at the lowest y.
     ///
     /// # Errors
-    ///
     /// There is no image, one differs from the first, or a side is too long.
     pub fn from_slices(slices: &[Image]) -> Result<Self> {
         let first = slices.first().ok_or_else(|| Error::invalid("a volume needs at least one slice"))?;

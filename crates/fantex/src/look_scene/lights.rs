@@ -236,7 +236,6 @@ impl LookBake {
     /// beside its tiles.
     ///
     /// # Errors
-    ///
     /// A texture cannot be made, or the look does not say which material the model has.
     pub fn new(resolver: &MaterialResolver<'_>, mesh: &mut Mesh, model: &Path) -> Result<Self> {
         let bake = &resolver.file.look().bake;
@@ -265,7 +264,6 @@ impl LookBake {
     /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].
     ///
     /// # Errors
-    ///
     /// A texture depends on the eye, or a number of the light is out of range.
     pub fn with_source<R>(&self, mesh: &Mesh, then: impl FnOnce(&dyn Source) -> R) -> Result<R> {
         let source = LookSource::new(mesh, self.materials.clone(), self.time)?;

@@ -49,7 +49,6 @@ impl MaterialResolver<'_> {
     /// object's `material`; without an object, the look's only material (or `bake.material`); else it keeps its own.
     ///
     /// # Errors
-    ///
     /// A texture cannot be made, or the object names a material that the model does not have.
     pub fn materials(&self, mesh: &Mesh, model: &Path, object: Option<usize>) -> Result<ResolvedMaterials> {
         self.materials_on(mesh, mesh, model, object)

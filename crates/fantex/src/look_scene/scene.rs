@@ -49,7 +49,6 @@ impl<'a> LookScene<'a> {
     /// Reads all models and images. `given` is the model of objects that name none.
     ///
     /// # Errors
-    ///
     /// A model or an image cannot be read, a texture cannot be made, or the look names nothing to show.
     pub fn new(
         resolver: MaterialResolver<'a>,
@@ -81,7 +80,6 @@ impl<'a> LookScene<'a> {
     /// The picture at a time in seconds.
     ///
     /// # Errors
-    ///
     /// The renderer refuses: a camera without direction, objects that are flattened.
     pub fn render(&self, time: f32) -> Result<Rendering> {
         self.with_scene(time, |scene| {
@@ -93,7 +91,6 @@ impl<'a> LookScene<'a> {
     /// The picture at a time in seconds from a camera other than the look's.
     ///
     /// # Errors
-    ///
     /// As those of [`render`](Self::render).
     pub fn render_from(&self, camera: &Camera, time: f32) -> Result<Rendering> {
         self.with_scene(time, |scene| self.render_scene(scene, camera, self.options(time)))
@@ -102,7 +99,6 @@ impl<'a> LookScene<'a> {
     /// Cameras that stand evenly around the whole scene, as those of [`Camera::orbit`]. `aspect` is width / height.
     ///
     /// # Errors
-    ///
     /// Objects are flattened.
     pub fn orbit(&self, count: usize, aspect: f64) -> Result<Vec<Camera>> {
         self.with_scene(0.0, |scene| Ok(Camera::orbit(scene.mesh(), count, aspect)))
