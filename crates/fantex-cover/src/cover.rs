@@ -1,6 +1,5 @@
 //! What a cover *is*: the data that the texture function needs at run time. Building one is in `build`.
 
-use arrayvec::ArrayVec;
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use glam::{Vec2, Vec3};
 
@@ -97,10 +96,10 @@ impl Cover {
 
     /// The look-ups of the texture function at a point of the surface.
     #[inline]
-    pub fn taps(&self, mesh: &Mesh, point: SurfacePoint) -> Taps {
+    pub fn taps<'a>(&'a self, mesh: &'a Mesh, point: SurfacePoint) -> impl ExactSizeIterator<Item = Tap> {
         let triangle = point.triangle as usize;
-        let corners_of = |slot| self.tile_corners(mesh, triangle, slot);
-        Taps::new(self.corner_groups[triangle], point.lambda, self.delta, corners_of)
+        let corners_of = move |slot| self.tile_corners(mesh, triangle, slot);
+        taps(self.corner_groups[triangle], point.lambda, self.delta, corners_of)
     }
 
     /// A triangle as the texture function sees it, for its points one after the other.
@@ -198,11 +197,13 @@ impl Group {
     }
 
     /// See [`level_count`].
+    #[inline]
     pub fn level_count(&self) -> u32 {
         level_count(self.extent)
     }
 
     /// See [`level_extent`].
+    #[inline]
     pub fn level_extent(&self, level: u32) -> [u32; 2] {
         level_extent(self.extent, level)
     }
@@ -216,6 +217,7 @@ pub fn stretch_axes(vertex_normal: Vec3) -> [Vec3; 2] {
 }
 
 /// Number of levels of a tile of `extent` texels at level 0: the last is 4x4.
+#[inline]
 pub fn level_count(extent: [u32; 2]) -> u32 {
     // The first level `l` at which the longer side is less than `6 * 2^l` texels long is rounded to 4.
     let sixths = extent[0].max(extent[1]) / 6;
@@ -224,11 +226,13 @@ pub fn level_count(extent: [u32; 2]) -> u32 {
 
 /// Extent of a level in texels, of the extent of level 0: half as long per level, rounded to the nearest multiple of 4, at
 /// least 4.
+#[inline]
 pub fn level_extent(extent: [u32; 2], level: u32) -> [u32; 2] {
     extent.map(|n| level_length(n, level))
 }
 
 /// `n / 2^level` rounded to the nearest multiple of 4 (halves up), at least 4; `level` is below 32.
+#[inline]
 pub fn level_length(n: u32, level: u32) -> u32 {
     let quarters = (u64::from(n) + (2 << level)) >> (level + 2);
     4 * (quarters as u32).max(1)
@@ -299,37 +303,17 @@ impl Tap {
 }
 
 /// The look-ups of the texture function at a point: one to three, of different groups.
-#[derive(Clone, Debug)]
-pub struct Taps(ArrayVec<Tap, 3>);
-
-impl Taps {
-    #[inline]
-    fn new(groups: [u32; 3], lambda: Vec3, delta: f32, corners_of: impl Fn(usize) -> [Vec2; 3]) -> Self {
-        let tap = |(slot, weight): (usize, f32)| {
-            let corners = corners_of(slot);
-            Tap { slot, group: groups[slot], weight, uv: interpolate(corners, lambda), corners }
-        };
-        Self(GroupWeights::new(groups, lambda, delta).iter().map(tap).collect())
-    }
-}
-
-impl std::ops::Deref for Taps {
-    type Target = [Tap];
-
-    #[inline]
-    fn deref(&self) -> &[Tap] {
-        &self.0
-    }
-}
-
-impl IntoIterator for Taps {
-    type Item = Tap;
-    type IntoIter = arrayvec::IntoIter<Tap, 3>;
-
-    #[inline]
-    fn into_iter(self) -> Self::IntoIter {
-        self.0.into_iter()
-    }
+#[inline]
+fn taps(
+    groups: [u32; 3],
+    lambda: Vec3,
+    delta: f32,
+    corners_of: impl Fn(usize) -> [Vec2; 3],
+) -> impl ExactSizeIterator<Item = Tap> {
+    GroupWeights::new(groups, lambda, delta).iter().map(move |(slot, weight)| {
+        let corners = corners_of(slot);
+        Tap { slot, group: groups[slot], weight, uv: interpolate(corners, lambda), corners }
+    })
 }
 
 /// A triangle as the texture function sees it.
@@ -346,8 +330,8 @@ pub struct TriangleTiles {
 impl TriangleTiles {
     /// The look-ups at a point.
     #[inline]
-    pub fn taps(&self, lambda: Vec3) -> Taps {
-        Taps::new(self.groups, lambda, self.delta, |slot| self.corners[slot])
+    pub fn taps(&self, lambda: Vec3) -> impl ExactSizeIterator<Item = Tap> {
+        taps(self.groups, lambda, self.delta, |slot| self.corners[slot])
     }
 }
 
@@ -372,8 +356,13 @@ impl GroupWeights {
                 merged.add(slot, groups, weight);
             }
         }
-        let sum: f32 = merged.weights.iter().sum();
-        merged.weights = merged.weights.map(|w| w / sum);
+        if merged.count == 1 {
+            // That of most points needs no division.
+            merged.weights[0] = 1.0;
+        } else {
+            let sum: f32 = merged.weights.iter().sum();
+            merged.weights = merged.weights.map(|w| w / sum);
+        }
         merged
     }
 
@@ -391,8 +380,8 @@ impl GroupWeights {
 
     /// `(slot, weight)` pairs, at least one; `slot` is the triangle corner whose group is meant. Weights sum to one.
     #[inline]
-    pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
-        (0..self.count as usize).map(|i| (self.slots[i] as usize, self.weights[i]))
+    pub fn iter(self) -> impl ExactSizeIterator<Item = (usize, f32)> {
+        (0..self.count as usize).map(move |i| (self.slots[i] as usize, self.weights[i]))
     }
 
     /// Number of look-ups, 1..=3.

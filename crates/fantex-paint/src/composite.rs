@@ -187,13 +187,13 @@ pub(crate) fn position_steps(surface: &Surface, triangle: &TexelTriangle) -> [Ve
 /// The texture function at level 0; **linear** RGBA; of normals the part along the surface (see [`tangent_from_stored`]).
 pub(crate) fn look_up(surface: &Surface, cache: &PageCache, channel: usize, point: SurfacePoint) -> Vec4 {
     let is_normal = cache.asset().channels()[channel].kind == ChannelKind::Normal;
-    let look_up = |tap: &Tap| {
+    let look_up = |tap: Tap| {
         let stored =
             Vec4::from_array(cache.tile(channel, TileId { group: tap.group, level: 0 }).bilinear(tap.uv));
         let value = if is_normal { tangent_from_stored(surface, tap.group, point, stored) } else { stored };
         tap.weight * value
     };
-    surface.cover().taps(surface.mesh(), point).iter().map(look_up).sum()
+    surface.cover().taps(surface.mesh(), point).map(look_up).sum()
 }
 
 /// The stored value with all changes that are not yet committed. Decodes the pages anew: for single points.

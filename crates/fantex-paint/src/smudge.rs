@@ -159,7 +159,7 @@ fn current(context: &PaintContext<'_>, pages: &PagesUnder, number: usize, point:
     let painted = &context.paint.channels[number];
     let is_tangent = context.is_tangent(painted);
     let cover = context.surface.cover();
-    let look_up = |tap: &Tap| {
+    let look_up = |tap: Tap| {
         let tile = before.tile(painted.channel, TileId { group: tap.group, level: 0 });
         let texel = |[x, y]: [u32; 2]| {
             let stored = Vec4::from_array(tile.texel(x, y));
@@ -183,7 +183,7 @@ fn current(context: &PaintContext<'_>, pages: &PagesUnder, number: usize, point:
         let (places, f) = texels_around(cover.groups[tap.group as usize].extent, tap.uv);
         tap.weight * bilinear(places.map(texel), f)
     };
-    cover.taps(context.surface.mesh(), point).iter().map(look_up).sum()
+    cover.taps(context.surface.mesh(), point).map(look_up).sum()
 }
 
 pub(crate) struct LaidDown<'a> {

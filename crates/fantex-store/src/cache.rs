@@ -85,6 +85,9 @@ fn get_or_load<T: MemorySize>(
     key: u64,
     load: impl FnOnce() -> Loaded<T>,
 ) -> Loaded<T> {
+    if let Some(known) = cache.get(&key) {
+        return known;
+    }
     cache.get_or_insert_with(&key, || Ok::<_, Infallible>(load())).unwrap_or_else(|never| match never {})
 }
 
@@ -144,15 +147,14 @@ impl PageCache {
 
     /// A decoded page, or none (and a record of it) where it is damaged. The page must exist.
     fn page(&self, channel: usize, id: PageId) -> Option<Arc<DecodedPage>> {
-        let shared = &self.shared;
-        let extent = shared.asset.cover().groups[id.group as usize].extent;
-        let number = PageSize::new(extent, id.level).number(id.page)?;
-        // 32 bits of group, 16 of page (at most 2^16 per level), 8 of level, 8 of channel.
+        let [column, row] = id.page;
+        // 32 bits of group, ten each of row and column (at most 1024 of each), five of level, seven of channel.
         let key = (u64::from(id.group) << 32)
-            | (u64::from(number) << 16)
-            | (u64::from(id.level) << 8)
+            | (u64::from(row) << 22)
+            | (u64::from(column) << 12)
+            | (u64::from(id.level) << 7)
             | channel as u64;
-        match get_or_load(&shared.pages, key, || self.load_page(channel, id)) {
+        match get_or_load(&self.shared.pages, key, || self.load_page(channel, id)) {
             Ok(page) => Some(page),
             Err(error) => {
                 self.record(channel, id, &error);

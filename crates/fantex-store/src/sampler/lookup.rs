@@ -31,6 +31,7 @@ pub struct TileLookup {
 
 impl TileLookup {
     /// Plans the look-up at `uv` with derivatives `footprint` per pixel, in tile coordinates.
+    #[inline]
     pub fn new(
         group_index: u32,
         group: &Group,
@@ -103,6 +104,7 @@ impl TileLookup {
     }
 
     /// Linear RGBA of a channel.
+    #[inline]
     pub fn sample<S: TileSource>(&self, tiles: &S, channel: usize) -> Vec4 {
         let value = self.at_level(&tiles.tile(channel, self.fine));
         if self.coarse_share == 0.0 {
@@ -138,14 +140,18 @@ impl TileLookup {
         self.uv + self.span * along
     }
 
+    #[inline]
     fn at_level<T: TileTexels>(&self, tile: &T) -> Vec4 {
         match self.filter {
             Filter::Nearest => nearest(tile, self.uv),
             Filter::Bicubic => bicubic(tile, self.uv),
             Filter::Ewa => ewa(tile, self.uv, self.footprint),
             Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic => {
-                let probe = |i: u32| Vec4::from_array(tile.bilinear(self.probe(i)));
-                (0..self.probes).map(probe).sum::<Vec4>() / self.probes as f32
+                let probe = |uv| Vec4::from_array(tile.bilinear(uv));
+                match self.probes {
+                    1 => probe(self.uv),
+                    count => (0..count).map(|i| probe(self.probe(i))).sum::<Vec4>() / count as f32,
+                }
             }
         }
     }

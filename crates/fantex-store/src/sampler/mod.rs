@@ -19,10 +19,10 @@ mod lookup;
 use std::sync::{Arc, OnceLock};
 
 use fantex_base::{Error, Result};
-use fantex_cover::{Cover, Tap, Taps, stretch_axes};
-use fantex_mesh::{Mesh, SurfacePoint, interpolate, shading_normals};
-use fantex_texture::FilterOptions;
+use fantex_cover::{Cover, Tap, stretch_axes};
+use fantex_mesh::{Mesh, SurfacePoint, shading_normals};
 use fantex_texture::filter::TexelGrid;
+use fantex_texture::FilterOptions;
 use glam::{Vec2, Vec3, Vec4};
 
 pub use lookup::TileLookup;
@@ -273,14 +273,16 @@ impl<S: TileSource> Sampler<S> {
     }
 
     /// The look-ups of the texture function at a point, in tiles of [`tiles`](Self::tiles).
-    pub fn taps(&self, point: SurfacePoint) -> Taps {
+    #[inline]
+    pub fn taps(&self, point: SurfacePoint) -> impl ExactSizeIterator<Item = Tap> {
         self.cover.taps(&self.mesh, point)
     }
 
     /// The filtered look-up that a tap stands for.
+    #[inline]
     pub fn lookup(&self, tap: &Tap, footprint: Footprint) -> TileLookup {
         let group = &self.cover.groups[tap.group as usize];
-        let steps = footprint.lambda_steps.map(|step| interpolate(tap.corners, step));
+        let steps = tap.steps(footprint.lambda_steps);
         TileLookup::new(tap.group, group, tap.uv, steps, &self.filter)
     }
 
