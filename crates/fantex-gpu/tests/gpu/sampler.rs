@@ -200,7 +200,7 @@ fn on_gpu(gpu: &Gpu, fan: &FanModel, sampler: &Sampler, filter: Filter, queries:
 fn is_uncertain(sampler: &Sampler, query: &Query) -> bool {
     let max_anisotropy = sampler.filter().max_anisotropy;
     sampler.filter().filter == Filter::Anisotropic
-        && sampler.taps(query.point).into_iter().any(|tap| {
+        && sampler.taps(query.point).any(|tap| {
             let extent = Vec2::from(sampler.cover().groups[tap.group as usize].extent.map(|n| n as f32));
             let [dx, dy] = query.footprint.lambda_steps;
             let [dx, dy] = [dx, dy].map(|step| fantex_mesh::interpolate(tap.corners, step) * extent);

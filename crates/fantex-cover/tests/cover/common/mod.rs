@@ -237,7 +237,7 @@ fn read(mesh: &Mesh, cover: &Cover, (t, i, j): Side, s: f32) -> Vec<(u32, f32, V
         assert!(tap.slot == i || tap.slot == j || tap.group == cover.corner_groups[t][i]);
         (tap.group, tap.weight, tap.uv)
     };
-    let mut reads: Vec<_> = taps.into_iter().map(read).collect();
+    let mut reads: Vec<_> = taps.map(read).collect();
     reads.sort_by_key(|r| r.0);
     reads
 }
@@ -283,7 +283,7 @@ fn check_inside(context: &str, mesh: &Mesh, cover: &Cover) {
     for t in 0..mesh.triangles.len() {
         let tiles = cover.triangle_tiles(mesh, t as u32);
         for &lambda in &grid {
-            let taps = tiles.taps(lambda);
+            let taps: Vec<Tap> = tiles.taps(lambda).collect();
             let sum: f32 = taps.iter().map(|tap| tap.weight).sum();
             assert!(
                 (sum - 1.0).abs() < 1e-6 && taps.iter().all(|tap| tap.weight > 0.0),
