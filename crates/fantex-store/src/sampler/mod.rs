@@ -21,8 +21,8 @@ use std::sync::{Arc, OnceLock};
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, Tap, stretch_axes};
 use fantex_mesh::{Mesh, SurfacePoint, shading_normals};
-use fantex_texture::filter::TexelGrid;
 use fantex_texture::FilterOptions;
+use fantex_texture::filter::TexelGrid;
 use glam::{Vec2, Vec3, Vec4};
 
 pub use lookup::TileLookup;
