@@ -170,15 +170,15 @@ pub(super) fn values_at<const D: usize>(
     }
 }
 
+/// Columns of the coordinates of `count` points; what is left repeats the last one.
 fn transpose<const D: usize>(at: &mut [[f32; BLOCK]; D], count: usize, point: impl Fn(usize) -> [f32; D]) {
-    for i in 0..count {
-        let p = point(i);
-        (0..D).for_each(|d| at[d][i] = p[d]);
+    for (i, p) in (0..count).map(point).enumerate() {
+        at.iter_mut().zip(p).for_each(|(at, x)| at[i] = x);
     }
-    at.iter_mut().for_each(|at| {
+    for at in at {
         let last = at[count - 1];
         at[count..].fill(last);
-    });
+    }
 }
 
 #[inline(always)]
@@ -293,9 +293,9 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
     fn shared(&self, simd: S) -> Option<[u32; D]> {
         let mut first = [0; D];
         let mut differs = S::u32s::splat(simd, 0);
-        for d in 0..D {
-            first[d] = self.cells[d].as_slice()[0];
-            differs = differs | (self.cells[d] ^ S::u32s::splat(simd, first[d]));
+        for (first, cells) in first.iter_mut().zip(self.cells) {
+            *first = cells.as_slice()[0];
+            differs |= cells ^ S::u32s::splat(simd, *first);
         }
         differs.simd_eq(0).all_true().then_some(first)
     }
@@ -631,12 +631,12 @@ fn visit_ring<S: Simd>(
                     continue;
                 }
                 let hash = finish_all::<S>(absorb_all::<S>(of_yz, place.cells[0] + step_x as u32));
-                let steps = [step_x, step_y, step_z];
                 let mut distance = zero;
-                for d in 0..3 {
+                for (d, (offset, step)) in place.offsets.into_iter().zip([step_x, step_y, step_z]).enumerate()
+                {
                     let along = absorb_all::<S>(hash, S::u32s::splat(simd, d as u32));
-                    let point = units::<S>(finish_all::<S>(along)) + steps[d] as f32;
-                    distance = joined::<S>(metric, distance, point - place.offsets[d]);
+                    let point = units::<S>(finish_all::<S>(along)) + step as f32;
+                    distance = joined::<S>(metric, distance, point - offset);
                 }
                 found.add(is_open.select(distance, far), units::<S>(hash));
             }
