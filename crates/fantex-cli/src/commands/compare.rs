@@ -30,7 +30,11 @@ Example:
 The cameras stand around the first file's model. A look brings its own lamps and dresses the other file's model where it
 names none; its background is left out. PSNR, SSIM and FLIP are those of the sRGB pictures, over the pixels that show
 either model; 'whole' is the PSNR with the background, which is equal in both. FLIP is 0 for equal pictures.
-Difference pictures show the absolute difference, sixteen times enlarged.")]
+Difference pictures show the absolute difference, sixteen times enlarged.
+
+With --json: psnr_db (mean and min over the views), ssim and flip are over the pixels of the model, model_share says
+how many of all these are, whole_psnr_db is over all; per_view has the same for each camera. PSNR of equal pictures
+is null.")]
 pub(crate) struct CompareArgs {
     /// The reference: a model, an asset or a look
     a: PathBuf,
