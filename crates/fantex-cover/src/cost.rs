@@ -31,7 +31,7 @@ pub(crate) fn error_at(cos: f32) -> f32 {
 #[inline]
 pub(crate) fn cost(error: f32, size: Vec2) -> f32 {
     let texels = (size.x + MARGIN) * (size.y + MARGIN) + ENTRY;
-    libm::cbrtf(error) * libm::cbrtf(texels * texels)
+    libm::cbrtf(error * texels * texels)
 }
 
 /// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the

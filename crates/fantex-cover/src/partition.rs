@@ -6,6 +6,7 @@
 //! others, "Classification and Regression Trees", 1984), which is grown fully and pruned from the leaves. Every cut permutes one
 //! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
+use arrayvec::ArrayVec;
 use fantex_mesh::Fans;
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -75,6 +76,18 @@ pub(crate) fn partition(items: &mut [Item], cutting: &Cutting) -> Vec<u32> {
 struct Scratch {
     rectangles: RectangleFinder,
     points: Vec<Vec3>,
+    samples: Vec<Sample>,
+}
+
+/// An item along the axes of a set's bins.
+#[derive(Clone, Copy)]
+struct Sample {
+    key: f32,
+    area: f32,
+    /// Its normal, by area.
+    axis: Vec3,
+    low: Vec3,
+    high: Vec3,
 }
 
 /// The patches' cost and lengths.
@@ -85,7 +98,7 @@ fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32,
     if items.len() < 2 || whole <= GOOD * set.texels || whole.is_finite() && set.texels < MIN_TEXELS {
         return (whole, vec![items.len() as u32]);
     }
-    let cut = set.cut(items, tile.as_ref(), cutting.normals_below);
+    let cut = set.cut(items, tile.as_ref(), cutting.normals_below, &mut scratch.samples);
     let middle = separate(items, |item| cut.key(item) < cut.threshold);
     let middle = if middle == 0 || middle == items.len() { halve(items, &cut) } else { middle };
     let (left, right) = items.split_at_mut(middle);
@@ -216,17 +229,11 @@ impl Set {
     }
 
     /// The plane whose two sides promise to cost least.
-    fn cut(&self, items: &[Item], tile: Option<&Tile>, normals_below: f32) -> Cut {
-        let mut best: Option<(f32, Cut)> = None;
-        let mut consider = |direction: Vec3, by_normal: bool| {
-            let cut = Cut { direction, by_normal, threshold: 0.0 };
-            if let Some((cost, threshold)) = self.sweep(items, cut, tile)
-                && best.is_none_or(|(least, _)| cost < least)
-            {
-                best = Some((cost, Cut { threshold, ..cut }));
-            }
-        };
+    fn cut(&self, items: &[Item], tile: Option<&Tile>, normals_below: f32, sampled: &mut Vec<Sample>) -> Cut {
         let longest = (self.high - self.low).max_element() * self.density;
+        let mut cuts: ArrayVec<Cut, 4> = ArrayVec::new();
+        let mut consider =
+            |direction: Vec3, by_normal: bool| cuts.push(Cut { direction, by_normal, threshold: 0.0 });
         match tile {
             Some(tile) => {
                 tile.sides.iter().for_each(|&side| consider(side, false));
@@ -240,6 +247,22 @@ impl Set {
             }
             None => {}
         }
+        if !cuts.is_empty() {
+            let axes = tile.map_or(Vec3::AXES, |t| [t.sides[0], t.sides[1], t.direction]);
+            sampled.clear();
+            sampled.extend(samples(items).map(|item| Sample::of(item, &axes)));
+        }
+        let mut best: Option<(f32, Cut)> = None;
+        for cut in cuts {
+            for (sample, item) in sampled.iter_mut().zip(samples(items)) {
+                sample.key = cut.key(item);
+            }
+            if let Some((cost, threshold)) = self.sweep(sampled)
+                && best.is_none_or(|(least, _)| cost < least)
+            {
+                best = Some((cost, Cut { threshold, ..cut }));
+            }
+        }
         let widest = || {
             let mut direction = Vec3::ZERO;
             let axis = (self.high - self.low).max_position();
@@ -250,22 +273,19 @@ impl Set {
     }
 
     /// The best of evenly spaced places of a cut, with what both sides promise to cost.
-    fn sweep(&self, items: &[Item], cut: Cut, tile: Option<&Tile>) -> Option<(f32, f32)> {
+    fn sweep(&self, sampled: &[Sample]) -> Option<(f32, f32)> {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for item in samples(items) {
-            let key = cut.key(item);
-            low = low.min(key);
-            high = high.max(key);
+        for sample in sampled {
+            low = low.min(sample.key);
+            high = high.max(sample.key);
         }
         let scale = BINS as f32 / (high - low);
         if !scale.is_finite() {
             return None;
         }
-        let axes = tile.map_or(Vec3::AXES, |t| [t.sides[0], t.sides[1], t.direction]);
         let mut bins = [Bin::default(); BINS];
-        for item in samples(items) {
-            let bin = (((cut.key(item) - low) * scale) as usize).min(BINS - 1);
-            bins[bin].add(item, &axes);
+        for sample in sampled {
+            bins[(((sample.key - low) * scale) as usize).min(BINS - 1)].add(sample);
         }
         let mut right = [Bin::default(); BINS];
         let mut sum = Bin::default();
@@ -301,6 +321,16 @@ impl Set {
     }
 }
 
+impl Sample {
+    #[inline]
+    fn of(item: &Item, axes: &[Vec3; 3]) -> Self {
+        let coordinates = |v: Vec3| Vec3::from(axes.map(|axis| v.dot(axis)));
+        let (p, reach) = (coordinates(item.position), Vec3::from(axes.map(|axis| item.reach.along(axis))));
+        let axis = coordinates(item.axis) * item.area;
+        Self { key: 0.0, area: item.area, axis, low: p - reach, high: p + reach }
+    }
+}
+
 /// What lies between two planes.
 #[derive(Clone, Copy)]
 struct Bin {
@@ -319,13 +349,11 @@ impl Default for Bin {
 
 impl Bin {
     #[inline]
-    fn add(&mut self, item: &Item, axes: &[Vec3; 3]) {
-        let coordinates = |v: Vec3| Vec3::from(axes.map(|axis| v.dot(axis)));
-        self.area += item.area;
-        self.axis += coordinates(item.axis) * item.area;
-        let (p, reach) = (coordinates(item.position), Vec3::from(axes.map(|axis| item.reach.along(axis))));
-        self.low = self.low.min(p - reach);
-        self.high = self.high.max(p + reach);
+    fn add(&mut self, sample: &Sample) {
+        self.area += sample.area;
+        self.axis += sample.axis;
+        self.low = self.low.min(sample.low);
+        self.high = self.high.max(sample.high);
     }
 
     #[inline]
