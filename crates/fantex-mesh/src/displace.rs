@@ -6,7 +6,7 @@
 //! displacing a finely cut surface is that of R. Cook, "Shade Trees", 1984.
 
 use fantex_base::{Error, Result};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::normals::corner_angle;
@@ -61,6 +61,60 @@ pub fn displace(
     Ok((displaced, DisplaceReport { rounds, clean }))
 }
 
+/// Cuts a mesh finer until no edge is longer than `longest_edge`, mesh units. The surface and its shading stay as they are; attributes
+/// are interpolated, and normals are those that the mesh was shaded with.
+///
+/// # Errors
+///
+/// A length below [`Refinement::MIN_EDGE`], more than `max_triangles`, or triangles so thin that single precision cannot cut them.
+pub fn refine(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh> {
+    let refinement = Refinement::Uniform { longest_edge };
+    DisplaceOptions { refinement, ..DisplaceOptions::default() }.check()?;
+    let vertex = |&position: &Vec3| Vertex { position, normal: Vec3::Z, height: 0.0 };
+    let vertices = mesh.positions.iter().map(vertex).collect();
+    let mut tessellation =
+        Tessellation { vertices, pieces: whole_triangles(mesh), height: &|_: &DisplacePoint| 0.0 };
+    while tessellation.refine(refinement.limits(), max_triangles)? > 0 {}
+    let Tessellation { vertices, pieces, .. } = tessellation;
+    let of = &mesh.corners;
+    let unit = |v: Vec3| v.normalize_or(Vec3::Z);
+    let refined = Mesh {
+        positions: vertices.iter().map(|v| v.position).collect(),
+        triangles: pieces.iter().map(|piece| piece.corners.map(|c| c.vertex)).collect(),
+        corners: CornerAttributes {
+            normals: interpolated(&shading_normals(mesh), &pieces).into_iter().map(unit).collect(),
+            uv_sets: of.uv_sets.iter().map(|set| interpolated(set, &pieces)).collect(),
+            colors: interpolated(&of.colors, &pieces),
+            tangents: refined_tangents(&of.tangents, &pieces),
+        },
+        triangle_materials: materials_of(mesh, &pieces),
+        ..mesh.clone()
+    };
+    let stays = |(t, piece): (usize, &Piece)| {
+        let (own, whole) = (refined.facet_normal(t), mesh.facet_normal(piece.triangle as usize));
+        own.dot(whole) > 0.9
+    };
+    match pieces.par_iter().enumerate().all(|(t, piece)| stays((t, piece))) {
+        true => Ok(refined),
+        false => Err(Error::invalid("the mesh has triangles too thin to be cut finer")),
+    }
+}
+
+/// Interpolated and made unit vectors again, with the handedness of the triangle that was cut.
+fn refined_tangents(tangents: &[Vec4], pieces: &[Piece]) -> Vec<Vec4> {
+    let handedness = pieces.iter().flat_map(|piece| [3 * piece.triangle as usize; 3]);
+    let interpolated = interpolated(tangents, pieces).into_iter().zip(handedness);
+    interpolated.map(|(t, corner)| t.truncate().normalize_or(Vec3::X).extend(tangents[corner].w)).collect()
+}
+
+fn materials_of(mesh: &Mesh, pieces: &[Piece]) -> Vec<u32> {
+    let material = |piece: &Piece| mesh.triangle_materials[piece.triangle as usize];
+    match mesh.triangle_materials.is_empty() {
+        true => Vec::new(),
+        false => pieces.iter().map(material).collect(),
+    }
+}
+
 /// The mesh's own vertices: their normal is the mean of the shading normals at their corners, weighted by angle.
 fn displaced_vertices(mesh: &Mesh, height: &(impl Fn(&DisplacePoint) -> f32 + Sync)) -> Result<Vec<Vertex>> {
     let normals = shading_normals(mesh);
@@ -99,17 +153,12 @@ fn model_of(mesh: &Mesh, vertices: Vec<Vertex>, pieces: Vec<Piece>) -> Model {
         colors: interpolated(&of.colors, &pieces),
         tangents: Vec::new(),
     };
-    let material = |piece: &Piece| mesh.triangle_materials[piece.triangle as usize];
-    let triangle_materials = match mesh.triangle_materials.is_empty() {
-        true => Vec::new(),
-        false => pieces.iter().map(material).collect(),
-    };
     Model {
         name: "the displaced mesh".to_owned(),
         positions: vertices.iter().map(|v| mesh.world_from_mesh.point(v.displaced())).collect(),
         triangles: pieces.iter().map(|piece| piece.corners.map(|c| c.vertex)).collect(),
         corners,
-        triangle_materials,
+        triangle_materials: materials_of(mesh, &pieces),
         materials: mesh.materials.clone(),
         images: mesh.images.clone(),
         notes: Vec::new(),

@@ -201,6 +201,7 @@ pub struct Baker<'a> {
     source: Option<Source<'a>>,
     budget: Budget,
     tile: u32,
+    longest_edge: u32,
     seed: u64,
     options: BakeOptions,
     progress: Observer<'a>,
@@ -228,6 +229,7 @@ impl<'a> Baker<'a> {
             source: None,
             budget: Budget::Default,
             tile: CoverOptions::default().tile,
+            longest_edge: DEFAULT_LONGEST_EDGE,
             seed: 1,
             options: BakeOptions::default(),
             progress: Observer(&NoProgress),
@@ -254,9 +256,14 @@ impl<'a> Baker<'a> {
         Self { budget: Budget::Matching, ..self }
     }
 
-    /// Target extent of a tile in texels; 0 gives every fan its own tile.
+    /// Longest side of a tile in texels; 0 gives every fan its own tile.
     pub fn tile(self, texels: u32) -> Self {
         Self { tile: texels, ..self }
+    }
+
+    /// Cuts triangles until their edges are at most so many texels long, see [`refined`]; 0 leaves the mesh as it is.
+    pub fn longest_edge(self, texels: u32) -> Self {
+        Self { longest_edge: texels, ..self }
     }
 
     /// Storage of the texels.
@@ -314,6 +321,7 @@ impl<'a> Baker<'a> {
                 &default
             }
         };
+        let mesh = self.refined();
         match kind {
             Kind::OwnMaterials => {
                 if !model.has_materials() {
@@ -322,9 +330,9 @@ impl<'a> Baker<'a> {
                         model.path().display()
                     )));
                 }
-                let source = LookSource::of_model(model)?;
+                let source = LookSource::of_model(&mesh)?;
                 let density = source.has_textures().then(|| source.density());
-                self.bake(model, &source, density, path)
+                self.bake(&mesh, &source, density, path)
             }
             Kind::Look(look) => {
                 let (file, images) = (LookFile::read(look)?, LookImages::default());
@@ -333,7 +341,7 @@ impl<'a> Baker<'a> {
                     seed: folded_seed(self.seed),
                     ..ResolveOptions::default()
                 };
-                let mut mesh = fantex_mesh::Mesh::clone(model);
+                let mut mesh = mesh.into_owned();
                 let resolver = MaterialResolver { file: &file, images: &images, options };
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, path))?
@@ -343,7 +351,7 @@ impl<'a> Baker<'a> {
             Kind::Photos(photos) => self.photographs(photos, path),
             Kind::Custom(source) => self.bake(model, *source, None, path),
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
-                let mesh = without_textures(model);
+                let mesh = without_textures(&mesh);
                 self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, path)
             }
         }
@@ -402,9 +410,20 @@ impl<'a> Baker<'a> {
         }
     }
 
+    /// The mesh with triangles cut as was asked for.
+    fn refined(&self) -> Cow<'a, fantex_mesh::Mesh> {
+        let density = match self.budget {
+            Budget::Density(density) => density * self.mesh.world_from_mesh.scale,
+            Budget::Texels(texels) => (texels as f64 / self.mesh.area()).sqrt(),
+            Budget::Default | Budget::Matching => (Self::DEFAULT_TEXELS as f64 / self.mesh.area()).sqrt(),
+        };
+        refined(self.mesh, density, if self.tile == 0 { 0 } else { self.longest_edge })
+    }
+
     /// Bakes another model's look and shape, and says how well the two fit.
     fn transfer(&self, detailed: &Path, cage: Option<f64>, path: &Path) -> Result<Baked> {
-        let mesh = without_textures(self.mesh);
+        let mesh = self.refined();
+        let mesh = without_textures(&mesh);
         let detailed = Mesh::load(detailed)?;
         let mut notes: Vec<String> =
             detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
@@ -455,6 +474,35 @@ pub struct Baked {
     /// What was found out about photographs.
     #[cfg(feature = "photos")]
     pub photos: Option<fantex_photos::PhotoReport>,
+}
+
+/// Longest edge of a baked mesh in texels.
+pub const DEFAULT_LONGEST_EDGE: u32 = 64;
+
+/// Triangles that a mesh is cut into at most, unless it has more.
+const MAX_REFINED_TRIANGLES: u64 = 200_000;
+
+/// Cuts triangles whose edges are longer than `longest_edge` texels at `density` texels per mesh unit; 0 leaves the mesh as it is. Tiles
+/// of few large triangles have jagged borders, and what is bent at a corner of the model stretches all the triangles around it; of
+/// many small ones the opposite is true. Surface and shading stay as they are.
+pub fn refined(mesh: &fantex_mesh::Mesh, density: f64, longest_edge: u32) -> Cow<'_, fantex_mesh::Mesh> {
+    if longest_edge == 0 {
+        return Cow::Borrowed(mesh);
+    }
+    let length = |edge: usize| {
+        let [a, b] = [0, 1].map(|i| mesh.positions[mesh.triangles[edge / 3][(edge + i) % 3] as usize]);
+        a.distance(b)
+    };
+    let longest = (0..3 * mesh.triangles.len()).map(length).fold(0.0, f32::max);
+    let mut wanted = (f64::from(longest_edge) / density) as f32;
+    while wanted < longest {
+        match fantex_mesh::refine(mesh, wanted, MAX_REFINED_TRIANGLES.max(mesh.triangles.len() as u64)) {
+            Ok(refined) => return Cow::Owned(refined),
+            // Too many triangles, or too thin ones.
+            Err(_) => wanted *= 2.0,
+        }
+    }
+    Cow::Borrowed(mesh)
 }
 
 /// A closure as a source of base colour.

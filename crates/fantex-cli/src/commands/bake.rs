@@ -220,6 +220,9 @@ impl BakeJob<'_> {
             if let Some(tile) = cover.tile {
                 baker = baker.tile(tile);
             }
+            if let Some(texels) = cover.longest_edge {
+                baker = baker.longest_edge(texels);
+            }
             if self.match_source {
                 baker = baker.matching();
             }

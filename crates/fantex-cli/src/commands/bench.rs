@@ -8,8 +8,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, Subcommand};
-use fantex::Mesh;
-use fantex::Result;
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, Fit, SineSource, fidelity};
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
@@ -18,6 +16,7 @@ use fantex::mesh::{CleanOptions, LoadOptions, Model, SurfacePoint, clean, load};
 use fantex::render::{FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
+use fantex::{DEFAULT_LONGEST_EDGE, Mesh, Result, refined};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -161,9 +160,11 @@ struct FidelityInfo {
 }
 
 fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
-    let mesh = &crate::scene::open_model(&args.model)?;
+    let model = crate::scene::open_model(&args.model)?;
     let default = CoverOptions::default();
     let tile = args.tile.unwrap_or(default.tile);
+    let density = (args.texels.0 as f64 / model.area()).sqrt();
+    let mesh = &*refined(&model, density, if tile == 0 { 0 } else { DEFAULT_LONGEST_EDGE });
     let budget = TexelBudget::Total(args.texels.0);
     let (cover, stats) = build_cover(mesh, &CoverOptions { budget, tile, ..default })?;
     let ideal_texel = (mesh.area() / args.texels.0 as f64).sqrt();

@@ -1,5 +1,6 @@
 //! `fantex info`: what is in a file, and for a model the cover that it would get.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -10,7 +11,7 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::Asset;
-use fantex::{Error, Mesh, Result};
+use fantex::{DEFAULT_LONGEST_EDGE, Error, Mesh, Result, refined};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -33,7 +34,7 @@ pub(crate) struct InfoArgs {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a look (.toml)
     file: PathBuf,
     /// Print the model's own materials as a look
-    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "picture"])]
+    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture"])]
     look: bool,
     #[command(flatten)]
     cover: CoverArgs,
@@ -54,11 +55,25 @@ pub(crate) struct CoverArgs {
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile [default: 1024]
     #[arg(long, value_name = "N")]
     pub(crate) tile: Option<u32>,
+    /// Cut triangles until their edges are at most so many texels long; 0 leaves them whole, as --tile 0 does [default: 64]
+    #[arg(long, value_name = "N")]
+    pub(crate) longest_edge: Option<u32>,
 }
 
 impl CoverArgs {
     pub(crate) fn is_default(&self) -> bool {
-        self.texels.is_none() && self.density.is_none() && self.tile.is_none()
+        self.texels.is_none() && self.density.is_none() && self.tile.is_none() && self.longest_edge.is_none()
+    }
+
+    /// The mesh that is covered.
+    fn refined<'m>(&self, mesh: &'m fantex::mesh::Mesh, budget: &TexelBudget) -> Cow<'m, fantex::mesh::Mesh> {
+        let density = match budget {
+            TexelBudget::Total(texels) => (*texels as f64 / mesh.area()).sqrt(),
+            TexelBudget::Density(density) => *density,
+            TexelBudget::PerTriangle(_) => return Cow::Borrowed(mesh),
+        };
+        let longest_edge = self.longest_edge.unwrap_or(DEFAULT_LONGEST_EDGE);
+        refined(mesh, density, if self.tile == Some(0) { 0 } else { longest_edge })
     }
 
     /// The number of texels or the density that was asked for.
@@ -201,7 +216,8 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
     let started = Instant::now();
     let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
     let texels_asked = texels_asked(&budget);
-    let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
+    let covered = args.cover.refined(mesh, &budget);
+    let (cover, stats) = build_cover(&covered, &args.cover.options(budget))?;
     let seconds = Seconds {
         load: mesh.load_time().as_secs_f64(),
         clean: mesh.clean_time().as_secs_f64(),
@@ -269,7 +285,7 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         sheet: Sheet::of(&cover),
         seconds,
         report,
-        pictures: draw(mesh, &cover, args, context)?,
+        pictures: draw(&covered, &cover, args, context)?,
     })
 }
 

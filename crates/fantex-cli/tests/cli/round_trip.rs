@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::{COLORED_PLY, bottle, data, fails, files, json, run, stderr, succeeds, workspace, write};
+use crate::{
+    COLORED_PLY, CUBE_OBJ, bottle, data, fails, files, json, run, stderr, succeeds, workspace, write,
+};
 
 /// The value must hold all keys; `a.b` is key b within a.
 fn assert_keys(value: &Value, keys: &[&str]) {
@@ -17,7 +19,7 @@ fn assert_keys(value: &Value, keys: &[&str]) {
 
 #[test]
 fn info_has_all_keys() {
-    let info = json(&[&"info", &bottle()]);
+    let info = json(&[&"info", &bottle(), &"--longest-edge", &"0"]);
     assert_keys(
         &info,
         &[
@@ -61,6 +63,37 @@ fn one_fan_per_tile_gives_as_many_tiles_as_fans() {
     assert_eq!(info["tiles"], info["fans"]);
     let wanted = json(&[&"info", &bottle(), &"--texels", &"1M"])["texels"].as_f64().unwrap();
     assert!((wanted / 1e6 - 1.0).abs() < 0.02, "{wanted}");
+}
+
+/// A box of twelve triangles has eight fans, each of which goes around a corner.
+#[test]
+fn large_triangles_are_cut_unless_they_are_to_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let asset = folder.path().join("cube.fan");
+    let share = |edge: &str| {
+        let info = json(&[&"info", &model, &"--texels=1M", &"--longest-edge", &edge]);
+        assert_eq!(info["triangles"], 12);
+        info["worst_share"].as_f64().unwrap()
+    };
+    assert!(share("0") < 0.5 && share("64") > 0.75 && share("32") > 0.85);
+    for (edge, triangles) in [("0", 12..13), ("64", 500..2000)] {
+        let bake: [&dyn AsRef<OsStr>; 10] = [
+            &"bake",
+            &model,
+            &"-o",
+            &asset,
+            &"--source=solid=wood",
+            &"--texels=1M",
+            &"--longest-edge",
+            &edge,
+            &"--force",
+            &"--format=bc1",
+        ];
+        succeeds(&bake);
+        assert!(triangles.contains(&json(&[&"info", &asset])["triangles"].as_u64().unwrap()));
+        assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    }
 }
 
 #[test]

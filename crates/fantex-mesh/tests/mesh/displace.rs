@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use fantex_base::ErrorKind;
 use fantex_mesh::{
     DisplaceOptions, DisplacePoint, Mesh, Model, Refinement, Topology, VertexCorners, displace, generate,
+    refine, shading_normals,
 };
 use fantex_test::{cleaned, loaded};
 use glam::{Vec2, Vec3, Vec4};
@@ -273,4 +274,36 @@ fn what_cannot_be_done_is_refused() {
         collapsed.is_ok_and(|(mesh, _)| !mesh.triangles.is_empty())
             || collapsed_kind == Some(ErrorKind::Malformed)
     );
+}
+
+#[test]
+fn a_refined_mesh_is_the_same_surface_in_smaller_triangles() {
+    let mut mesh = cleaned(generate::icosphere(1));
+    let corners = 3 * mesh.triangles.len();
+    mesh.corners.uv_sets =
+        vec![mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize].truncate()).collect()];
+    mesh.corners.tangents = vec![Vec4::new(0.6, 0.8, 0.0, -1.0); corners];
+    mesh.triangle_materials = (0..mesh.triangles.len() as u32).map(|t| t % 3).collect();
+    let refined = refine(&mesh, 0.2, 100_000).unwrap();
+    assert!(refined.triangles.len() > 4 * mesh.triangles.len());
+    assert!((refined.area() / mesh.area() - 1.0).abs() < 1e-5);
+    assert_no_cracks("refined", &mesh, &refined);
+    let shaded = shading_normals(&mesh);
+    for (t, triangle) in refined.triangles.iter().enumerate() {
+        let p = refined.triangle_positions(t);
+        assert!((0..3).all(|k| p[k].distance(p[(k + 1) % 3]) <= 0.2));
+        for k in 0..3 {
+            let corner = 3 * t + k;
+            assert!((refined.corners.uv_sets[0][corner] - p[k].truncate()).length() < 1e-6);
+            let tangent = refined.corners.tangents[corner];
+            assert!((tangent - Vec4::new(0.6, 0.8, 0.0, -1.0)).length() < 1e-6);
+            // Shading is that of the whole triangles: a vertex of theirs keeps its normal, not that of its smaller fan.
+            if let Some(whole) = mesh.triangles.iter().flatten().position(|&v| v == triangle[k]) {
+                assert!((refined.corners.normals[corner] - shaded[whole]).length() < 1e-5);
+            }
+        }
+    }
+    assert_eq!(refined.triangle_materials.iter().copied().max(), Some(2));
+    assert_eq!(refine(&mesh, 10.0, 100_000).unwrap().triangles, mesh.triangles);
+    assert!(refine(&mesh, 0.01, 1000).is_err() && refine(&mesh, 0.0, 1000).is_err());
 }
