@@ -525,7 +525,7 @@ pub(crate) fn folded_seed(seed: u64) -> u32 {
 
 /// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
 /// themselves. (A white glow, for example, would cover the source's colours.)
-fn without_textures(mesh: &Mesh) -> Cow<'_, fantex_mesh::Mesh> {
+fn without_textures(mesh: &fantex_mesh::Mesh) -> Cow<'_, fantex_mesh::Mesh> {
     let has_factors = |m: &Material| m.emission_texture.is_some() || m.metallic_roughness_texture.is_some();
     if !mesh.materials.iter().any(has_factors) {
         return Cow::Borrowed(mesh);

@@ -45,7 +45,7 @@ impl Progress for UntilFailure<'_> {
 impl Baker<'_> {
     /// Bakes photographs, and says what they do not show.
     pub(super) fn photographs(&self, photos: &PhotoSet, path: &Path) -> Result<Baked> {
-        let mut mesh = fantex_mesh::Mesh::clone(self.mesh);
+        let mut mesh = self.refined().into_owned();
         // Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
         for material in &mut mesh.materials {
             let (name, double_sided) = (std::mem::take(&mut material.name), material.double_sided);
@@ -90,6 +90,7 @@ impl Baker<'_> {
             source: None,
             budget: self.budget,
             tile: self.tile,
+            longest_edge: self.longest_edge,
             seed: self.seed,
             options,
             progress: Observer(&progress),
