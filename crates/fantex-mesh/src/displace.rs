@@ -66,7 +66,8 @@ pub fn displace(
 ///
 /// # Errors
 ///
-/// A length below [`Refinement::MIN_EDGE`], more than `max_triangles`, or triangles so thin that single precision cannot cut them.
+/// A length below [`Refinement::MIN_EDGE`], more than `max_triangles`, triangles so thin that single precision cannot cut them, or
+/// edges that lie on each other without a common vertex, whose middles would meet.
 pub fn refine(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh> {
     let refinement = Refinement::Uniform { longest_edge };
     DisplaceOptions { refinement, ..DisplaceOptions::default() }.check()?;
@@ -94,9 +95,16 @@ pub fn refine(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh
         let (own, whole) = (refined.facet_normal(t), mesh.facet_normal(piece.triangle as usize));
         own.dot(whole) > 0.9
     };
-    match pieces.par_iter().enumerate().all(|(t, piece)| stays((t, piece))) {
-        true => Ok(refined),
-        false => Err(Error::invalid("the mesh has triangles too thin to be cut finer")),
+    if !pieces.par_iter().enumerate().all(stays) {
+        return Err(Error::invalid("the mesh has triangles too thin to be cut finer"));
+    }
+    // Both zeros are one place.
+    let mut places: Vec<[u32; 3]> =
+        refined.positions.par_iter().map(|p| p.to_array().map(|x| (x + 0.0).to_bits())).collect();
+    places.par_sort_unstable();
+    match places.windows(2).any(|pair| pair[0] == pair[1]) {
+        true => Err(Error::invalid("the mesh has edges that lie on each other, and cannot be cut there")),
+        false => Ok(refined),
     }
 }
 

@@ -229,7 +229,7 @@ impl<'a> Baker<'a> {
             source: None,
             budget: Budget::Default,
             tile: CoverOptions::default().tile,
-            longest_edge: DEFAULT_LONGEST_EDGE,
+            longest_edge: 0,
             seed: 1,
             options: BakeOptions::default(),
             progress: Observer(&NoProgress),
@@ -261,7 +261,7 @@ impl<'a> Baker<'a> {
         Self { tile: texels, ..self }
     }
 
-    /// Cuts triangles until their edges are at most so many texels long, see [`refined`]; 0 leaves the mesh as it is.
+    /// Cuts triangles until their edges are at most so many texels long, see [`refined`]; 0, the default, leaves the mesh as it is.
     pub fn longest_edge(self, texels: u32) -> Self {
         Self { longest_edge: texels, ..self }
     }
@@ -475,9 +475,6 @@ pub struct Baked {
     #[cfg(feature = "photos")]
     pub photos: Option<fantex_photos::PhotoReport>,
 }
-
-/// Longest edge of a baked mesh in texels.
-pub const DEFAULT_LONGEST_EDGE: u32 = 64;
 
 /// Triangles that a mesh is cut into at most, unless it has more.
 const MAX_REFINED_TRIANGLES: u64 = 200_000;

@@ -80,7 +80,7 @@ mod model;
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
 pub use baker::PhotoSet;
-pub use baker::{Baked, Baker, DEFAULT_LONGEST_EDGE, Source, refined};
+pub use baker::{Baked, Baker, Source, refined};
 #[cfg(feature = "export")]
 pub use fantex_export as export;
 #[cfg(feature = "gpu")]

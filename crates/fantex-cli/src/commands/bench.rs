@@ -16,7 +16,7 @@ use fantex::mesh::{CleanOptions, LoadOptions, Model, SurfacePoint, clean, load};
 use fantex::render::{FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
-use fantex::{DEFAULT_LONGEST_EDGE, Mesh, Result, refined};
+use fantex::{Mesh, Result};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -160,11 +160,9 @@ struct FidelityInfo {
 }
 
 fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
-    let model = crate::scene::open_model(&args.model)?;
+    let mesh = &crate::scene::open_model(&args.model)?;
     let default = CoverOptions::default();
     let tile = args.tile.unwrap_or(default.tile);
-    let density = (args.texels.0 as f64 / model.area()).sqrt();
-    let mesh = &*refined(&model, density, if tile == 0 { 0 } else { DEFAULT_LONGEST_EDGE });
     let budget = TexelBudget::Total(args.texels.0);
     let (cover, stats) = build_cover(mesh, &CoverOptions { budget, tile, ..default })?;
     let ideal_texel = (mesh.area() / args.texels.0 as f64).sqrt();

@@ -11,7 +11,7 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::Asset;
-use fantex::{DEFAULT_LONGEST_EDGE, Error, Mesh, Result, refined};
+use fantex::{Error, Mesh, Result, refined};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -55,7 +55,7 @@ pub(crate) struct CoverArgs {
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile [default: 1024]
     #[arg(long, value_name = "N")]
     pub(crate) tile: Option<u32>,
-    /// Cut triangles until their edges are at most so many texels long; 0 leaves them whole, as --tile 0 does [default: 64]
+    /// Cut triangles until their edges are at most so many texels long, best 64 or 32 where they are large; not with --tile 0
     #[arg(long, value_name = "N")]
     pub(crate) longest_edge: Option<u32>,
 }
@@ -72,7 +72,7 @@ impl CoverArgs {
             TexelBudget::Density(density) => *density,
             TexelBudget::PerTriangle(_) => return Cow::Borrowed(mesh),
         };
-        let longest_edge = self.longest_edge.unwrap_or(DEFAULT_LONGEST_EDGE);
+        let longest_edge = self.longest_edge.unwrap_or(0);
         refined(mesh, density, if self.tile == Some(0) { 0 } else { longest_edge })
     }
 

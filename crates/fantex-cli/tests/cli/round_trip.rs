@@ -19,7 +19,7 @@ fn assert_keys(value: &Value, keys: &[&str]) {
 
 #[test]
 fn info_has_all_keys() {
-    let info = json(&[&"info", &bottle(), &"--longest-edge", &"0"]);
+    let info = json(&[&"info", &bottle()]);
     assert_keys(
         &info,
         &[
@@ -67,7 +67,7 @@ fn one_fan_per_tile_gives_as_many_tiles_as_fans() {
 
 /// A box of twelve triangles has eight fans, each of which goes around a corner.
 #[test]
-fn large_triangles_are_cut_unless_they_are_to_stay() {
+fn large_triangles_are_cut_where_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "cube.obj", CUBE_OBJ);
     let asset = folder.path().join("cube.fan");
