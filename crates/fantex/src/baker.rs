@@ -127,7 +127,7 @@ fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
     if (1e-18..=1e18).contains(&scale) {
         return Ok(());
     }
-    Err(Error::invalid(format!(
+    Err(Error::unsupported(format!(
         "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
     )))
 }

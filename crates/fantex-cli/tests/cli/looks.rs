@@ -357,7 +357,7 @@ fn what_is_no_environment_is_refused() {
     for option in ["--environment-rotation=nan", "--environment-strength=-1", "--background-blur=2"] {
         fails(2, &["expected"], &[&"render", &model, &"-o", &picture, &"--environment=sky", &option]);
     }
-    fails(2, &["--environment"], &[&"render", &model, &"-o", &picture, &"--background=transparent"]);
+    fails(2, &["--environment"], &[&"render", &model, &"-o", &picture, &"--background=environment"]);
 }
 
 /// Width of the goldens, as `cargo xtask goldens` draws them.
