@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use fantex_base::Result;
-use fantex_store::{Channel, PageId, page_origin};
+use fantex_store::{Channel, PageId, page_extent, page_origin};
 
 use crate::Painter;
 use crate::composite::{block_bytes, copy_blocks};
@@ -40,15 +40,15 @@ impl Painter {
 
     /// Gives blocks that show nothing but the base the base's bytes.
     fn restore_base(&self, steps: &mut BTreeMap<PageId, PageStep>) -> Result<()> {
-        // Blocks of finer pages that differ from the base, by page and channel; a page's base comes with it.
-        let mut differing: BTreeMap<(PageId, usize), Vec<Rect>> = BTreeMap::new();
+        // Of finer pages.
+        let mut layered: BTreeMap<PageId, Vec<Vec<Rect>>> = BTreeMap::new();
         let ids: Vec<PageId> = steps.keys().copied().collect();
         for id in ids {
             let Some(mut step) = steps.remove(&id) else { continue };
             let base = self.base_of(id)?;
             let shape = self.editor.asset().cover().groups[id.group as usize];
             let [fine, coarse] = [shape.level_extent(id.level - 1), shape.level_extent(id.level)];
-            let extent = fantex_store::page_extent(coarse, id.page);
+            let extent = page_extent(coarse, id.page);
             for (channel, _, after) in &mut step.channels {
                 let kind = &self.editor.asset().channels()[*channel];
                 for block in differing_blocks(kind, extent, after, &base[*channel]) {
@@ -56,12 +56,11 @@ impl Painter {
                     let mut is_base = true;
                     for page in pages_of(seen) {
                         let finer = PageId { level: id.level - 1, page, ..id };
-                        if !differing.contains_key(&(finer, *channel)) {
-                            let blocks = self.layered_blocks(finer, *channel, steps)?;
-                            differing.insert((finer, *channel), blocks);
+                        if !layered.contains_key(&finer) {
+                            layered.insert(finer, self.layered_blocks(finer, steps)?);
                         }
                         let meets = |block: &Rect| !block.intersection(seen).is_empty();
-                        is_base &= !differing[&(finer, *channel)].iter().any(meets);
+                        is_base &= !layered[&finer][*channel].iter().any(meets);
                     }
                     if is_base {
                         copy_blocks(kind, extent, &base[*channel], after, block);
@@ -73,27 +72,26 @@ impl Painter {
         Ok(())
     }
 
-    /// The blocks of a page that differ from the base, in texels of its level.
-    fn layered_blocks(
-        &self,
-        id: PageId,
-        channel: usize,
-        steps: &BTreeMap<PageId, PageStep>,
-    ) -> Result<Vec<Rect>> {
-        if !self.editor.has_attachment(&base_name(id)) && !steps.contains_key(&id) {
-            return Ok(Vec::new());
-        }
-        let changed = steps.get(&id).and_then(|step| step.channels.iter().find(|(c, ..)| *c == channel));
-        let bytes = match changed {
-            Some((_, _, after)) => after.clone(),
-            None => self.editor.read_page_raw(channel, id)?,
-        };
+    /// The blocks of a page that differ from the base, per channel, in texels of its level.
+    fn layered_blocks(&self, id: PageId, steps: &BTreeMap<PageId, PageStep>) -> Result<Vec<Vec<Rect>>> {
         let asset = self.editor.asset();
+        let (channels, step) = (asset.channels(), steps.get(&id));
+        if step.is_none() && !self.editor.has_attachment(&base_name(id)) {
+            return Ok(vec![Vec::new(); channels.len()]);
+        }
         let level = asset.cover().groups[id.group as usize].level_extent(id.level);
-        let (kind, extent) = (&asset.channels()[channel], fantex_store::page_extent(level, id.page));
-        let base = &self.base_of(id)?[channel];
-        let blocks = differing_blocks(kind, extent, &bytes, base).into_iter();
-        Ok(blocks.map(|block| block.moved(page_origin(id.page))).collect())
+        let extent = page_extent(level, id.page);
+        let base = self.base_of(id)?;
+        let blocks = channels.iter().zip(base).enumerate().map(|(index, (channel, base))| {
+            let changed = step.and_then(|step| step.channels.iter().find(|(c, ..)| *c == index));
+            let bytes = match changed {
+                Some((_, _, after)) => after.clone(),
+                None => self.editor.read_page_raw(index, id)?,
+            };
+            let blocks = differing_blocks(channel, extent, &bytes, &base).into_iter();
+            Ok(blocks.map(|block| block.moved(page_origin(id.page))).collect())
+        });
+        blocks.collect()
     }
 
     /// A page's bytes under all layers, per channel.
@@ -112,8 +110,9 @@ impl Painter {
         let numbers: Vec<f32> =
             kept.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         let last = self.coarsest(group);
+        let layered = self.layered_blocks(last, steps)?;
         for (channel, mean) in means {
-            let is_base = self.layered_blocks(last, *channel, steps)?.is_empty();
+            let is_base = layered[*channel].is_empty();
             if let Some(kept) = numbers.chunks_exact(4).nth(*channel).filter(|_| is_base) {
                 mean.copy_from_slice(kept);
             }

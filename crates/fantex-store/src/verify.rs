@@ -51,7 +51,7 @@ impl Default for VerifyOptions {
 /// What verification found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VerifyReport {
-    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`], no stray texel.
+    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`].
     pub ok: bool,
     /// Tile levels with damage (all channels of a tile's level count as one).
     pub damaged_tiles: u64,
@@ -65,7 +65,8 @@ pub struct VerifyReport {
     pub mesh_faults: Vec<MeshFault>,
     /// The certificate.
     pub continuity: Continuity,
-    /// What filters read of coarser levels, beside the finer ones.
+    /// What filters read of coarser levels, beside the finer ones. A figure to look at: fine patterns on small tiles exceed its bound
+    /// without a fault.
     pub agreement: LevelAgreement,
     /// Detail levels of the tile with the most.
     pub levels: u32,

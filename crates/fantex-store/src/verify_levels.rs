@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::{Channel, ChannelKind, PAGE, PageCache, PageId, TileId, TileSource, TileTexels, page_grid};
 
-/// Distance from the range of the finer texels that passes where these are all alike, 0..1 as stored. Their contrast comes to it: that
+/// Distance from the range of the finer texels that is usual where these are all alike, 0..1 as stored. Their contrast comes to it: that
 /// much compression may add, and texels of which nothing is stored, because no filter reads them.
 pub const STRAY_BOUND: f32 = 0.1;
 
@@ -19,7 +19,8 @@ pub const STRAY_BOUND: f32 = 0.1;
 pub struct LevelAgreement {
     /// Texels of coarser levels that filters read, all channels together.
     pub texels: u64,
-    /// Largest distance of a texel from the range of the finer ones, in the measure of what passes: up to 1 is well.
+    /// Largest distance of a texel from the range of the finer ones, in the measure of [`STRAY_BOUND`]: much more than 1 on a smooth
+    /// texture is a fault.
     pub largest_stray: f32,
     /// Where it is; none where no texel lies beside its range.
     pub worst: Option<StrayTexel>,
