@@ -3,7 +3,7 @@
 use std::{fs, panic};
 
 use fantex_base::{ErrorKind, Result};
-use fantex_texture::compare::{FlipOptions, compare, difference_picture, flip, psnr_db, ssim};
+use fantex_texture::compare::{FlipOptions, compare, compare_where, difference_picture, flip, psnr_db, ssim};
 use fantex_texture::{AlphaUse, ColorSpace, Depth, Image, ImageLimits, Samples};
 use proptest::prelude::*;
 
@@ -585,4 +585,33 @@ mod tabulate {
         let huge = Tabulation { size: [u32::MAX; 3], ..Tabulation::default() };
         assert_eq!(huge.texels(constant).unwrap_err().kind(), ErrorKind::TooLarge);
     }
+}
+
+/// The left quarter of a picture differs by a fifth of the sRGB range.
+#[test]
+fn pictures_are_compared_where_it_counts() {
+    let grey = |value: u8, left: u8| {
+        let texel = |i: u32| if i % 64 < 16 { left } else { value };
+        let samples = Samples::U8((0..64 * 48).flat_map(|i| [texel(i); 3]).collect());
+        Image { width: 64, height: 48, channels: 3, space: ColorSpace::Srgb, samples }
+    };
+    let (reference, test) = (grey(100, 100), grey(100, 151));
+    let is_left: Vec<bool> = (0..64 * 48).map(|i| i % 64 < 16).collect();
+    let left = compare_where(&reference, &test, &is_left).unwrap();
+    // 51 of 255 is a fifth: 20 log10(5).
+    assert!((left.psnr_db - 13.979).abs() < 1e-3, "{}", left.psnr_db);
+    let whole = compare(&reference, &test).unwrap();
+    assert!(
+        (whole.psnr_db - left.psnr_db - 6.0206).abs() < 1e-3,
+        "a quarter of the error: {}",
+        whole.psnr_db
+    );
+    assert!(left.ssim < whole.ssim && left.flip > 2.0 * whole.flip, "{left:?} {whole:?}");
+    // Right of what the windows around its texels reach, nothing differs.
+    let is_right: Vec<bool> = (0..64 * 48).map(|i| i % 64 >= 48).collect();
+    let right = compare_where(&reference, &test, &is_right).unwrap();
+    assert_eq!(right.psnr_db, f64::INFINITY);
+    assert!((right.ssim - 1.0).abs() < 1e-9, "{right:?}");
+    assert_eq!(compare_where(&reference, &test, &vec![false; 64 * 48]).unwrap(), whole);
+    assert!(compare_where(&reference, &test, &[true]).is_err());
 }
