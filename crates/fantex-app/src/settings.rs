@@ -1,9 +1,9 @@
 //! What the viewer remembers from one start to the next.
 
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use fantex::base::{Error, ErrorKind, Result};
+use fantex::base::{Error, ErrorKind, Result, files};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{CameraMode, FlyMotion};
@@ -241,19 +241,9 @@ pub(crate) fn continued(error: Error, rest: &str) -> Error {
 /// # Errors
 /// The operating system refuses.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let failed = |source| Error::writing(path, source);
-    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    let mut name = path.file_name().ok_or_else(|| failed(io::ErrorKind::InvalidFilename.into()))?.to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
-    written.map_err(|source| {
-        // The reason why writing failed matters, not whether a rest could be removed.
-        std::fs::remove_file(&part).ok();
-        failed(source)
-    })
+    let folder = files::folder_of(path);
+    std::fs::create_dir_all(folder).map_err(|source| Error::writing(path, source))?;
+    files::write_whole(path, true, |out| out.write_all(bytes))
 }
 
 /// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder.

@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all: written under a temporary name in their own folder, then renamed.
 
-use std::io;
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use tempfile::{Builder, NamedTempFile, TempPath};
@@ -24,16 +25,41 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     builder.prefix(".fantex-").suffix(suffix).tempfile_in(folder_of(path))
 }
 
-/// Gives a finished file its name; only with `force` over another.
+/// Makes a finished file durable and gives it its name; only with `force` over another.
 ///
 /// # Errors
-/// [`exists`], or the system refuses.
+/// [`exists`], or the system refuses: then the file is gone, and what was at `path` is as it was.
 pub fn persist(file: TempPath, path: &Path, force: bool) -> Result<()> {
+    let failed = |error| Error::writing(path, error);
+    OpenOptions::new().write(true).open(&file).and_then(|file| file.sync_all()).map_err(failed)?;
     let named = if force { file.persist(path) } else { file.persist_noclobber(path) };
     named.map_err(|error| match error.error.kind() {
         io::ErrorKind::AlreadyExists => exists(path),
-        _ => Error::writing(path, error.error),
-    })
+        _ => failed(error.error),
+    })?;
+    // The name is durable once the folder is.
+    if cfg!(unix) {
+        File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(failed)
+    } else {
+        Ok(())
+    }
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// As [`persist`], or `write` fails.
+pub fn write_whole(
+    path: &Path,
+    force: bool,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<()> {
+    let failed = |error| Error::writing(path, error);
+    let file = temporary_file(path, "").map_err(failed)?;
+    let mut out = BufWriter::with_capacity(1 << 20, file.as_file());
+    write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
+    drop(out);
+    persist(file.into_temp_path(), path, force)
 }
 
 /// The output is there already.

@@ -113,7 +113,7 @@ pub enum Depth {
 
 pub(crate) struct PngSink {
     path: PathBuf,
-    writer: Option<StreamWriter<'static, BufWriter<File>>>,
+    writer: Option<StreamWriter<'static, File>>,
     map: Map,
     depth: Depth,
 }
@@ -121,7 +121,7 @@ pub(crate) struct PngSink {
 impl PngSink {
     /// Begins a square picture in `file`; `path` is what errors name.
     pub(crate) fn new(file: File, path: PathBuf, side: u32, map: Map, depth: Depth) -> Result<Self> {
-        let mut encoder = Encoder::new(BufWriter::with_capacity(1 << 20, file), side, side);
+        let mut encoder = Encoder::new(file, side, side);
         encoder.set_color(match map.components {
             Components::One(_) => ColorType::Grayscale,
             Components::Rgb => ColorType::Rgb,
@@ -131,7 +131,8 @@ impl PngSink {
         if map.is_srgb {
             encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
         }
-        let writer = encoder.write_header().and_then(png::Writer::into_stream_writer);
+        // No buffer that would swallow an error when it is dropped.
+        let writer = encoder.write_header().and_then(|writer| writer.into_stream_writer_with_size(1 << 20));
         match writer {
             Ok(writer) => Ok(Self { path, writer: Some(writer), map, depth }),
             Err(error) => Err(Error::writing(path, error.into())),

@@ -3,11 +3,10 @@
 //! The file appears whole or not at all: it is written under a temporary name in its own folder, made durable and then
 //! renamed.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
-use fantex_base::files::{exists, persist, temporary_file};
+use fantex_base::files::{exists, write_whole};
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, ErrorKind, Result};
 use glam::{DVec3, Vec3, Vec4};
@@ -52,7 +51,7 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
         }
         _ => None,
     };
-    write_atomically(path, force, |out| match (&container, format) {
+    write_whole(path, force, |out| match (&container, format) {
         (Some((origin, header)), _) => write_glb(geometry, *origin, header, out),
         (None, ModelFormat::Ply) => write_ply(geometry, out),
         (None, _) => write_obj(geometry, out),
@@ -84,20 +83,6 @@ fn check(path: &Path, geometry: &WriteGeometry) -> Result<()> {
         }
         _ => Ok(()),
     }
-}
-
-fn write_atomically(
-    path: &Path,
-    force: bool,
-    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
-) -> Result<()> {
-    let failed = |source| Error::writing(path, source);
-    let temporary = temporary_file(path, "").map_err(failed)?;
-    let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file());
-    write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
-    drop(out);
-    temporary.as_file().sync_all().map_err(failed)?;
-    persist(temporary.into_temp_path(), path, force)
 }
 
 fn fits_single_precision(positions: &[DVec3]) -> bool {

@@ -8,9 +8,11 @@
 //! Both are attachments of the asset, committed with the texels and undone with them. So the log always says how the asset came to
 //! look as it does, and can be replayed on another density or cover of the model, or on an edited mesh.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex_base::files::write_whole;
 use fantex_base::{Error, ErrorKind, Result};
 use fantex_store::{Asset, AssetEditor};
 use fantex_texture::Image;
@@ -110,8 +112,8 @@ impl StrokeLog {
     pub fn save(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let text = serde_json::to_string_pretty(&self.strokes).map_err(malformed)?;
-        let written = self.save_files(folder).and_then(|()| std::fs::write(path, text));
-        written.map_err(|source| Error::writing(path, source))
+        self.save_files(folder).map_err(|source| Error::writing(path, source))?;
+        write_whole(path, true, |out| out.write_all(text.as_bytes()))
     }
 
     /// Paints all strokes onto another asset, by their places in the world. Commits nothing.

@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use fantex_base::files::{folder_of, temporary_file};
+use fantex_base::files::{exists, persist, temporary_file};
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, level_count};
 use fantex_mesh::Mesh;
@@ -116,7 +116,7 @@ impl AssetWriter {
         mesh_section::check(mesh).map_err(content)?;
         cover_section::check(cover, mesh.triangles.len()).map_err(content)?;
         if !options.force && path.symlink_metadata().is_ok() {
-            return Err(already_exists(path));
+            return Err(exists(path));
         }
         let io = |source| Error::writing(path, source);
         let extents: Vec<_> = cover.groups.iter().map(|group| group.extent).collect();
@@ -176,7 +176,7 @@ impl AssetWriter {
         let means = Means::new(means, &self.formats);
         let finished = self.file.finish(means, &Attachments::new(), None);
         let (file, bytes) = finished.map_err(|source| Error::writing(&self.path, source))?;
-        persist(file, &self.path, self.options.force)?;
+        persist(file.into_temp_path(), &self.path, self.options.force)?;
         Ok(WriteSummary { bytes, ..self.summary })
     }
 
@@ -440,22 +440,4 @@ fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
         stored.extend((skipped as u32).to_le_bytes());
         stored.resize(stored.len() + skipped, 0);
     }
-}
-
-/// Renames the finished file; without `force` never over another.
-fn persist(file: NamedTempFile, path: &Path, force: bool) -> Result<()> {
-    let renamed = if force { file.persist(path) } else { file.persist_noclobber(path) };
-    renamed.map_err(|e| match e.error.kind() {
-        io::ErrorKind::AlreadyExists => already_exists(path),
-        _ => Error::writing(path, e.error),
-    })?;
-    // The rename is durable once the folder is.
-    #[cfg(unix)]
-    File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(|e| Error::writing(path, e))?;
-    Ok(())
-}
-
-fn already_exists(path: &Path) -> Error {
-    let sentence = format!("{} exists already; pass --force to overwrite it", path.display());
-    Error::already_exists(sentence).with_path(path)
 }

@@ -7,10 +7,10 @@
 
 use std::borrow::Cow;
 use std::fs;
-use std::io::{self, BufWriter, Cursor, Write};
+use std::io::{Cursor, Write};
 use std::path::Path;
 
-use fantex_base::files::temporary_file;
+use fantex_base::files::write_whole;
 use fantex_base::{Error, Result};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
@@ -181,7 +181,7 @@ impl Image {
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let bytes = self.encode_for(path)?;
-        write_atomically(path, &bytes).map_err(|source| Error::writing(path, source))
+        write_whole(path, true, |out| out.write_all(&bytes))
     }
 
     fn encode_for(&self, path: &Path) -> Result<Vec<u8>> {
@@ -410,14 +410,4 @@ fn multiplied_by_alpha(image: &Image) -> Cow<'_, Image> {
         }
     }
     associated
-}
-
-fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = temporary_file(path, "")?;
-    let mut writer = BufWriter::new(file.as_file_mut());
-    writer.write_all(bytes)?;
-    writer.flush()?;
-    drop(writer);
-    file.persist(path).map_err(|error| error.error)?;
-    Ok(())
 }

@@ -7,11 +7,13 @@
 
 mod drawings;
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use fantex::base::files::write_whole;
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
@@ -79,7 +81,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
         finished_entries.push(gallery.finish(entry)?);
     }
     let page = output.join("index.html");
-    std::fs::write(&page, html_page(&finished_entries)).map_err(|error| Error::writing(&page, error))?;
+    write_whole(&page, true, |out| out.write_all(html_page(&finished_entries).as_bytes()))?;
     Ok(finished_entries.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
 }
 

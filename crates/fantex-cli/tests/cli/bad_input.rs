@@ -321,3 +321,55 @@ fn an_interrupted_export_leaves_nothing() {
     assert_eq!(output.status.code(), Some(130), "{errors}");
     assert!(files(&output_folder).is_empty(), "{:?}", files(&output_folder));
 }
+
+/// Every output on a medium that takes 4 KiB of a file: an error in one sentence, no rest, and what was there is as it was.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_said_and_destroys_nothing() {
+    const BEFORE: &str = "what was there";
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("bottle.fan");
+    succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--texels", &"64k"]);
+    let stroke = r#"{ "version": 1, "strokes": [{ "brush": { "size": { "texels": 30 } },
+        "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }],
+        "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] } }] }] }"#;
+    let strokes = write(folder.path(), "strokes.json", stroke);
+    let (asset, strokes, model) = [asset, strokes, bottle()].map(|path| path.display().to_string()).into();
+    let commands: [(&str, &str, &[&str]); 10] = [
+        ("land.ply", "generate", &["landscape", "--triangles", "2k"]),
+        ("land.obj", "generate", &["landscape", "--triangles", "2k"]),
+        ("bottle.fan", "bake", &[&model, "--texels", "64k"]),
+        ("color.png", "export", &[&asset, "--channel", "base-color", "--size", "256"]),
+        ("color.exr", "export", &[&asset, "--channel", "base-color", "--size", "256"]),
+        ("color.ktx2", "export", &[&asset, "--channel", "base-color", "--size", "256"]),
+        ("bottle.glb", "export", &[&asset, "--size", "256"]),
+        ("turn.png", "export", &[&asset, "--turntable", "3", "--size", "128x96"]),
+        ("picture.png", "render", &[&asset, "--size", "320x240"]),
+        ("painted.fan", "paint", &[&asset, "--replay", &strokes]),
+    ];
+    for (name, command, arguments) in commands {
+        let outputs = folder.path().join(name.replace('.', "-"));
+        std::fs::create_dir(&outputs).unwrap();
+        let target = write(&outputs, name, BEFORE);
+        let output = Command::new("sh")
+            .args([
+                "-c",
+                "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"",
+                env!("CARGO_BIN_EXE_fantex"),
+                command,
+            ])
+            .args(arguments)
+            .args(["--force".as_ref(), "-o".as_ref(), target.as_os_str()])
+            .output()
+            .unwrap();
+        let errors = crate::stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{command} {name}: {errors}");
+        assert!(
+            errors.lines().last().is_some_and(|line| line.starts_with("fantex: ")),
+            "{command} {name}: {errors}"
+        );
+        assert!(!errors.contains("panicked"), "{command} {name}: {errors}");
+        assert_eq!(files(&outputs), [name], "{command}");
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), BEFORE, "{command} {name}");
+    }
+}

@@ -4,9 +4,10 @@
 //! camera may stand at the top for all frames or in each frame.
 
 use std::fmt::Write as _;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::files::write_whole;
 use fantex_base::{Error, Place, Result};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::Deserialize;
@@ -409,7 +410,7 @@ fn joined(numbers: &[f64]) -> String {
 }
 
 fn write(path: PathBuf, bytes: &[u8]) -> Result<()> {
-    std::fs::write(&path, bytes).map_err(|source| Error::writing(path, source))
+    write_whole(&path, true, |out| out.write_all(bytes))
 }
 
 fn unwritable_lenses() -> Error {

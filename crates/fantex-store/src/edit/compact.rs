@@ -1,12 +1,12 @@
 //! A fresh copy of an asset: in page order again, in clusters of full length, without gaps.
 
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::Result;
-use fantex_base::files::folder_of;
+use fantex_base::files::persist;
 use tempfile::NamedTempFile;
 
 use super::AssetEditor;
@@ -48,9 +48,7 @@ impl AssetEditor {
     /// Gives the finished copy the asset's name and goes on there.
     fn move_to(&mut self, file: NamedTempFile, path: &Path) -> Result<()> {
         let io = |source| write_error(path, source);
-        file.persist(path).map_err(|error| io(error.error))?;
-        #[cfg(unix)]
-        File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(io)?;
+        persist(file.into_temp_path(), path, true)?;
         let file = Arc::new(OpenOptions::new().read(true).write(true).open(path).map_err(io)?);
         let output = Box::new(FileOutput(Arc::clone(&file)));
         // The lock is on another file and stays ours.

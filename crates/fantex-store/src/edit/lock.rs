@@ -1,7 +1,8 @@
 //! Locks: one writer at a time, and no overwriting under a reader.
 //!
-//! - *Writers* exclude each other by a lock on a file beside the asset, `NAME.lock`. The system releases it when the process
-//!   ends, however it ends, so a file that a crash leaves behind locks nobody out.
+//! - *Writers* exclude each other by a lock on a file beside the asset (where symbolic links lead), `NAME.lock`. The system releases
+//!   it when the process ends, however it ends, so a file that a crash leaves behind locks nobody out. Another lock, in the system's folder
+//!   for temporary files, is named after the file itself: it holds for all its names (hard links).
 //! - *Readers* hold a shared lock on the asset itself as long as they have it open. A writer overwrites superseded parts of
 //!   the file only after it held that lock alone for a moment: then nobody has a generation open that names them. Where
 //!   the system cannot tell (Windows, where such a lock would forbid writing, and file systems without locks), superseded
@@ -11,7 +12,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, ErrorKind, Result};
 
 use crate::write_error;
 
@@ -20,6 +21,12 @@ const MAX_LOCK_ATTEMPTS: u32 = 500;
 
 #[derive(Debug)]
 pub(super) struct WriterLock {
+    _beside: LockFile,
+    _of_inode: Option<LockFile>,
+}
+
+#[derive(Debug)]
+struct LockFile {
     path: PathBuf,
     /// Locked as long as it is open.
     _file: File,
@@ -28,7 +35,19 @@ pub(super) struct WriterLock {
 impl WriterLock {
     /// Locks the asset at `path` against other writers, or says that one is at work.
     pub(super) fn acquire(path: &Path) -> Result<Self> {
-        let lock_path = lock_path(path);
+        let real = path.canonicalize().unwrap_or_else(|_| path.into());
+        let _beside = LockFile::acquire(path, lock_path(&real))?;
+        let _of_inode = match inode_lock_path(&real).map(|lock_path| LockFile::acquire(path, lock_path)) {
+            Some(Err(error)) if error.kind() == ErrorKind::Conflict => return Err(error),
+            // Without such a folder the lock beside the asset is all there is.
+            lock => lock.and_then(Result::ok),
+        };
+        Ok(Self { _beside, _of_inode })
+    }
+}
+
+impl LockFile {
+    fn acquire(path: &Path, lock_path: PathBuf) -> Result<Self> {
         let io = |source| write_error(&lock_path, source);
         loop {
             let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
@@ -54,7 +73,7 @@ impl WriterLock {
     }
 }
 
-impl Drop for WriterLock {
+impl Drop for LockFile {
     fn drop(&mut self) {
         // A file that stays locks nobody out.
         std::fs::remove_file(&self.path).unwrap_or_default();
@@ -65,6 +84,20 @@ fn lock_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".lock");
     name.into()
+}
+
+/// The lock that is named after the file itself.
+#[cfg(unix)]
+fn inode_lock_path(path: &Path) -> Option<PathBuf> {
+    use std::os::unix::fs::MetadataExt;
+    let file = path.metadata().ok()?;
+    Some(std::env::temp_dir().join(format!("fantex-{}-{}.lock", file.dev(), file.ino())))
+}
+
+/// Elsewhere the system does not tell.
+#[cfg(not(unix))]
+fn inode_lock_path(_path: &Path) -> Option<PathBuf> {
+    None
 }
 
 /// True where `path` (still) names the open file.

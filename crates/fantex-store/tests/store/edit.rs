@@ -383,6 +383,31 @@ fn mistakes_are_named() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the lock's file is gone");
 }
 
+/// One writer at a time, whatever name it uses.
+#[cfg(unix)]
+#[test]
+fn an_asset_has_one_writer_by_all_its_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let names =
+        ["soft.fan", "below/soft.fan", "hard.fan", "below/hard.fan"].map(|name| folder.path().join(name));
+    std::fs::create_dir(folder.path().join("below")).unwrap();
+    for (index, name) in names.iter().enumerate() {
+        match index {
+            0 | 1 => std::os::unix::fs::symlink(&path, name).unwrap(),
+            _ => std::fs::hard_link(&path, name).unwrap(),
+        }
+    }
+    let open = |path: &std::path::Path| AssetEditor::open(path, &EditOptions::default());
+    for first in std::iter::once(&path).chain(&names) {
+        let editor = open(first).unwrap();
+        for second in std::iter::once(&path).chain(&names) {
+            refused(open(second), "is being edited by another program");
+        }
+        drop(editor);
+    }
+}
+
 #[test]
 fn a_reader_keeps_its_generation() {
     let folder = tempfile::tempdir().unwrap();

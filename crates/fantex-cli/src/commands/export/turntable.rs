@@ -1,12 +1,10 @@
 //! Pictures around the model.
 
 use std::fs::File;
-use std::io;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fantex::base::files::temporary_file;
+use fantex::base::files::{persist, temporary_file};
 use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
 use fantex::scene::world_bounds;
@@ -132,7 +130,7 @@ fn lights(camera: &Camera, surroundings: Option<&Surroundings>) -> Lights {
 /// picture. Whoever holds one holds a deferral of interrupts, too, since dropping it removes the unfinished file.
 pub(crate) struct Animation {
     file: NamedTempFile,
-    writer: png::Writer<BufWriter<File>>,
+    writer: png::Writer<File>,
     target: PathBuf,
 }
 
@@ -156,9 +154,8 @@ impl Animation {
     /// Gives the file its name.
     pub(crate) fn finish(self) -> Result<()> {
         let Self { file, writer, target } = self;
-        let named = |file: NamedTempFile| file.persist(&target).map(drop).map_err(|error| error.error);
-        let finished = writer.finish().map_err(io::Error::from).and_then(|()| named(file));
-        finished.map_err(|error| Error::writing(&target, error))
+        writer.finish().map_err(|error| Error::writing(&target, error.into()))?;
+        persist(file.into_temp_path(), &target, true)
     }
 }
 
@@ -167,8 +164,8 @@ fn header(
     count: u32,
     frames_per_second: f64,
     file: File,
-) -> Result<png::Writer<BufWriter<File>>, png::EncodingError> {
-    let mut encoder = png::Encoder::new(BufWriter::new(file), first.width, first.height);
+) -> Result<png::Writer<File>, png::EncodingError> {
+    let mut encoder = png::Encoder::new(file, first.width, first.height);
     encoder.set_color(if first.channels == 4 { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
