@@ -242,7 +242,7 @@ fn looks_are_compared_with_what_was_baked_from_them() {
     };
     let both_ways = [compared(&own, &asset), compared(&asset, &own)];
     for info in &both_ways {
-        assert!(info["psnr_db"]["min"].as_f64().unwrap() > 34.0, "{info:#}");
+        assert!(info["psnr_db"]["min"].as_f64().unwrap() > 31.5, "{info:#}");
     }
     // Another light.
     let lit = compared(&look, &asset);
