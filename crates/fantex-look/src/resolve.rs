@@ -95,7 +95,7 @@ impl<'a> Resolver<'a> {
 
     /// With the altitudes of what displacement has made of the model.
     pub fn with_altitudes_of(self, displaced: &Mesh) -> Self {
-        let bounds = ObjectSpace::of(displaced).bounds();
+        let bounds = ObjectSpace::of(displaced).aabb(displaced.bounds());
         Self { altitudes: [bounds.min.y, bounds.max.y], ..self }
     }
 

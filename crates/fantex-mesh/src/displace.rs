@@ -5,7 +5,7 @@
 //! a surface without cracks stays without cracks, whatever the function does at texture seams and creases. The idea of
 //! displacing a finely cut surface is that of R. Cook, "Shade Trees", 1984.
 
-use fantex_base::{Error, Result};
+use fantex_base::{Aabb, Error, Result};
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -58,6 +58,9 @@ pub fn displace(
     let model = model_of(mesh, tessellation.vertices, tessellation.pieces);
     let (mut displaced, clean) = clean(model, &CleanOptions::default())?;
     displaced.corners.normals = corner_normals(&displaced, options.crease_degrees);
+    let Aabb { min, max } = mesh.undisplaced_bounds.unwrap_or_else(|| mesh.bounds());
+    let moved = |p: Vec3| displaced.world_from_mesh.inverse_point(mesh.world_from_mesh.point(p));
+    displaced.undisplaced_bounds = Some(Aabb { min: moved(min), max: moved(max) });
     Ok((displaced, DisplaceReport { rounds, clean }))
 }
 

@@ -34,7 +34,8 @@ impl Default for WorldFromMesh {
 
 /// *Object space*, in which textures of space are evaluated: world units and axes, the origin in the middle of the mesh's
 /// bounding box. So patterns keep their real size, moving a model does not move it within its pattern, and models far from the
-/// world's origin keep their precision.
+/// world's origin keep their precision. A displaced mesh keeps the space of what was displaced, so that its patterns and its heights
+/// stay together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectSpace {
     bounds_mesh: Aabb,
@@ -45,10 +46,8 @@ pub struct ObjectSpace {
 impl ObjectSpace {
     /// That of a mesh. Looks at every vertex.
     pub fn of(mesh: &Mesh) -> Self {
-        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (min, max) = mesh.positions.iter().fold(start, |(min, max), &p| (min.min(p), max.max(p)));
-        let (min, max) = if mesh.positions.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (min, max) };
-        Self { bounds_mesh: Aabb { min, max }, scale: mesh.world_from_mesh.scale as f32 }
+        let bounds_mesh = mesh.undisplaced_bounds.unwrap_or_else(|| mesh.bounds());
+        Self { bounds_mesh, scale: mesh.world_from_mesh.scale as f32 }
     }
 
     /// The origin, mesh space.
@@ -68,9 +67,14 @@ impl ObjectSpace {
         v_mesh * self.scale
     }
 
-    /// The bounding box of the mesh.
+    /// The bounding box in whose middle the origin is.
     pub fn bounds(&self) -> Aabb {
-        Aabb { min: self.point(self.bounds_mesh.min), max: self.point(self.bounds_mesh.max) }
+        self.aabb(self.bounds_mesh)
+    }
+
+    /// Takes a box from mesh space here.
+    pub fn aabb(&self, of_mesh: Aabb) -> Aabb {
+        Aabb { min: self.point(of_mesh.min), max: self.point(of_mesh.max) }
     }
 }
 
@@ -96,9 +100,19 @@ pub struct Mesh {
     pub images: Vec<ImageSource>,
     /// Where the mesh lies in the world.
     pub world_from_mesh: WorldFromMesh,
+    /// Of a displaced mesh the bounding box, mesh space, of what was displaced. Assets do not keep it.
+    pub undisplaced_bounds: Option<Aabb>,
 }
 
 impl Mesh {
+    /// The bounding box of all vertices, mesh space; of no vertices the origin.
+    pub fn bounds(&self) -> Aabb {
+        let Some(&first) = self.positions.first() else { return Aabb { min: Vec3::ZERO, max: Vec3::ZERO } };
+        let join = |(min, max): (Vec3, Vec3), &p: &Vec3| (min.min(p), max.max(p));
+        let (min, max) = self.positions.iter().fold((first, first), join);
+        Aabb { min, max }
+    }
+
     /// The three positions of a triangle.
     #[inline]
     pub fn triangle_positions(&self, triangle: usize) -> [Vec3; 3] {

@@ -191,6 +191,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh> {
         materials: (0..materials).map(|i| decode_material(i, &mut input)).collect::<Result<_, _>>()?,
         images: Vec::new(),
         world_from_mesh,
+        undisplaced_bounds: None,
     };
     input.end()?;
     check(&mesh)?;

@@ -91,7 +91,8 @@ impl TextureChoice {
     /// A look with the solid alone.
     fn solid_look(&self) -> String {
         let known = SOLIDS.into_iter().find(|name| *name == self.solid).unwrap_or("wood");
-        let seed = if known == "checker" { String::new() } else { format!("seed = {}\n", self.seed) };
+        let is_random = !matches!(known, "checker" | "rings");
+        let seed = if is_random { format!("seed = {}\n", self.seed) } else { String::new() };
         let scale = f64::from(self.scale.clamp(1e-3, 1e3));
         format!("[textures.{SOLID}]\nkind = \"{known}\"\n{seed}place = {{ scale = {scale:.6} }}\n")
     }

@@ -227,6 +227,7 @@ impl Surface {
             materials,
             images: model.images,
             world_from_mesh,
+            undisplaced_bounds: None,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use fantex_base::ErrorKind;
 use fantex_mesh::{
-    DisplaceOptions, DisplacePoint, Mesh, Model, Refinement, Topology, VertexCorners, displace, generate,
+    DisplaceOptions, DisplacePoint, Mesh, Model, ObjectSpace, Refinement, Topology, VertexCorners, displace, generate,
     refine, shading_normals,
 };
 use fantex_test::{cleaned, loaded};
@@ -142,6 +142,25 @@ fn heights_that_disagree_do_not_tear_the_surface() {
     let by_triangle = |p: &DisplacePoint| if p.at.triangle.is_multiple_of(2) { 0.0 } else { 0.01 };
     let (jagged, _) = displace(&mesh, &adaptive(0.3, 0.02, 0.001), by_triangle).unwrap();
     assert_no_cracks("by triangle", &mesh, &jagged);
+}
+
+/// Heights count from where the surface was, not from the middle of what became of it.
+#[test]
+fn displaced_meshes_keep_their_object_space() {
+    let mut model = generate::grid(8);
+    model.positions.iter_mut().for_each(|p| *p += glam::DVec3::new(70.3, -4.1, 900.7));
+    let plane = cleaned(model);
+    let hill = |p: &DisplacePoint| 0.4 * (1.0 - p.position.length_squared()).max(0.0);
+    let once = displace(&plane, &uniform(0.05), hill).unwrap().0;
+    let twice = displace(&once, &uniform(0.05), |_| 0.1).unwrap().0;
+    for displaced in [&once, &twice] {
+        let [space, before] = [displaced, &plane].map(ObjectSpace::of);
+        let origins = [(displaced, space), (&plane, before)]
+            .map(|(mesh, space)| mesh.world_from_mesh.point(space.origin_mesh()));
+        assert!(origins[0].distance(origins[1]) < 1e-5, "{origins:?}");
+        let [a, b] = [space, before].map(|space| space.bounds());
+        assert!(a.min.distance(b.min) + a.max.distance(b.max) < 1e-5, "{a:?} {b:?}");
+    }
 }
 
 #[test]
