@@ -5,6 +5,7 @@
 //! the block. A stroke on the base brings them up to date.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use fantex_base::Result;
 use fantex_store::{Channel, PageId, page_extent, page_origin};
@@ -56,11 +57,12 @@ impl Painter {
                     let mut is_base = true;
                     for page in pages_of(seen) {
                         let finer = PageId { level: id.level - 1, page, ..id };
-                        if !layered.contains_key(&finer) {
-                            layered.insert(finer, self.layered_blocks(finer, steps)?);
-                        }
+                        let blocks = match layered.entry(finer) {
+                            Entry::Occupied(known) => known.into_mut(),
+                            Entry::Vacant(new) => new.insert(self.layered_blocks(finer, steps)?),
+                        };
                         let meets = |block: &Rect| !block.intersection(seen).is_empty();
-                        is_base &= !layered[&finer][*channel].iter().any(meets);
+                        is_base &= !blocks[*channel].iter().any(meets);
                     }
                     if is_base {
                         copy_blocks(kind, extent, &base[*channel], after, block);
@@ -156,12 +158,11 @@ impl Painter {
             for (_, result) in work.run(&mut self.maps)? {
                 let mut bases: BTreeMap<PageId, Vec<Vec<u8>>> = BTreeMap::new();
                 for change in result.pages {
-                    if !bases.contains_key(&change.id) {
-                        bases.insert(change.id, self.base_of(change.id)?);
-                    }
-                    if let Some(base) = bases.get_mut(&change.id) {
-                        base[change.channel] = change.after;
-                    }
+                    let base = match bases.entry(change.id) {
+                        Entry::Occupied(known) => known.into_mut(),
+                        Entry::Vacant(new) => new.insert(self.base_of(change.id)?),
+                    };
+                    base[change.channel] = change.after;
                 }
                 for (id, base) in bases {
                     self.attach(&base_name(id), base.concat())?;

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 
 use fantex_base::ErrorKind;
 use fantex_mesh::{
-    DisplaceOptions, DisplacePoint, Mesh, Model, ObjectSpace, Refinement, Topology, VertexCorners, displace, generate,
-    refine, shading_normals,
+    DisplaceOptions, DisplacePoint, Mesh, Model, ObjectSpace, Refinement, Topology, VertexCorners, displace,
+    generate, refine, shading_normals,
 };
 use fantex_test::{cleaned, loaded};
 use glam::{Vec2, Vec3, Vec4};
