@@ -36,7 +36,6 @@ mod reader;
 mod sampler;
 mod source;
 mod verify;
-mod verify_levels;
 mod writer;
 
 pub use cache::*;
@@ -50,5 +49,4 @@ pub use reader::*;
 pub use sampler::*;
 pub use source::*;
 pub use verify::*;
-pub use verify_levels::{LevelAgreement, STRAY_BOUND, StrayTexel};
 pub use writer::*;

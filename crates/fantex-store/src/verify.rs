@@ -1,4 +1,4 @@
-//! Verifying assets: structure, checksums, the continuity certificate, and (`verify_levels.rs`) that detail levels agree.
+//! Verifying assets: structure, checksums and the continuity certificate.
 //!
 //! The continuity certificate: on every edge the texture function, evaluated from either of the triangles that continue each
 //! other there ([`continued`](fantex_mesh::continued)) on the texels as they are stored, gives the same value.
@@ -26,7 +26,6 @@ use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::verify_levels::{LevelAgreement, compare_levels};
 use crate::{Asset, ClusterId, PageCache, Tile, TileId, TileSource, TileTexels};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
@@ -65,9 +64,6 @@ pub struct VerifyReport {
     pub mesh_faults: Vec<MeshFault>,
     /// The certificate.
     pub continuity: Continuity,
-    /// What filters read of coarser levels, beside the finer ones. A figure to look at: fine patterns on small tiles exceed its bound
-    /// without a fault.
-    pub agreement: LevelAgreement,
     /// Detail levels of the tile with the most.
     pub levels: u32,
     /// Length of the file.
@@ -97,7 +93,6 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
         damaged_attachments: count_damaged_attachments(asset),
         mesh_faults: find_faults(asset.mesh()),
         continuity,
-        agreement: compare_levels(&cache),
         levels: asset.level_count(),
         bytes: asset.file_bytes(),
     };

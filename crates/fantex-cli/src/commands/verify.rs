@@ -1,4 +1,4 @@
-//! `fantex verify`: structure, checksums, the continuity certificate and the detail levels of an asset.
+//! `fantex verify`: structure, checksums and the continuity certificate of an asset.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -13,7 +13,7 @@ use crate::scene::open_asset;
 use crate::text::Table;
 use crate::text::{counted, grouped, megabytes};
 
-/// Check an asset: structure, checksums, that its texture is continuous across every edge; and how far its levels agree.
+/// Check an asset: structure, checksums, and that its texture is continuous across every edge.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -36,12 +36,6 @@ struct ContinuityInfo {
 }
 
 #[derive(Debug, Serialize)]
-struct LevelInfo {
-    texels: u64,
-    largest_stray: f32,
-}
-
-#[derive(Debug, Serialize)]
 struct VerifyInfo {
     ok: bool,
     damaged_tiles: u64,
@@ -50,7 +44,6 @@ struct VerifyInfo {
     damage: Vec<String>,
     mesh_faults: Vec<String>,
     continuity: ContinuityInfo,
-    agreement: LevelInfo,
     levels: u32,
     bytes: u64,
     seconds: f64,
@@ -77,10 +70,6 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
             samples: continuity.samples,
             exempt_edges: continuity.exempt_edges,
             needless_splits: continuity.needless_splits,
-        },
-        agreement: LevelInfo {
-            texels: report.agreement.texels,
-            largest_stray: report.agreement.largest_stray,
         },
         levels: report.levels,
         bytes: report.bytes,
@@ -124,8 +113,6 @@ fn text(info: &VerifyInfo, path: &Path) -> String {
         .row("edges left out", grouped(continuity.exempt_edges))
         .row("levels compared", continuity.levels.to_string())
         .row("values compared", grouped(continuity.samples))
-        .row("coarser texels compared", grouped(info.agreement.texels))
-        .row("farthest from finer ones", format!("{:.2}", info.agreement.largest_stray))
         .row("result", if info.ok { "passed" } else { "NOT PASSED" });
     table.to_text()
 }
