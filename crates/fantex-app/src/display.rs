@@ -71,28 +71,8 @@ impl Overlay {
 }
 
 /// How light beyond one becomes a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ToneChoice {
-    #[default]
-    Clip,
-    /// Luminance compressed, hues kept.
-    Reinhard,
-    Filmic,
-}
-
-impl ToneChoice {
-    pub const ALL: [(Self, &'static str); 3] =
-        [(Self::Clip, "Clip"), (Self::Reinhard, "Reinhard"), (Self::Filmic, "Filmic")];
-
-    pub fn tone_map(self) -> ToneMap {
-        match self {
-            Self::Clip => ToneMap::Clip,
-            Self::Reinhard => ToneMap::Reinhard { white: 4.0 },
-            Self::Filmic => ToneMap::Filmic,
-        }
-    }
-}
+pub const TONE_MAPS: [(ToneMap, &str); 3] =
+    [(ToneMap::Clip, "Clip"), (ToneMap::Reinhard, "Reinhard"), (ToneMap::Filmic, "Filmic")];
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -102,7 +82,7 @@ pub struct DisplaySettings {
     pub has_wireframe: bool,
     /// Exposure in stops; 0 is as it is.
     pub exposure_stops: f32,
-    pub tone: ToneChoice,
+    pub tone: ToneMap,
     /// Longest ratio of a footprint's axes, 1 (trilinear) to 16.
     pub anisotropy: u32,
     /// Samples per pixel of edges: 1 or 4.
@@ -118,7 +98,7 @@ impl Default for DisplaySettings {
             overlay: Overlay::None,
             has_wireframe: false,
             exposure_stops: 0.0,
-            tone: ToneChoice::Clip,
+            tone: ToneMap::Clip,
             anisotropy: 8,
             samples: 4,
             is_adaptive: true,

@@ -8,7 +8,6 @@
 mod images;
 
 use std::collections::BTreeMap;
-use std::f32::consts::TAU;
 use std::sync::Arc;
 
 use fantex_base::{Aabb, Error, Result};
@@ -16,18 +15,17 @@ use fantex_mesh::{Mesh, ObjectSpace};
 use fantex_texture::combine::{Contours, Field, Layers, RampTexture, TextureUse};
 use fantex_texture::coordinates::{Coordinates, InPlace, InSpace, Parameter, Place, TextureMatrix};
 use fantex_texture::look::{Anisotropy, LookMaterial, NormalSpace, Opacity, Relief, Slot};
-use fantex_texture::noise::{Wave, Waves};
 use fantex_texture::{
     ColorRamp, DetailPolygon, Filter, Landscape, NoiseOptions, NoiseTexture, OMap, Placement,
-    PolygonsTexture, Recipe, SMap, Shape, ShapeKind, SolidTexture, Texture, TriplanarMap, TwoPartMapping,
-    WavesTexture,
+    PolygonsTexture, Recipe, SMap, Shape, ShapeKind, Sines, SolidTexture, Texture, TriplanarMap,
+    TwoPartMapping,
 };
 use glam::{DVec3, Vec2, Vec3};
 
 use crate::data::{
     AnisotropyTable, CoordinatesKind, CoordinatesTable, HeightTable, Input, MaterialBase, MaterialTable,
-    NormalMapTable, NormalSpaceName, OMapName, OpacityName, PolygonsTable, SinesTable, SurfaceTable,
-    TextureTable, TriplanarTable, WaveTable,
+    NormalMapTable, NormalSpaceName, OMapName, OpacityName, PolygonsTable, SurfaceTable, TextureTable,
+    TriplanarTable,
 };
 use crate::{Key, LookFile, problem};
 
@@ -262,19 +260,18 @@ impl Resolver<'_> {
         self.in_space(Slot::Texture(Arc::new(NoiseTexture::new(options))), &noise.place, key)
     }
 
-    fn sines(&self, table: &SinesTable, key: &Key) -> Result<Node> {
-        let waves = table.waves.iter().enumerate().map(|(index, wave)| {
+    fn sines(&self, sines: &InPlace<Sines>, key: &Key) -> Result<Node> {
+        for (index, wave) in sines.texture.waves.iter().enumerate() {
             let length = wave.direction.length();
-            if length > 0.0 && length.is_finite() {
-                return Ok(wave_along(wave.direction.normalize(), wave));
+            if !(length > 0.0 && length.is_finite()) {
+                let sentence = format!(
+                    "the length of the direction of a wave is {length}; it must be finite and above 0"
+                );
+                return self
+                    .refuse(&key.name("waves").index(index).name("direction"), Error::malformed(sentence));
             }
-            let sentence =
-                format!("the length of the direction of a wave is {length}; it must be finite and above 0");
-            self.refuse(&key.name("waves").index(index).name("direction"), Error::malformed(sentence))
-        });
-        let waves = Waves(waves.collect::<Result<_>>()?);
-        let texture = WavesTexture { waves, offset: table.offset };
-        self.in_space(Slot::Texture(Arc::new(texture)), &table.place, key)
+        }
+        self.in_space(Slot::Texture(Arc::new(sines.texture.clone())), &sines.place, key)
     }
 
     /// Without an origin, from 0 to 1 over the bounding box along the direction.
@@ -316,17 +313,6 @@ impl Resolver<'_> {
         );
         let texture = PolygonsTexture::new(&polygons, colors, base, place, table.repeat);
         Ok(Arc::new(self.accept(&list, texture)?))
-    }
-}
-
-/// Crests run against the direction's way where the speed is positive in phase, so the angular speed is negative: the wave
-/// moves along its direction.
-fn wave_along(direction: Vec3, wave: &WaveTable) -> Wave {
-    Wave {
-        wave_vector: direction * (TAU / wave.length),
-        amplitude: wave.amplitude,
-        phase: wave.phase.to_radians() as f32,
-        angular_speed: -TAU * wave.speed,
     }
 }
 

@@ -6,6 +6,8 @@ use fantex_texture::filter::halved_level;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::Vec3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A picture in linear light.
 #[derive(Clone, Debug, PartialEq)]
@@ -218,32 +220,36 @@ fn blur(layer: &Layer, sigma: f32) -> Layer {
 
 // From the light of a scene to what a screen can show.
 
-/// How light beyond one is brought into the range of a screen.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// How bright light is brought into the picture's range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum ToneMap {
-    /// It is cut off.
+    /// Cut off.
     #[default]
+    #[serde(rename = "none", alias = "clip")]
     Clip,
-    /// `L (1 + L / white^2) / (1 + L)` of the luminance; hues are kept (E. Reinhard et al., "Photographic Tone Reproduction
-    /// for Digital Images", 2002, equation 4).
-    Reinhard {
-        /// The smallest luminance that becomes one, positive.
-        white: f32,
-    },
-    /// Per channel `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`, a curve close to that of the Academy Color Encoding
-    /// System (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2015).
+    /// Reinhard's curve.
+    // `L (1 + L / white^2) / (1 + L)` of the luminance; hues are kept (E. Reinhard et al., "Photographic Tone Reproduction for
+    // Digital Images", 2002, equation 4).
+    Reinhard,
+    /// A film-like curve.
+    // Per channel `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`, close to that of the Academy Color Encoding System
+    // (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2015).
     Filmic,
 }
 
 impl ToneMap {
+    /// The smallest luminance that Reinhard's curve makes one.
+    pub const WHITE: f32 = 4.0;
+
     /// Maps linear RGB of the scene to linear RGB of the screen, 0..1.
     pub fn map(self, color: Vec3) -> Vec3 {
         let color = color.max(Vec3::ZERO);
         let mapped = match self {
             Self::Clip => color,
-            Self::Reinhard { white } => {
+            Self::Reinhard => {
                 let l = luminance(color);
-                color * ((1.0 + l / (white * white)) / (1.0 + l))
+                color * ((1.0 + l / (Self::WHITE * Self::WHITE)) / (1.0 + l))
             }
             Self::Filmic => {
                 // Beyond this the curve is one, and its squares would overflow.

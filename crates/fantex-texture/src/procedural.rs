@@ -1,10 +1,12 @@
 //! Noise and waves as textures of object space.
 
+use std::f32::consts::TAU;
+
 use fantex_base::parameters;
 use glam::{Vec3, Vec4};
 
-use crate::noise::{CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, Waves};
-use crate::{Allowed, Dependence, ShadingPoint, Texture};
+use crate::noise::{CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily};
+use crate::{Allowed, Dependence, List3, ShadingPoint, Texture};
 
 parameters! {
     /// Noise: a number, as grey.
@@ -120,22 +122,59 @@ impl Texture for NoiseTexture {
     }
 }
 
-/// A sum of sine waves as a texture: a number, as grey.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WavesTexture {
-    /// The waves.
-    pub waves: Waves,
-    /// Added to their sum.
-    pub offset: f32,
+parameters! {
+    /// Sine waves: a number, as grey.
+    #[schemars(extend("required" = ["waves"]))]
+    pub struct Sines {
+        /// The waves.
+        #[schemars(length(min = 1, max = 1024))]
+        pub waves: Vec<Wave> = Vec::new(),
+        /// Added to their sum.
+        pub offset: f32 = 0.5,
+    }
+
+    /// A sine wave.
+    #[derive(Copy)]
+    pub struct Wave {
+        /// Along which it changes, of any length but zero.
+        #[serde(with = "List3")]
+        pub direction: Vec3 = Vec3::X,
+        /// Its length, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub length: f32 = 0.5,
+        /// Its amplitude.
+        pub amplitude: f32 = 0.5,
+        /// Its phase at the origin, in degrees.
+        pub phase: f64 = 0.0,
+        /// Waves that pass each second.
+        pub speed: f32 = 0.0,
+    }
 }
 
-impl Texture for WavesTexture {
+impl Wave {
+    /// The mean over the parallelogram around `p` with the edges `steps` (zero for the value at the point). Exact: the mean of a
+    /// sine over an edge is its value in the middle times `sin(x)/x` of half the phase along the edge. The wave moves along its
+    /// direction, so its phase falls with time.
+    fn mean(&self, p: Vec3, steps: [Vec3; 2], time: f32) -> f32 {
+        let wave_vector = self.direction.normalize() * (TAU / self.length);
+        let left: f32 = steps.iter().map(|step| sinc(0.5 * wave_vector.dot(*step))).product();
+        let phase = wave_vector.dot(p) + self.phase.to_radians() as f32 - TAU * self.speed * time;
+        left * self.amplitude * phase.sin()
+    }
+}
+
+impl Texture for Sines {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let sum = self.waves.mean(at.position, at.position_steps, at.time);
+        let sum: f32 = self.waves.iter().map(|wave| wave.mean(at.position, at.position_steps, at.time)).sum();
         Vec3::splat(self.offset + sum).extend(1.0)
     }
 
     fn depends_on(&self, what: Dependence) -> bool {
-        what == Dependence::Time && self.waves.0.iter().any(|wave| wave.angular_speed != 0.0)
+        what == Dependence::Time && self.waves.iter().any(|wave| wave.speed != 0.0)
     }
+}
+
+/// `sin(x) / x`.
+fn sinc(x: f32) -> f32 {
+    if x.abs() < 1e-3 { 1.0 - x * x / 6.0 } else { x.sin() / x }
 }

@@ -6,7 +6,7 @@ use eframe::egui::{ComboBox, DragValue, RichText, ScrollArea, Spinner, Ui};
 
 use crate::camera::{CameraMode, FlyMotion, ViewPreset};
 use crate::command::Command;
-use crate::display::{DisplaySettings, Overlay, ToneChoice};
+use crate::display::{DisplaySettings, Overlay, TONE_MAPS};
 use crate::document::short_number;
 use crate::light::{BackgroundChoice, LightSettings, Surroundings};
 use crate::panels::streaming;
@@ -166,7 +166,7 @@ fn tone(ui: &mut Ui, display: &mut DisplaySettings) {
     let [least, most] = DisplaySettings::EXPOSURES;
     let exposure = number("Exposure", " EV", 2, "[ and ]");
     exposure.show(ui, &mut display.exposure_stops, least..=most);
-    row(ui, "Curve", |ui| choice(ui, "tone", &mut display.tone, &ToneChoice::ALL));
+    row(ui, "Curve", |ui| choice(ui, "tone", &mut display.tone, &TONE_MAPS));
 }
 
 fn show_view(ui: &mut Ui, viewer: &mut Viewer) {

@@ -220,7 +220,7 @@ impl Seen {
             filter: display.filter(),
             background: viewer.background(),
             exposure: display.exposure(),
-            tone_map: Some(display.tone.tone_map()),
+            tone_map: Some(display.tone),
             samples: display.samples,
             wireframe: display.has_wireframe.then(WireframeOptions::default),
             overlay: if is_asset { overlay(display.overlay) } else { DrawnOverlay::None },

@@ -401,7 +401,7 @@ impl FrameInputs<'_> {
         let [width, height] = view.size.map(|n| n as f32);
         let (tone_map, tone_white) = match options.tone_map {
             Some(ToneMap::Clip) => (0, 1.0),
-            Some(ToneMap::Reinhard { white }) => (1, white),
+            Some(ToneMap::Reinhard) => (1, ToneMap::WHITE),
             Some(ToneMap::Filmic) => (2, 1.0),
             None => (3, 1.0),
         };

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fantex_base::parameters;
-use fantex_scene::{Glow, Interpolation, LightQuantity, ShadingRate, ShadowOptions};
+use fantex_scene::{Glow, Interpolation, LightQuantity, ShadingRate, ShadowOptions, ToneMap};
 use fantex_texture::environment::{EnvironmentForm, EnvironmentLayout, Sky};
 use fantex_texture::{Color, Filter, Scale};
 use schemars::JsonSchema;
@@ -42,7 +42,7 @@ parameters! {
         #[schemars(range(min = -20, max = 20))]
         pub exposure: f64 = 0.0,
         /// How bright light is brought into the picture's range.
-        pub tone_mapping: ToneMappingName = ToneMappingName::None,
+        pub tone_mapping: ToneMap = ToneMap::Clip,
         /// Colour behind the scene, with alpha 0 for a transparent picture; from white above to grey below where it is left out.
         pub background: Option<Color> = None,
         /// Seconds since the start of the animation.
@@ -151,18 +151,6 @@ pub struct ShapeLength(#[schemars(extend("exclusiveMinimum" = 0))] pub f64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct PictureSide(#[schemars(range(min = 1, max = 16_384))] pub u32);
-
-/// How bright light is brought into the picture's range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ToneMappingName {
-    /// Cut off.
-    None,
-    /// Reinhard's curve.
-    Reinhard,
-    /// A film-like curve.
-    Filmic,
-}
 
 /// A simple shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

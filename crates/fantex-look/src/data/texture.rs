@@ -5,7 +5,7 @@ use fantex_texture::combine::{Binary, Combine, Contours, Layers, Mix, RampTextur
 use fantex_texture::coordinates::{InPlace, Place, PlaceUnit, TextureMatrixOptions};
 use fantex_texture::{
     AlphaUse, Brick, Checker, Clouds, Color, ColorSpace, Depth, Filter, FrameWrap, Granite, Landscape, List3,
-    Marble, NoiseOptions, PositiveLength, Rings, Rock, Wood, Wrap,
+    Marble, NoiseOptions, PositiveLength, Rings, Rock, Sines, Wood, Wrap,
 };
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -30,7 +30,7 @@ pub enum TextureTable {
     /// Gradient, cellular or white noise and its fractal sums.
     Noise(InPlace<NoiseOptions>),
     /// A sum of sine waves.
-    Sines(SinesTable),
+    Sines(InPlace<Sines>),
     /// Wood: annual rings about a trunk.
     Wood(InPlace<Wood>),
     /// Rings about an axis: `round(radius) mod period`.
@@ -334,34 +334,4 @@ pub enum DirectionName {
     Position,
     /// The view ray as it goes on behind the surface.
     View,
-}
-
-parameters! {
-    /// Sine waves: a number, as grey.
-    #[schemars(extend("required" = ["waves"]))]
-    pub struct SinesTable {
-        /// The waves.
-        #[schemars(length(min = 1, max = 1024))]
-        pub waves: Vec<WaveTable> = Vec::new(),
-        /// Added to their sum.
-        pub offset: f32 = 0.5,
-        /// Where they lie.
-        pub place: Place = Place::default(),
-    }
-
-    /// A sine wave.
-    pub struct WaveTable {
-        /// Along which it changes, of any length but zero.
-        #[serde(with = "List3")]
-        pub direction: Vec3 = Vec3::X,
-        /// Its length, in units of the place.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub length: f32 = 0.5,
-        /// Its amplitude.
-        pub amplitude: f32 = 0.5,
-        /// Its phase at the origin, in degrees.
-        pub phase: f64 = 0.0,
-        /// Waves that pass each second.
-        pub speed: f32 = 0.0,
-    }
 }

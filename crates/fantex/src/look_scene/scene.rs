@@ -2,7 +2,7 @@
 
 use fantex_base::Result;
 use fantex_look::Key;
-use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable, ToneMappingName};
+use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable};
 use fantex_look::problem;
 use fantex_mesh::ObjectSpace;
 use fantex_render::{
@@ -139,12 +139,9 @@ impl<'a> LookScene<'a> {
         if let Some(glow) = picture.glow.filter(|glow| glow.threshold.is_some()) {
             rendering.picture = rendering.picture.with_glow(&rendering.picture, &glow);
         }
-        let tone_map = match picture.tone_mapping {
-            ToneMappingName::None => return Ok(rendering),
-            ToneMappingName::Reinhard => ToneMap::Reinhard { white: 4.0 },
-            ToneMappingName::Filmic => ToneMap::Filmic,
-        };
-        rendering.picture = rendering.picture.tone_mapped(tone_map);
+        if picture.tone_mapping != ToneMap::Clip {
+            rendering.picture = rendering.picture.tone_mapped(picture.tone_mapping);
+        }
         Ok(rendering)
     }
 
