@@ -12,7 +12,7 @@ use crate::flatten::{Laid, unfolded_corners};
 use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
 use crate::partition::Item;
 use crate::surface::{Ring, Surface};
-use crate::{Cover, CoverStats, Group, GroupKind, REPORTED_FANS, UnfoldedCorner};
+use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
 
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,21 +56,17 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let fans = Fans::of(&mesh.triangles, &vertex_corners);
     drop(vertex_corners);
-    let mut surface = Surface::new(mesh, fans);
+    let surface = Surface::new(mesh, fans);
     let density = NominalDensity::new(&surface, options);
     let mut stats = CoverStats::default();
     let grouping = if options.tile == 0 {
-        let lay = |surface: &Surface<'_>| lay_fans(surface, &density, options.delta);
-        let laid = decide(&mut surface, &mut stats, lay, |laid, verdict| {
-            laid.iter().for_each(|l| verdict(l.fan, l.layout, l.folds));
-        });
+        let laid = lay_fans(&surface, &density, options.delta);
+        stats.fans.folding = laid.iter().filter(|laid| laid.folds).count() as u64;
         stats.seconds_fans = started.elapsed().as_secs_f64();
         Grouping { fan_groups: fan_groups(&surface.fans, &laid), laid }
     } else {
-        let find = |surface: &Surface<'_>| shape_fans(surface, &density);
-        let (shapes, items) = decide(&mut surface, &mut stats, find, |(shapes, _), verdict| {
-            (0..).zip(shapes).for_each(|(fan, shape)| verdict(fan, shape.layout, shape.folds));
-        });
+        let (shapes, items) = shape_fans(&surface, &density);
+        stats.fans.folding = shapes.iter().filter(|shape| shape.folds).count() as u64;
         stats.seconds_fans = started.elapsed().as_secs_f64();
         let limits =
             GroupLimits { delta: options.delta, extent_texels: options.tile as f32, facing: options.facing };
@@ -80,8 +76,9 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
         TexelBudget::Total(texels) => scale_to_total(&grouping.laid, texels),
         _ => 1.0,
     };
+    stats.fans.total = surface.fans.len() as u64;
     stats.fans.unfolded = grouping.laid.iter().filter(|l| l.layout == Layout::Unfolded).count() as u64;
-    stats.fans.projected = surface.fans.len() as u64 - stats.fans.unfolded;
+    stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let cover = assemble(&surface, grouping, scale, density.mean(&surface) * scale, options.delta)?;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, |t| density.of_triangle(t) * scale);
@@ -134,40 +131,8 @@ pub struct FanCounts {
     pub projected: u64,
     /// Laid flat by unfolding.
     pub unfolded: u64,
-    /// Neither: split into their triangles (a cone of three triangles pressed flat, for example).
-    pub split: u64,
-    /// Fans that no direction sees wholly from the front (they are among the unfolded and the split).
+    /// Fans that no direction sees wholly from the front.
     pub folding: u64,
-}
-
-/// Decides about every fan and counts the decisions; fans that must be split are replaced by one fan per triangle. `find`
-/// looks at all fans of a surface; `tell` tells each fan's layout, and whether it folds.
-fn decide<T>(
-    surface: &mut Surface<'_>,
-    stats: &mut CoverStats,
-    find: impl Fn(&Surface<'_>) -> T,
-    tell: impl Fn(&T, &mut dyn FnMut(u32, Layout, bool)),
-) -> T {
-    let found = find(surface);
-    let mut split = Vec::new();
-    stats.fans.total = surface.fans.len() as u64;
-    tell(&found, &mut |fan, layout, folds| {
-        stats.fans.folding += u64::from(folds);
-        match layout {
-            Layout::Projected => stats.fans.projected += 1,
-            Layout::Unfolded => stats.fans.unfolded += 1,
-            Layout::Split => split.push(fan),
-        }
-    });
-    stats.fans.split = split.len() as u64;
-    if split.is_empty() {
-        return found;
-    }
-    split.sort_unstable();
-    stats.split_centers =
-        split.iter().take(REPORTED_FANS).map(|&fan| surface.fan_center(fan as usize)).collect();
-    surface.fans = surface.fans.with_split(|fan| split.binary_search(&(fan as u32)).is_ok());
-    find(surface)
 }
 
 /// How each fan is laid flat, and what the partition needs to know of it.
@@ -193,24 +158,6 @@ fn shape_fans(surface: &Surface<'_>, density: &NominalDensity<'_>) -> (Vec<FanSh
         .map_init(Ring::default, shape)
         .unzip_into_vecs(&mut shapes, &mut items);
     (shapes, items)
-}
-
-/// The centre vertices of the fans that can neither be projected nor unfolded, ascending: only there may a cover be split, so
-/// a verifier can tell a split that had to be from a fault.
-pub fn unflattenable_vertices(mesh: &Mesh) -> Vec<u32> {
-    let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
-    let surface = Surface::new(mesh, Fans::of(&mesh.triangles, &vertex_corners));
-    let must_split = |ring: &mut Ring, fan: usize| {
-        let corner = surface.fans.corners(fan)[0].corner() as usize;
-        ring.gather(&surface, fan);
-        (FanShape::of(ring, &surface, fan).layout == Layout::Split)
-            .then(|| mesh.triangles[corner / 3][corner % 3])
-    };
-    let mut vertices: Vec<u32> =
-        (0..surface.fans.len()).into_par_iter().map_init(Ring::default, must_split).flatten().collect();
-    vertices.sort_unstable();
-    vertices.dedup();
-    vertices
 }
 
 /// Tile extents for regions of a size in nominal texels.
@@ -308,7 +255,7 @@ fn place(laid: &Laid, scale: f32) -> Group {
     let uv_offset = Vec2::splat(0.5) - uv_scale * middle;
     let kind = match laid.layout {
         Layout::Unfolded => GroupKind::Unfolded,
-        Layout::Projected | Layout::Split => GroupKind::Projected,
+        Layout::Projected => GroupKind::Projected,
     };
     Group { kind, frame: laid.frame, uv_scale, uv_offset, extent }
 }

@@ -1,4 +1,4 @@
-//! How each fan is laid flat: projected along its best direction, unfolded, or split.
+//! How each fan is laid flat: projected along its best direction, or unfolded.
 
 use fantex_mesh::unit_vector;
 use glam::{Vec2, Vec3, Vec3Swizzles};
@@ -19,8 +19,6 @@ const FOLDED_BELOW: f32 = 1e-3;
 pub(crate) enum Layout {
     Projected,
     Unfolded,
-    /// Neither works: every triangle must go alone.
-    Split,
 }
 
 /// How far a partial fan reaches from its centre in each direction, nearly: the ellipsoid of its spokes' second moments.
@@ -73,15 +71,9 @@ impl FanShape {
     pub(crate) fn of(ring: &Ring, surface: &Surface<'_>, fan: usize) -> Self {
         let cone = narrowest_cone(&ring.normals);
         let projectable = cone.cos > FOLDED_BELOW && winds_once(ring, cone.axis);
-        let layout = if projectable && cone.cos >= UNFOLD_BELOW {
-            Layout::Projected
-        } else if unfold(surface, fan).is_some() {
-            Layout::Unfolded
-        } else if projectable {
-            Layout::Projected
-        } else {
-            Layout::Split
-        };
+        // What cannot be unfolded is a triangle with its double: one image serves both.
+        let is_projected = projectable && cone.cos >= UNFOLD_BELOW || unfold(surface, fan).is_none();
+        let layout = if is_projected { Layout::Projected } else { Layout::Unfolded };
         let facets = || ring.normals.iter().zip(&ring.areas);
         let sum: Vec3 = facets().map(|(&normal, &area)| normal * area).sum();
         let mean = sum.try_normalize().unwrap_or(cone.axis);
@@ -128,7 +120,7 @@ const MIN_TRIANGLE_ANGLE: f32 = 1e-3;
 const MAX_OPEN_FAN_ANGLE: f32 = 5.236;
 
 /// Planar coordinates of the centre (the origin) and the two ring vertices of each triangle, in the fan's order and
-/// mesh units; `None` only for closed fans of two triangles, which lie back to back.
+/// mesh units; `None` only for closed fans of two triangles, which coincide.
 pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>> {
     let corners = surface.fans.corners(fan);
     let mut radii = Vec::with_capacity(corners.len());

@@ -345,8 +345,7 @@ fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
 // Fans are visited along a space-filling curve, which is the order of the tiles, and everything about a fan is derived from
 // one gathering of its ring while that is in the first cache.
 
-/// Lays every fan flat, in the order of a Morton curve. Fans that neither can be projected nor unfolded are marked
-/// [`Layout::Split`].
+/// Lays every fan flat, in the order of a Morton curve.
 pub(crate) fn lay_fans(surface: &Surface<'_>, density: &NominalDensity<'_>, delta: f32) -> Vec<Laid> {
     let curve = curve(surface);
     curve
@@ -407,7 +406,7 @@ impl Layer {
                 let r = self.rectangles.smallest_around_star(&self.outline, pad);
                 (r, (x * r.x_axis.x + y * r.x_axis.y).normalize())
             }
-            Layout::Unfolded | Layout::Split => {
+            Layout::Unfolded => {
                 let unfolded = unfolded_rectangle(surface, fan as usize, delta, pad, &mut self.rectangles);
                 (unfolded.map_or(Rectangle::POINT, |u| u.0), x)
             }

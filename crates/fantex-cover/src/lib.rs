@@ -4,7 +4,7 @@
 //!  Mesh --> fans --> fan_shape --> partition --------------> flatten --> merge --> Cover
 //!           umbrellas  project?    cuts that make tiles      direction,  groups    tile maps,
 //!                 |    unfold?     cheaper; connected        rectangle,  join      extents
-//!                 |    split?      pieces                    injective?              ^
+//!                 |                pieces                    injective?              ^
 //!                 '--> lay_fans (one fan per tile: all of that, fan by fan) ---------'
 //! ```
 //!

@@ -20,16 +20,11 @@ pub struct Percentiles {
     pub p99: f32,
 }
 
-/// No more than so many split fans are named.
-pub const REPORTED_FANS: usize = 64;
-
 /// Figures of a cover, measured over the whole surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CoverStats {
     /// Fans by how they were laid flat.
     pub fans: FanCounts,
-    /// Centres of the fans that were split, mesh space; the first [`REPORTED_FANS`] of them.
-    pub split_centers: Vec<Vec3>,
     /// Groups, which is also the number of tiles.
     pub groups: u64,
     /// Texels of all tiles at level 0.

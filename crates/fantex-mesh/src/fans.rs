@@ -117,29 +117,6 @@ impl Fans {
         Self { corner_fans, first, corners, closed }
     }
 
-    /// The same fans, except that each one that `split` picks is replaced by one open fan per triangle.
-    pub fn with_split(&self, split: impl Fn(usize) -> bool) -> Self {
-        let mut part = Part::default();
-        for fan in 0..self.len() {
-            let length = self.corners(fan).len();
-            if split(fan) {
-                part.lengths.extend(std::iter::repeat_n(1, length));
-                part.closed.extend(std::iter::repeat_n(false, length));
-            } else {
-                part.lengths.push(length as u32);
-                part.closed.push(self.closed[fan]);
-            }
-        }
-        let mut first = vec![0];
-        first.extend(part.lengths.iter().scan(0, |end, length| {
-            *end += length;
-            Some(*end)
-        }));
-        let corners = self.corners.clone();
-        let corner_fans = invert(&first, &corners, corners.len());
-        Self { corner_fans, first, corners, closed: part.closed }
-    }
-
     /// Number of fans.
     pub fn len(&self) -> usize {
         self.closed.len()

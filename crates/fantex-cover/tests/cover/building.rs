@@ -115,20 +115,11 @@ fn one_fan_per_tile_is_the_thesis() {
             .collect();
         pairs.sort_unstable();
         pairs.dedup();
-        // No tile serves two fans; a fan has one tile, or one per triangle if it was split.
+        // A tile for every fan.
         let mut groups: Vec<u32> = pairs.iter().map(|p| p.1).collect();
         groups.sort_unstable();
         assert!(groups.windows(2).all(|w| w[0] != w[1]) && groups.len() == cover.groups.len(), "{name}");
-        let mut split = 0;
-        for run in pairs.chunk_by(|a, b| a.0 == b.0) {
-            if run.len() > 1 {
-                assert_eq!(run.len(), fans.corners(run[0].0 as usize).len(), "{name}");
-                split += 1;
-            } else if fans.corners(run[0].0 as usize).len() == 1 {
-                continue;
-            }
-        }
-        assert!(split <= stats.fans.split, "{name}: {split} of {:?}", stats.fans);
+        assert!(pairs.windows(2).all(|w| w[0].0 != w[1].0), "{name}");
         let unfolded = cover.groups.iter().filter(|g| g.kind == GroupKind::Unfolded).count() as u64;
         assert_eq!(unfolded, stats.fans.unfolded, "{name}");
     }
@@ -168,7 +159,7 @@ fn covers_do_not_depend_on_threads() {
 fn a_spike_is_unfolded() {
     let mesh = spike(16, 25.0);
     let (cover, stats) = covered("spike", &mesh, &options(128, TexelBudget::Total(1 << 18)));
-    assert!(stats.fans.unfolded >= 1 && stats.fans.split == 0, "{:?}", stats.fans);
+    assert!(stats.fans.unfolded >= 1, "{:?}", stats.fans);
     let tip = (0..mesh.positions.len())
         .max_by(|&a, &b| mesh.positions[a].y.total_cmp(&mesh.positions[b].y))
         .unwrap();
@@ -185,7 +176,7 @@ fn a_fan_that_folds_is_unfolded_and_counted() {
     // Angles sum up to far more than a full turn, and no direction sees all triangles.
     for (n, height) in [(6, 1.0), (10, 1.2), (24, 2.0)] {
         let (_, stats) = covered("saddle", &saddle(n, height, 1.4), &options(0, TexelBudget::Total(1 << 16)));
-        assert_eq!((stats.fans.folding, stats.fans.split), (1, 0), "{:?}", stats.fans);
+        assert_eq!(stats.fans.folding, 1, "{:?}", stats.fans);
         assert!(stats.fans.unfolded >= 1);
     }
 }
@@ -195,7 +186,7 @@ fn twins_have_fans_of_their_own() {
     let mesh = cleaned(model(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2], [0, 2, 1]]));
     for tile in [0, 64] {
         let (cover, stats) = covered("twins", &mesh, &options(tile, TexelBudget::Total(10_000)));
-        assert_eq!((stats.fans.total, stats.fans.split, stats.fans.folding), (6, 0, 0));
+        assert_eq!((stats.fans.total, stats.fans.folding), (6, 0));
         // Front and back share no tile.
         assert!(cover.corner_groups[0].iter().all(|g| !cover.corner_groups[1].contains(g)));
     }
@@ -206,7 +197,7 @@ fn twins_have_fans_of_their_own() {
 fn both_sides_of_a_leaf_are_grouped() {
     let (_, front) = covered("grid", &cleaned(generate::grid(8)), &options(64, TexelBudget::Total(10_000)));
     let (cover, both) = covered("leaf", &leaf(), &options(64, TexelBudget::Total(20_000)));
-    assert_eq!((both.fans.total, both.fans.split), (2 * front.fans.total, 0));
+    assert_eq!(both.fans.total, 2 * front.fans.total);
     assert!(both.groups <= 2 * front.groups + 4, "{} {}", both.groups, front.groups);
     let triangles = cover.corner_groups.len() / 2;
     for t in 0..triangles {

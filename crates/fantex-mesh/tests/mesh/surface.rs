@@ -285,26 +285,6 @@ fn fans_do_not_depend_on_threads() {
     assert_eq!(one, listed(4));
 }
 
-#[test]
-fn split_fans_are_one_per_triangle_and_leave_the_others() {
-    let triangles = generate::icosphere(1).triangles;
-    let fans = fans_of(&triangles);
-    let split = fans.with_split(|f| f % 4 == 0);
-    let expected: usize = (0..fans.len()).map(|f| if f % 4 == 0 { fans.corners(f).len() } else { 1 }).sum();
-    assert_eq!(split.len(), expected);
-    for c in 0..3 * triangles.len() {
-        let (before, after) = (fans.of_corner(c) as usize, split.of_corner(c) as usize);
-        if before % 4 == 0 {
-            assert_eq!(split.corners(after).len(), 1);
-            assert_eq!(split.corners(after)[0].corner() as usize, c);
-            assert!(!split.is_closed(after));
-        } else {
-            assert_eq!(split.corners(after), fans.corners(before));
-            assert_eq!(split.is_closed(after), fans.is_closed(before));
-        }
-    }
-}
-
 /// Soups with so few vertices that everything non-manifold happens: books, bow-ties, twins, duplicates.
 fn soup() -> impl Strategy<Value = Vec<[u32; 3]>> {
     (4u32..12).prop_flat_map(|n| {
