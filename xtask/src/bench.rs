@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::shell::{Failure, capture, cargo, data_folder, root, succeeds};
 
 /// The peer: UV unwrapping by xatlas, from Python.
-const XATLAS: &str = "xtask/src/xatlas_peer.py";
+const XATLAS: &str = "crates/fantex-bench/src/xatlas_peer.py";
 /// Landscapes for the speed of covering, in triangles.
 const LANDSCAPES: [&str; 3] = ["100k", "500k", "2M"];
 
@@ -75,8 +75,9 @@ fn peer(fantex: &Program, name: &str, mesh: &Path) -> Result<Option<Value>, Fail
     let cover = info["seconds"]["cover"].as_f64().unwrap_or(f64::NAN);
     eprintln!("> python3 {XATLAS} {}", mesh.display());
     let output = capture(Command::new("python3").arg(root().join(XATLAS)).arg(mesh))?;
-    let xatlas: f64 =
-        output.trim().parse().map_err(|_| Failure(format!("{XATLAS} did not print seconds: {output}")))?;
+    let printed: Value = serde_json::from_str(&output)
+        .map_err(|_| Failure(format!("{XATLAS} did not print its figures: {output}")))?;
+    let xatlas = printed["seconds"].as_f64().unwrap_or(f64::NAN);
     Ok(Some(json!({
         "name": format!("{name}, cover beside xatlas"),
         "value": cover,

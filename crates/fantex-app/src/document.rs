@@ -276,7 +276,7 @@ impl Document {
             scale: SceneScale::of(&world_bounds(mesh)),
             notes: Vec::new(),
             model_facts,
-            cover_facts: cover_facts(cover),
+            cover_facts: cover_facts(cover, asset.mesh()),
             channels,
             place,
             content: Content::Asset(asset),
@@ -332,7 +332,7 @@ fn mesh_facts(mesh: &Mesh) -> Vec<Fact> {
     ]
 }
 
-fn cover_facts(cover: &Cover) -> Vec<Fact> {
+fn cover_facts(cover: &Cover, mesh: &Mesh) -> Vec<Fact> {
     let unfolded = cover.groups.iter().filter(|group| group.kind == GroupKind::Unfolded).count();
     let (mut least, mut most) = (u32::MAX, 0);
     for group in &cover.groups {
@@ -342,7 +342,7 @@ fn cover_facts(cover: &Cover) -> Vec<Fact> {
     let mut facts = vec![
         fact("Groups (tiles)", grouped(cover.groups.len() as u64)),
         fact("Unfolded fans", grouped(unfolded as u64)),
-        fact("Texels", grouped(cover.texels())),
+        fact("Texels", grouped(cover.stored_texels(mesh))),
     ];
     if !cover.groups.is_empty() {
         facts.push(fact("Tile sides", format!("{least} to {most} texels")));

@@ -61,7 +61,7 @@ pub fn bake(
     let meter = Meter::new(progress, cover.texels());
     let baker = TileBaker { mesh, cover, source, normals: &normals, plans: &plans, options, meter: &meter };
     let mut summary = BakeSummary {
-        texels: cover.texels(),
+        texels: cover.stored_texels(mesh),
         channels: channels.iter().map(|c| format!("{:?}", c.kind)).collect(),
         ..BakeSummary::default()
     };

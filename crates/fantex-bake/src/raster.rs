@@ -175,12 +175,15 @@ impl Raster {
 
     /// Gives every texel that a bilinear look-up may read, and the rest of its 4x4 block, a value: invalid ones continue
     /// their valid neighbours, or take their block's mean. Blocks that nothing reads become zero. `values` as in `fitted`.
-    pub(crate) fn fill_blocks(&self, values: &mut [Vec4]) {
+    /// Tells, row by row, which blocks are read.
+    pub(crate) fn fill_blocks(&self, values: &mut [Vec4]) -> Vec<bool> {
         let [width, height] = self.extent.map(|n| n as usize);
+        let mut read = Vec::with_capacity(width / 4 * (height / 4));
         for y in (0..height).step_by(4) {
             for x in (0..width).step_by(4) {
                 let texels = (0..16).map(|k| (x + k % 4, y + k / 4));
-                if self.is_block_read(x, y) {
+                read.push(self.is_block_read(x, y));
+                if read.last() == Some(&true) {
                     self.fill_block(texels, values);
                 } else {
                     for (x, y) in texels {
@@ -190,6 +193,7 @@ impl Raster {
                 }
             }
         }
+        read
     }
 
     /// True where a look-up falls into the block or a texel beside it.

@@ -15,8 +15,8 @@ use fantex_base::Result;
 use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
 use fantex_mesh::{AlphaMode, Mesh, SurfacePoint, interpolate};
 use fantex_store::{
-    Channel, ChannelKind, EncodedPage, PageId, Quality, TexelFormat, TexelSlice, encode_many, page_extent,
-    page_grid, page_origin,
+    Channel, ChannelKind, EncodedPage, PageId, PageTexels, Quality, TexelFormat, TexelSlice, encode_many,
+    page_extent, page_grid, page_origin,
 };
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use glam::{Vec2, Vec3, Vec4};
@@ -294,8 +294,8 @@ impl TileBaker<'_> {
             raster.values.clone()
         };
         raster.keep_coverage(&mut values, &mut tile.covered);
-        raster.fill_blocks(&mut values);
-        let filled = Texels { extent: raster.extent, values, channels: raster.channels };
+        let read = raster.fill_blocks(&mut values);
+        let filled = Texels { extent: raster.extent, values, read, channels: raster.channels };
         tile.bake_time += started.elapsed();
         let started = Instant::now();
         let grid = page_grid(size);
@@ -433,6 +433,8 @@ impl ChannelPlan {
 pub(crate) struct Texels {
     pub(crate) extent: [u32; 2],
     pub(crate) values: Vec<Vec4>,
+    /// Per block of 4x4.
+    pub(crate) read: Vec<bool>,
     pub(crate) channels: usize,
 }
 
@@ -449,6 +451,14 @@ struct Window<'a> {
 }
 
 impl Window<'_> {
+    /// Which of its blocks are read.
+    fn read(&self) -> Vec<bool> {
+        let stride = self.texels.extent[0] as usize / 4;
+        let [x, y, width, height] =
+            [self.origin[0], self.origin[1], self.extent[0], self.extent[1]].map(|n| n as usize / 4);
+        (y..y + height).flat_map(|row| &self.texels.read[row * stride + x..][..width]).copied().collect()
+    }
+
     /// The values of one channel, stored as `store` says.
     fn stored<T>(&self, channel: usize, store: impl Fn(Vec4) -> T) -> Vec<T> {
         let [width, height] = self.extent.map(|n| n as usize);
@@ -463,23 +473,29 @@ impl Window<'_> {
     }
 }
 
+fn to_encode<'a>(
+    texels: impl Iterator<Item = TexelSlice<'a>>,
+    pages: &[Window<'_>],
+    read: &'a [Vec<bool>],
+) -> Vec<PageTexels<'a>> {
+    let pages = pages.iter().zip(read).zip(texels);
+    pages.map(|((page, read), texels)| PageTexels { extent: page.extent, texels, read: Some(read) }).collect()
+}
+
 /// Encodes pages of all channels: `result[page][channel]`.
 fn encode_pages(plans: &[ChannelPlan], quality: Quality, pages: &[Window<'_>]) -> Result<Vec<Vec<Vec<u8>>>> {
     let mut encoded = vec![Vec::with_capacity(plans.len()); pages.len()];
+    let read: Vec<Vec<bool>> = pages.iter().map(Window::read).collect();
     for (index, plan) in plans.iter().enumerate() {
         let format = plan.channel.format;
         let bytes = if format == TexelFormat::Rgba32F {
             let texels: Vec<Vec<[f32; 4]>> =
                 pages.iter().map(|p| p.stored(index, |v| plan.float(v))).collect();
-            let slices: Vec<_> =
-                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
-            encode_many(format, quality, &slices)?
+            encode_many(format, quality, &to_encode(texels.iter().map(|t| TexelSlice::F32(t)), pages, &read))?
         } else {
             let texels: Vec<Vec<[u8; 4]>> =
                 pages.iter().map(|p| p.stored(index, |v| plan.bytes(v))).collect();
-            let slices: Vec<_> =
-                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
-            encode_many(format, quality, &slices)?
+            encode_many(format, quality, &to_encode(texels.iter().map(|t| TexelSlice::U8(t)), pages, &read))?
         };
         for (page, bytes) in encoded.iter_mut().zip(bytes) {
             page.push(bytes);

@@ -2,12 +2,19 @@
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec3;
-use fantex::mesh::{CleanOptions, LoadOptions, Material, Model, clean, generate, load};
+use fantex::mesh::{
+    CleanOptions, LoadOptions, Material, Mesh, Model, WriteGeometry, clean, generate, load, write_model,
+};
 use fantex_base::Random;
+use serde_json::Value;
 
 use crate::{Measured, Row};
 
@@ -36,7 +43,7 @@ const GENERATED: [(&str, u64, Maker); 8] = [
 ];
 
 /// For each model what its cover loses beside ideal texels, the share of the ideal density in the worst direction, and triangles per
-/// second. Files are those of the test data, where there are some.
+/// second, beside what xatlas makes of the same mesh with as many texels. Files are those of the test data, where there are some.
 pub(crate) fn rows() -> Measured {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let data = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
@@ -60,14 +67,62 @@ fn measured(name: &str, model: Model, texels: u64) -> Measured {
     let (mesh, _) = clean(model, &CleanOptions::default())?;
     let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
     let (_, stats) = build_cover(&mesh, &options)?;
-    let speed = mesh.triangles.len() as f64 / (stats.seconds_fans + stats.seconds_groups) / 1e6;
-    Ok(vec![
+    let seconds = stats.seconds_fans + stats.seconds_groups;
+    let mut rows = vec![
         Row::new(format!("{name}, loss"), stats.loss_db, "dB"),
         Row::new(format!("{name}, worst direction"), stats.worst_share, "of ideal"),
         Row::new(format!("{name}, gaps"), stats.gap_share, "of texels"),
         Row::new(format!("{name}, tiles"), stats.groups as f64, ""),
-        Row::new(format!("{name}, speed"), speed, "M triangles/s"),
-    ])
+        Row::new(format!("{name}, speed"), mesh.triangles.len() as f64 / seconds / 1e6, "M triangles/s"),
+    ];
+    match unwrapped(&mesh, texels) {
+        Ok(peer) => {
+            let of_peer = |key: &str| peer[key].as_f64().unwrap_or(f64::NAN);
+            rows.push(Row::new(format!("{name}, loss of xatlas"), of_peer("loss_db"), "dB"));
+            rows.push(Row::new(
+                format!("{name}, worst direction of xatlas"),
+                of_peer("worst_share"),
+                "of ideal",
+            ));
+            rows.push(Row::new(
+                format!("{name}, time of xatlas"),
+                of_peer("seconds") / seconds,
+                "times ours",
+            ));
+        }
+        Err(why) => eprintln!("SKIPPED: {name} beside xatlas: {why}"),
+    }
+    Ok(rows)
+}
+
+/// The peer ends after so many seconds.
+const PATIENCE: Duration = Duration::from_secs(180);
+
+/// What xatlas, in Python, makes of a mesh.
+fn unwrapped(mesh: &Mesh, texels: u64) -> Result<Value, String> {
+    let said = |e: &dyn Display| e.to_string();
+    let folder = tempfile::tempdir().map_err(|e| said(&e))?;
+    let path = folder.path().join("mesh.ply");
+    let positions: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+    let geometry = WriteGeometry { positions: &positions, triangles: &mesh.triangles, colors: None };
+    write_model(&path, &geometry, false).map_err(|e| said(&e))?;
+    let mut python = Command::new("python3")
+        .args([concat!(env!("CARGO_MANIFEST_DIR"), "/src/xatlas_peer.py").as_ref(), path.as_os_str()])
+        .arg(texels.to_string())
+        .stdout(Stdio::piped())
+        .spawn()
+        .map_err(|e| format!("python3: {e}"))?;
+    let started = Instant::now();
+    while python.try_wait().map_err(|e| said(&e))?.is_none() {
+        if started.elapsed() > PATIENCE {
+            python.kill().map_err(|e| said(&e))?;
+            return Err(format!("it was not done after {} s", PATIENCE.as_secs()));
+        }
+        sleep(Duration::from_millis(20));
+    }
+    let output = python.wait_with_output().map_err(|e| said(&e))?;
+    serde_json::from_slice(&output.stdout)
+        .map_err(|_| "it failed; it needs the Python packages xatlas and numpy".to_owned())
 }
 
 fn model_of(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Model {

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use fantex::base::random::nth_random;
-use fantex::store::{Quality, TexelFormat, TexelSlice, encode_many};
+use fantex::store::{PageTexels, Quality, TexelFormat, TexelSlice, encode_many};
 
 type Measured = Result<Vec<Row>, Box<dyn Error>>;
 
@@ -122,7 +122,9 @@ fn encode() -> Measured {
         ("encode bc7, very-fast", TexelFormat::Bc7, Quality::VeryFast),
         ("encode bc7, basic", TexelFormat::Bc7, Quality::Basic),
     ];
-    let tiles: Vec<_> = (0..TILES).map(|_| ([SIDE; 2], TexelSlice::U8(&tile))).collect();
+    let tiles: Vec<_> = (0..TILES)
+        .map(|_| PageTexels { extent: [SIDE; 2], texels: TexelSlice::U8(&tile), read: None })
+        .collect();
     let texels = TILES as f64 * f64::from(SIDE * SIDE);
     formats
         .into_iter()

@@ -7,6 +7,7 @@ use fantex_mesh::{Fans, Mesh, VertexCorners};
 use glam::Vec2;
 use rayon::prelude::*;
 
+use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Laid, unfolded_corners};
 use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
@@ -17,7 +18,7 @@ use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TexelBudget {
-    /// So many texels in all tiles at level 0 (reached within a percent unless tiles are at their smallest).
+    /// So many stored texels at level 0 (see [`Cover::stored_texels`]; reached within a percent unless tiles are at their smallest).
     Total(u64),
     /// Texels per mesh unit of length, everywhere.
     Density(f64),
@@ -72,16 +73,20 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
             GroupLimits { delta: options.delta, extent_texels: options.tile as f32, facing: options.facing };
         group_fans(&surface, &shapes, items, &density, &limits)
     };
-    let scale = match options.budget {
-        TexelBudget::Total(texels) => scale_to_total(&grouping.laid, texels),
-        _ => 1.0,
-    };
     stats.fans.total = surface.fans.len() as u64;
     stats.fans.unfolded = grouping.laid.iter().filter(|l| l.layout == Layout::Unfolded).count() as u64;
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
-    let cover = assemble(&surface, grouping, scale, density.mean(&surface) * scale, options.delta)?;
+    let mean = density.mean(&surface);
+    let sized = |scale: f32| {
+        let cover = assemble(&surface, &grouping, scale, mean * scale, options.delta)?;
+        Ok(Sized { texels: cover.stored_texels(mesh), cover, scale })
+    };
+    let Sized { cover, texels, scale } = match options.budget {
+        TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, sized)?,
+        _ => sized(1.0)?,
+    };
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
-    stats.measure(&surface, &cover, |t| density.of_triangle(t) * scale);
+    stats.measure(&surface, &cover, texels, |t| density.of_triangle(t) * scale);
     Ok((cover, stats))
 }
 
@@ -165,22 +170,69 @@ fn extent(texels: Vec2, scale: f32) -> [u32; 2] {
     (texels * scale).to_array().map(side_texels)
 }
 
-/// The factor of all densities with which the tiles hold `texels` together, as nearly as rounding allows and not more.
+/// A cover with all densities times a factor.
+struct Sized {
+    cover: Cover,
+    /// Stored texels.
+    texels: u64,
+    scale: f32,
+}
+
+/// The cover that stores `texels`, within a percent and not more, unless tiles are at their smallest. `sized` makes covers; what they store is
+/// known nearly before.
+fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(f32) -> Result<Sized>) -> Result<Sized> {
+    let mut best = sized(scale_to_total(laid, texels))?;
+    let (mut low, mut high) = (0.0, f32::INFINITY);
+    let (mut scale, mut reached) = (best.scale, best.texels);
+    for _ in 1..SIZES {
+        if reached > texels {
+            high = scale
+        } else {
+            low = scale
+        }
+        let ratio = texels as f64 / reached.max(1) as f64;
+        if (1.0..1.01).contains(&ratio) || high < low * SCALE_TOLERANCE {
+            break;
+        }
+        // Texels grow nearly with the square of the scale.
+        let guess = scale * (ratio * AIM).sqrt() as f32;
+        scale = if guess > low && guess < high { guess } else { (low * high).sqrt() };
+        if !(scale.is_finite() && scale > 0.0) {
+            break;
+        }
+        let found = sized(scale)?;
+        reached = found.texels;
+        let [is_in, was_in] = [reached, best.texels].map(|n| n <= texels);
+        if if is_in { !was_in || reached > best.texels } else { !was_in && reached < best.texels } {
+            best = found;
+        }
+    }
+    Ok(best)
+}
+
+/// Sizes tried for a total, at most; mostly two.
+const SIZES: usize = 8;
+
+/// Aims a little below the total.
+const AIM: f64 = 0.996;
+
+/// The factor of all densities with which the tiles store `texels` together, nearly.
 fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
-    let sizes: Vec<Vec2> = laid.par_iter().with_min_len(1 << 12).map(|l| l.size * l.density).collect();
+    let regions: Vec<Region> =
+        laid.par_iter().with_min_len(1 << 12).map(|l| l.region.scaled(l.density)).collect();
     let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
-    if texels <= MIN_TILE_TEXELS * sizes.len() as u64 {
+    if texels <= MIN_TILE_TEXELS * regions.len() as u64 {
         // The smallest tiles alone exceed the budget; they are at least used to the full.
         let longest =
-            sizes.par_iter().with_min_len(1 << 12).map(|s| s.max_element()).reduce(|| 0.0, f32::max);
+            regions.par_iter().with_min_len(1 << 12).map(|r| r.size.max_element()).reduce(|| 0.0, f32::max);
         return (MAX_LENGTH_IN_MIN_TILE / longest).clamp(low, high);
     }
     let total = |scale: f32| -> u64 {
-        let area = |&size: &Vec2| {
-            let [w, h] = extent(size, scale).map(u64::from);
-            w * h
+        let area = |&region: &Region| {
+            let [w, h] = extent(region.size, scale).map(u64::from);
+            (w * h).min(region.scaled(Vec2::splat(scale)).block_texels() as u64)
         };
-        sizes.par_iter().with_min_len(1 << 12).map(area).sum()
+        regions.par_iter().with_min_len(1 << 12).map(area).sum()
     };
     // Texels grow nearly with the square of the scale: a few steps by that rule bracket the answer closely.
     let mut scale = 1.0f32;
@@ -208,14 +260,14 @@ const SCALE_TOLERANCE: f32 = 1.0005;
 
 fn assemble(
     surface: &Surface<'_>,
-    grouping: Grouping,
+    grouping: &Grouping,
     scale: f32,
     density: f32,
     delta: f32,
 ) -> Result<Cover> {
     let laid = &grouping.laid;
     let longest =
-        laid.par_iter().map(|l| (l.size * l.density).max_element() * scale).reduce(|| 0.0, f32::max);
+        laid.par_iter().map(|l| (l.region.size * l.density).max_element() * scale).reduce(|| 0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
         let wanted = (longest + 1.0) as u64;
         return Err(Error::too_large(format!(
@@ -246,12 +298,12 @@ fn assemble(
 
 /// The tile map that takes the group's rectangle to the tile, half a texel inside.
 fn place(laid: &Laid, scale: f32) -> Group {
-    let extent = extent(laid.size * laid.density, scale);
+    let extent = extent(laid.region.size * laid.density, scale);
     let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
     // A rectangle thinner than the nominal density can tell (a point, a line) is not blown up to the tile's size.
     let thinnest = 0.5 / (laid.density * scale);
-    let uv_scale = (texels - 1.0) / texels / laid.size.max(thinnest);
-    let middle = laid.min + 0.5 * laid.size;
+    let uv_scale = (texels - 1.0) / texels / laid.region.size.max(thinnest);
+    let middle = laid.min + 0.5 * laid.region.size;
     let uv_offset = Vec2::splat(0.5) - uv_scale * middle;
     let kind = match laid.layout {
         Layout::Unfolded => GroupKind::Unfolded,

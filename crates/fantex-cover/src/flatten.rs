@@ -7,19 +7,19 @@ use glam::{Vec2, Vec3};
 
 use crate::Frame;
 use crate::cone::{Cone, narrowest_cone};
-use crate::cost::{self, Distortion};
+use crate::cost::{self, Distortion, Region};
 use crate::fan_shape::{Layout, unfold};
 use crate::injective::{OverlapFinder, Segment, Wedge, any_crossing};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::Surface;
 
-/// A finished group, before its tile is sized. `min` and `size` are mesh units along the frame's axes, relative to the
+/// A finished group, before its tile is sized. `min` and `region` are mesh units along the frame's axes, relative to the
 /// frame's origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Laid {
     pub(crate) frame: Frame,
     pub(crate) min: Vec2,
-    pub(crate) size: Vec2,
+    pub(crate) region: Region,
     /// Texels per mesh unit along the frame's axes, before a total is met.
     pub(crate) density: Vec2,
     /// The filter margin of both sides with which the rectangle was chosen, mesh units.
@@ -31,12 +31,12 @@ pub(crate) struct Laid {
     pub(crate) folds: bool,
 }
 
-/// A group laid flat. `min` and `size` are mesh units along the frame's axes, relative to the frame's origin.
+/// A group laid flat. `min` and `region` are mesh units along the frame's axes, relative to the frame's origin.
 #[derive(Clone, Debug)]
 pub(crate) struct Flat {
     pub(crate) frame: Frame,
     pub(crate) min: Vec2,
-    pub(crate) size: Vec2,
+    pub(crate) region: Region,
     /// Smallest cosine between the direction and a triangle's normal.
     pub(crate) cos: f32,
     /// How the surface is shrunk, along the frame's axes.
@@ -95,7 +95,16 @@ impl Flattener {
             return None;
         }
         let facets = std::iter::zip(&self.border.normals, &self.border.areas).map(|(&n, &area)| (n, area));
-        Some(enclose(&mut self.rectangles, &mut self.border.points, &projection, cos, limits.pad, facets))
+        let outline = self.border.outline;
+        Some(enclose(
+            &mut self.rectangles,
+            &mut self.border.points,
+            &projection,
+            cos,
+            limits.pad,
+            outline,
+            facets,
+        ))
     }
 
     /// Projects a single fan along its own direction.
@@ -111,12 +120,20 @@ impl Flattener {
         let projection = Projection::new(surface.fan_center(fan), direction);
         let open = !surface.fans.is_closed(fan);
         self.points.clear();
-        for &corner in surface.fans.corners(fan) {
+        let mut outline = 0.0;
+        for (i, &corner) in surface.fans.corners(fan).iter().enumerate() {
             let triangle = surface.fan_triangle(corner).map(|p| projection.flat(p));
             let points = &mut self.points;
-            outline_points(triangle, [true, false, false], limits.delta, open, |p| points.push(p));
+            let inside = [true, false, false];
+            outline_points(triangle, inside, limits.delta, open, |p| points.push(p));
+            let planar = triangle.map(|p| p.truncate());
+            outline += outline_length(planar, inside);
+            if open && i == 0 {
+                // Half of the first and half of the last edge.
+                outline += planar[0].distance(planar[1]);
+            }
         }
-        enclose(&mut self.rectangles, &mut self.points, &projection, cos, limits.pad, facets())
+        enclose(&mut self.rectangles, &mut self.points, &projection, cos, limits.pad, outline, facets())
     }
 
     /// Unfolds a single fan; `None` where that is impossible.
@@ -130,15 +147,25 @@ impl Flattener {
         let (rectangle, planar) =
             unfolded_rectangle(surface, fan as usize, limits.delta, limits.pad, &mut self.rectangles)?;
         let mut distortion = Distortion::default();
+        let (mut area, mut outline) = (0.0, 0.0);
+        if !surface.fans.is_closed(fan as usize)
+            && let Some([center, from, _]) = planar.first()
+        {
+            // Half of the first and half of the last edge.
+            outline += center.distance(*from);
+        }
         for (&corner, triangle) in surface.fans.corners(fan as usize).iter().zip(planar) {
             let [a, b, c] = surface.fan_triangle(corner);
             let [u, v, w] = triangle.map(|p| rectangle.turned(p));
+            area += (v - u).perp_dot(w - u).abs() / 6.0;
+            outline += outline_length([u, v, w], [true, false, false]);
             distortion.add_edges([b - a, c - a], [v - u, w - u], surface.fan_facet(corner).1 / 3.0);
         }
         let origin = surface.fan_center(fan as usize);
         let frame = Frame { origin, direction: cone.axis, x_axis: cone.axis.any_orthonormal_vector() };
         let Rectangle { min, size, .. } = rectangle;
-        Some(Flat { frame, min, size, cos: cone.cos, distortion, outline: Box::default() })
+        let region = Region { size, area, outline };
+        Some(Flat { frame, min, region, cos: cone.cos, distortion, outline: Box::default() })
     }
 }
 
@@ -149,6 +176,7 @@ fn enclose(
     projection: &Projection,
     cos: f32,
     pad: f32,
+    outline_length: f32,
     facets: impl Iterator<Item = (Vec3, f32)>,
 ) -> Flat {
     let Rectangle { x_axis, min, size } = rectangles.smallest(points, pad);
@@ -157,11 +185,14 @@ fn enclose(
     let outline = rectangles.hull().iter().map(|&p| projection.spatial(p)).collect();
     let mut distortion = Distortion::default();
     let y_axis = frame.y_axis();
+    let mut seen = 0.0;
     for (normal, area) in facets {
         let local = Vec3::new(normal.dot(x_axis), normal.dot(y_axis), normal.dot(frame.direction));
         distortion.add_projected(local, area / 3.0);
+        seen += local.z.abs() * area / 3.0;
     }
-    Flat { frame, min, size, cos, distortion, outline }
+    let region = Region { size, area: seen, outline: outline_length };
+    Flat { frame, min, region, cos, distortion, outline }
 }
 
 /// The direction in which facets are seen with the least error, if all are seen with the cosine `facing`; else the axis of their
@@ -285,6 +316,8 @@ struct Border {
     pub(crate) segments: Vec<Segment>,
     /// What the group's triangles span around vertices at the border, once laid flat.
     pub(crate) wedges: Vec<Wedge>,
+    /// Length of the outline of the group's region, once laid flat.
+    outline: f32,
 }
 
 impl Border {
@@ -328,6 +361,7 @@ impl Border {
         self.points.clear();
         self.segments.clear();
         self.wedges.clear();
+        self.outline = 0.0;
         for &BorderTriangle { corner, inside, first, all } in &self.triangles {
             let flat = surface.fan_triangle(corner).map(|p| projection.flat(p));
             if first || all {
@@ -339,6 +373,7 @@ impl Border {
             }
             let vertices = surface.fan_vertices(corner);
             let planar = flat.map(|p| p.truncate());
+            self.outline += outline_length(planar, inside);
             if inside == [true, false, false] {
                 self.segments.push(Segment::new([vertices[1], vertices[2]], [planar[1], planar[2]]));
             }
@@ -371,6 +406,7 @@ impl Border {
             let (Some(&first), Some(&last)) = (corners.first(), corners.last()) else { continue };
             let ([center, from, _], planar) = (surface.fan_vertices(first), flat(first));
             self.segments.push(Segment::new([center, from], [planar[0], planar[1]]));
+            self.outline += planar[0].distance(planar[1]);
             // The fan at the other end begins with the same edge; if it is in the group, it gives it.
             let at_end = surface.fans.of_triangle(last.triangle())[last.slots()[2]];
             let begins_here =
@@ -383,6 +419,14 @@ impl Border {
             }
         }
     }
+}
+
+/// The length of a region's outline in one triangle, for a narrow band. `inside` tells which corners are in the group.
+fn outline_length(corners: [Vec2; 3], inside: [bool; 3]) -> f32 {
+    // From the middle of each edge that leaves the group to the middle of the triangle.
+    let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+    let leaves = |&k: &usize| inside[k] != inside[(k + 1) % 3];
+    (0..3).filter(leaves).map(|k| middle.distance(0.5 * (corners[k] + corners[(k + 1) % 3]))).sum()
 }
 
 // The corner points of the region that a group is responsible for.

@@ -226,7 +226,11 @@ impl Footprints {
 }
 
 /// The corners of the group's region in a triangle, in order around it (drawn above `outline_points`).
-fn region_outline(corners: [Vec2; 3], inside: [bool; 3], delta: f32) -> arrayvec::ArrayVec<Vec2, 4> {
+pub(crate) fn region_outline(
+    corners: [Vec2; 3],
+    inside: [bool; 3],
+    delta: f32,
+) -> arrayvec::ArrayVec<Vec2, 4> {
     let (near, far) = (0.5 - 0.5 * delta, 0.5 + 0.5 * delta);
     let rotated = |k: usize| [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
     let count = inside.iter().filter(|&&i| i).count();

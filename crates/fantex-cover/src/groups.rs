@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::Frame;
 use crate::build::NominalDensity;
+use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions};
@@ -43,20 +44,21 @@ impl Patch {
     }
 
     fn laid(&self, order: &[u32], density: &NominalDensity<'_>) -> Laid {
-        let Flat { frame, min, size, distortion, .. } = self.flat;
+        let Flat { frame, min, region, distortion, .. } = self.flat;
         let fan = order[self.start as usize];
         let factor = if density.is_total() {
-            distortion.density(size * self.density, self.density * self.density)
+            distortion.density(region.scaled(Vec2::splat(self.density)), self.density * self.density)
         } else {
             distortion.density_for_nominal()
         };
         let (density, pad) = (distortion.aspect() * factor * self.density, pad(self.density));
-        Laid { frame, min, size, density, pad, fan, layout: self.layout, folds: false }
+        Laid { frame, min, region, density, pad, fan, layout: self.layout, folds: false }
     }
 
     /// See [`cost`](crate::cost).
     pub(crate) fn cost(&self) -> f32 {
-        self.flat.distortion.cost(self.flat.size * self.density, self.density * self.density)
+        let region = self.flat.region.scaled(Vec2::splat(self.density));
+        self.flat.distortion.cost(region, self.density * self.density)
     }
 }
 
@@ -413,7 +415,8 @@ impl Layer {
         };
         let frame = Frame { origin: self.ring.center, direction: cone.axis, x_axis };
         let (min, size, density) = (rectangle.min, rectangle.size, Vec2::splat(density));
-        Laid { frame, min, size, density, pad, fan, layout, folds }
+        let region = Region { size, area: size.x * size.y, outline: 2.0 * (size.x + size.y) };
+        Laid { frame, min, region, density, pad, fan, layout, folds }
     }
 
     /// The outline of the projected partial fan, counter-clockwise: see `outline_points`.

@@ -25,6 +25,7 @@ mod pack;
 mod partition;
 mod rectangle;
 mod stats;
+mod stored;
 mod surface;
 
 pub use build::*;

@@ -11,7 +11,7 @@ use fantex_mesh::{Fans, unit_vector};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::cost;
+use crate::cost::{self, Region};
 use crate::fan_shape::Layout;
 use crate::flatten::Flat;
 use crate::groups::{Patch, facing_limit};
@@ -39,6 +39,8 @@ struct Summary {
     direction: Vec3,
     /// Area in nominal texels.
     texels: f32,
+    /// In nominal texels.
+    region: Region,
     /// Error per area.
     error: f32,
     cost: f32,
@@ -53,6 +55,8 @@ struct Proposal {
     saved: f32,
     small: u32,
     partner: u32,
+    /// Common triangles.
+    common: u32,
 }
 
 /// For every patch the patch that it joins (itself, for those that stay): a forest of depth one.
@@ -105,19 +109,19 @@ impl Merger {
             return None;
         }
         let mut best: Option<Proposal> = None;
-        for partner in self.longest_borders(small) {
+        for (partner, common) in self.longest_borders(small) {
             let Some(other) = self.summaries[partner as usize].as_ref() else { continue };
-            let Some(cost) = summary.union_cost(other, &self.limits) else { continue };
+            let Some(cost) = summary.union_cost(other, common, &self.limits) else { continue };
             let saved = summary.cost + other.cost - cost;
             if saved > 0.0 && best.is_none_or(|b| saved > b.saved) {
-                best = Some(Proposal { saved, small, partner });
+                best = Some(Proposal { saved, small, partner, common });
             }
         }
         best
     }
 
-    /// The neighbours of a group with the longest common borders.
-    fn longest_borders(&self, group: u32) -> impl Iterator<Item = u32> + use<> {
+    /// The neighbours of a group with the longest common borders, with the triangles there.
+    fn longest_borders(&self, group: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
         let mut borders: Vec<(u32, u32)> = Vec::with_capacity(self.neighbours[group as usize].len());
         for &(g, triangles) in &self.neighbours[group as usize] {
             let g = self.joined[g as usize];
@@ -128,7 +132,7 @@ impl Merger {
             }
         }
         borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-        borders.into_iter().take(CANDIDATES).map(|(g, _)| g)
+        borders.into_iter().take(CANDIDATES)
     }
 
     /// Takes proposals greedily, each group at most once; tells which groups were taken.
@@ -145,7 +149,11 @@ impl Merger {
         let summaries = &self.summaries;
         let unions: Vec<Option<Summary>> = accepted
             .par_iter()
-            .map(|p| summaries[p.partner as usize].as_ref()?.union(summaries[p.small as usize].as_ref()?))
+            .map(|p| {
+                let (partner, small) =
+                    (summaries[p.partner as usize].as_ref()?, summaries[p.small as usize].as_ref()?);
+                partner.union(small, p.common)
+            })
             .collect();
         for (p, union) in accepted.into_iter().zip(unions) {
             self.summaries[p.small as usize] = None;
@@ -163,7 +171,8 @@ impl Merger {
 
 impl Summary {
     fn of(patch: &Patch) -> Self {
-        let Flat { frame, size, cos, distortion, outline, .. } = &patch.flat;
+        let Flat { frame, region, cos, distortion, outline, .. } = &patch.flat;
+        let region = region.scaled(Vec2::splat(patch.density));
         let squared = patch.density * patch.density;
         let texels = distortion.area() * squared;
         let error = distortion.error(Vec2::ONE) * squared;
@@ -173,7 +182,8 @@ impl Summary {
             direction: frame.direction,
             texels,
             error: if texels > 0.0 { error / texels } else { 1.0 },
-            cost: cost::cost(error, size * patch.density),
+            cost: cost::cost(error, &region),
+            region,
             density: patch.density,
             fans: patch.length,
             steepest_fan: patch.steepest_fan,
@@ -182,7 +192,7 @@ impl Summary {
     }
 
     /// The cost of a union, if it may be.
-    fn union_cost(&self, other: &Summary, limits: &MergeLimits) -> Option<f32> {
+    fn union_cost(&self, other: &Summary, common: u32, limits: &MergeLimits) -> Option<f32> {
         if !other.mergeable {
             return None;
         }
@@ -197,7 +207,8 @@ impl Summary {
             return None;
         }
         let size = bounding_size(self.planar_outline(other, direction)) * self.union_density(other);
-        (size.max_element() <= limits.extent_texels).then(|| cost::cost(error, size))
+        let region = self.union_region(other, direction, size, common);
+        (size.max_element() <= limits.extent_texels).then(|| cost::cost(error, &region))
     }
 
     /// The direction and the error of a union.
@@ -209,12 +220,26 @@ impl Summary {
         Some((direction, error(self) + error(other)))
     }
 
-    fn union(&self, other: &Summary) -> Option<Summary> {
+    /// A guess: the outlines of both without what they share, but no shorter than a convex region's.
+    fn union_region(&self, other: &Summary, direction: Vec3, size: Vec2, common: u32) -> Region {
+        let (fans, texels) = ((self.fans + other.fans) as f32, self.texels + other.texels);
+        // In a mesh of equilateral triangles, the line through the middles of edges.
+        let shared = common as f32 * 0.5 * (2.0 / 3.0f32.sqrt() * texels / fans).sqrt();
+        let area: f32 =
+            [self, other].map(|s| s.region.area * s.direction.dot(direction).max(0.0)).iter().sum();
+        let convex = 2.0 * (std::f32::consts::PI * area).sqrt();
+        let outline = (self.region.outline + other.region.outline - 2.0 * shared).max(convex);
+        Region { size, area, outline }
+    }
+
+    fn union(&self, other: &Summary, common: u32) -> Option<Summary> {
         let cone = self.cone.union(other.cone)?;
         let density = self.union_density(other);
         let (direction, error) = self.union_error(other)?;
         let planar: Vec<Vec2> = self.planar_outline(other, direction).collect();
-        let cost = cost::cost(error, bounding_size(planar.iter().copied()) * density);
+        let size = bounding_size(planar.iter().copied()) * density;
+        let region = self.union_region(other, direction, size, common);
+        let cost = cost::cost(error, &region);
         let spatial: Vec<Vec3> = self.outline.iter().chain(&other.outline).copied().collect();
         let texels = self.texels + other.texels;
         Some(Summary {
@@ -224,6 +249,7 @@ impl Summary {
             texels,
             error: error / texels.max(f32::MIN_POSITIVE),
             cost,
+            region,
             density,
             fans: self.fans + other.fans,
             steepest_fan: self.steepest_fan.min(other.steepest_fan),

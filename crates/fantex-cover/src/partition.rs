@@ -12,7 +12,7 @@ use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::cone::Cone;
-use crate::cost;
+use crate::cost::{self, Region};
 use crate::fan_shape::{FanShape, Layout, Reach};
 use crate::rectangle::{Rectangle, RectangleFinder};
 
@@ -62,6 +62,9 @@ pub(crate) struct Cutting {
 
 /// What the most lopsided cut costs more than one in the middle.
 const LOPSIDED: f32 = 0.04;
+
+/// The length of a set's outline beside that of its rectangle.
+const OUTLINE: f32 = 0.9;
 
 /// Places tried per direction of a cut.
 const BINS: usize = 16;
@@ -222,9 +225,11 @@ impl Set {
         let size = (high - low) * self.density;
         let error =
             samples(items).map(|i| i.area * i.error * cost::error_at(i.axis.dot(direction))).sum::<f32>();
-        let error = error * self.times * self.density * self.density;
+        let squared = self.times * self.density * self.density;
+        let (error, area) = (error * squared, self.axis.dot(direction).max(0.0) / self.times * squared);
+        let region = Region { size, area, outline: OUTLINE * 2.0 * (size.x + size.y) };
         let fits = alone || size.max_element() <= extent_texels;
-        let cost = if fits { cost::cost(error, size) } else { f32::INFINITY };
+        let cost = if fits { cost::cost(error, &region) } else { f32::INFINITY };
         Some(Tile { direction, sides, cost })
     }
 
@@ -374,7 +379,9 @@ impl Bin {
         let size = (self.high - self.low) * set.density;
         let sides = Vec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
         let seen = sides.dot(self.axis.abs()) / self.axis.length().max(f32::MIN_POSITIVE);
-        cost::cost(error, Vec2::splat(seen.max(0.0).sqrt()))
+        let seen_area = self.axis.length() * set.times * set.density * set.density;
+        let side = seen.max(0.0).sqrt();
+        cost::cost(error, &Region { size: Vec2::splat(side), area: seen_area, outline: OUTLINE * 4.0 * side })
     }
 }
 

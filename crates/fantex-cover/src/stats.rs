@@ -27,21 +27,22 @@ pub struct CoverStats {
     pub fans: FanCounts,
     /// Groups, which is also the number of tiles.
     pub groups: u64,
-    /// Texels of all tiles at level 0.
+    /// Texels at level 0 that are stored: those in blocks that something reads.
     pub texels: u64,
-    /// Texels that lie on the surface (each point counted once), divided by those that the tiles hold: 1 would be a texture
+    /// Texels that lie on the surface (each point counted once), divided by those that are stored: 1 would be a texture
     /// without margins, gaps, overlaps and foreshortening, and so at the ideal density.
     pub density_share: f64,
     /// The same where each triangle counts with the density along the direction in which its texels lie least dense.
     pub worst_share: f64,
-    /// Share of the tiles' texels in their rectangles beside the surface: neither read nor margin.
+    /// Share of the tiles' rectangles in blocks that nothing reads, which are not stored.
     pub gap_share: f64,
-    /// Share of the tiles' texels in the half texel along the sides that filters read.
+    /// Share of the stored texels beside the regions: the half texel that filters read, and the rest of blocks at outlines.
     pub margin_share: f64,
-    /// Share of the tiles' texels that repeat others in the blend bands.
+    /// Share of the stored texels that repeat others in the blend bands.
     pub overlap_share: f64,
     /// What the cover costs, in decibels of the error of smooth detail, beside a texture of as many texels without gaps and
-    /// foreshortening: the mean squared error of interpolation grows with the fourth power of a texel's length.
+    /// foreshortening: the mean squared error of interpolation grows with the fourth power of a texel's length, up to eight times
+    /// the ideal length.
     pub loss_db: f64,
     /// Mean number of tiles that the texture function reads at a point of the surface.
     pub lookups_per_sample: f64,
@@ -63,31 +64,30 @@ impl CoverStats {
         &mut self,
         surface: &Surface<'_>,
         cover: &Cover,
+        stored_texels: u64,
         nominal: impl Fn(usize) -> f32 + Sync,
     ) {
+        self.texels = stored_texels;
         self.groups = cover.groups.len() as u64;
-        self.texels = cover.texels();
         let triangles = surface.mesh.triangles.len();
+        let whole_area = surface.total(|_| 1.0);
+        let ideal = self.texels as f64 / whole_area;
         let chunks = triangles.div_ceil(CHUNK);
         let parts: Vec<Part> = (0..chunks)
             .into_par_iter()
             .step_by(chunks.div_ceil(SAMPLED_CHUNKS))
             .map(|i| i * CHUNK..triangles.min((i + 1) * CHUNK))
-            .map(|chunk| Part::of(chunk, surface, cover, &nominal))
+            .map(|chunk| Part::of(chunk, surface, cover, ideal, &nominal))
             .collect();
         let mut sum = Part::default();
         parts.iter().for_each(|p| sum.add(p));
-        let whole_area = surface.total(|_| 1.0);
         let share = |texels: f64| texels / sum.area * whole_area / self.texels as f64;
-        let inside = |extent: [u32; 2]| extent.map(|n| f64::from(n) - 1.0).iter().product::<f64>();
-        let inner: f64 = cover.groups.iter().map(|group| inside(group.extent)).sum();
         self.density_share = share(sum.surface_texels);
         self.worst_share = share(sum.worst_texels);
         self.overlap_share = share(sum.read_texels) - self.density_share;
-        let ideal = self.texels as f64 / whole_area;
-        self.loss_db = 10.0 * (sum.error / sum.area * ideal * ideal).log10();
-        self.margin_share = 1.0 - inner / self.texels as f64;
-        self.gap_share = 1.0 - self.density_share - self.overlap_share - self.margin_share;
+        self.loss_db = 10.0 * (sum.error / sum.area).log10();
+        self.margin_share = 1.0 - self.density_share - self.overlap_share;
+        self.gap_share = 1.0 - self.texels as f64 / cover.texels() as f64;
         self.lookups_per_sample = sum.lookups / sum.area;
         self.stretch = sum.stretch.percentiles();
         self.density_spread = sum.spread.percentiles();
@@ -96,6 +96,9 @@ impl CoverStats {
 
 /// Triangles measured in one go.
 const CHUNK: usize = 1024;
+
+/// Texels eight times as long as the ideal show nothing of detail that takes sixteen of those.
+const LARGEST_ERROR: f64 = 4096.0;
 
 /// 2^18 triangles tell percentiles as well as two million do.
 const SAMPLED_CHUNKS: usize = 256;
@@ -117,6 +120,7 @@ impl Part {
         triangles: Range<usize>,
         surface: &Surface<'_>,
         cover: &Cover,
+        ideal: f64,
         nominal: &(impl Fn(usize) -> f32 + Sync),
     ) -> Self {
         let mut part = Self::default();
@@ -136,7 +140,8 @@ impl Part {
                 part.surface_texels += texels * weight;
                 part.worst_texels += f64::from(small * small) * weight;
                 let fourth = |length: f32| f64::from(length).powi(4).max(f64::MIN_POSITIVE);
-                part.error += weight * 0.5 * (1.0 / fourth(large) + 1.0 / fourth(small));
+                let error = 0.5 * ideal * ideal * (1.0 / fourth(large) + 1.0 / fourth(small));
+                part.error += weight * error.min(LARGEST_ERROR);
                 part.read_texels += texels * a * region_share(groups, slot, f64::from(cover.delta));
                 part.stretch.add(small / density, weight);
                 part.spread.add(large * small / (density * density), weight);

@@ -46,6 +46,18 @@ pub enum TexelSlice<'a> {
     F32(&'a [[f32; 4]]),
 }
 
+/// A page to encode.
+#[derive(Clone, Copy, Debug)]
+pub struct PageTexels<'a> {
+    /// Columns and rows, multiples of 4.
+    pub extent: [u32; 2],
+    /// All texels.
+    pub texels: TexelSlice<'a>,
+    /// Per block of 4x4, row by row, whether anything reads it; `None` where all are read. Block-compressed formats store others as
+    /// zero bytes.
+    pub read: Option<&'a [bool]>,
+}
+
 impl TexelSlice<'_> {
     /// Number of texels.
     pub fn len(&self) -> usize {
@@ -94,7 +106,7 @@ pub fn encode(
     extent: [u32; 2],
     texels: TexelSlice<'_>,
 ) -> Result<Vec<u8>> {
-    let mut pages = encode_many(format, quality, &[(extent, texels)])?;
+    let mut pages = encode_many(format, quality, &[PageTexels { extent, texels, read: None }])?;
     Ok(pages.swap_remove(0))
 }
 
@@ -102,18 +114,12 @@ pub fn encode(
 ///
 /// # Errors
 /// As [`encode`].
-pub fn encode_many(
-    format: TexelFormat,
-    quality: Quality,
-    pages: &[([u32; 2], TexelSlice<'_>)],
-) -> Result<Vec<Vec<u8>>> {
-    for &(extent, texels) in pages {
-        check(extent, texels)?;
-    }
+pub fn encode_many(format: TexelFormat, quality: Quality, pages: &[PageTexels<'_>]) -> Result<Vec<Vec<u8>>> {
+    pages.iter().try_for_each(check)?;
     if !matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7) {
-        return Ok(pages.iter().map(|(_, texels)| encode_uncompressed(format, texels)).collect());
+        return Ok(pages.iter().map(|page| encode_uncompressed(format, &page.texels)).collect());
     }
-    let pages: Vec<Page<'_>> = pages.iter().map(|&(extent, texels)| Page::new(extent, texels)).collect();
+    let pages: Vec<Page<'_>> = pages.iter().map(Page::new).collect();
     // Opaque pages take another profile than those with alpha, hence another strip.
     let mut encoded = vec![Vec::new(); pages.len()];
     for alpha in [false, true] {
@@ -122,15 +128,15 @@ pub fn encode_many(
         let bytes = encode_rows(format, quality, alpha, &rows);
         let mut rest = bytes.as_slice();
         for i in chosen {
-            let (page, after) = rest.split_at(format.bytes(pages[i].extent));
-            encoded[i] = page.to_vec();
+            let (page, after) = rest.split_at(pages[i].texels.len() / 16 * format.block_bytes());
+            encoded[i] = pages[i].spread(page, format.block_bytes());
             rest = after;
         }
     }
     Ok(encoded)
 }
 
-fn check(extent: [u32; 2], texels: TexelSlice<'_>) -> Result<()> {
+fn check(&PageTexels { extent, texels, read }: &PageTexels<'_>) -> Result<()> {
     let [width, height] = extent;
     if !is_block_extent(extent) {
         return Err(Error::invalid(format!(
@@ -141,6 +147,14 @@ fn check(extent: [u32; 2], texels: TexelSlice<'_>) -> Result<()> {
         return Err(Error::invalid(format!(
             "cannot encode {width}x{height} texels: {} were given",
             texels.len()
+        )));
+    }
+    if let Some(read) = read
+        && 16 * read.len() != texels.len()
+    {
+        return Err(Error::invalid(format!(
+            "cannot encode {width}x{height} texels: {} blocks are said to be read or not",
+            read.len()
         )));
     }
     Ok(())
@@ -159,25 +173,58 @@ fn encode_uncompressed(format: TexelFormat, texels: &TexelSlice<'_>) -> Vec<u8> 
     }
 }
 
-/// A page in 8 bits.
+/// The blocks of a page that are read, in 8 bits.
 struct Page<'a> {
     extent: [u32; 2],
+    /// All, or block rows of up to [`BLOCKS_PER_ROW`] of the blocks that are read.
     texels: Cow<'a, [[u8; 4]]>,
     has_alpha: bool,
+    /// Which blocks these are, if not all.
+    read: Option<Vec<u32>>,
 }
+
+const BLOCKS_PER_ROW: usize = 64;
 
 /// Four rows of texels of a page, one after the other.
 type BlockRow<'a> = &'a [[u8; 4]];
 
 impl<'a> Page<'a> {
-    fn new(extent: [u32; 2], texels: TexelSlice<'a>) -> Self {
-        let texels = texels.unorm8();
+    fn new(&PageTexels { extent, texels, read }: &PageTexels<'a>) -> Self {
+        let mut texels = texels.unorm8();
+        let read: Option<Vec<u32>> = read
+            .filter(|read| read.contains(&false))
+            .map(|read| (0..).zip(read).filter(|(_, is_read)| **is_read).map(|(block, _)| block).collect());
+        if let Some(read) = &read {
+            let (stride, columns) = (extent[0] as usize, extent[0] / 4);
+            let mut gathered = Vec::with_capacity(16 * read.len());
+            for blocks in read.chunks(BLOCKS_PER_ROW) {
+                for k in 0..4 {
+                    for block in blocks {
+                        let [x, y] = [block % columns, block / columns].map(|n| 4 * n as usize);
+                        let start = (y + k) * stride + x;
+                        gathered.extend_from_slice(&texels[start..start + 4]);
+                    }
+                }
+            }
+            texels = Cow::Owned(gathered);
+        }
         let has_alpha = texels.iter().any(|texel| texel[3] < 255);
-        Self { extent, texels, has_alpha }
+        Self { extent, texels, has_alpha, read }
     }
 
     fn block_rows(&self) -> impl Iterator<Item = BlockRow<'_>> {
-        self.texels.chunks_exact(4 * self.extent[0] as usize)
+        let columns = if self.read.is_some() { BLOCKS_PER_ROW } else { self.extent[0] as usize / 4 };
+        self.texels.chunks(16 * columns)
+    }
+
+    /// The bytes of the whole page from those of the blocks that are read.
+    fn spread(&self, bytes: &[u8], block_bytes: usize) -> Vec<u8> {
+        let Some(read) = &self.read else { return bytes.to_vec() };
+        let mut page = vec![0; (self.extent[0] * self.extent[1] / 16) as usize * block_bytes];
+        for (&block, bytes) in read.iter().zip(bytes.chunks_exact(block_bytes)) {
+            page[block as usize * block_bytes..][..block_bytes].copy_from_slice(bytes);
+        }
+        page
     }
 }
 

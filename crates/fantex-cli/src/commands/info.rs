@@ -145,9 +145,12 @@ struct ModelInfo {
     fans_folding: u64,
     groups: u64,
     tiles: u64,
+    /// Stored: in blocks that something reads.
     texels: u64,
     /// Where a number was asked for. Many small tiles may hold more.
     texels_asked: Option<u64>,
+    /// Of the tiles' rectangles.
+    tile_texels: u64,
     density_share: f64,
     worst_share: f64,
     gap_share: f64,
@@ -181,6 +184,7 @@ struct AssetInfo {
     groups_projected: u64,
     groups_unfolded: u64,
     texels: u64,
+    tile_texels: u64,
     bytes: u64,
     levels: u32,
     clusters: u64,
@@ -261,6 +265,7 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         tiles: groups,
         texels,
         texels_asked,
+        tile_texels: cover.texels(),
         density_share,
         worst_share,
         gap_share,
@@ -296,7 +301,8 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
         tiles: groups,
         groups_projected: groups - unfolded,
         groups_unfolded: unfolded,
-        texels: cover.texels(),
+        texels: cover.stored_texels(mesh),
+        tile_texels: cover.texels(),
         bytes: asset.file_bytes(),
         levels: asset.level_count(),
         clusters: (0..asset.level_count()).map(|level| asset.cluster_ranges(level).len() as u64).sum(),
@@ -337,9 +343,9 @@ fn model_text(info: &ModelInfo, path: &Path) -> String {
         .row("texels", grouped(info.texels))
         .row("share of ideal density", format!("{:.3}", info.density_share))
         .row("  in the worst direction", format!("{:.3}", info.worst_share))
-        .row("texels in gaps", format!("{:.3}", info.gap_share))
-        .row("  in margins", format!("{:.3}", info.margin_share))
+        .row("texels beside outlines", format!("{:.3}", info.margin_share))
         .row("  read twice", format!("{:.3}", info.overlap_share))
+        .row("  left out of rectangles", format!("{:.3}", info.gap_share))
         .row("loss beside ideal texels", format!("{:.2} dB", info.loss_db))
         .row("texels per ideal texel", format!("{:.3}", info.texels_per_ideal_texel))
         .row("look-ups per sample", format!("{:.3}", info.lookups_per_sample))

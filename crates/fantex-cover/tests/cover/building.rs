@@ -25,8 +25,9 @@ fn a_total_is_kept_and_used_up() {
         for tile in [0, 64, 128] {
             for total in [300_000, 1 << 20, 5_590_000, 64 << 20] {
                 let cover = built(&mesh, tile, TexelBudget::Total(total));
-                let share = cover.texels() as f64 / total as f64;
-                assert!(share <= 1.0 && share > 0.98, "{name}, tile {tile}, {total}: {share}");
+                let share = cover.stored_texels(&mesh) as f64 / total as f64;
+                // Steps are wide where many tiles are alike, as around the bottle.
+                assert!(share <= 1.0 && share > 0.97, "{name}, tile {tile}, {total}: {share}");
             }
         }
     }
@@ -36,11 +37,12 @@ fn a_total_is_kept_and_used_up() {
 #[test]
 fn alike_tiles_take_what_fits() {
     for total in [10_000, 100_000, 1 << 20, 16 << 20] {
-        let cover = built(&cleaned(generate::cube(1)), 0, TexelBudget::Total(total));
+        let mesh = cleaned(generate::cube(1));
+        let cover = built(&mesh, 0, TexelBudget::Total(total));
         let shorter = cover.groups.iter().flat_map(|g| g.extent).min().unwrap();
         let step = if shorter >= 1000 { 32.0 } else { 4.0 };
         let next = f64::from(shorter).mul_add(1.0, step) / f64::from(shorter);
-        let share = cover.texels() as f64 / total as f64;
+        let share = cover.stored_texels(&mesh) as f64 / total as f64;
         assert!(share <= 1.0 && share * next * next > 0.98, "{total}: {share}");
     }
 }

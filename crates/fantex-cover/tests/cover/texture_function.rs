@@ -1,8 +1,16 @@
 //! Levels, stored directions, and the taps of the texture function.
 
-use fantex_cover::{Cover, Frame, Group, GroupKind, GroupTriangles, level_count, level_length, stretch_axes};
+use std::collections::BTreeSet;
+
+use fantex_base::Random;
+use fantex_cover::{
+    Cover, Frame, Group, GroupKind, GroupTriangles, TexelBudget, build_cover, level_count, level_length,
+    stretch_axes,
+};
 use fantex_mesh::{Mesh, SurfacePoint};
 use glam::{Vec2, Vec3};
+
+use crate::common::{generated, options};
 
 #[test]
 fn levels_end_with_the_first_that_is_four_texels_long() {
@@ -78,6 +86,39 @@ fn taps_are_the_weighted_tiles_of_the_corners() {
             let group = &cover.groups[tap.group as usize];
             assert!(tap.uv.distance(group.tile_from_mesh(point.position(&mesh))) < 1e-6);
             assert_eq!(tap.steps([Vec3::X, Vec3::Y]), [tap.corners[0], tap.corners[1]]);
+        }
+    }
+}
+
+/// Beside blocks that the look-ups at a hundred thousand points show to be kept.
+#[test]
+fn stored_texels_are_those_near_look_ups() {
+    for (name, mesh) in generated() {
+        for tile in [0, 1024] {
+            let (cover, stats) = build_cover(&mesh, &options(tile, TexelBudget::Total(20_000))).unwrap();
+            let mut blocks = BTreeSet::new();
+            let mut random = Random::new(3);
+            for _ in 0..100_000 {
+                let [x, y] = [random.unit() as f32, random.unit() as f32];
+                let [x, y] = if x + y > 1.0 { [1.0 - x, 1.0 - y] } else { [x, y] };
+                let triangle = random.below(mesh.triangles.len() as u64) as u32;
+                let point = SurfacePoint { triangle, lambda: Vec3::new(x, y, 1.0 - x - y) };
+                for tap in cover.taps(&mesh, point) {
+                    let extent = cover.groups[tap.group as usize].extent;
+                    let at = tap.uv * Vec2::new(extent[0] as f32, extent[1] as f32);
+                    let block = |x: f32, n: u32| ((x.max(0.0) / 4.0) as u32).min(n / 4 - 1);
+                    for (dx, dy) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+                        blocks.insert((tap.group, block(at.x + dx, extent[0]), block(at.y + dy, extent[1])));
+                    }
+                }
+            }
+            let seen = 16 * blocks.len() as u64;
+            assert_eq!(stats.texels, cover.stored_texels(&mesh), "{name}");
+            assert!(
+                seen <= stats.texels && seen as f64 > 0.97 * stats.texels as f64,
+                "{name}: {seen} of {}",
+                stats.texels
+            );
         }
     }
 }

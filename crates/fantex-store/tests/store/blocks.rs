@@ -1,6 +1,6 @@
 //! Block formats: encoding and decoding.
 
-use fantex_store::{Quality, TexelFormat, TexelSlice, decode, decode_plain, encode, encode_many};
+use fantex_store::{PageTexels, Quality, TexelFormat, TexelSlice, decode, decode_plain, encode, encode_many};
 use half::f16;
 
 /// A smooth picture with some structure.
@@ -49,14 +49,45 @@ fn every_format_comes_back_within_its_precision() {
 fn pages_encode_alike_alone_and_together() {
     let extents = [[4, 4], [16, 8], [12, 20], [64, 64], [8, 8]];
     let pictures: Vec<_> = extents.iter().enumerate().map(|(i, &e)| picture(e, i % 2 == 1)).collect();
-    let pages: Vec<_> =
-        extents.iter().zip(&pictures).map(|(&e, p)| (e, TexelSlice::F32(p.as_slice()))).collect();
+    let pages: Vec<_> = extents
+        .iter()
+        .zip(&pictures)
+        .map(|(&extent, p)| PageTexels { extent, texels: TexelSlice::F32(p.as_slice()), read: None })
+        .collect();
     for format in TexelFormat::ALL {
         let together = encode_many(format, Quality::UltraFast, &pages).unwrap();
-        for (&(extent, texels), bytes) in pages.iter().zip(&together) {
+        for (&PageTexels { extent, texels, .. }, bytes) in pages.iter().zip(&together) {
             assert_eq!(*bytes, encode(format, Quality::UltraFast, extent, texels).unwrap(), "{format:?}");
         }
     }
+}
+
+#[test]
+fn blocks_that_nothing_reads_are_zeros_and_the_others_as_ever() {
+    for extent in [[4, 4], [64, 48], [256, 256], [36, 20]] {
+        let texels = picture(extent, false);
+        let texels = TexelSlice::F32(&texels);
+        let blocks = (extent[0] * extent[1] / 16) as usize;
+        for read in [vec![true; blocks], vec![false; blocks], (0..blocks).map(|b| b * b % 7 < 3).collect()] {
+            for format in [TexelFormat::Bc1, TexelFormat::Bc4, TexelFormat::Bc5, TexelFormat::Bc7] {
+                let whole = encode(format, Quality::UltraFast, extent, texels).unwrap();
+                let page = PageTexels { extent, texels, read: Some(&read) };
+                let part = encode_many(format, Quality::UltraFast, &[page]).unwrap().remove(0);
+                assert_eq!(part.len(), whole.len());
+                let length = format.block_bytes();
+                for (block, (part, whole)) in part.chunks(length).zip(whole.chunks(length)).enumerate() {
+                    assert!(
+                        part == if read[block] { whole } else { &[0; 16][..length] },
+                        "{format:?} {block}"
+                    );
+                }
+            }
+        }
+    }
+    let (texels, read) = (picture([8, 8], false), [true; 3]);
+    let page = PageTexels { extent: [8, 8], texels: TexelSlice::F32(&texels), read: Some(&read) };
+    let error = encode_many(TexelFormat::Bc7, Quality::UltraFast, &[page]).unwrap_err();
+    assert!(error.to_string().contains("3 blocks"), "{error}");
 }
 
 #[test]

@@ -1,0 +1,118 @@
+//! Which blocks of a cover's tiles anything reads at level 0.
+//!
+//! A bilinear look-up reads texels within half a texel of its place, in each direction. Bakes keep the blocks of 4x4 texels that meet the group's
+//! region grown by a whole texel, which leaves half of one to filters that look farther. A region is convex within each triangle, so these blocks
+//! are found exactly, row by row.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use fantex_mesh::Mesh;
+use glam::Vec2;
+use rayon::prelude::*;
+
+use crate::footprints::region_outline;
+use crate::{Cover, GroupKind};
+
+/// Texels by which a region grows on all sides.
+const GROWTH: f32 = 1.0;
+
+/// Texels along a side of a block.
+pub(crate) const BLOCK: u32 = 4;
+
+/// A bit per block of all tiles, group by group and row by row.
+struct Blocks {
+    bits: Vec<AtomicU64>,
+    /// Of each group, the number of blocks before it.
+    starts: Vec<u64>,
+}
+
+impl Cover {
+    /// Texels at level 0 in blocks of 4x4 that look-ups read. Other blocks are zeros in files, and take no room in an atlas. Counting takes a bit per
+    /// block.
+    pub fn stored_texels(&self, mesh: &Mesh) -> u64 {
+        let mut count = 0;
+        let start = |group: &crate::Group| {
+            let [w, h] = group.extent.map(|n| u64::from(n / BLOCK));
+            count += w * h;
+            count - w * h
+        };
+        let starts: Vec<u64> = self.groups.iter().map(start).collect();
+        let bits = (0..count.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
+        let blocks = Blocks { bits, starts };
+        (0..mesh.triangles.len())
+            .into_par_iter()
+            .with_min_len(1 << 10)
+            .for_each(|t| self.mark(mesh, t, &blocks));
+        let ones: u64 =
+            blocks.bits.par_iter().map(|word| u64::from(word.load(Ordering::Relaxed).count_ones())).sum();
+        ones * u64::from(BLOCK * BLOCK)
+    }
+
+    fn mark(&self, mesh: &Mesh, triangle: usize, blocks: &Blocks) {
+        let groups = self.corner_groups[triangle];
+        for slot in 0..3 {
+            let id = groups[slot];
+            let group = &self.groups[id as usize];
+            let unfolded = group.kind == GroupKind::Unfolded;
+            if !unfolded && groups[..slot].contains(&id) {
+                continue;
+            }
+            let inside = std::array::from_fn(|k| groups[k] == id && (!unfolded || k == slot));
+            let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
+            let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+            let [columns, rows] = group.extent.map(|n| n / BLOCK);
+            for_each_run(&region_outline(corners, inside, self.delta), [columns, rows], |row, from, to| {
+                let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
+                blocks.set(first + u64::from(from), first + u64::from(to));
+            });
+        }
+    }
+}
+
+impl Blocks {
+    /// Marks blocks `from` to `to`, both included.
+    fn set(&self, from: u64, to: u64) {
+        for word in from / 64..=to / 64 {
+            let low = from.saturating_sub(word * 64);
+            let high = (to - word * 64).min(63);
+            let mask = (u64::MAX >> (63 - high)) & (u64::MAX << low);
+            let bits = &self.bits[word as usize];
+            if bits.load(Ordering::Relaxed) & mask != mask {
+                bits.fetch_or(mask, Ordering::Relaxed);
+            }
+        }
+    }
+}
+
+/// The blocks that meet a convex polygon (in texels) grown by [`GROWTH`], as `(row, first column, last column)`.
+fn for_each_run(polygon: &[Vec2], [columns, rows]: [u32; 2], mut visit: impl FnMut(u32, u32, u32)) {
+    let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+    for &p in polygon {
+        low = low.min(p);
+        high = high.max(p);
+    }
+    let block = |x: f32, count: u32| ((x / BLOCK as f32).max(0.0) as u32).min(count - 1);
+    let [first, last] = [low.y - GROWTH, high.y + GROWTH].map(|y| block(y, rows));
+    for row in first..=last {
+        let band = [(row * BLOCK) as f32 - GROWTH, ((row + 1) * BLOCK) as f32 + GROWTH];
+        let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
+        for (i, &a) in polygon.iter().enumerate() {
+            let b = polygon[(i + 1) % polygon.len()];
+            let mut reach = |x: f32| {
+                from = from.min(x);
+                to = to.max(x);
+            };
+            if a.y >= band[0] && a.y <= band[1] {
+                reach(a.x);
+            }
+            for y in band {
+                if (a.y < y) != (b.y < y) {
+                    reach(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
+                }
+            }
+        }
+        if from <= to {
+            visit(row, block(from - GROWTH, columns), block(to + GROWTH, columns));
+        }
+    }
+}
