@@ -141,6 +141,10 @@ impl Source for LightMapSource<'_> {
         vec![SourceChannel { exceeds_one, ..SourceChannel::new(ChannelKind::Light) }]
     }
 
+    fn jumps_at_creases(&self) -> bool {
+        true
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let light = self.illumination(point.at, point.lambda_steps);
         self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);

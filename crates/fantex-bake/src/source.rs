@@ -68,6 +68,12 @@ pub trait Source: Sync {
         false
     }
 
+    /// Whether its values jump where the mesh has creases, as light does: covers for it are
+    /// [cut there](fantex_cover::CoverOptions::cut_creases).
+    fn jumps_at_creases(&self) -> bool {
+        false
+    }
+
     /// Whether the alpha of cut-outs is the share of the texel that is there, and not a number to be compared with their threshold.
     fn has_shares(&self) -> bool {
         false
@@ -298,6 +304,10 @@ impl Source for LitSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         let has_alpha = self.colors.as_ref().is_some_and(|colors| colors.has_alpha);
         vec![SourceChannel { has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
+    }
+
+    fn jumps_at_creases(&self) -> bool {
+        true
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {

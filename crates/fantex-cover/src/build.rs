@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{Fans, Mesh, VertexCorners};
+use fantex_mesh::{FanCorner, Fans, Mesh, VertexCorners, is_crease, shading_normals};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -37,11 +37,19 @@ pub struct CoverOptions {
     pub delta: f32,
     /// Groups of several fans keep this cosine between projection direction and every triangle normal.
     pub facing: f32,
+    /// End fans at [creases](is_crease), so that no texel mixes both sides: for what jumps there as light does.
+    pub cut_creases: bool,
 }
 
 impl Default for CoverOptions {
     fn default() -> Self {
-        Self { budget: TexelBudget::Total(4 << 20), tile: 1024, delta: 1.0 / 16.0, facing: 0.25 }
+        Self {
+            budget: TexelBudget::Total(4 << 20),
+            tile: 1024,
+            delta: 1.0 / 16.0,
+            facing: 0.25,
+            cut_creases: false,
+        }
     }
 }
 
@@ -57,7 +65,9 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let fans = Fans::of(&mesh.triangles, &vertex_corners);
     drop(vertex_corners);
-    let surface = Surface::new(mesh, fans);
+    let (fans, creases) = if options.cut_creases { cut_at_creases(mesh, &fans) } else { (fans, Vec::new()) };
+    let mut surface = Surface::new(mesh, fans);
+    surface.creases = creases;
     let density = NominalDensity::new(&surface, options);
     let mut stats = CoverStats::default();
     let grouping = if options.tile == 0 {
@@ -81,13 +91,37 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
         let cover = assemble(&surface, &grouping, scale, mean * scale, options.delta)?;
         Ok(Sized { texels: cover.stored_texels(mesh), cover, scale })
     };
-    let Sized { cover, texels, scale } = match options.budget {
+    let Sized { mut cover, texels, scale } = match options.budget {
         TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, sized)?,
         _ => sized(1.0)?,
     };
+    cover.is_creased = options.cut_creases;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, texels, |t| density.of_triangle(t) * scale);
     Ok((cover, stats))
+}
+
+/// The fans, cut at creases; and of every edge that was cut the corners of both triangles at its ends, `[[own, own], [other, other]]`.
+fn cut_at_creases(mesh: &Mesh, fans: &Fans) -> (Fans, Vec<[[u32; 2]; 2]>) {
+    let normals = shading_normals(mesh);
+    let is_cut = |before: FanCorner, after: FanCorner| {
+        is_crease(&normals, before.corner() as usize, after.corner() as usize)
+    };
+    let mut creases = Vec::new();
+    for fan in 0..fans.len() {
+        let corners = fans.corners(fan);
+        let count = corners.len() - usize::from(!fans.is_closed(fan));
+        for (i, &before) in corners.iter().enumerate().take(count) {
+            let after = corners[(i + 1) % corners.len()];
+            if is_cut(before, after) {
+                let ends = |corner: FanCorner, ring: usize| {
+                    [corner.corner(), (3 * corner.triangle() + corner.slots()[ring]) as u32]
+                };
+                creases.push([ends(before, 2), ends(after, 1)]);
+            }
+        }
+    }
+    (fans.cut(is_cut), creases)
 }
 
 fn check(mesh: &Mesh, options: &CoverOptions) -> Result<()> {
@@ -293,7 +327,7 @@ fn assemble(
         .with_min_len(1 << 12)
         .map(|t| surface.fans.of_triangle(t).map(|fan| grouping.fan_groups[fan as usize]))
         .collect();
-    Ok(Cover { delta, density, corner_groups, groups, unfolded })
+    Ok(Cover { delta, density, is_creased: false, corner_groups, groups, unfolded })
 }
 
 /// The tile map that takes the group's rectangle to the tile, half a texel inside.

@@ -63,6 +63,8 @@ pub struct Cover {
     pub delta: f32,
     /// Nominal texels per mesh unit of length at level 0.
     pub density: f32,
+    /// Fans end at [creases](fantex_mesh::is_crease), where the texture function jumps: for light, which does.
+    pub is_creased: bool,
     /// For every triangle the groups of the fans around its corners 0, 1, 2.
     pub corner_groups: Vec<[u32; 3]>,
     /// All groups, ordered along a space-filling curve over the surface.

@@ -113,8 +113,9 @@ fn grouped(
     let (order, lengths) = connector.connect(&items, &lengths, limits.facing);
     drop(items);
     let fan_groups = vec![0; shapes.len()];
+    let apart = surface.fans_across_creases();
     let mut builder =
-        Builder { surface, shapes, density, limits, connector, order, fan_groups, unused_label: 0 };
+        Builder { surface, shapes, density, limits, connector, order, fan_groups, unused_label: 0, apart };
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
     let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
@@ -163,6 +164,8 @@ struct Builder<'a> {
     fan_groups: Vec<u32>,
     /// Labels from here on are not in use.
     unused_label: u32,
+    /// Pairs of fans that must not share a tile, both ways around, ascending.
+    apart: Vec<(u32, u32)>,
 }
 
 impl Builder<'_> {
@@ -214,6 +217,14 @@ impl Builder<'_> {
         }
         let first = fans[0] as usize;
         let density = if area > 0.0 { weighted / area } else { self.density.of_fan(self.surface, first) };
+        let must_part = |&fan: &u32| {
+            let from = self.apart.partition_point(|pair| pair.0 < fan);
+            let mut others = self.apart[from..].iter().take_while(|pair| pair.0 == fan);
+            others.any(|pair| self.fan_groups[pair.1 as usize] == group)
+        };
+        if !self.apart.is_empty() && fans.iter().any(must_part) {
+            return None;
+        }
         let membership = Membership { fan_groups: &self.fan_groups, group };
         let limits = FlatLimits {
             delta: self.limits.delta,

@@ -8,6 +8,8 @@ use rayon::prelude::*;
 pub(crate) struct Surface<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) fans: Fans,
+    /// Where fans were cut at creases, of each edge the corners of both triangles at its ends.
+    pub(crate) creases: Vec<[[u32; 2]; 2]>,
     /// Unit normal of each triangle, by its winding, and its area: they are mostly needed together.
     facets: Vec<Vec4>,
 }
@@ -15,7 +17,8 @@ pub(crate) struct Surface<'a> {
 impl<'a> Surface<'a> {
     pub(crate) fn new(mesh: &'a Mesh, fans: Fans) -> Self {
         let facet = |t: &[u32; 3]| facet(t.map(|v| mesh.positions[v as usize]));
-        Self { mesh, fans, facets: mesh.triangles.par_iter().with_min_len(1 << 12).map(facet).collect() }
+        let facets = mesh.triangles.par_iter().with_min_len(1 << 12).map(facet).collect();
+        Self { mesh, fans, creases: Vec::new(), facets }
     }
 
     /// Area of a triangle.
@@ -54,6 +57,18 @@ impl<'a> Surface<'a> {
     pub(crate) fn fan_triangle(&self, corner: FanCorner) -> [Vec3; 3] {
         let t = self.mesh.triangle_positions(corner.triangle());
         corner.slots().map(|k| t[k])
+    }
+
+    /// Pairs of fans on different sides of a crease, both ways around, ascending.
+    pub(crate) fn fans_across_creases(&self) -> Vec<(u32, u32)> {
+        let fan = |corner: u32| self.fans.of_corner(corner as usize);
+        let across =
+            |&[own, other]: &[[u32; 2]; 2]| own.map(|a| other.map(|b| [(fan(a), fan(b)), (fan(b), fan(a))]));
+        let mut pairs: Vec<(u32, u32)> =
+            self.creases.iter().flat_map(across).flatten().flatten().filter(|(a, b)| a != b).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
     }
 
     /// The centre vertex' position.

@@ -117,6 +117,51 @@ impl Fans {
         Self { corner_fans, first, corners, closed }
     }
 
+    /// The same fans, cut at the spokes that `is_cut` picks by the corners before and after them. A closed fan is cut at two spokes or
+    /// more: across one alone it would still be its own neighbour.
+    pub fn cut(&self, is_cut: impl Fn(FanCorner, FanCorner) -> bool) -> Self {
+        let mut part = Part::default();
+        let mut corners = Vec::with_capacity(self.corners.len());
+        for fan in 0..self.len() {
+            let (own, is_closed) = (self.corners(fan), self.closed[fan]);
+            let is_cut_after = |&i: &usize| is_cut(own[i], own[(i + 1) % own.len()]);
+            let mut ends: Vec<usize> =
+                (0..own.len() - usize::from(!is_closed)).filter(is_cut_after).map(|i| i + 1).collect();
+            let first = match is_closed {
+                true if ends.len() < 2 => {
+                    ends = vec![own.len()];
+                    0
+                }
+                true => ends[0],
+                false => {
+                    ends.push(own.len());
+                    0
+                }
+            };
+            let is_whole = ends.len() == 1;
+            if first > 0 {
+                // The piece that begins at the first cut ends at the second, the last one around the end of the list.
+                ends.rotate_left(1);
+                let last = ends.len() - 1;
+                ends[last] = first + own.len();
+            }
+            corners.extend((first..first + own.len()).map(|i| own[i % own.len()]));
+            part.lengths.extend(ends.iter().scan(first, |start, &end| {
+                let length = end - *start;
+                *start = end;
+                Some(length as u32)
+            }));
+            part.closed.extend(ends.iter().map(|_| is_closed && is_whole));
+        }
+        let mut first = vec![0];
+        first.extend(part.lengths.iter().scan(0, |end, length| {
+            *end += length;
+            Some(*end)
+        }));
+        let corner_fans = invert(&first, &corners, corners.len());
+        Self { corner_fans, first, corners, closed: part.closed }
+    }
+
     /// Number of fans.
     pub fn len(&self) -> usize {
         self.closed.len()

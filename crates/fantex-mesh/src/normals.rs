@@ -62,6 +62,13 @@ pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
     own.par_iter().with_min_len(BLOCK).enumerate().map(checked).collect()
 }
 
+/// Whether the [`shading_normals`] of two corners at one vertex differ by more than 30 degrees, so that light jumps between them.
+#[inline]
+pub fn is_crease(normals: &[Vec3], corner: usize, other: usize) -> bool {
+    const COSINE: f32 = 0.866_025_4;
+    normals[corner].dot(normals[other]) < COSINE
+}
+
 /// The [`shading_normals`] without creases: around each vertex where they differ, their mean weighted by the triangles' angles there.
 /// Across an edge of two triangles these are continuous. `None` where the shading normals are so already.
 ///

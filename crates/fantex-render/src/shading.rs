@@ -28,7 +28,9 @@ pub(crate) fn evaluate(
             Vec3::new(material.occlusion, material.roughness, material.metallic)
         }
         Shading::Emission => material.emission,
-        Shading::MetallicRoughness | Shading::BlinnPhong if material.unlit => material.base_color,
+        Shading::MetallicRoughness | Shading::BlinnPhong if material.unlit => {
+            material.base_color * finish.and_then(|finish| finish.light_map).unwrap_or(Vec3::ONE)
+        }
         Shading::MetallicRoughness | Shading::BlinnPhong if let Some(finish) = finish => {
             finish.evaluate(material, to_eye, light)
         }
@@ -197,7 +199,7 @@ pub struct Finish<'a> {
     pub shininess: Option<f32>,
     /// Share of the mirrored surroundings that Blinn-Phong adds, linear RGB.
     pub reflection: Vec3,
-    /// Replaces direct and ambient light of the diffuse part, linear RGB.
+    /// Replaces direct and ambient light of the diffuse part, and where it is below one, dims what is mirrored. Linear RGB.
     pub light_map: Option<Vec3>,
     /// Multiplied onto the lit colour at the end, linear RGB.
     pub modulate: Vec3,
@@ -265,7 +267,8 @@ impl Finish<'_> {
         let base = material.base_color;
         let white = MaterialSample { base_color: Vec3::ONE, ..*material };
         let color = match (self.lighting, self.color_use) {
-            (LightingModel::Unlit, _) | (_, ColorUse::Replace) => base,
+            (LightingModel::Unlit, _) => base * self.light_map.unwrap_or(Vec3::ONE),
+            (_, ColorUse::Replace) => base,
             (_, ColorUse::APriori) => self.lit(material, to_eye, light),
             (_, ColorUse::Modulate) => base * self.lit(&white, to_eye, light),
         };
@@ -278,8 +281,11 @@ impl Finish<'_> {
             _ => self.metallic_roughness(material, to_eye, light),
         };
         let diffuse_color = material.base_color * (1.0 - material.metallic);
-        let diffuse = self.light_map.map_or(reflected.diffuse, |arriving| arriving * diffuse_color);
-        diffuse + reflected.specular
+        match self.light_map {
+            None => reflected.diffuse + reflected.specular,
+            // What no light reaches mirrors none.
+            Some(light) => light * diffuse_color + light.clamp(Vec3::ZERO, Vec3::ONE) * reflected.specular,
+        }
     }
 
     /// What a lamp's `n.l` (negative below the horizon) contributes to diffuse reflection.

@@ -105,6 +105,11 @@ impl<'a> ByteReader<'a> {
         Ok(items)
     }
 
+    /// Bytes that are not read yet.
+    pub(crate) fn remaining(&self) -> usize {
+        self.bytes.len() - self.at
+    }
+
     pub(crate) fn end(self) -> Result<()> {
         match self.bytes.len() - self.at {
             0 => Ok(()),

@@ -86,6 +86,9 @@ fn map_floats(group: &Group) -> [f32; 13] {
     [o.x, o.y, o.z, d.x, d.y, d.z, x.x, x.y, x.z, s.x, s.y, t.x, t.y]
 }
 
+/// Last byte of a section whose fans end at creases; other sections lack it.
+const CREASED: u8 = 1;
+
 pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
     let mut out = ByteWriter::default();
     out.f32s(&[cover.delta, cover.density]);
@@ -106,6 +109,9 @@ pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
         let [a, b, c] = u.uv;
         [a.x, a.y, b.x, b.y, c.x, c.y]
     }));
+    if cover.is_creased {
+        out.u8(CREASED);
+    }
     out.bytes
 }
 
@@ -122,10 +128,15 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
     let maps = input.floats::<13>(groups, "tile map of group")?;
     let corners = input.words::<1>(unfolded, "unfolded corners")?;
     let coordinates = input.floats::<6>(unfolded, "unfolded corner")?;
+    let is_creased = input.remaining() > 0;
+    if is_creased && input.u8("the mark of creases")? != CREASED {
+        return Err(Error::malformed(format!("the cover ends with a byte that is not {CREASED}")));
+    }
     input.end()?;
     let cover = Cover {
         delta,
         density,
+        is_creased,
         corner_groups,
         groups: kinds
             .iter()

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use fantex_base::Result;
 use fantex_cover::{TriangleTiles, level_count};
-use fantex_mesh::{Edges, Mesh};
+use fantex_mesh::{Edges, Mesh, is_crease, shading_normals};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -237,6 +237,8 @@ pub struct ExemptEdges {
     pub non_manifold: u64,
     /// The two sides of a leaf meet, which have the same three vertices.
     pub rim: u64,
+    /// The edge is a crease of a cover whose fans end there.
+    pub crease: u64,
 }
 
 /// Which level of each tile was read.
@@ -301,7 +303,7 @@ fn certify(cache: &PageCache) -> Continuity {
         }
     }
     total.edges = edges.len() as u64;
-    total.exempt_edges = total.exempt.non_manifold + total.exempt.rim;
+    total.exempt_edges = total.exempt.non_manifold + total.exempt.rim + total.exempt.crease;
     total.levels = asset.level_count() + MIXTURES;
     total
 }
@@ -310,6 +312,7 @@ fn certify(cache: &PageCache) -> Continuity {
 fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
     let (mesh, cover) = (asset.mesh(), asset.cover());
     let mut edges = Vec::new();
+    let normals = if cover.is_creased { shading_normals(mesh) } else { Vec::new() };
     for edge in Edges::of(&mesh.triangles).iter() {
         if edge.triangle_count() == 1 {
             counts.boundary_edges += 1;
@@ -330,7 +333,12 @@ fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
             if groups[0] == groups[1] {
                 edges.push(Edge { triangles, slots, groups: groups[0] });
             } else {
-                counts.needless_splits += 1;
+                let corner =
+                    |side: usize, k: usize| 3 * triangles[side] as usize + usize::from(slots[side][k]);
+                let is_crease =
+                    |k: usize| cover.is_creased && is_crease(&normals, corner(0, k), corner(1, k));
+                let is_cut = (0..2).all(|k| groups[0][k] == groups[1][k] || is_crease(k));
+                *if is_cut { &mut counts.exempt.crease } else { &mut counts.needless_splits } += 1;
             }
         }
     }

@@ -381,7 +381,8 @@ impl<'a> Baker<'a> {
         self.check_cancelled()?;
         let started = Instant::now();
         let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
-        let options = CoverOptions { budget, tile: self.tile, ..CoverOptions::default() };
+        let cut_creases = source.jumps_at_creases();
+        let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
         let (cover, stats) = build_cover(mesh, &options)?;
         let cover_time = started.elapsed();
         self.check_cancelled()?;

@@ -42,7 +42,14 @@ fn cover() -> Arc<Cover> {
     let group =
         Group { kind: GroupKind::Projected, frame, uv_scale: Vec2::ONE, uv_offset: Vec2::ZERO, extent };
     let (corner_groups, unfolded) = (Vec::new(), Vec::new());
-    Arc::new(Cover { groups: vec![group; 2000], corner_groups, unfolded, delta: 0.25, density: 1.0 })
+    Arc::new(Cover {
+        groups: vec![group; 2000],
+        corner_groups,
+        unfolded,
+        delta: 0.25,
+        density: 1.0,
+        is_creased: false,
+    })
 }
 
 fn id(group: u32) -> PageId {

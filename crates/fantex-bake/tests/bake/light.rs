@@ -519,3 +519,38 @@ mod many_lamps {
         }
     }
 }
+
+/// No texel mixes both sides of a crease: from above, a cube's top is lit to its rim, and its sides are black up to it.
+#[test]
+fn light_does_not_leak_over_creases() {
+    let mesh = cleaned(generate::cube(5));
+    let sun = BakeLight::Directional { to_light: Vec3::Y, color: Vec3::ONE, radius_degrees: 0.0 };
+    let scene = LightScene { lights: vec![sun], sky: &black, reflector: &gray };
+    let source = LightMapSource::new(&mesh, &scene, direct(16)).unwrap();
+    let budget = fantex_cover::TexelBudget::Total(20_000);
+    for tile in [0, 256] {
+        let options = fantex_cover::CoverOptions {
+            budget: budget.clone(),
+            tile,
+            cut_creases: true,
+            ..fantex_cover::CoverOptions::default()
+        };
+        let (cover, _) = fantex_cover::build_cover(&mesh, &options).unwrap();
+        let asset = baked(&mesh, &cover, &source, &float_options(Fit::Box));
+        let report = verify(&asset.path, &VerifyOptions::default()).unwrap();
+        assert!(report.ok, "{report:?}");
+        // Twelve edges of five segments each.
+        assert_eq!(report.continuity.exempt.crease, 60);
+        let points = common::barycentric_points(9);
+        for triangle in 0..mesh.triangles.len() {
+            let expected = if mesh.facet_normal(triangle).y > 0.5 { 1.0 } else { 0.0 };
+            for &lambda in &points {
+                for level in 0..2 {
+                    let light = sample(&asset.cache, 0, level, triangle, lambda).truncate();
+                    let error = (light - Vec3::splat(expected)).abs().max_element();
+                    assert!(error < 1e-4, "tile {tile}, triangle {triangle}, {lambda}: {light}");
+                }
+            }
+        }
+    }
+}

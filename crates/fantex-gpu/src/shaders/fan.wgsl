@@ -114,6 +114,9 @@ fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> vec4<f32> {
         m.emission = vec3<f32>(0.0);
     }
     if (FAN_TOON || FAN_LIGHT || FAN_ANISOTROPY) && FAN_OVERLAY == 0u && SHADING <= 1u {
+        if m.unlit && FAN_LIGHT {
+            m.base_color *= max(blend.light, vec3<f32>(0.0));
+        }
         if !m.unlit {
             return exposed(m.emission + finished_light(at, m, blend.light, blend.stretch, at.vertex_normal * side), m.alpha);
         }

@@ -153,5 +153,8 @@ fn finished_light(
             }
         }
     }
-    return select(diffuse, baked_light * diffuse_color, FAN_LIGHT) + specular;
+    if FAN_LIGHT {
+        return baked_light * diffuse_color + clamp(baked_light, vec3<f32>(0.0), vec3<f32>(1.0)) * specular;
+    }
+    return diffuse + specular;
 }

@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use fantex_mesh::{
-    CleanOptions, EdgeSide, Fans, LoadOptions, Mesh, Model, SURFACE_OFFSET, TriangleBvh, VertexCorners,
-    clean, continued, corner_tangents, generate, interpolate, load, origin_beside, shading_normals,
+    CleanOptions, EdgeSide, FanCorner, Fans, LoadOptions, Mesh, Model, SURFACE_OFFSET, TriangleBvh,
+    VertexCorners, clean, continued, corner_tangents, generate, interpolate, load, origin_beside,
+    shading_normals,
 };
 use fantex_test::{cleaned, loaded};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -654,4 +655,34 @@ fn no_other_point_of_the_triangle_is_nearer() {
         let distance = nearest.distance;
         assert!(distance <= sampled + 1e-6 && sampled - distance < 0.03, "{distance} {sampled}");
     }
+}
+
+/// A cube whose fans are cut at its edges: six faces, whose fans share no corner, and every corner is in one.
+#[test]
+fn fans_are_cut_at_spokes() {
+    let mesh = fantex_test::cleaned(generate::cube(2));
+    let fans = Fans::of(&mesh.triangles, &VertexCorners::of(&mesh.triangles, mesh.positions.len()));
+    let normal = |corner: FanCorner| mesh.facet_normal(corner.triangle());
+    let cut = fans.cut(|before, after| normal(before).dot(normal(after)) < 0.5);
+    // Per face nine vertices, of which only the middle one's fan is closed.
+    assert_eq!(cut.len(), 6 * 9);
+    assert_eq!((0..cut.len()).filter(|&fan| cut.is_closed(fan)).count(), 6);
+    let mut seen = vec![0; 3 * mesh.triangles.len()];
+    for fan in 0..cut.len() {
+        let corners = cut.corners(fan);
+        for pair in corners.windows(2) {
+            // Neighbours in the list share the spoke between them.
+            let [a, b] = [pair[0], pair[1]].map(|c| (mesh.triangles[c.triangle()], c.slots()));
+            assert_eq!(a.0[a.1[2]], b.0[b.1[1]]);
+        }
+        for &corner in corners {
+            assert_eq!(normal(corner), normal(corners[0]));
+            assert_eq!(cut.of_corner(corner.corner() as usize), fan as u32);
+            seen[corner.corner() as usize] += 1;
+        }
+    }
+    assert!(seen.iter().all(|&n| n == 1));
+    // One cut alone leaves a closed fan as it is.
+    let first = fans.corners(0)[0];
+    assert_eq!(fans.cut(|before, _| before == first).len(), fans.len());
 }

@@ -405,7 +405,14 @@ pub(crate) fn fan_cover(mesh: &Mesh, extent: [u32; 2]) -> Cover {
         Group { kind: GroupKind::Projected, frame, uv_scale, uv_offset, extent }
     };
     let groups = (0..mesh.positions.len()).map(group).collect();
-    Cover { delta: 0.2, density: 100.0, corner_groups: mesh.triangles.clone(), groups, unfolded: Vec::new() }
+    Cover {
+        delta: 0.2,
+        density: 100.0,
+        is_creased: false,
+        corner_groups: mesh.triangles.clone(),
+        groups,
+        unfolded: Vec::new(),
+    }
 }
 
 /// Tiles of one channel: `value(point, triangle, lambda, frame)` at the surface point under each texel, at every level.

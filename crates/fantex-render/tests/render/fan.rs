@@ -219,7 +219,14 @@ fn twice_the_same(size: u32, texel: impl Fn(u32, u32) -> f32) -> (Mesh, Cover, M
     };
     let tiles = MemoryTiles { levels: vec![vec![(0..group.level_count()).map(level).collect()]] };
     let corner_groups = vec![[0; 3]; 2];
-    let cover = Cover { delta: 0.2, density: 1.0, corner_groups, groups: vec![group], unfolded: Vec::new() };
+    let cover = Cover {
+        delta: 0.2,
+        density: 1.0,
+        is_creased: false,
+        corner_groups,
+        groups: vec![group],
+        unfolded: Vec::new(),
+    };
     (mesh, cover, tiles)
 }
 

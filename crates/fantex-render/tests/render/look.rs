@@ -175,6 +175,26 @@ fn light_maps_replace_the_light_and_spots_move_over_it() {
     }
 }
 
+/// Whatever mirrors, where no light arrives: and a light of one changes no highlight.
+#[test]
+fn a_light_map_of_nothing_is_black() {
+    let material = |light: f32| LookMaterial {
+        lighting: LightingModel::MetallicRoughness,
+        light_map: Some(slot(move |_| Vec4::splat(light))),
+        roughness: Slot::number(0.3),
+        specular: Slot::number(1.0),
+        ..phong()
+    };
+    let ball = sphere(24, 0.6);
+    let lights = lights(Vec3::new(0.3, 0.4, 0.9));
+    let middle = |light: f32| rgb(&picture_of(&ball, material(light), &lights, &options()), 48, 32);
+    assert_eq!(middle(0.0), Vec3::ZERO);
+    let [one, two] = [1.0, 2.0].map(middle);
+    let diffuse = two - one;
+    assert!((one - diffuse).min_element() > 0.01, "{one} {two}: the highlight is gone");
+    assert!((middle(0.5) - 0.5 * one).abs().max_element() < 1e-5);
+}
+
 #[test]
 fn toon_shading_has_the_colours_of_its_scale() {
     let steps = [(-1.0, 0.1), (0.2, 0.5), (0.7, 1.0)].map(|(at, grey)| (at, Vec4::splat(grey)));

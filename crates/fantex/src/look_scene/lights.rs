@@ -272,8 +272,7 @@ impl LookBake {
         let sky = |direction: Vec3| light.sky.radiance(direction);
         let scene = LightScene { lights: light.lamps.clone(), sky: &sky, reflector: &reflector };
         let map = LightMapSource::new(mesh, &scene, light.options)?;
-        let colors: Option<&dyn Source> = if light.is_colored { Some(&source) } else { None };
-        Ok(then(&LitSource::new(map, colors)))
+        Ok(if light.is_colored { then(&LitSource::new(map, Some(&source))) } else { then(&map) })
     }
 }
 

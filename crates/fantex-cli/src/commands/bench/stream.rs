@@ -19,7 +19,7 @@ use glam::DVec3;
 use super::Row;
 use crate::context::{Context, peak_memory_bytes};
 use crate::scene::size;
-use crate::text::{bytes, positive};
+use crate::text::{bytes, megabytes, positive};
 
 /// Fly through an asset: frame times, time until views are sharp, bytes read against bytes needed, the disk beside it.
 #[derive(Args, Debug)]
@@ -75,7 +75,7 @@ pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>> {
     };
     let mut rows = vec![Row::new("asset opened", 1e3 * opened.as_secs_f64(), "ms")];
     rows.extend(fly(&asset, &path, args, context, started)?);
-    rows.extend(disk_rows(&asset)?);
+    rows.extend(disk_rows(&asset, context)?);
     rows.extend(peak_memory_bytes().map(|bytes| Row::new("peak of main memory", bytes as f64 / 1e6, "MB")));
     Ok(rows)
 }
@@ -317,7 +317,7 @@ fn sharpness(rows: &mut Vec<Row>, seconds: &[f64], never: u64) {
 }
 
 /// What the loader gets out of the disk, beside a plain loop of reads of the same size. None for URLs.
-fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>> {
+fn disk_rows(asset: &Arc<Asset>, context: &Context) -> Result<Vec<Row>> {
     if url_of(asset.path()).is_some() {
         return Ok(Vec::new());
     }
@@ -325,16 +325,30 @@ fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>> {
     let read_error = |error| Error::reading(asset.path(), error);
     let plain = plain_reads(asset.path(), mean_cluster_bytes(asset), &load).map_err(read_error)?;
     let queued = queued_reads(asset, &load).map_err(read_error)?;
-    let (loaded, counts) = loaded_clusters(asset, &ClusterLoaderOptions::default(), &load)?;
     let unpacked = unpacked_clusters(asset, &load).map_err(read_error)?;
     let disk = plain.megabytes_per_second();
-    let delivered = counts.unpacked_bytes as f64 / loaded.seconds.max(1e-9) / 1e6;
-    Ok(vec![
+    let mut rows = vec![
         Row::new("plain loop of direct reads", plain.reads_per_second(), "reads/s"),
         Row::new("clusters read, beside the plain loop", queued.megabytes_per_second(), "MB/s").beside(disk),
-        Row::new("clusters read and unpacked, beside the plain loop", loaded.megabytes_per_second(), "MB/s")
-            .beside(disk),
-        Row::new("texels delivered by these, beside the plain loop", delivered, "MB/s").beside(disk),
-        Row::new("clusters unpacked from memory", unpacked.megabytes_per_second(), "MB/s"),
-    ])
+    ];
+    let options = ClusterLoaderOptions::default();
+    let cache_bytes = options.stored_cache_bytes.max(options.cache_bytes) as u64;
+    if asset.file_bytes() <= cache_bytes {
+        context.note(format!(
+            "{}: the loader keeps all of these {} in memory ({} fit), so what it gets out of the disk cannot be measured; take a larger asset",
+            asset.path().display(),
+            megabytes(asset.file_bytes()),
+            megabytes(cache_bytes)
+        ));
+    } else {
+        let (loaded, counts) = loaded_clusters(asset, &options, &load)?;
+        let delivered = counts.unpacked_bytes as f64 / loaded.seconds.max(1e-9) / 1e6;
+        let rate = loaded.megabytes_per_second();
+        rows.push(Row::new("clusters read and unpacked, beside the plain loop", rate, "MB/s").beside(disk));
+        rows.push(
+            Row::new("texels delivered by these, beside the plain loop", delivered, "MB/s").beside(disk),
+        );
+    }
+    rows.push(Row::new("clusters unpacked from memory", unpacked.megabytes_per_second(), "MB/s"));
+    Ok(rows)
 }
