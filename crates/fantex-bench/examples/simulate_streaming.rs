@@ -1,5 +1,5 @@
 //! Replays camera paths against the streamer and a modelled disk, without a graphics card, and prints a table: over a generated
-//! landscape, or over an asset (along a recorded path). ANISOTROPY is the filter's, 1 for trilinear look-ups.
+//! landscape, or over an asset (along a recorded path), with its parcels as whole rectangles and by their outlines. ANISOTROPY is the filter's, 1 for trilinear look-ups.
 //!
 //! ```text
 //! cargo run --release -p fantex-bench --example simulate_streaming -- ASSET [POOL_SIDE] [PATH.json]
@@ -10,7 +10,9 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-use fantex_bench::simulate::{DiskModel, SimulationOptions, SimulationReport, simulate};
+use fantex_bench::simulate::{
+    DiskModel, SimulationOptions, SimulationReport, outlines_of, simulate, simulate_with,
+};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::generate::{LandscapeOptions, landscape};
 use fantex_mesh::{CleanOptions, clean};
@@ -93,7 +95,9 @@ fn over_asset(path: &str, arguments: &[String]) -> Result<(), Box<dyn Error>> {
         rest_seconds: 1.0,
         ..SimulationOptions::default()
     };
-    println!("{}", SimulationReport::HEADING);
-    println!("{}", simulate(Arc::new(asset), &flight, &options));
+    println!("{:12}{}", "", SimulationReport::HEADING);
+    let (outlines, asset) = (outlines_of(&asset)?, Arc::new(asset));
+    println!("{:12}{}", "rectangles", simulate(asset.clone(), &flight, &options));
+    println!("{:12}{}", "outlines", simulate_with(asset, &flight, &options, outlines));
     Ok(())
 }

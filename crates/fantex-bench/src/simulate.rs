@@ -4,7 +4,8 @@
 //! evictions and waiting are the same on every machine; those of processor time are measured.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,10 +13,10 @@ use std::time::Duration;
 
 use fantex_base::Error;
 use fantex_base::Random;
-use fantex_store::PageId;
+use fantex_store::{Asset, PageId, group_pages};
 use fantex_stream::{
-    CameraPath, CutWatch, FrameOptions, Geometry, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, Streamer,
-    StreamerOptions,
+    CameraPath, CutWatch, FrameOptions, Geometry, LoadedParcel, Outline, Parcel, ParcelLoader, ParcelTexels,
+    Streamer, StreamerOptions,
 };
 
 /// What a path is replayed with.
@@ -118,14 +119,24 @@ impl fmt::Display for SimulationReport {
     }
 }
 
-/// Replays a path.
+/// Replays a path; parcels are whole rectangles.
 pub fn simulate(
     geometry: Arc<dyn Geometry>,
     path: &CameraPath,
     options: &SimulationOptions,
 ) -> SimulationReport {
+    simulate_with(geometry, path, options, Arc::new(|_| Outline::WHOLE))
+}
+
+/// Replays a path; `outlines` tells what of a parcel is stored.
+pub fn simulate_with(
+    geometry: Arc<dyn Geometry>,
+    path: &CameraPath,
+    options: &SimulationOptions,
+    outlines: Outlines,
+) -> SimulationReport {
     let clock = ModelClock::default();
-    let loader = ModelLoader::new(geometry.clone(), options.disk, clock.clone());
+    let loader = ModelLoader::new(geometry.clone(), options.disk, clock.clone()).with_outlines(outlines);
     let mut streamer = Streamer::new(geometry.clone(), Box::new(loader), options.streamer);
     let mut report = SimulationReport::default();
     let mut cuts = path.cuts_seconds().into_iter().peekable();
@@ -219,12 +230,35 @@ impl ModelClock {
     }
 }
 
+/// What of a parcel is stored.
+pub type Outlines = Arc<dyn Fn(Parcel) -> Outline + Send + Sync>;
+
+/// The outlines of an asset's parcels, all read at once.
+///
+/// # Errors
+/// A page cannot be read.
+pub fn outlines_of(asset: &Asset) -> Result<Outlines, Error> {
+    let mut outlines = HashMap::new();
+    for (index, group) in (0..).zip(&asset.cover().groups) {
+        for page in group_pages(index, group) {
+            let parcel = Parcel::of(group, page);
+            if let Entry::Vacant(vacant) = outlines.entry(parcel) {
+                let layout = parcel.layout(asset.cover());
+                let stored_page = |channel, page| asset.read_page_raw(channel, page);
+                vacant.insert(Outline::of_stored(&layout, asset.channels(), stored_page)?);
+            }
+        }
+    }
+    Ok(Arc::new(move |parcel| outlines.get(&parcel).cloned().unwrap_or_default()))
+}
+
 /// Order in which requests are served: the most urgent first, then as they came.
 type Rank = (Reverse<u32>, u64);
 
 /// A [`ParcelLoader`] whose parcels arrive when a modelled disk would have read them. All channels of a parcel come as one.
 pub struct ModelLoader {
     geometry: Arc<dyn Geometry>,
+    outlines: Outlines,
     disk: DiskModel,
     clock: ModelClock,
     ranks: BTreeMap<Parcel, Rank>,
@@ -242,10 +276,17 @@ pub struct ModelLoader {
 }
 
 impl ModelLoader {
-    /// A loader of the parcels of a cover.
+    /// The same with outlines.
+    #[must_use]
+    pub fn with_outlines(self, outlines: Outlines) -> Self {
+        Self { outlines, ..self }
+    }
+
+    /// A loader of the parcels of a cover, all of them whole rectangles.
     pub fn new(geometry: Arc<dyn Geometry>, disk: DiskModel, clock: ModelClock) -> Self {
         Self {
             geometry,
+            outlines: Arc::new(|_| Outline::WHOLE),
             disk,
             clock,
             ranks: BTreeMap::new(),
@@ -317,7 +358,10 @@ impl ModelLoader {
             layout.slots.iter().flat_map(|slot| Self::signature(slot.page)).collect::<Vec<_>>();
         signatures.resize(self.bytes(parcel).max(signatures.len()), 0);
         let channels = vec![Arc::from(signatures)];
-        LoadedParcel { parcel, texels: Ok(ParcelTexels { extent: layout.extent, channels }) }
+        LoadedParcel {
+            parcel,
+            texels: Ok(ParcelTexels { extent: layout.extent, outline: (self.outlines)(parcel), channels }),
+        }
     }
 }
 

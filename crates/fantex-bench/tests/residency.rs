@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 use std::collections::{BTreeSet, HashMap};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Arc, LazyLock};
 
+use fantex_base::Random;
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, Mesh, Model, clean, generate};
 use fantex_store::{PageId, page_extent, page_grid};
@@ -16,7 +18,7 @@ use fantex_bench::simulate::{
 };
 use fantex_stream::{
     AtlasPlace, AtlasShape, CameraKeyframe, CameraPath, CoveredMesh, FrameChanges, FrameOptions, Geometry,
-    Parcel, Streamer, StreamerOptions, TableEntry,
+    Outline, Parcel, Streamer, StreamerOptions, TableEntry,
 };
 
 fn covered(model: Model, texels: u64, tile: u32) -> Arc<CoveredMesh> {
@@ -56,21 +58,20 @@ impl Shadow {
         Self { units: vec![u32::MAX; 1 << 19], indices, table: vec![TableEntry::ABSENT; pages.len()], pages }
     }
 
-    fn apply(&mut self, cover: &Cover, changes: &FrameChanges, atlas: AtlasShape) {
+    fn apply(&mut self, cover: &Cover, streamer: &Streamer, changes: &FrameChanges, atlas: AtlasShape) {
         for upload in &changes.uploads {
             let layout = upload.parcel.layout(cover);
             assert_eq!(upload.texels.extent, layout.extent);
-            for unit in units(upload.place, upload.texels.extent, atlas) {
-                self.units[unit] = u32::MAX;
-            }
             for (slot, signature) in layout.slots.iter().zip(upload.texels.channels[0].chunks(2)) {
                 assert_eq!(Parcel::of(&cover.groups[slot.page.group as usize], slot.page), upload.parcel);
                 assert_eq!(slot.extent, extent(cover, slot.page));
                 assert_eq!(signature, ModelLoader::signature(slot.page));
                 let AtlasPlace { layer, x, y } = upload.place;
                 let place = AtlasPlace { layer, x: x + slot.at[0] as u16, y: y + slot.at[1] as u16 };
-                for unit in units(place, slot.extent, atlas) {
-                    assert_eq!(self.units[unit], u32::MAX, "pages of a parcel overlap");
+                let outline = outline(upload.parcel, cover);
+                assert_eq!(upload.texels.outline, outline);
+                let part = outline.part(layout.extent, slot.at, slot.extent);
+                for unit in units(place, slot.extent, &part, atlas) {
                     self.units[unit] = self.indices[&slot.page];
                 }
             }
@@ -85,7 +86,8 @@ impl Shadow {
         // Every entry names its page, whole; so no two pages overlap.
         for ((entry, &page), index) in self.table.iter().zip(&self.pages).zip(0..) {
             let Some(place) = entry.place() else { continue };
-            for unit in units(place, extent(cover, page), atlas) {
+            let part = streamer.outline(page);
+            for unit in units(place, extent(cover, page), &part, atlas) {
                 assert_eq!(self.units[unit], index, "an entry names another page's place");
             }
         }
@@ -96,12 +98,36 @@ fn extent(cover: &Cover, page: PageId) -> [u32; 2] {
     page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page)
 }
 
-fn units(place: AtlasPlace, extent: [u32; 2], atlas: AtlasShape) -> impl Iterator<Item = usize> {
+/// What of a parcel is stored: any spans, for every third all.
+fn outline(parcel: Parcel, cover: &Cover) -> Outline {
+    let extent = parcel.layout(cover).extent;
+    let mut seed = DefaultHasher::new();
+    parcel.hash(&mut seed);
+    let mut random = Random::new(seed.finish());
+    if random.below(3) == 0 {
+        return Outline::WHOLE;
+    }
+    let mut span = || {
+        let [a, b] = [0; 2].map(|_| random.below(u64::from(extent[0] / 4) + 1) as u8);
+        [a.min(b), a.max(b)]
+    };
+    Outline::new(extent, (0..extent[1] / 4).map(|_| span()).collect())
+}
+
+fn units(
+    place: AtlasPlace,
+    extent: [u32; 2],
+    outline: &Outline,
+    atlas: AtlasShape,
+) -> impl Iterator<Item = usize> {
     let [x, y, layer] = [place.x, place.y, place.layer].map(u32::from);
-    assert!(layer < atlas.layers && x + extent[0] <= atlas.side && y + extent[1] <= atlas.side);
-    let [w, h] = extent.map(|n| n / 4);
-    let unit = move |i: u32, j: u32| (layer * atlas.side / 4 + y / 4 + j) * (atlas.side / 4) + x / 4 + i;
-    (0..h).flat_map(move |j| (0..w).map(move |i| unit(i, j) as usize))
+    let units = (0..).zip(outline.spans(extent)).flat_map(move |(j, [first, end])| {
+        (first..end).map(move |i| {
+            assert!(layer < atlas.layers && x + 4 * i < atlas.side && y + 4 * j < atlas.side);
+            ((layer * atlas.side / 4 + y / 4 + j) * (atlas.side / 4) + x / 4 + i) as usize
+        })
+    });
+    units.collect::<Vec<_>>().into_iter()
 }
 
 struct Stage {
@@ -129,7 +155,9 @@ impl Stage {
         frame_nanoseconds: u32,
     ) -> Self {
         let clock = ModelClock::default();
-        let loader = ModelLoader::new(geometry.clone(), disk, clock.clone());
+        let covered = geometry.clone();
+        let loader = ModelLoader::new(geometry.clone(), disk, clock.clone())
+            .with_outlines(Arc::new(move |parcel| outline(parcel, &covered.cover)));
         let options = StreamerOptions { atlas, frame_nanoseconds, ..StreamerOptions::default() };
         let streamer = Streamer::new(geometry.clone(), Box::new(loader), options);
         let shadow = Shadow::new(geometry, &streamer);
@@ -143,7 +171,7 @@ impl Stage {
         let requests = self.streamer.statistics().requests;
         let frame = FrameOptions { upload_bytes: 1 << 18, elapsed_seconds: FRAME_SECONDS as f32 };
         let changes = self.streamer.update(view.as_ref(), frame);
-        self.shadow.apply(&self.geometry.cover, &changes, self.atlas);
+        self.shadow.apply(&self.geometry.cover, &self.streamer, &changes, self.atlas);
         let bytes: usize = changes.uploads.iter().map(|u| u.texels.bytes()).sum();
         assert!(bytes < frame.upload_bytes + (1 << 16), "{bytes} bytes in a frame");
         let figures = self.streamer.statistics();
@@ -385,7 +413,7 @@ fn edited_pages_are_uploaded_again_where_they_are() {
         let view = camera.view(&geometry.mesh.world_from_mesh, [640, 360]);
         let changes = stage.streamer.update(view.as_ref(), FrameOptions::default());
         assert!(changes.entries.is_empty());
-        stage.shadow.apply(&geometry.cover, &changes, stage.atlas);
+        stage.shadow.apply(&geometry.cover, &stage.streamer, &changes, stage.atlas);
         uploaded.extend(changes.uploads.iter().map(|u| u.parcel));
     }
     uploaded.sort();

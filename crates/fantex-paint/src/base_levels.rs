@@ -11,7 +11,7 @@ use fantex_base::Result;
 use fantex_store::{Channel, PageId, page_extent, page_origin};
 
 use crate::Painter;
-use crate::composite::{block_bytes, copy_blocks};
+use crate::composite::copy_blocks;
 use crate::history::PageStep;
 use crate::layers::{base_bytes, base_mean_name, base_name};
 use crate::levels::{CoarserLevels, dirty_levels, fine_rect, pages_of, pages_read};
@@ -187,7 +187,7 @@ fn differing_blocks(channel: &Channel, extent: [u32; 2], a: &[u8], b: &[u8]) -> 
         return Vec::new();
     }
     let differs = |block: &Rect| {
-        block_bytes(channel.format, extent[0], block.low).any(|bytes| a[bytes.clone()] != b[bytes])
+        channel.format.block_ranges(extent[0], block.low).any(|bytes| a[bytes.clone()] != b[bytes])
     };
     blocks_of(Rect::of(extent)).filter(differs).collect()
 }

@@ -322,8 +322,8 @@ pub(crate) fn replace_blocks(
     let columns = extent[0] as usize;
     for block in blocks_of(rect) {
         if block.texels().any(|[x, y]| changed(y as usize * columns + x as usize)) {
-            let from = block_bytes(channel.format, rect.extent()[0], block.relative_to(rect.low).low);
-            let to = block_bytes(channel.format, extent[0], block.low);
+            let from = channel.format.block_ranges(rect.extent()[0], block.relative_to(rect.low).low);
+            let to = channel.format.block_ranges(extent[0], block.low);
             from.zip(to).for_each(|(from, to)| bytes[to].copy_from_slice(&encoded[from]));
         }
     }
@@ -333,26 +333,10 @@ pub(crate) fn replace_blocks(
 /// Copies the blocks of a rectangle from one page to another of the same extent.
 pub(crate) fn copy_blocks(channel: &Channel, extent: [u32; 2], from: &[u8], to: &mut [u8], rect: Rect) {
     for block in blocks_of(rect.blocks()) {
-        for bytes in block_bytes(channel.format, extent[0], block.low) {
+        for bytes in channel.format.block_ranges(extent[0], block.low) {
             to[bytes.clone()].copy_from_slice(&from[bytes]);
         }
     }
-}
-
-/// Where the bytes of a block of 4 x 4 texels lie in so many columns of texels, by its first texel.
-pub(crate) fn block_bytes(
-    format: TexelFormat,
-    columns: u32,
-    [x, y]: [u32; 2],
-) -> impl Iterator<Item = Range<usize>> {
-    let [columns, x, y] = [columns, x, y].map(|n| n as usize);
-    let is_compressed =
-        matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7);
-    let size = if is_compressed { format.block_bytes() } else { format.block_bytes() / 4 };
-    (0..if is_compressed { 1 } else { 4 }).map(move |row| {
-        let first = if is_compressed { y / 4 * (columns / 4) + x / 4 } else { ((y + row) * columns + x) / 4 };
-        first * size..(first + 1) * size
-    })
 }
 
 fn stored_float(channel: &Channel, value: Vec4) -> [f32; 4] {

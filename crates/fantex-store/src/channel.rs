@@ -1,5 +1,7 @@
 //! Material channels, texel formats, and the section that lists them.
 
+use std::ops::Range;
+
 use fantex_base::{Error, Result};
 
 use crate::bytes::{ByteReader, ByteWriter};
@@ -95,9 +97,26 @@ impl TexelFormat {
         }
     }
 
+    /// Whether texels come in blocks of 4x4; else in rows.
+    pub const fn is_compressed(self) -> bool {
+        matches!(self, Self::Bc1 | Self::Bc4 | Self::Bc5 | Self::Bc7)
+    }
+
     /// Bytes of a rectangle of texels whose sides are multiples of 4.
     pub const fn bytes(self, extent: [u32; 2]) -> usize {
         (extent[0] as usize / 4) * (extent[1] as usize / 4) * self.block_bytes()
+    }
+
+    /// The bytes of the 4x4 block at a texel (multiples of 4) of a page with so many columns of texels: one range, or one for each of
+    /// four rows.
+    pub fn block_ranges(self, columns: u32, [x, y]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
+        let [columns, x, y] = [columns, x, y].map(|n| n as usize / 4);
+        let rows = if self.is_compressed() { 1 } else { 4 };
+        let length = self.block_bytes() / rows;
+        (0..rows).map(move |row| {
+            let first = ((y * rows + row) * columns + x) * length;
+            first..first + length
+        })
     }
 
     /// Channels it stores: 1, 2 or 4. Missing ones read as `0, 0, 1` (green, blue, alpha).

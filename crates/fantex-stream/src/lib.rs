@@ -14,7 +14,7 @@
 //! threads only. Each is a module with a small interface, so that the whole is simulated and tested without a GPU.
 //!
 //! What moves is a [`Parcel`]: a page of a tile, or a coarse level of up to 32 neighbouring tiles. The [`PageTable`] that shaders read
-//! knows pages only.
+//! knows pages only. What of a parcel is stored is its [`Outline`]; outlines interlock in the atlas.
 
 mod atlas;
 mod camera_path;
@@ -22,6 +22,7 @@ mod cluster_loader;
 mod demand;
 mod disk_speed;
 mod loader;
+mod outline;
 mod parcel;
 pub mod read;
 mod residency;
@@ -34,6 +35,7 @@ pub use cluster_loader::*;
 pub use demand::{DemandWork, Detail, PageDemand};
 pub use disk_speed::*;
 pub use loader::*;
+pub use outline::*;
 pub use parcel::*;
 pub use read::{open_asset, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};

@@ -6,15 +6,17 @@ use std::sync::Arc;
 use fantex_base::Error;
 use fantex_store::PageId;
 
-use crate::{AtlasFormat, Parcel, ParcelLayout};
+use crate::{AtlasFormat, Outline, Parcel, ParcelLayout};
 
 /// Texels of a parcel in the formats of the atlas.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParcelTexels {
     /// Columns and rows, multiples of 4.
     pub extent: [u32; 2],
+    /// What of it is stored.
+    pub outline: Outline,
     /// Per channel of the asset: rows of blocks, or of texels, from v = 0, without padding. What lies between the pages of a
-    /// bundle is anything.
+    /// bundle, and beside the outline, is anything.
     pub channels: Vec<Arc<[u8]>>,
 }
 
@@ -68,7 +70,7 @@ pub trait ParcelLoader: Send {
 
 // From the texels of pages to those of the parcel that they lie in.
 
-/// Puts pages together. `page` gives a page's bytes in a channel, in the channel's format among `formats`: rows of blocks, or of
+/// Puts pages together, the outline being whole. `page` gives a page's bytes in a channel, in the channel's format among `formats`: rows of blocks, or of
 /// texels.
 ///
 /// # Errors
@@ -96,7 +98,7 @@ pub fn assemble<'p, E>(
         }
         channels.push(Arc::from(texels));
     }
-    Ok(ParcelTexels { extent: layout.extent, channels })
+    Ok(ParcelTexels { extent: layout.extent, outline: Outline::WHOLE, channels })
 }
 
 /// Rows of a rectangle of texels: of blocks, or of texels.

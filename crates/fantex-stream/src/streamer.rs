@@ -12,7 +12,7 @@ use glam::{Mat3, Quat, Vec3};
 use crate::demand::{Demand, DemandSurface, DemandWork};
 use crate::residency::{COUNTED_LEVELS, FRAME_NANOSECONDS, FrameWork, ParcelCount, RequestLimits, Residency};
 use crate::shape::TileShapes;
-use crate::{AtlasShape, Detail, FrameChanges, PageTable, Parcel, ParcelLoader};
+use crate::{AtlasShape, Detail, FrameChanges, Outline, PageTable, Parcel, ParcelLoader};
 
 /// What a streamer is built with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,6 +187,11 @@ impl Streamer {
         self.predicted.set_max_anisotropy(max_anisotropy);
     }
 
+    /// What the atlas stores of a resident page: updates in place have no room for more.
+    pub fn outline(&self, page: PageId) -> Outline {
+        self.residency.outline(page)
+    }
+
     /// The stored texels of these pages have changed: what is resident is read and uploaded again, in place, and what was
     /// damaged gets another chance.
     pub fn invalidate(&mut self, pages: &[PageId]) {
@@ -253,11 +258,11 @@ impl Streamer {
 /// Figures of a streamer. Counters begin with the streamer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamStatistics {
-    /// In the atlas.
+    /// In the atlas, with the texels that are stored.
     pub resident: ParcelCount,
-    /// The texels of tiles among them, per level, finest first.
+    /// The texels of whole tiles among them, per level, finest first.
     pub resident_texels_by_level: [u64; COUNTED_LEVELS],
-    /// What the view needs, with the bias.
+    /// What the view needs, with the bias; texels of whole rectangles.
     pub needed: ParcelCount,
     /// Parcels of that which are not resident.
     pub missing: u64,

@@ -9,7 +9,7 @@ use fantex::base::{Error, Result};
 use fantex::cover::Cover;
 use fantex::paint::Painter;
 use fantex::store::{Asset, PageId, decode_plain, page_extent};
-use fantex::stream::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, assemble};
+use fantex::stream::{AtlasFormat, LoadedParcel, Outline, Parcel, ParcelLoader, ParcelTexels, assemble};
 
 use crate::paint::Order;
 
@@ -312,10 +312,14 @@ pub(crate) fn parcel_texels(
     parcel: Parcel,
     formats: &[AtlasFormat],
 ) -> Result<ParcelTexels> {
-    let layout = parcel.layout(painter.editor().asset().cover());
-    assemble(&layout, formats, |channel, page| {
+    let asset = painter.editor().asset();
+    let layout = parcel.layout(asset.cover());
+    let stored_page = |channel, page| painter.editor().read_page_raw(channel, page);
+    let outline = Outline::of_stored(&layout, asset.channels(), stored_page)?;
+    let texels = assemble(&layout, formats, |channel, page| {
         channel_texels(painter, page, channel, formats[channel], None).map(Cow::Owned)
-    })
+    })?;
+    Ok(ParcelTexels { outline, ..texels })
 }
 
 /// The page as the painter has it; `shown` has the bytes of channels that look different for the moment.
@@ -329,7 +333,7 @@ pub(crate) fn page_texels(
     let channels = formats.iter().enumerate().map(|(channel, &format)| {
         Ok(Arc::from(channel_texels(painter, page, channel, format, shown.get(&channel))?))
     });
-    Ok(ParcelTexels { extent, channels: channels.collect::<Result<_>>()? })
+    Ok(ParcelTexels { extent, outline: Outline::WHOLE, channels: channels.collect::<Result<_>>()? })
 }
 
 fn extent(painter: &Painter, page: PageId) -> Result<[u32; 2]> {

@@ -10,7 +10,7 @@ use fantex::cover::Cover;
 use fantex::gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
 use fantex::mesh::Mesh;
 use fantex::store::{Asset, PageId, cover_level_count};
-use fantex::stream::{FrameChanges, FrameOptions, Geometry, PageTable, ParcelUpload, TableEntry};
+use fantex::stream::{FrameChanges, FrameOptions, Geometry, ParcelUpload, Streamer, TableEntry};
 
 use crate::figures::{DamagedPart, LISTED_DAMAGE, LevelFigures, StreamFigures};
 use crate::paint::{Exchange, PaintLoader};
@@ -123,7 +123,7 @@ impl FanScene {
         if let Some(asset) = painted.exchange.take_asset() {
             self.asset = asset;
         }
-        let (changes, stale) = painted.take(self.streamed.streamer.table(), self.asset.cover());
+        let (changes, stale) = painted.take(&self.streamed.streamer, self.asset.cover());
         if !stale.is_empty() {
             self.streamed.streamer.invalidate(&stale);
         }
@@ -265,13 +265,16 @@ impl PaintedPages {
     }
 
     /// What was painted since the last call: uploads of resident pages, and pages whose texels have to be asked for.
-    fn take(&mut self, table: &PageTable, cover: &Cover) -> (FrameChanges, Vec<PageId>) {
+    fn take(&mut self, streamer: &Streamer, cover: &Cover) -> (FrameChanges, Vec<PageId>) {
         let (fresh, mut stale) = self.exchange.take_fresh();
         let mut changes = FrameChanges::default();
-        for (page, texels) in fresh {
-            let entry = self.entries.get(&table.index(cover, page));
+        for (page, mut texels) in fresh {
+            let entry = self.entries.get(&streamer.table().index(cover, page));
             match entry.and_then(|entry| entry.place()) {
-                Some(place) => changes.uploads.push(ParcelUpload { parcel: page.into(), place, texels }),
+                Some(place) => {
+                    texels.outline = streamer.outline(page);
+                    changes.uploads.push(ParcelUpload { parcel: page.into(), place, texels });
+                }
                 // It may be on its way, as it was.
                 None => stale.push(page),
             }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use fantex::cover::{Cover, Frame, Group, GroupKind};
 use fantex::glam::{Vec2, Vec3};
 use fantex::store::{Asset, PageId};
-use fantex::stream::{LoadedParcel, Parcel, ParcelLoader, ParcelTexels};
+use fantex::stream::{LoadedParcel, Outline, Parcel, ParcelLoader, ParcelTexels};
 use fantex_app::paint::{Exchange, Order, PaintLoader};
 
 /// Has every parcel at once: zeros.
@@ -32,7 +32,7 @@ impl ParcelLoader for Zeros {
 }
 
 fn texels(value: u8) -> ParcelTexels {
-    ParcelTexels { extent: [4, 4], channels: vec![vec![value; 16].into()] }
+    ParcelTexels { extent: [4, 4], outline: Outline::WHOLE, channels: vec![vec![value; 16].into()] }
 }
 
 /// Many tiles of 256x256 texels, whose finest levels stand alone.

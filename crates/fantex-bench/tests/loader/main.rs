@@ -17,7 +17,9 @@ use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, Source
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, clean, generate};
 use fantex_store::{Asset, ChannelKind, ClusterId, PageId, decode_plain, group_pages};
-use fantex_stream::{AtlasFormat, ClusterLoader, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, assemble};
+use fantex_stream::{
+    AtlasFormat, ClusterLoader, LoadedParcel, Outline, Parcel, ParcelLoader, ParcelTexels, assemble,
+};
 use glam::{Vec3, Vec4};
 
 // A small baked asset, and ways to load all of it.
@@ -93,7 +95,7 @@ pub(crate) fn expected_page(asset: &Asset, page: PageId, block_compressed: bool)
             false => Arc::from(decode_plain(channel.format, channel.srgb, extent, &raw).unwrap()),
         }
     });
-    ParcelTexels { extent, channels: channels.collect() }
+    ParcelTexels { extent, outline: Outline::WHOLE, channels: channels.collect() }
 }
 
 /// The same for a parcel.
@@ -104,7 +106,10 @@ pub(crate) fn expected(asset: &Asset, parcel: Parcel, block_compressed: bool) ->
         let texels = expected_page(asset, page, block_compressed);
         Ok::<_, ()>(Cow::Owned(texels.channels[channel].to_vec()))
     };
-    assemble(&parcel.layout(asset.cover()), &formats, page).unwrap()
+    let layout = parcel.layout(asset.cover());
+    let outline =
+        Outline::of_stored(&layout, asset.channels(), |channel, page| asset.read_page_raw(channel, page));
+    ParcelTexels { outline: outline.unwrap(), ..assemble(&layout, &formats, page).unwrap() }
 }
 
 /// Polls until nothing is pending.

@@ -6,7 +6,8 @@ use fantex_base::Result;
 use fantex_cover::Cover;
 use fantex_store::{Channel, ChannelKind};
 use fantex_stream::{
-    AtlasFormat, AtlasPlace, AtlasShape, FrameChanges, PageTable, ParcelUpload, TableChange, TableEntry,
+    AtlasFormat, AtlasPlace, AtlasShape, FrameChanges, OutlineRun, PageTable, ParcelUpload, TableChange,
+    TableEntry,
 };
 use wgpu::util::StagingBelt;
 
@@ -268,7 +269,7 @@ impl Uploader {
         self.belt.finish_and_recall_on_submit(encoder);
     }
 
-    /// One copy: a parcel of a channel.
+    /// A parcel of a channel: one copy per run of its outline, which is one for a whole rectangle.
     fn texels(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -276,26 +277,32 @@ impl Uploader {
         atlas: &ChannelAtlas,
         texels: &[u8],
     ) {
-        let rows = Rows::new(atlas.format, upload.texels.extent);
-        debug_assert_eq!(texels.len(), rows.bytes * rows.count, "{}", upload.parcel);
-        let Some(size) = wgpu::BufferSize::new((rows.pitch * rows.count) as u64) else { return };
-        let slice = self.belt.allocate(size, ALIGNMENT);
-        // A belt's slice is always mapped; otherwise only this page would be missing.
-        if let Ok(mut mapped) = slice.get_mapped_range_mut() {
-            for (row, bytes) in texels.chunks_exact(rows.bytes).enumerate() {
-                let start = row * rows.pitch;
-                mapped.slice(start..start + rows.bytes).copy_from_slice(bytes);
-            }
-        }
+        let extent = upload.texels.extent;
+        let all = Rows::new(atlas.format, extent);
+        debug_assert_eq!(texels.len(), all.bytes * all.count, "{}", upload.parcel);
         let [x, y] = self.grid.texel(upload.place);
-        let [width, height] = upload.texels.extent;
-        let (offset, bytes_per_row) = (slice.offset(), Some(rows.pitch as u32));
-        let layout = wgpu::TexelCopyBufferLayout { offset, bytes_per_row, rows_per_image: None };
-        encoder.copy_buffer_to_texture(
-            wgpu::TexelCopyBufferInfo { buffer: slice.buffer(), layout },
-            place_in(&atlas.texture, [x, y]),
-            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        );
+        for OutlineRun { bands, blocks } in upload.texels.outline.runs(extent) {
+            let size = [&blocks, &bands].map(|run| 4 * run.len() as u32);
+            let rows = Rows::new(atlas.format, size);
+            let before = Rows::new(atlas.format, [blocks.start, bands.start].map(|n| 4 * n));
+            let Some(bytes) = wgpu::BufferSize::new((rows.pitch * rows.count) as u64) else { continue };
+            let slice = self.belt.allocate(bytes, ALIGNMENT);
+            // A belt's slice is always mapped; otherwise only these blocks would be missing.
+            if let Ok(mut mapped) = slice.get_mapped_range_mut() {
+                let sources = texels.chunks_exact(all.bytes).skip(before.count);
+                for (row, source) in sources.take(rows.count).enumerate() {
+                    let source = &source[before.bytes..before.bytes + rows.bytes];
+                    mapped.slice(row * rows.pitch..row * rows.pitch + rows.bytes).copy_from_slice(source);
+                }
+            }
+            let (offset, bytes_per_row) = (slice.offset(), Some(rows.pitch as u32));
+            let layout = wgpu::TexelCopyBufferLayout { offset, bytes_per_row, rows_per_image: None };
+            encoder.copy_buffer_to_texture(
+                wgpu::TexelCopyBufferInfo { buffer: slice.buffer(), layout },
+                place_in(&atlas.texture, [x + 4 * blocks.start, y + 4 * bands.start]),
+                wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            );
+        }
     }
 
     /// One copy per run of neighbouring words.

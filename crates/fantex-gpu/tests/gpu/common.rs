@@ -18,7 +18,8 @@ use fantex_store::{
     group_pages, page_extent,
 };
 use fantex_stream::{
-    AtlasFormat, AtlasPlace, FrameChanges, PageTable, ParcelTexels, ParcelUpload, TableChange, TableEntry,
+    AtlasFormat, AtlasPlace, FrameChanges, Outline, PageTable, ParcelTexels, ParcelUpload, TableChange,
+    TableEntry,
 };
 pub(crate) use fantex_test::{data, opened as loaded_from};
 use fantex_texture::{Filter, Image};
@@ -382,7 +383,7 @@ pub(crate) fn upload(
         (at[0], height) = (at[0] + columns, height.max(rows));
         let formats = model.formats().iter().enumerate();
         let channels = formats.map(|(channel, &format)| texels(asset, channel, page, format)).collect();
-        let texels = ParcelTexels { extent: [columns, rows], channels };
+        let texels = ParcelTexels { extent: [columns, rows], outline: Outline::WHOLE, channels };
         changes.uploads.push(ParcelUpload { parcel: page.into(), place, texels });
         changes.entries.push(TableChange { index: table.index(cover, page), entry: TableEntry::at(place) });
     }

@@ -704,8 +704,13 @@ mod tests {
     #[test]
     fn the_most_urgent_comes_first_whatever_its_urgency_was_before() {
         let parcel = |bundle| Parcel::Bundle { bundle, step: 0 };
-        let outcome =
-            |bytes: usize| Ok(ParcelTexels { extent: [4, 4], channels: vec![Arc::from(vec![0; bytes])] });
+        let outcome = |bytes: usize| {
+            Ok(ParcelTexels {
+                extent: [4, 4],
+                outline: crate::Outline::WHOLE,
+                channels: vec![Arc::from(vec![0; bytes])],
+            })
+        };
         let mut ready = Ready::default();
         for (bundle, urgency) in [(1, 0.5), (2, 3.0), (3, -1.0), (4, 3.0), (5, 2.0)] {
             ready.insert(parcel(bundle), Urgency(urgency), outcome(10 * bundle as usize));
@@ -727,7 +732,8 @@ mod tests {
         let mut ready = Ready::default();
         for i in 0..100_000 {
             let parcel = Parcel::Bundle { bundle: i % 3, step: 0 };
-            let texels = ParcelTexels { extent: [4, 4], channels: Vec::new() };
+            let texels =
+                ParcelTexels { extent: [4, 4], outline: crate::Outline::WHOLE, channels: Vec::new() };
             ready.insert(parcel, Urgency((i % 7) as f32), Ok(texels));
             assert!(ready.entries <= MAX_STALE_ENTRIES + 7, "{}", ready.entries);
         }

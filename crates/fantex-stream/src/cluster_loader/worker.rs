@@ -12,7 +12,7 @@ use fantex_store::{ClusterId, ClusterPages, PageId, decode_plain, page_extent};
 use super::board::Order;
 use super::{ClusterLoaderOptions, Shared};
 use crate::read::ReadBuffer;
-use crate::{AtlasFormat, Parcel, ParcelTexels, assemble};
+use crate::{AtlasFormat, Outline, Parcel, ParcelTexels, assemble};
 
 /// Works for a loader. See the [module](super).
 pub(super) struct Worker {
@@ -117,9 +117,12 @@ impl Worker {
     /// A parcel's texels out of the clusters that hold its pages.
     fn texels(&self, from: &[Arc<ClusterPages>], parcel: Parcel) -> Result<ParcelTexels, Error> {
         let Shared { asset, formats, .. } = &*self.shared;
-        assemble(&parcel.layout(asset.cover()), formats, |index, page| {
+        let layout = parcel.layout(asset.cover());
+        let stored_page = |index, page| asset.page_in_any(from.iter().map(Arc::as_ref), index, page);
+        let outline = Outline::of_stored(&layout, asset.channels(), stored_page)?;
+        let texels = assemble(&layout, formats, |index, page| {
             let (channel, format) = (&asset.channels()[index], formats[index]);
-            let stored = asset.page_in_any(from.iter().map(Arc::as_ref), index, page)?;
+            let stored = stored_page(index, page)?;
             if format == AtlasFormat::of(channel.format, true) && format != AtlasFormat::Rgba16F {
                 return Ok(Cow::Borrowed(stored));
             }
@@ -127,7 +130,8 @@ impl Worker {
             // The page's bytes are as many as its extent asks for, so this error does not happen.
             let no_such_page = |_| asset.no_such_page(index, page);
             Ok(Cow::Owned(plain.map_err(no_such_page)?))
-        })
+        })?;
+        Ok(ParcelTexels { outline, ..texels })
     }
 }
 

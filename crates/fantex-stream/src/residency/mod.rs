@@ -36,7 +36,7 @@ use requests::{Priority, RequestQueue, RequestState, Transfers};
 use crate::demand::{Demand, DemandWork};
 use crate::parcel::{FAMILY, SHARED_LEVELS};
 use crate::shape::{Detail, SparseLists, TileShapes};
-use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, StreamStatistics, UpdateTimes};
+use crate::{AtlasShape, Outline, PageTable, Parcel, ParcelLoader, StreamStatistics, UpdateTimes};
 
 pub(crate) struct Residency {
     shapes: Arc<TileShapes>,
@@ -138,6 +138,15 @@ impl Residency {
 
     pub(crate) fn has_backlog(&self) -> bool {
         !self.backlog.is_done()
+    }
+
+    /// What the atlas stores of a resident page.
+    pub(crate) fn outline(&self, page: PageId) -> Outline {
+        let parcel = self.shapes.parcel_of(page);
+        let outline = self.pool.outline(self.shapes.index(parcel));
+        let Parcel::Bundle { step, .. } = parcel else { return outline.clone() };
+        let at = self.shapes.place_in_bundle(page.group, step).map(u32::from);
+        outline.part(self.shapes.extent(parcel), at, self.shapes.of(page.group).extent(page.level))
     }
 
     /// Whether a parcel is needed and not resident, and may become so.
@@ -640,7 +649,7 @@ impl Residency {
         if self.backlog.has_exact() {
             return;
         }
-        let (needed, atlas) = (self.pool.needed.texels, self.pool.shape.texels());
+        let (needed, atlas) = (self.pool.needed.texels, self.pool.rectangle_texels());
         if self.bias_control.update(needed, atlas) {
             for (family, details) in (0..).zip(demand.details.chunks(FAMILY as usize)) {
                 if details.iter().any(|detail| detail.is_visible()) {

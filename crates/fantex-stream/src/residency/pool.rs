@@ -4,13 +4,13 @@
 //! which the rule goes on to the level after it). Every resident parcel is either
 //! needed or in the queue of those that may leave, in the order in which they were last needed. A needed parcel never leaves.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::packer::{KINDS, Packer};
+use super::packer::{FreedRoom, KINDS, Packer};
 use crate::shape::TileShapes;
-use crate::{AtlasPlace, AtlasShape, PageTable, Parcel, TableChange, TableEntry};
+use crate::{AtlasPlace, AtlasShape, Outline, PageTable, Parcel, TableChange, TableEntry};
 
 /// Levels that are counted apart.
 pub(crate) const COUNTED_LEVELS: usize = 20;
@@ -54,6 +54,8 @@ pub(crate) struct Pool {
     packer: Packer,
     /// Per parcel where it lies.
     pub(crate) entries: Vec<TableEntry>,
+    /// Of resident parcels that are not whole rectangles.
+    outlines: HashMap<u32, Outline>,
     stamps: Vec<u32>,
     /// Parcels that could not be read, and have not been since: what lies under them needs them no longer.
     holes: BTreeSet<u32>,
@@ -61,13 +63,17 @@ pub(crate) struct Pool {
     candidates: [VecDeque<EvictionCandidate>; KINDS],
     /// Parcels whose place changed since the changes were taken, in any order, some of them twice.
     touched: Vec<(u32, Parcel)>,
+    /// With the texels that are stored.
     pub(crate) resident: ParcelCount,
-    /// Per level texels of tiles.
+    /// Texels of the rectangles of all parcels that have been placed, and those of them that are stored.
+    placed_texels: [u64; 2],
+    /// Per level texels of tiles, in whole rectangles.
     pub(crate) resident_by_level: [u64; COUNTED_LEVELS],
+    /// With the texels of whole rectangles.
     pub(crate) needed: ParcelCount,
     pub(crate) evictions: u64,
     /// Where the parcels lay that left last.
-    freed: Vec<AtlasPlace>,
+    freed: Vec<FreedRoom>,
     frame: u32,
 }
 
@@ -80,11 +86,13 @@ impl Pool {
             shape,
             packer: Packer::new(shape),
             entries: vec![TableEntry::ABSENT; parcels],
+            outlines: HashMap::new(),
             stamps: vec![0; parcels],
             holes: BTreeSet::new(),
             candidates: [const { VecDeque::new() }; KINDS],
             touched: Vec::new(),
             resident: ParcelCount::default(),
+            placed_texels: [0; 2],
             resident_by_level: [0; COUNTED_LEVELS],
             needed: ParcelCount::default(),
             evictions: 0,
@@ -109,6 +117,20 @@ impl Pool {
 
     pub(crate) fn is_needed(&self, index: u32) -> bool {
         self.stamps[index as usize] == NEEDED
+    }
+
+    /// What of a resident parcel is stored in the atlas.
+    pub(crate) fn outline(&self, index: u32) -> &Outline {
+        self.outlines.get(&index).unwrap_or(&Outline::WHOLE)
+    }
+
+    /// Texels of rectangles of which the atlas can hold what is stored, as far as experience tells.
+    pub(crate) fn rectangle_texels(&self) -> u64 {
+        let [all, stored] = self.placed_texels;
+        if stored == 0 {
+            return self.shape.texels();
+        }
+        (self.shape.texels() as f64 * all as f64 / stored as f64) as u64
     }
 
     /// A parcel cannot be read: those under it may be resident without it.
@@ -164,33 +186,45 @@ impl Pool {
     fn allow_eviction(&mut self, parcel: Parcel, index: u32) {
         self.stamps[index as usize] = self.frame;
         if self.is_resident(index) {
-            let kind = Packer::kind_of(self.shapes.extent(parcel));
+            let kind = Packer::kind_of(self.shapes.extent(parcel), self.outline(index));
             self.candidates[kind].push_back(EvictionCandidate { index, parcel, stamp: self.frame });
         }
     }
 
-    /// Gives a parcel a place, evicting what was last needed at least `min_age` (at least 1 for a parcel that is not
+    /// Gives the outline of a parcel a place, evicting what was last needed at least `min_age` (at least 1 for a parcel that is not
     /// needed) frames ago, the longest ago first. `None` where that does not make room.
-    pub(crate) fn insert(&mut self, parcel: Parcel, index: u32, min_age: u32) -> Option<AtlasPlace> {
+    pub(crate) fn insert(
+        &mut self,
+        parcel: Parcel,
+        index: u32,
+        outline: &Outline,
+        min_age: u32,
+    ) -> Option<AtlasPlace> {
         debug_assert!(!self.is_resident(index) && self.blocker(parcel).is_none());
         if !self.is_needed(index) {
             self.protect_coarser(parcel);
         }
         let extent = self.shapes.extent(parcel);
-        let mut place = self.packer.take(extent);
+        let mut place = self.packer.take(extent, outline);
         while place.is_none() {
             self.freed.clear();
-            if !self.evict_oldest(min_age, Packer::kind_of(extent)) {
+            if !self.evict_oldest(min_age, Packer::kind_of(extent, outline)) {
                 return None;
             }
             let Self { packer, freed, .. } = self;
-            place = freed.iter().find_map(|&freed| packer.take_where_freed(extent, freed));
+            place = freed.iter().find_map(|&freed| packer.take_where_freed(extent, outline, freed));
         }
         let place = place?;
         self.entries[index as usize] = TableEntry::at(place);
+        if !outline.is_whole() {
+            self.outlines.insert(index, outline.clone());
+        }
         self.holes.remove(&index);
         self.touched.push((index, parcel));
-        self.resident.add(self.shapes.texels(parcel));
+        let stored = outline.texels(extent);
+        self.resident.add(stored);
+        self.placed_texels[0] += self.shapes.texels(parcel);
+        self.placed_texels[1] += stored;
         self.count_levels(parcel, true);
         if !self.is_needed(index) {
             self.allow_eviction(parcel, index);
@@ -255,12 +289,13 @@ impl Pool {
         self.remove_under(parcel);
         debug_assert!(!self.is_needed(index), "{parcel} is needed");
         let entry = std::mem::take(&mut self.entries[index as usize]);
+        let (extent, outline) =
+            (self.shapes.extent(parcel), self.outlines.remove(&index).unwrap_or_default());
         if let Some(place) = entry.place() {
-            self.packer.release_place(place, self.shapes.extent(parcel));
-            self.freed.push(place);
+            self.freed.extend(self.packer.release_place(place, extent, &outline));
         }
         self.touched.push((index, parcel));
-        self.resident.remove(self.shapes.texels(parcel));
+        self.resident.remove(outline.texels(extent));
         self.count_levels(parcel, false);
         self.evictions += 1;
     }
@@ -282,6 +317,7 @@ impl Pool {
         self.shape = shape;
         self.packer = Packer::new(shape);
         self.candidates.iter_mut().for_each(VecDeque::clear);
+        self.outlines.clear();
         self.resident = ParcelCount::default();
         self.resident_by_level = [0; COUNTED_LEVELS];
         for (index, entry) in (0..).zip(&mut self.entries) {
@@ -355,20 +391,21 @@ impl Pool {
                 candidates.contains(&index),
                 "{parcel} cannot leave, or must not"
             );
-            let [w, h] = self.shapes.extent(parcel);
-            assert!(w <= PAGE && h <= PAGE && u32::from(place.layer) < self.shape.layers);
-            assert!(u32::from(place.x) + w <= self.shape.side && u32::from(place.y) + h <= self.shape.side);
-            for y in 0..h / 4 {
-                for x in 0..w / 4 {
-                    let unit = (place.layer, u32::from(place.x) / 4 + x, u32::from(place.y) / 4 + y);
-                    assert!(used.insert(unit), "{parcel} overlaps");
+            let extent = self.shapes.extent(parcel);
+            assert!(extent.iter().all(|&n| n <= PAGE) && u32::from(place.layer) < self.shape.layers);
+            let outline = self.outline(index);
+            for (band, [first, end]) in (0..).zip(outline.spans(extent)) {
+                for block in first..end {
+                    let [x, y] = [u32::from(place.x) / 4 + block, u32::from(place.y) / 4 + band];
+                    assert!(4 * x < self.shape.side && 4 * y < self.shape.side);
+                    assert!(used.insert((place.layer, x, y)), "{parcel} overlaps");
                 }
             }
-            count.add(u64::from(w * h));
+            count.add(outline.texels(extent));
         }
         assert_eq!(count, self.resident);
         assert!(count.texels <= self.shape.texels());
-        assert!(self.resident_by_level.iter().sum::<u64>() <= count.texels);
+        assert!(self.outlines.len() <= count.parcels as usize);
     }
 }
 

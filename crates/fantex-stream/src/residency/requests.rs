@@ -278,7 +278,7 @@ impl Residency {
 
     /// Whether the atlas has room for more than what is needed.
     fn has_room_ahead(&self) -> bool {
-        let room = (self.pool.shape.texels() as f64 * AHEAD_SHARE) as u64;
+        let room = (self.pool.rectangle_texels() as f64 * AHEAD_SHARE) as u64;
         self.pool.needed.texels + self.transfers.texels < room
     }
 
@@ -430,8 +430,10 @@ impl Residency {
                 self.transfers.set(parcel, index, RequestState::Idle);
                 self.give_up(parcel, index, error);
             }
-            (Ok(texels), Some(place)) => {
+            (Ok(mut texels), Some(place)) => {
                 self.transfers.set(parcel, index, RequestState::Idle);
+                // What is read is the same; more has no room.
+                texels.outline = self.pool.outline(index).clone();
                 frame.upload(ParcelUpload { parcel, place, texels });
             }
             (Ok(texels), None) => {
@@ -498,7 +500,7 @@ impl Residency {
             return;
         }
         let evictions = self.pool.evictions;
-        let place = self.pool.insert(parcel, index, if is_needed { 0 } else { AHEAD_AGE });
+        let place = self.pool.insert(parcel, index, &texels.outline, if is_needed { 0 } else { AHEAD_AGE });
         self.work.spend(Item::Evict, (self.pool.evictions - evictions) as u32);
         match place {
             Some(place) => {
