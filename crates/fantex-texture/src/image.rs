@@ -235,24 +235,6 @@ impl Image {
             .collect();
         Self::from_linear(width, height, self.channels, samples).converted(self.samples.depth(), self.space)
     }
-
-    /// As [`Image::resized`], to the powers of two that are nearest to the sides in ratio: 1000 becomes 1024, 720 becomes
-    /// 512, 725 becomes 1024.
-    ///
-    /// # Panics
-    /// If a side is 0.
-    #[must_use]
-    pub fn to_power_of_two(&self, alpha: AlphaUse) -> Self {
-        let [width, height] = [self.width, self.height].map(nearest_power_of_two);
-        self.resized(width, height, alpha)
-    }
-}
-
-/// `2^round(log2 n)`: the next lower power `p` as long as `n^2 < 2 p^2`.
-fn nearest_power_of_two(n: u32) -> u32 {
-    let lower = 1_u64 << n.max(1).ilog2();
-    let power = if u64::from(n) * u64::from(n) < 2 * lower * lower { lower } else { 2 * lower };
-    u32::try_from(power).unwrap_or(1 << 31)
 }
 
 struct OldTexels {
@@ -344,15 +326,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn powers_of_two_are_the_nearest_in_ratio() {
-        let pairs =
-            [(1, 1), (2, 2), (3, 4), (5, 4), (6, 8), (720, 512), (725, 1024), (1000, 1024), (4096, 4096)];
-        for (n, power) in pairs {
-            assert_eq!(nearest_power_of_two(n), power, "{n}");
-        }
-        assert_eq!(nearest_power_of_two(u32::MAX), 1 << 31);
     }
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::{Error, Result};
 use fantex_mesh::{ImageSource, Mesh};
-use fantex_texture::coordinates::{ImageLookup, InSpace, SpaceMatrix, SpaceMatrixOptions, TextureMatrix};
+use fantex_texture::coordinates::{ImageLookup, InSpace, SpaceMatrix, TextureMatrix};
 use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
 use fantex_texture::look::Slot;
 use fantex_texture::{
@@ -201,8 +201,7 @@ impl Resolver<'_> {
         let matrix = Mat4::from_translation(Vec3::splat(0.5))
             * Mat4::from_scale(extent.recip())
             * Mat4::from_translation(-center);
-        let options = SpaceMatrixOptions { matrix, ..SpaceMatrixOptions::default() };
-        let matrix = self.accept(key, SpaceMatrix::new(options))?;
+        let matrix = self.accept(key, SpaceMatrix::new(matrix))?;
         Ok(Arc::new(InSpace { input: Slot::Texture(Arc::new(texture)), matrix }))
     }
 

@@ -164,90 +164,13 @@ pub(super) fn away_from_zero(w: f32) -> f32 {
 
 // The texture matrix of three-dimensional textures.
 
-/// Steps by which positions are transformed, in this order: `matrix`; scale and rotation about the pivot; translation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpaceMatrixOptions {
-    /// Any affine or projective map of `(x, y, z, 1)` as columns; with an inverse.
-    pub matrix: Mat4,
-    /// The point that scale and rotation leave in place.
-    pub pivot: Vec3,
-    /// Factors of x, y and z; not 0.
-    pub scale: Vec3,
-    /// About the pivot: the direction is the axis, the length the angle in degrees.
-    pub rotation: Vec3,
-    /// Added to the position.
-    pub translation: Vec3,
-    /// By which the scale is multiplied each second; above 0.
-    pub scale_per_second: Vec3,
-    /// Turned further each second, after `rotation`: the direction is the axis, the length the angle in degrees.
-    pub rotation_per_second: Vec3,
-    /// Added to the translation each second.
-    pub translation_per_second: Vec3,
-}
-
-impl Default for SpaceMatrixOptions {
-    /// Positions stay as they are.
-    fn default() -> Self {
-        Self {
-            matrix: Mat4::IDENTITY,
-            pivot: Vec3::ZERO,
-            scale: Vec3::ONE,
-            rotation: Vec3::ZERO,
-            translation: Vec3::ZERO,
-            scale_per_second: Vec3::ONE,
-            rotation_per_second: Vec3::ZERO,
-            translation_per_second: Vec3::ZERO,
-        }
-    }
-}
-
-impl SpaceMatrixOptions {
-    fn check(&self) -> fantex_base::Result<()> {
-        const OWNER: &str = "a space matrix";
-        Allowed::Finite.check(OWNER, "the matrix", &self.matrix.to_cols_array())?;
-        if !self.matrix.inverse().is_finite() {
-            return Err(singular(OWNER, "the matrix"));
-        }
-        Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
-        Allowed::NotZero.check(OWNER, "the scale", &self.scale.to_array())?;
-        Allowed::Finite.check(OWNER, "the rotation", &self.rotation.to_array())?;
-        Allowed::Finite.check(OWNER, "the translation", &self.translation.to_array())?;
-        Allowed::Positive.check(OWNER, "the scale per second", &self.scale_per_second.to_array())?;
-        Allowed::Finite.check(OWNER, "the rotation per second", &self.rotation_per_second.to_array())?;
-        Allowed::Finite.check(OWNER, "the translation per second", &self.translation_per_second.to_array())
-    }
-
-    fn is_animated(&self) -> bool {
-        self.scale_per_second != Vec3::ONE
-            || self.rotation_per_second != Vec3::ZERO
-            || self.translation_per_second != Vec3::ZERO
-    }
-
-    fn at(&self, time: f32) -> Mat4 {
-        let turn = |degrees: Vec3| Quat::from_scaled_axis(degrees * f32::to_radians(1.0));
-        let placed = Mat4::from_scale_rotation_translation(
-            self.scale * self.scale_per_second.powf(time),
-            turn(self.rotation_per_second * time) * turn(self.rotation),
-            self.pivot + self.translation + self.translation_per_second * time,
-        );
-        placed * Mat4::from_translation(-self.pivot) * self.matrix
-    }
-}
-
-/// A map of space; see [`SpaceMatrixOptions`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A map of space: any affine or projective map, then a turn and a shift that grow with time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpaceMatrix {
-    options: SpaceMatrixOptions,
-    /// At time 0.
     start: Mat4,
-    is_animated: bool,
-}
-
-impl Default for SpaceMatrix {
-    /// Positions stay as they are.
-    fn default() -> Self {
-        Self { options: SpaceMatrixOptions::default(), start: Mat4::IDENTITY, is_animated: false }
-    }
+    /// The direction is the axis, the length the angle in degrees.
+    rotation_per_second: Vec3,
+    translation_per_second: Vec3,
 }
 
 /// A position with its change along the footprint's edges: where a solid or a volume is looked up.
@@ -260,23 +183,42 @@ pub struct SpacePoint {
 }
 
 impl SpaceMatrix {
-    /// The map that the options describe.
+    const OWNER: &str = "a space matrix";
+
+    /// A map of `(x, y, z, 1)` as columns.
     ///
     /// # Errors
-    /// A number is out of range, or the matrix has no inverse.
-    pub fn new(options: SpaceMatrixOptions) -> fantex_base::Result<Self> {
-        options.check()?;
-        Ok(Self { options, start: options.at(0.0), is_animated: options.is_animated() })
+    /// The matrix is not finite, or has no inverse.
+    pub fn new(matrix: Mat4) -> fantex_base::Result<Self> {
+        Allowed::Finite.check(Self::OWNER, "the matrix", &matrix.to_cols_array())?;
+        if !matrix.inverse().is_finite() {
+            return Err(singular(Self::OWNER, "the matrix"));
+        }
+        Ok(Self { start: matrix, ..Self::default() })
+    }
+
+    /// The same in motion: each second turned about an axis, by its length in degrees, and shifted.
+    ///
+    /// # Errors
+    /// A number is not finite.
+    pub fn moving(self, rotation: Vec3, translation: Vec3) -> fantex_base::Result<Self> {
+        Allowed::Finite.check(Self::OWNER, "the rotation per second", &rotation.to_array())?;
+        Allowed::Finite.check(Self::OWNER, "the translation per second", &translation.to_array())?;
+        Ok(Self { rotation_per_second: rotation, translation_per_second: translation, ..self })
     }
 
     /// Whether it changes with time.
     pub fn is_animated(&self) -> bool {
-        self.is_animated
+        self.rotation_per_second != Vec3::ZERO || self.translation_per_second != Vec3::ZERO
     }
 
     /// The matrix at a time in seconds.
     pub fn at(&self, time: f32) -> Mat4 {
-        if self.is_animated { self.options.at(time) } else { self.start }
+        if !self.is_animated() {
+            return self.start;
+        }
+        let rotation = Quat::from_scaled_axis(self.rotation_per_second * time * f32::to_radians(1.0));
+        Mat4::from_rotation_translation(rotation, self.translation_per_second * time) * self.start
     }
 
     /// The transformed position of a shading point, with the footprint transformed by the map's derivative.
@@ -371,12 +313,8 @@ impl Place {
         let rotation = DQuat::from_euler(EulerRot::ZYX, z, y, x);
         let object_from_pattern =
             DAffine3::from_scale_rotation_translation(scale, rotation, DVec3::from_array(self.center));
-        SpaceMatrix::new(SpaceMatrixOptions {
-            matrix: DMat4::from(object_from_pattern.inverse()).as_mat4(),
-            rotation_per_second: -self.spin,
-            translation_per_second: -self.shift_per_second,
-            ..SpaceMatrixOptions::default()
-        })
+        SpaceMatrix::new(DMat4::from(object_from_pattern.inverse()).as_mat4())?
+            .moving(-self.spin, -self.shift_per_second)
     }
 }
 

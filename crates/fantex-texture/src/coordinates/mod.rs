@@ -19,8 +19,8 @@ use crate::{
 
 pub use image_lookup::ImageLookup;
 pub use matrix::{
-    InPlace, InSpace, Place, PlaceUnit, Projective, SpaceMatrix, SpaceMatrixOptions, SpacePoint,
-    TextureMatrix, TextureMatrixOptions,
+    InPlace, InSpace, Place, PlaceUnit, Projective, SpaceMatrix, SpacePoint, TextureMatrix,
+    TextureMatrixOptions,
 };
 
 /// Two-dimensional texture coordinates of a shading point.

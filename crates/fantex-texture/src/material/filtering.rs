@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material};
-use glam::Vec3;
 
 use super::MaterialTextures;
 use crate::{Image, ImageTexture};
@@ -119,16 +118,6 @@ pub fn coverage_scale(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32
 // minification. M. Toksvig, "Mipmapping Normal Maps", 2005, gives the variance as `(1 - |n|) / |n|`; M. Olano and D. Baker,
 // "LEAN Mapping", 2010, measure it from second moments of slopes. Both add to `alpha^2 / 2`, the slope variance of a
 // microfacet distribution with `alpha = roughness^2`.
-
-/// The perceptual roughness (0..1) of a surface with microfacets of `perceptual_roughness` on bumps whose unit normals have
-/// the mean `mean_normal` (any frame, length 0..1; a longer one counts as 1, a vanishing one gives roughness 1).
-///
-/// The texels that the mean was taken of must have unit length: the rounding of 8-bit normals
-/// changes the length by up to half a percent.
-pub fn widened_roughness(perceptual_roughness: f32, mean_normal: Vec3) -> f32 {
-    let length = mean_normal.length().min(1.0);
-    roughness_with_variance(perceptual_roughness, (1.0 - length) / length)
-}
 
 /// The perceptual roughness (0..1) of a surface with microfacets of `perceptual_roughness` on bumps whose slopes have the
 /// variance `slope_variance` along each axis of the tangent plane. Negative variances (rounding) and NaN count as none.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_base::Aabb;
 use fantex_texture::Scale;
 use fantex_texture::coordinates::{
-    Coordinates, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, SpaceMatrixOptions, TextureMatrix,
+    Coordinates, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, TextureMatrix,
     TextureMatrixOptions,
 };
 use fantex_texture::look::Slot;
@@ -73,15 +73,8 @@ fn texture_matrices_move_with_time() {
 
 #[test]
 fn space_matrices_transform_footprints_by_their_derivative() {
-    let options = SpaceMatrixOptions {
-        matrix: Mat4::from_cols_array(&[1., 0., 0., 0.1, 0., 1., 0.5, 0., 0., 0., 2., 0.2, 0.3, 0., 0., 1.]),
-        pivot: Vec3::ONE,
-        rotation: Vec3::new(20.0, 50.0, 0.0),
-        scale: Vec3::new(1.0, 2.0, 0.5),
-        rotation_per_second: Vec3::Y * 90.0,
-        ..SpaceMatrixOptions::default()
-    };
-    let matrix = SpaceMatrix::new(options).unwrap();
+    let matrix = Mat4::from_cols_array(&[1., 0., 0., 0.1, 0., 1., 0.5, 0., 0., 0., 2., 0.2, 0.3, 0., 0., 1.]);
+    let matrix = SpaceMatrix::new(matrix).unwrap().moving(Vec3::new(0.0, 90.0, 20.0), Vec3::X).unwrap();
     let mut random = Random::new(22);
     for _ in 0..200 {
         let at = ShadingPoint {
@@ -115,8 +108,8 @@ fn matrices_without_inverse_are_refused() {
     ] {
         assert!(refused(options).to_string().contains("must be finite"), "{options:?}");
     }
-    let flat = SpaceMatrixOptions { scale: Vec3::new(1.0, 1.0, 0.0), ..SpaceMatrixOptions::default() };
-    assert!(SpaceMatrix::new(flat).is_err());
+    assert!(SpaceMatrix::new(Mat4::from_scale(Vec3::new(1.0, 1.0, 0.0))).is_err());
+    assert!(SpaceMatrix::default().moving(Vec3::NAN, Vec3::ZERO).is_err());
 }
 
 #[test]
@@ -147,7 +140,7 @@ fn looked_up_images_keep_their_filters() {
 fn projected_images_grow_with_distance() {
     // An eye at the origin that looks along +z: u = x / z, v = y / z.
     let matrix = Mat4::from_cols(Vec4::X, Vec4::Y, Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::Z);
-    let matrix = SpaceMatrix::new(SpaceMatrixOptions { matrix, ..SpaceMatrixOptions::default() }).unwrap();
+    let matrix = SpaceMatrix::new(matrix).unwrap();
     for distance in [1.0, 2.0, 5.0] {
         let at = ShadingPoint {
             position_steps: [Vec3::X * 0.1, Vec3::Z],

@@ -437,18 +437,6 @@ fn light_is_averaged_and_transparent_texels_do_not_bleed() {
     assert_eq!(edge.resized(1, 1, AlphaUse::Independent).samples, Samples::U8(vec![188, 188, 0, 128]));
 }
 
-#[test]
-fn powers_of_two_keep_kind_and_content() {
-    for channels in 1..=4 {
-        let image = noise(11, 6, channels).converted(Depth::U16, ColorSpace::Srgb);
-        let power = image.to_power_of_two(AlphaUse::Independent);
-        assert_eq!((power.width, power.height, power.channels), (8, 8, channels));
-        assert_eq!((power.samples.depth(), power.space), (Depth::U16, ColorSpace::Srgb));
-    }
-    let image = noise(8, 4, 3);
-    assert_eq!(image.to_power_of_two(AlphaUse::Coverage), image);
-}
-
 // ---- The picture measures on cases whose result is known.
 
 fn picture(width: u32, height: u32, mut texel: impl FnMut(u32, u32) -> [u8; 3]) -> Image {

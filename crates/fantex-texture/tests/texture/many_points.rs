@@ -6,9 +6,7 @@ use fantex_texture::combine::{
     Binary, Channel, Clamp, Combine, CombineMode, Factor, Layer, LayerMode, Layers, Mix, Operation, Remap,
     Swizzle, TextureUse,
 };
-use fantex_texture::coordinates::{
-    Coordinates, ImageLookup, InSpace, Parameter, SpaceMatrix, SpaceMatrixOptions,
-};
+use fantex_texture::coordinates::{Coordinates, ImageLookup, InSpace, Parameter, SpaceMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::noise::{FractalKind, NoiseFamily};
 use fantex_texture::{
@@ -62,7 +60,7 @@ fn textures() -> Vec<(&'static str, Slot)> {
         combined(LayerMode::Blend),
         Layer { mask: number(0.0), ..Layer::over(colors()) },
     ];
-    let matrix = SpaceMatrix::new(SpaceMatrixOptions::default()).expect("it changes nothing");
+    let matrix = SpaceMatrix::default();
     let warped = NoiseOptions { warp: 0.4, ..noise(NoiseFamily::Perlin, FractalKind::Ridged) };
     let image: Arc<dyn Texture> = Arc::new(lookup(Filter::Trilinear));
     let inverted = TextureUse { factor: Factor::Number(-1.0), offset: 1.0, ..TextureUse::plain(image) };

@@ -1,6 +1,6 @@
 //! Cut-outs and highlights under minification.
 
-use fantex_texture::material::{AlphaCoverage, roughness_with_variance, widened_roughness};
+use fantex_texture::material::{AlphaCoverage, roughness_with_variance};
 use fantex_texture::{Filter, Image, ImageTexture, SampleOptions};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
@@ -69,6 +69,12 @@ fn empty_and_full_images_stay_so() {
         assert_eq!(coverage.covered(), alpha);
         assert!(coverage.scales().iter().all(|s| *s == 1.0), "{coverage:?}");
     }
+}
+
+/// By the length of the mean of unit normals.
+fn widened_roughness(roughness: f32, mean_normal: Vec3) -> f32 {
+    let length = mean_normal.length().min(1.0);
+    roughness_with_variance(roughness, (1.0 - length) / length)
 }
 
 #[test]

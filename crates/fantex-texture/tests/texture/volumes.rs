@@ -5,13 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::ErrorKind;
-use fantex_texture::coordinates::{InSpace, SpaceMatrix, SpaceMatrixOptions};
+use fantex_texture::coordinates::{InSpace, SpaceMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::{
     ByteOrder, ColorSpace, Depth, Filtering, Image, RawLayout, Samples, ShadingPoint, Texture, Volume,
     VolumeFilter, VolumeLookup, VolumeOptions, VolumeTexture, Wrap,
 };
-use glam::{Vec3, Vec4};
+use glam::{Mat4, Vec3, Vec4};
 use proptest::prelude::*;
 
 use crate::common::{Random, data_folder, shading_point};
@@ -151,11 +151,9 @@ fn volumes_stand_in_space_by_a_matrix() {
     let lookup = VolumeLookup { texture, options: VolumeOptions::default() };
     let placed = InSpace {
         input: Slot::Texture(Arc::new(lookup)),
-        matrix: SpaceMatrix::new(SpaceMatrixOptions {
-            scale: Vec3::splat(0.5),
-            translation: Vec3::splat(0.5),
-            ..SpaceMatrixOptions::default()
-        })
+        matrix: SpaceMatrix::new(
+            Mat4::from_translation(Vec3::splat(0.5)) * Mat4::from_scale(Vec3::splat(0.5)),
+        )
         .unwrap(),
     };
     for filtering in [Filtering::Own, Filtering::Area] {
