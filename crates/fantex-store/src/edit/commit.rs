@@ -240,7 +240,7 @@ impl AssetEditor {
         let target = SLOT_OFFSETS[self.header.target];
         self.header.newest = slot.generation;
         self.space.keep_length();
-        let done = self.output.write_at(target, &slot.encode()).and_then(|()| self.output.sync());
+        let done = self.output.write_slot(target, &slot.encode()).and_then(|()| self.output.sync());
         if let Err(source) = done {
             // The slot may be on the disk or not, so what it names must stay until it is overwritten for sure.
             self.flushed.uncommitted.clear();
@@ -383,6 +383,70 @@ pub trait EditOutput: Send + Sync + std::fmt::Debug {
     fn set_len(&mut self, length: u64) -> io::Result<()>;
     /// Makes everything written so far durable.
     fn sync(&mut self) -> io::Result<()>;
+}
+
+/// Bytes of writes that are not durable yet and are kept in memory; beyond, they are made durable at once.
+const MAX_UNSYNCED_BYTES: usize = 32 << 20;
+
+/// An output that remembers what is not durable yet. A system that fails to sync may forget what was written and call the next
+/// sync a success, so after a failure all of it is written again.
+#[derive(Debug)]
+pub(super) struct DurableOutput {
+    output: Box<dyn EditOutput>,
+    /// By offset.
+    unsynced: BTreeMap<u64, Vec<u8>>,
+    bytes: usize,
+    /// Whether the system may have forgotten them.
+    is_dropped: bool,
+}
+
+impl DurableOutput {
+    pub(super) fn new(output: Box<dyn EditOutput>) -> Self {
+        Self { output, unsynced: BTreeMap::new(), bytes: 0, is_dropped: false }
+    }
+
+    /// Writes a range that a commit will name. What it overlaps was given up.
+    fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        let end = offset + bytes.len() as u64;
+        self.keep(|start, copy| end <= start || start + copy.len() as u64 <= offset);
+        self.output.write_at(offset, bytes)?;
+        self.unsynced.insert(offset, bytes.to_vec());
+        self.bytes += bytes.len();
+        if self.bytes > MAX_UNSYNCED_BYTES { self.sync() } else { Ok(()) }
+    }
+
+    /// Writes a header slot, which the next attempt writes anew in any case.
+    fn write_slot(&mut self, offset: u64, slot: &[u8]) -> io::Result<()> {
+        self.output.write_at(offset, slot)
+    }
+
+    pub(super) fn set_len(&mut self, length: u64) -> io::Result<()> {
+        self.keep(|start, copy| start + copy.len() as u64 <= length);
+        self.output.set_len(length)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        if self.is_dropped {
+            self.write_again()?;
+        }
+        self.output.sync().inspect_err(|_| {
+            self.is_dropped = true;
+            self.write_again().unwrap_or_default();
+        })?;
+        self.keep(|_, _| false);
+        Ok(())
+    }
+
+    fn write_again(&mut self) -> io::Result<()> {
+        self.unsynced.iter().try_for_each(|(&offset, bytes)| self.output.write_at(offset, bytes))?;
+        self.is_dropped = false;
+        Ok(())
+    }
+
+    fn keep(&mut self, wanted: impl Fn(u64, &[u8]) -> bool) {
+        self.unsynced.retain(|&start, copy| wanted(start, copy));
+        self.bytes = self.unsynced.values().map(Vec::len).sum();
+    }
 }
 
 #[derive(Debug)]

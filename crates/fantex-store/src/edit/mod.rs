@@ -14,7 +14,7 @@
 //!   second next commit), no [`Asset`] that this editor handed out is older, and no other reader has the file open (see
 //!   `lock.rs`). Until then the file grows.
 //! - *A failed commit loses nothing.* Changes stay with the editor, the space taken is given back, and the commit can be
-//!   tried again. If it fails at step 3 or 4 the new generation may or may not be on the disk; both are whole, and the next
+//!   tried again; after a failed sync it writes everything again that no sync has covered. If it fails at step 3 or 4 the new generation may or may not be on the disk; both are whole, and the next
 //!   attempt takes another number.
 //!
 //! Here are the changes and reading through them; in `commit.rs` the steps above, in `space.rs` where changed clusters go, in
@@ -33,7 +33,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use fantex_base::{Error, Result};
 
-use self::commit::{FileOutput, LevelChanges};
+use self::commit::{DurableOutput, FileOutput, LevelChanges};
 use self::lock::WriterLock;
 use self::space::{Space, padded_in_order, without_fixed};
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
@@ -71,7 +71,7 @@ pub struct AssetEditor {
     lock: Arc<WriterLock>,
     /// The asset's, open for reading and writing.
     file: Arc<File>,
-    output: Box<dyn EditOutput>,
+    output: DurableOutput,
     /// The newest committed generation.
     asset: Arc<Asset>,
     /// All generations that were handed out.
@@ -175,7 +175,7 @@ impl AssetEditor {
             options,
             lock,
             file,
-            output,
+            output: DurableOutput::new(output),
             snapshots: vec![(asset.generation(), Arc::downgrade(&asset))],
             pending: Pending { pages: vec![LevelChanges::new(); levels], ..Pending::default() },
             flushed,
@@ -346,19 +346,32 @@ impl AssetEditor {
     /// The committed attachments are damaged.
     pub fn discard(&mut self) -> Result<()> {
         let flushed = Flushed::none(&self.asset)?;
-        let dropped = std::mem::replace(&mut self.flushed, flushed);
-        self.release_uncommitted(&dropped);
+        self.release_uncommitted();
+        self.flushed = flushed;
         let levels = self.pending.pages.len();
         self.pending = Pending { pages: vec![LevelChanges::new(); levels], ..Pending::default() };
         Ok(())
     }
 
-    fn release_uncommitted(&mut self, dropped: &Flushed) {
-        let clusters = dropped.directory.levels.iter().flatten().map(ClusterEntry::range);
-        let attachments = dropped.attachments.values().map(SectionRecord::range);
-        for range in clusters.chain(attachments).filter(|r| dropped.uncommitted.contains(&r.start)) {
-            self.space.release(&range);
+    /// Frees the room of changes that no commit will name; at the file's end, for others, too.
+    fn release_uncommitted(&mut self) {
+        let Flushed { directory, attachments, uncommitted, .. } = &self.flushed;
+        let clusters = directory.levels.iter().flatten().map(ClusterEntry::range);
+        let ranges = clusters.chain(attachments.values().map(SectionRecord::range));
+        ranges
+            .filter(|range| uncommitted.contains(&range.start))
+            .for_each(|range| self.space.release(&range));
+        let length = self.space.end().max(self.asset.file_bytes());
+        if self.asset.source().length().is_ok_and(|actual| actual > length) {
+            // Where that fails, the next commit sets the length.
+            self.output.set_len(length).unwrap_or_default();
         }
+    }
+}
+
+impl Drop for AssetEditor {
+    fn drop(&mut self) {
+        self.release_uncommitted();
     }
 }
 

@@ -133,6 +133,8 @@ struct Plan {
     fail_kind: Option<ErrorKind>,
     /// Only this one call fails.
     once: bool,
+    /// The file and what it held at the last sync: a sync that fails forgets the writes since.
+    durable: Option<(PathBuf, Vec<u8>)>,
 }
 
 impl Plan {
@@ -170,7 +172,17 @@ impl EditOutput for Recorder {
 
     fn sync(&mut self) -> io::Result<()> {
         // The tests' crashes are made of the log; nothing needs to reach the disk.
-        self.plan.lock().unwrap().fails(Operation::Sync).map_or(Ok(()), Err)
+        let mut plan = self.plan.lock().unwrap();
+        let failure = plan.fails(Operation::Sync);
+        match (&failure, &mut plan.durable) {
+            (Some(_), Some((_, bytes))) => {
+                self.file.set_len(bytes.len() as u64)?;
+                write_all_at(&self.file, bytes, 0)?;
+            }
+            (None, Some((path, bytes))) => *bytes = std::fs::read(path)?,
+            (_, None) => {}
+        }
+        failure.map_or(Ok(()), Err)
     }
 }
 
@@ -301,6 +313,7 @@ fn session(fail_at: usize, once: bool, kind: ErrorKind) -> bool {
         let mut plan = plan.lock().unwrap();
         plan.fail_from = Some(plan.log.len() + fail_at);
         (plan.once, plan.fail_kind) = (once, Some(kind));
+        plan.durable = once.then(|| (path.clone(), std::fs::read(&path).unwrap()));
     }
     let Err(error) = editor.commit() else {
         return false;
@@ -331,6 +344,27 @@ fn whichever_write_fails_nothing_is_lost() {
             let failed = (0..).take_while(|&call| session(call, once, kind)).count();
             assert!(failed > 5, "{failed} calls");
         }
+    }
+}
+
+/// What was flushed and never committed takes no room once the editor has gone.
+#[test]
+fn room_of_uncommitted_changes_is_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let length = || std::fs::metadata(&path).unwrap().len();
+    let before = length();
+    for discards in [false, true] {
+        let (mut editor, _) = recorded_editor(&path);
+        editor.attach("large", (0..1 << 20).map(|i: u32| (i.wrapping_mul(i) >> 7) as u8).collect()).unwrap();
+        editor.flush().unwrap();
+        assert!(length() > before);
+        if discards {
+            editor.discard().unwrap();
+            assert_eq!(length(), before);
+        }
+        drop(editor);
+        assert_eq!(length(), before);
     }
 }
 
