@@ -207,7 +207,7 @@ impl TileSource for PageCache {
             let (id, size) = (TileId { group, level }, PageSize::new(tile_extent, level));
             let extent = size.extent();
             if size.page_count() > 1 {
-                return Tile { channel, id, extent, source: Source::Paged(self.clone(), Arc::default()) };
+                return Tile { channel, id, extent, source: Source::Paged(self.clone(), Recent::default()) };
             }
             if let Some(page) = self.page(channel, PageId { group, level, page: [0, 0] }) {
                 return Tile { channel, id, extent, source: Source::Page(page) };
@@ -215,6 +215,21 @@ impl TileSource for PageCache {
         }
         let source = Source::Mean(asset.mean(channel, group));
         Tile { channel, id: TileId { group, level: last }, extent: [1, 1], source }
+    }
+
+    fn tile_at_page(&self, channel: usize, id: TileId, page: [u32; 2]) -> Tile {
+        let TileId { group, level } = id;
+        let size = PageSize::new(self.shared.asset.cover().groups[group as usize].extent, level);
+        if size.page_count() <= 1 {
+            return self.tile(channel, id);
+        }
+        match self.page(channel, PageId { group, level, page }) {
+            Some(texels) => {
+                let source = Source::Part(texels, page.map(|n| n * PAGE));
+                Tile { channel, id, extent: size.extent(), source }
+            }
+            None => self.tile(channel, id),
+        }
     }
 
     fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
@@ -283,14 +298,26 @@ pub struct Tile {
 enum Source {
     /// The level is one page.
     Page(Arc<DecodedPage>),
+    /// One of its pages, which alone is looked at, and its upper left texel in the tile.
+    Part(Arc<DecodedPage>, [u32; 2]),
     /// The level is cut into pages, fetched through the cache.
-    Paged(PageCache, Arc<RecentPages>),
+    Paged(PageCache, Recent),
     /// Nothing of the tile could be read.
     Mean([f32; 4]),
 }
 
-/// The page used last for each parity of column and row: the up to four pages of one look-up never displace each other.
-type RecentPages = [Mutex<Option<(PageId, Arc<DecodedPage>)>>; 4];
+/// The page used last for each parity of column and row: the up to four pages of one look-up never displace each other. A copy of
+/// a tile begins without.
+#[derive(Debug, Default)]
+struct Recent([Mutex<Option<RecentPage>>; 4]);
+
+type RecentPage = ([u32; 2], Arc<DecodedPage>);
+
+impl Clone for Recent {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
 
 /// The four texels around a point, and how far it lies between them.
 struct TexelQuad {
@@ -313,6 +340,13 @@ impl TexelQuad {
         Self { columns, rows, fraction: Vec2::new(fx, fy) }
     }
 
+    /// The same relative to a page's upper left texel.
+    fn in_page(self, corner: [u32; 2], extent: [u32; 2]) -> Self {
+        let [[left, top], [right, bottom]] =
+            [0, 1].map(|k| within([self.columns[k], self.rows[k]], corner, extent));
+        Self { columns: [left, right], rows: [top, bottom], ..self }
+    }
+
     fn blend(&self, texel: impl Fn(u32, u32) -> [f32; 4]) -> [f32; 4] {
         let [x0, x1] = self.columns;
         let [y0, y1] = self.rows;
@@ -326,6 +360,11 @@ impl TexelQuad {
     }
 }
 
+/// A texel of a tile relative to a page's upper left one, held within the page.
+fn within(texel: [u32; 2], corner: [u32; 2], extent: [u32; 2]) -> [u32; 2] {
+    [0, 1].map(|k| texel[k].saturating_sub(corner[k]).min(extent[k] - 1))
+}
+
 impl TileTexels for Tile {
     /// `[1, 1]` for the mean of a tile that cannot be read at all.
     fn extent(&self) -> [u32; 2] {
@@ -336,6 +375,9 @@ impl TileTexels for Tile {
     fn bilinear(&self, uv: Vec2) -> [f32; 4] {
         match &self.source {
             Source::Page(page) => page_bilinear(page, &TexelQuad::new(uv, self.extent)),
+            Source::Part(page, corner) => {
+                page_bilinear(page, &TexelQuad::new(uv, self.extent).in_page(*corner, page.extent))
+            }
             Source::Paged(cache, recent) => self.paged_bilinear(cache, recent, uv),
             Source::Mean(mean) => *mean,
         }
@@ -345,6 +387,10 @@ impl TileTexels for Tile {
         let (x, y) = (x.min(self.extent[0] - 1), y.min(self.extent[1] - 1));
         match &self.source {
             Source::Page(page) => page.linear(x, y),
+            Source::Part(page, corner) => {
+                let [x, y] = within([x, y], *corner, page.extent);
+                page.linear(x, y)
+            }
             Source::Paged(cache, recent) => self.paged_texel(cache, recent, x, y).unwrap_or_else(|| {
                 let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                 let uv = centre / Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
@@ -355,7 +401,7 @@ impl TileTexels for Tile {
     }
 
     fn grid(&self) -> Option<TexelGrid<'_>> {
-        let Source::Page(page) = &self.source else { return None };
+        let (Source::Page(page) | Source::Part(page, _)) = &self.source else { return None };
         match &page.texels {
             StoredTexels::Rgba8(texels) => Some(TexelGrid::Rgba8 { texels, is_srgb: page.srgb }),
             StoredTexels::RgRatio(texels) => Some(TexelGrid::Rg16 { texels, one: BC4_DENOMINATOR as u16 }),
@@ -371,7 +417,7 @@ impl Tile {
     }
 
     /// Across page borders. A look-up that touches a damaged page is made in the coarser level as a whole.
-    fn paged_bilinear(&self, cache: &PageCache, recent: &RecentPages, uv: Vec2) -> [f32; 4] {
+    fn paged_bilinear(&self, cache: &PageCache, recent: &Recent, uv: Vec2) -> [f32; 4] {
         let quad = TexelQuad::new(uv, self.extent);
         let [[x0, x1], [y0, y1]] = [quad.columns, quad.rows];
         if x0 / PAGE == x1 / PAGE && y0 / PAGE == y1 / PAGE {
@@ -395,28 +441,22 @@ impl Tile {
         self.coarser(cache).bilinear(uv)
     }
 
-    fn paged_texel(&self, cache: &PageCache, recent: &RecentPages, x: u32, y: u32) -> Option<[f32; 4]> {
+    fn paged_texel(&self, cache: &PageCache, recent: &Recent, x: u32, y: u32) -> Option<[f32; 4]> {
         self.recent_page(cache, recent, x, y).map(|page| page.linear(x % PAGE, y % PAGE))
     }
 
     /// The page that holds a texel; none where it is damaged.
-    fn recent_page(
-        &self,
-        cache: &PageCache,
-        recent: &RecentPages,
-        x: u32,
-        y: u32,
-    ) -> Option<Arc<DecodedPage>> {
-        let page = [x / PAGE, y / PAGE];
-        let id = PageId { group: self.id.group, level: self.id.level, page };
-        let slot = &recent[(page[0] % 2 + 2 * (page[1] % 2)) as usize];
+    fn recent_page(&self, cache: &PageCache, recent: &Recent, x: u32, y: u32) -> Option<Arc<DecodedPage>> {
+        let place = [x / PAGE, y / PAGE];
+        let slot = &recent.0[(place[0] % 2 + 2 * (place[1] % 2)) as usize];
         if let Some((held, page)) = &*slot.lock().unwrap_or_else(PoisonError::into_inner)
-            && *held == id
+            && *held == place
         {
             return Some(Arc::clone(page));
         }
-        let page = cache.page(self.channel, id)?;
-        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some((id, Arc::clone(&page)));
+        let TileId { group, level } = self.id;
+        let page = cache.page(self.channel, PageId { group, level, page: place })?;
+        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some((place, Arc::clone(&page)));
         Some(page)
     }
 

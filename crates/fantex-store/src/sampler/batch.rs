@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  points --> entries: a tile's share in a point's values, with its look-up
-//!               --> probes: the bilinear look-ups in levels of tiles that it consists of; tiles, each fetched once
+//!               --> probes: the bilinear look-ups in levels of tiles that it consists of; pages, each fetched once
 //!                     --> blocks of probes through the vectors of `fantex_texture`, channel after channel
 //!                           --> sums of entries --> values of points
 //! ```
@@ -18,7 +18,7 @@ use super::lookup::TileLookup;
 use super::{
     Footprint, SamplePoint, Sampler, SurfaceValues, TileSource, TileTexels, VALUE_KINDS, value_of_sum,
 };
-use crate::TileId;
+use crate::{PAGE, TileId, page_extent};
 
 /// Fewer points than this are sampled one by one.
 const MIN_BATCH: usize = 4;
@@ -31,9 +31,11 @@ struct Entry {
 /// A bilinear look-up in a tile.
 struct Probe {
     entry: u32,
-    /// Which one of the batch's tiles.
-    tile: u32,
+    /// Which one of the batch's pages.
+    page: u32,
+    /// Tile coordinates, and texels from the page's corner.
     uv: Vec2,
+    place: Vec2,
     share: f32,
 }
 
@@ -43,29 +45,59 @@ struct MeanShare {
     share: f32,
 }
 
-struct TileName {
-    id: TileId,
+/// What a tile's look-ups are read from.
+struct PageName {
+    tile: TileId,
+    /// Columns and rows of the whole level.
     extent: [u32; 2],
+    /// None for look-ups across the border of pages.
+    page: Option<[u32; 2]>,
 }
 
-/// Tiles of a batch, found again by their names. A name that displaces another in the table is only fetched twice.
-struct TileNames {
-    names: Vec<TileName>,
-    /// One more than the index of the last tile with this remainder; 0 without.
+/// Pages of a batch, found again by their names. A name that displaces another in the table is only fetched twice.
+struct PageNames {
+    names: Vec<PageName>,
+    /// One more than the index of the last page with this remainder; 0 without.
     table: [u32; 256],
 }
 
-impl TileNames {
-    fn index(&mut self, cover: &Cover, id: TileId) -> u32 {
+impl PageName {
+    fn page_extent(&self) -> [u32; 2] {
+        self.page.map_or(self.extent, |page| page_extent(self.extent, page))
+    }
+}
+
+impl PageNames {
+    /// The page that a look-up is read from, and the place in it.
+    fn find(&mut self, cover: &Cover, tile: TileId, uv: Vec2) -> (u32, Vec2) {
+        let extent = cover.groups[tile.group as usize].level_extent(tile.level);
+        let place = uv * Vec2::from(extent.map(|n| n as f32));
+        let (page, corner) = if extent[0].max(extent[1]) <= PAGE {
+            (Some([0; 2]), Vec2::ZERO)
+        } else {
+            let page_of = |place: f32, n: u32| {
+                let first = (place - 0.5).clamp(0.0, (n - 1) as f32) as u32;
+                (first / PAGE == (first + 1).min(n - 1) / PAGE).then_some(first / PAGE)
+            };
+            let page = page_of(place.x, extent[0]).zip(page_of(place.y, extent[1]));
+            let page = page.map(|(column, row)| [column, row]);
+            (page, page.map_or(Vec2::ZERO, |page| Vec2::from(page.map(|n| (n * PAGE) as f32))))
+        };
+        (self.index(PageName { tile, extent, page }), place - corner)
+    }
+
+    fn index(&mut self, name: PageName) -> u32 {
         // Odd, so that the levels of neighbouring groups spread.
-        let slot = (id.group.wrapping_mul(37).wrapping_add(id.level) % 256) as usize;
+        let [column, row] = name.page.unwrap_or([PAGE; 2]);
+        let number = name.tile.group.wrapping_mul(37) + name.tile.level + 11 * column + 101 * row;
+        let slot = (number % 256) as usize;
         if let Some(known) = self.table[slot].checked_sub(1)
-            && self.names[known as usize].id == id
+            && let PageName { tile, page, .. } = self.names[known as usize]
+            && (tile, page) == (name.tile, name.page)
         {
             return known;
         }
-        let extent = cover.groups[id.group as usize].level_extent(id.level);
-        self.names.push(TileName { id, extent });
+        self.names.push(name);
         self.table[slot] = self.names.len() as u32;
         self.names.len() as u32 - 1
     }
@@ -75,7 +107,7 @@ struct Plan {
     entries: Vec<Entry>,
     probes: Vec<Probe>,
     means: Vec<MeanShare>,
-    tiles: TileNames,
+    pages: PageNames,
 }
 
 impl Plan {
@@ -88,7 +120,7 @@ impl Plan {
             entries: Vec::with_capacity(count + count / 4),
             probes: Vec::with_capacity(2 * count),
             means: Vec::new(),
-            tiles: TileNames { names: Vec::with_capacity(64), table: [0; 256] },
+            pages: PageNames { names: Vec::with_capacity(64), table: [0; 256] },
         };
         for (index, (point, footprint)) in points.enumerate() {
             for tap in sampler.taps(point) {
@@ -103,8 +135,8 @@ impl Plan {
         self.entries.push(Entry { point: point as u32, tap });
         lookup.for_each_probe(|tile, uv, share| match tile {
             Some(id) => {
-                let tile = self.tiles.index(cover, id);
-                self.probes.push(Probe { entry, tile, uv, share });
+                let (page, place) = self.pages.find(cover, id, uv);
+                self.probes.push(Probe { entry, page, uv, place, share });
             }
             None => self.means.push(MeanShare { entry, share }),
         });
@@ -167,23 +199,25 @@ impl<S: TileSource> Sampler<S> {
     ) -> Vec<[Vec4; CHANNELS]> {
         let mut sums = vec![[Vec4::ZERO; CHANNELS]; plan.entries.len()];
         let tiles_of = |channel: Option<usize>| -> Vec<S::Tile> {
-            let names = plan.tiles.names.iter();
-            channel.map_or_else(Vec::new, |channel| {
-                names.map(|name| self.tiles.tile(channel, name.id)).collect()
-            })
+            let Some(channel) = channel else { return Vec::new() };
+            let tile = |name: &PageName| match name.page {
+                Some(page) => self.tiles.tile_at_page(channel, name.tile, page),
+                None => self.tiles.tile(channel, name.tile),
+            };
+            plan.pages.names.iter().map(tile).collect()
         };
         let tiles = channels.map(tiles_of);
         let grids: [_; CHANNELS] = std::array::from_fn(|place| grids(plan, &tiles[place]));
         let mut look_ups = GridLookUps::default();
         for probes in plan.probes.chunks(GRID_LOOK_UPS) {
-            look_ups.place(probes.iter().map(|p| (p.uv, plan.tiles.names[p.tile as usize].extent)));
+            look_ups.place(probes.iter().map(|p| (p.place, plan.pages.names[p.page as usize].page_extent())));
             for place in 0..CHANNELS {
                 if channels[place].is_none() {
                     continue;
                 }
                 let colors = look_ups.sample(
-                    |index| grids[place][probes[index].tile as usize],
-                    |index| tiles[place][probes[index].tile as usize].bilinear(probes[index].uv),
+                    |index| grids[place][probes[index].page as usize],
+                    |index| tiles[place][probes[index].page as usize].bilinear(probes[index].uv),
                 );
                 for (probe, color) in probes.iter().zip(colors) {
                     sums[probe.entry as usize][place] += Vec4::from_array(*color) * probe.share;
@@ -204,6 +238,6 @@ impl<S: TileSource> Sampler<S> {
 
 /// What vectors can read of a channel's tiles. (A tile that stands in for a damaged one has another extent.)
 fn grids<'t, T: TileTexels>(plan: &Plan, tiles: &'t [T]) -> Vec<Option<TexelGrid<'t>>> {
-    let grid = |(tile, name): (&'t T, &TileName)| tile.grid().filter(|_| tile.extent() == name.extent);
-    tiles.iter().zip(&plan.tiles.names).map(grid).collect()
+    let grid = |(tile, name): (&'t T, &PageName)| tile.grid().filter(|_| tile.extent() == name.extent);
+    tiles.iter().zip(&plan.pages.names).map(grid).collect()
 }

@@ -37,6 +37,11 @@ pub trait TileSource: Sync {
     /// The tile of a group at a level of [`Group::level_count`](fantex_cover::Group::level_count), or a coarser one in its place.
     fn tile(&self, channel: usize, id: TileId) -> Self::Tile;
 
+    /// The tile for look-ups whose texels all lie in one of its pages, by column and row.
+    fn tile_at_page(&self, channel: usize, id: TileId, _page: [u32; 2]) -> Self::Tile {
+        self.tile(channel, id)
+    }
+
     /// Mean linear RGBA of a group.
     fn mean(&self, channel: usize, group: u32) -> [f32; 4];
 }
@@ -52,8 +57,8 @@ pub trait TileTexels {
     /// The texel at a column and row of the tile.
     fn texel(&self, x: u32, y: u32) -> [f32; 4];
 
-    /// The stored texels, where they lie in one piece and are of a kind that can be looked up many at once. That differs from
-    /// [`TileTexels::bilinear`] by at most 1e-5.
+    /// The stored texels of the tile's only page, or of the one it was asked for, where they are of a kind that can be looked up many
+    /// at once. That differs from [`TileTexels::bilinear`] by at most 1e-5.
     fn grid(&self) -> Option<TexelGrid<'_>> {
         None
     }
@@ -64,6 +69,10 @@ impl<S: TileSource + ?Sized> TileSource for &S {
 
     fn tile(&self, channel: usize, id: TileId) -> Self::Tile {
         (**self).tile(channel, id)
+    }
+
+    fn tile_at_page(&self, channel: usize, id: TileId, page: [u32; 2]) -> Self::Tile {
+        (**self).tile_at_page(channel, id, page)
     }
 
     fn mean(&self, channel: usize, group: u32) -> [f32; 4] {

@@ -389,8 +389,8 @@ pub enum TexelGrid<'a> {
 
 /// Up to [`GRID_LOOK_UPS`] places, each in a grid of its own.
 pub struct GridLookUps {
-    u: Block<f32>,
-    v: Block<f32>,
+    x: Block<f32>,
+    y: Block<f32>,
     columns: Block<u32>,
     rows: Block<u32>,
     count: usize,
@@ -409,8 +409,8 @@ impl Default for GridLookUps {
     fn default() -> Self {
         let (no_number, no_index) = (Block::of(0.0), Block::of(0));
         Self {
-            u: no_number,
-            v: no_number,
+            x: no_number,
+            y: no_number,
             columns: no_index,
             rows: no_index,
             count: 0,
@@ -422,15 +422,15 @@ impl Default for GridLookUps {
 }
 
 impl GridLookUps {
-    /// Other places: coordinates in `[0,1]²` of grids with so many columns and rows.
+    /// Other places: in texels from the grid's corner (texel `i` has its centre at `i + 1/2`), with its columns and rows.
     ///
     /// # Panics
     /// If there are more than [`GRID_LOOK_UPS`].
     pub fn place(&mut self, places: impl ExactSizeIterator<Item = (Vec2, [u32; 2])>) {
         assert!(places.len() <= GRID_LOOK_UPS, "{} places at once", places.len());
         self.count = places.len();
-        for (index, (uv, [columns, rows])) in places.enumerate() {
-            (self.u.0[index], self.v.0[index]) = (uv.x, uv.y);
+        for (index, (place, [columns, rows])) in places.enumerate() {
+            (self.x.0[index], self.y.0[index]) = (place.x, place.y);
             (self.columns.0[index], self.rows.0[index]) = (columns, rows);
         }
         dispatch!(level(), simd => locate_in_grids(simd, self));
@@ -517,10 +517,10 @@ fn locate_in_grids<S: Simd>(simd: S, look_ups: &mut GridLookUps) {
         let range = first..first + S::f32s::LEN;
         let columns = S::u32s::from_slice(simd, &look_ups.columns.0[range.clone()]);
         let rows = S::u32s::from_slice(simd, &look_ups.rows.0[range.clone()]);
-        let u = S::f32s::from_slice(simd, &look_ups.u.0[range.clone()]);
-        let v = S::f32s::from_slice(simd, &look_ups.v.0[range.clone()]);
-        let (column, right) = split_within(simd, u, columns);
-        let (row, lower) = split_within(simd, v, rows);
+        let x = S::f32s::from_slice(simd, &look_ups.x.0[range.clone()]);
+        let y = S::f32s::from_slice(simd, &look_ups.y.0[range.clone()]);
+        let (column, right) = split_within(simd, x, columns);
+        let (row, lower) = split_within(simd, y, rows);
         let upper = row * columns + column;
         upper.store_slice(&mut look_ups.quads.upper.0[range.clone()]);
         (upper + columns).store_slice(&mut look_ups.quads.lower.0[range.clone()]);
@@ -529,12 +529,12 @@ fn locate_in_grids<S: Simd>(simd: S, look_ups: &mut GridLookUps) {
     }
 }
 
-/// The first of two texels around a coordinate, and the share of the second; at the end of the axis the second counts alone.
+/// The first of two texels around a place, and the share of the second; at the end of the axis the second counts alone.
 #[inline(always)]
-fn split_within<S: Simd>(simd: S, coordinate: S::f32s, texels: S::u32s) -> (S::u32s, S::f32s) {
+fn split_within<S: Simd>(simd: S, place: S::f32s, texels: S::u32s) -> (S::u32s, S::f32s) {
     let zero = S::f32s::splat(simd, 0.0);
     let length = texels.to_float::<S::f32s>();
-    let position = coordinate * length - 0.5;
+    let position = place - 0.5;
     // NaN reads as 0.
     let position = position.simd_gt(zero).select(position, zero).min(length - 1.0);
     let first = position.to_int::<S::u32s>().min(texels - 2);
@@ -611,7 +611,8 @@ mod tests {
             let extents: Vec<[u32; 2]> = places.iter().map(|(extent, ..)| extent.map(|n| 4 * n)).collect();
             let uvs: Vec<Vec2> = places.iter().map(|&(_, u, v)| Vec2::new(u, v)).collect();
             let mut look_ups = GridLookUps::default();
-            look_ups.place(uvs.iter().copied().zip(extents.iter().copied()).collect::<Vec<_>>().into_iter());
+            let texels = |(&uv, &extent): (&Vec2, &[u32; 2])| (uv * Vec2::from(extent.map(|n| n as f32)), extent);
+            look_ups.place(uvs.iter().zip(&extents).map(texels));
 
             let stored: Vec<_> = extents.iter().zip(0..).map(|(&extent, seed)| bytes(extent, seed)).collect();
             let seen = look_ups.sample(
@@ -644,7 +645,7 @@ mod tests {
     fn what_has_no_texels_is_asked_for() {
         let stored = bytes([4, 4], 0);
         let mut look_ups = GridLookUps::default();
-        look_ups.place([(Vec2::splat(0.5), [4, 4]); 3].into_iter());
+        look_ups.place([(Vec2::splat(2.0), [4, 4]); 3].into_iter());
         let grid =
             |i: usize| (i != 1).then_some(TexelGrid::Rgba8 { texels: &stored[..8 + 4 * i], is_srgb: false });
         let seen = look_ups.sample(grid, |i| [i as f32; 4]).to_vec();
