@@ -142,7 +142,7 @@ impl OverlapFinder {
     /// The entry of a vertex, or the empty one where it would be.
     fn entry(&mut self, vertex: u32) -> &mut BoundaryVertex {
         let mask = self.table.len() - 1;
-        let mut place = (vertex.wrapping_mul(0x9e37_79b9) >> 16) as usize & mask;
+        let mut place = (u64::from(vertex).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & mask;
         while self.table[place].vertex != vertex && self.table[place].vertex != NO_VERTEX {
             place = (place + 1) & mask;
         }
@@ -243,6 +243,17 @@ mod tests {
             Segment::new([0, 3], [Vec2::ZERO, at(1.0)]),
             Segment::new([4, 0], [at(2.0), Vec2::ZERO]),
         ];
+        assert!(!OverlapFinder::default().any_at_vertex(&segments, &wedges));
+    }
+
+    /// Without clusters in the table, which took minutes here.
+    #[test]
+    fn a_wheel_of_very_many_spokes_is_soon_found_sound() {
+        let n = 200_000;
+        let at = |i: u32| Vec2::from_angle(i as f32 / n as f32 * std::f32::consts::TAU);
+        let rim = |i: u32| Segment::new([i + 1, (i + 1) % n + 1], [at(i), at((i + 1) % n)]);
+        let segments: Vec<Segment> = (0..n).map(rim).collect();
+        let wedges: Vec<Wedge> = (0..n).map(|i| Wedge::new(0, Vec2::ZERO, at(i), at((i + 1) % n))).collect();
         assert!(!OverlapFinder::default().any_at_vertex(&segments, &wedges));
     }
 
