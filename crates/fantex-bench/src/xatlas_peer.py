@@ -84,17 +84,28 @@ def figures(positions, triangles, corners, texels):
 LARGEST_ERROR = 4096
 
 
+def unwrapped(positions, triangles, pack):
+    atlas = xatlas.Atlas()
+    atlas.add_mesh(positions, triangles)
+    atlas.generate(pack_options=pack)
+    return atlas
+
+
+def texels_of(atlas):
+    return atlas.width * atlas.height * atlas.atlas_count
+
+
 def main():
     positions, triangles = read_ply(sys.argv[1])
     started = time.monotonic()
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(positions, triangles)
-    pack = xatlas.PackOptions()
-    if len(sys.argv) > 2:
-        pack.resolution = round(math.sqrt(int(sys.argv[2])))
-    atlas.generate(pack_options=pack)
+    atlas = unwrapped(positions, triangles, xatlas.PackOptions())
     seconds = time.monotonic() - started
-    texels = atlas.width * atlas.height * atlas.atlas_count
+    if len(sys.argv) > 2:
+        # Resolutions are hints; texels per unit are kept.
+        pack = xatlas.PackOptions()
+        pack.texels_per_unit = atlas.texels_per_unit * math.sqrt(int(sys.argv[2]) / texels_of(atlas))
+        atlas = unwrapped(positions, triangles, pack)
+    texels = texels_of(atlas)
     mapping, indices, uvs = atlas[0]
     corners = uvs[indices] * [atlas.width, atlas.height]
     loss, worst = figures(positions, mapping[indices], corners, texels)

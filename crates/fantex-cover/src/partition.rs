@@ -43,7 +43,7 @@ const SAMPLES: usize = 2048;
 const COHERENT: f32 = 0.7;
 
 /// Patches of fewer texels are not cut.
-const MIN_TEXELS: f32 = 64.0;
+const MIN_TEXELS: f32 = 256.0;
 
 /// A set that costs at most so much per texel is not cut.
 const GOOD: f32 = 1.04;
