@@ -304,7 +304,8 @@ mod tests {
     #[test]
     fn neighbours_differ() {
         let (mesh, _) = clean(icosphere(5), &CleanOptions::default()).unwrap();
-        let options = CoverOptions { budget: TexelBudget::Total(1 << 20), ..CoverOptions::default() };
+        let options =
+            CoverOptions { budget: TexelBudget::Total(1 << 20), tile: 128, ..CoverOptions::default() };
         let (cover, _) = build_cover(&mesh, &options).unwrap();
         assert!(cover.groups.len() > 20);
         let colors = group_colors(&cover);

@@ -6,8 +6,8 @@ use fantex_base::Result;
 use fantex_cover::{Tap, TexelTriangle};
 use fantex_mesh::interpolate;
 use fantex_store::{
-    Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, Quality, TexelFormat, TexelSlice,
-    TileId, TileSource, TileTexels, encode,
+    Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, PageTexels, Quality, TexelFormat,
+    TexelSlice, TileId, TileSource, TileTexels, encode_many,
 };
 use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, unorm8};
 use fantex_texture::material::vertex_color;
@@ -312,16 +312,22 @@ pub(crate) fn replace_blocks(
 ) -> Result<()> {
     let rect = rect.blocks();
     let texels = rect.texels().map(|[x, y]| values[(y * extent[0] + x) as usize]);
+    let columns = extent[0] as usize;
+    let is_changed = |block: Rect| block.texels().any(|[x, y]| changed(y as usize * columns + x as usize));
+    let changed: Vec<bool> = blocks_of(rect).map(is_changed).collect();
+    let encode = |texels: TexelSlice<'_>| {
+        let page = PageTexels { extent: rect.extent(), texels, read: Some(&changed) };
+        encode_many(channel.format, Quality::UltraFast, &[page]).map(|mut pages| pages.swap_remove(0))
+    };
     let encoded = if channel.format == TexelFormat::Rgba32F {
         let texels: Vec<[f32; 4]> = texels.map(|v| stored_float(channel, v)).collect();
-        encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::F32(&texels))?
+        encode(TexelSlice::F32(&texels))?
     } else {
         let texels: Vec<[u8; 4]> = texels.map(|v| stored_bytes(channel, v)).collect();
-        encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::U8(&texels))?
+        encode(TexelSlice::U8(&texels))?
     };
-    let columns = extent[0] as usize;
-    for block in blocks_of(rect) {
-        if block.texels().any(|[x, y]| changed(y as usize * columns + x as usize)) {
+    for (block, &is_changed) in blocks_of(rect).zip(&changed) {
+        if is_changed {
             let from = channel.format.block_ranges(rect.extent()[0], block.relative_to(rect.low).low);
             let to = channel.format.block_ranges(extent[0], block.low);
             from.zip(to).for_each(|(from, to)| bytes[to].copy_from_slice(&encoded[from]));
