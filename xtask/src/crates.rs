@@ -17,7 +17,7 @@ const CRATES: &str = "
     fantex-store   | the .fan file, block codecs, page cache, sampler, commits, verification | mesh texture cover
     fantex-scene   | cameras, lights, surroundings, tone mapping: what renderers are given | mesh texture
     fantex-bake    | sources to tiles, light maps, transfer between meshes | mesh texture cover store scene
-    fantex-look    | looks: files, JSON schema, checks with lines, textures and materials made of them | mesh texture scene
+    fantex-look    | looks: files, JSON schema, checks with lines, textures and materials made of them | mesh texture store scene
     fantex-stream  | asynchronous reading, demand, residency | mesh cover store
     fantex-render  | the CPU renderer, the reference | mesh texture cover store scene
     fantex-gpu     | the GPU renderer on wgpu | mesh texture cover store scene stream

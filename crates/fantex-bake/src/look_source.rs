@@ -40,6 +40,21 @@ impl<'a> LookSource<'a> {
         Ok(Self(Materials::Textures(TextureSource::new(mesh, materials, time)?)))
     }
 
+    /// With a channel of heights: the red of `heights[i]` on material `i`, 0 where there is none.
+    ///
+    /// # Errors
+    /// A texture depends on the eye.
+    pub fn with_heights(mut self, heights: Vec<Option<Slot>>) -> Result<Self> {
+        if heights.iter().flatten().any(Slot::is_view_dependent) {
+            return Err(view_dependent("the displacement"));
+        }
+        if let Materials::Textures(source) = &mut self.0 {
+            source.channels.push(SourceChannel::new(ChannelKind::Displacement));
+            source.heights = heights;
+        }
+        Ok(self)
+    }
+
     /// The model's own materials through its own texture coordinates: base colour always, other channels where a texture varies
     /// them or materials differ in them.
     ///
@@ -104,6 +119,8 @@ struct TextureSource<'a> {
     /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
     tangents: Vec<Vec<Vec4>>,
     channels: Vec<SourceChannel>,
+    /// Per material.
+    heights: Vec<Option<Slot>>,
 }
 
 impl<'a> TextureSource<'a> {
@@ -116,7 +133,7 @@ impl<'a> TextureSource<'a> {
         let normals = shading_normals(mesh);
         let tangents = look_tangents(mesh, &normals, materials.iter().map(AsRef::as_ref));
         let finder = PointFinder { mesh, space: ObjectSpace::of(mesh), normals, time };
-        Ok(Self { materials, finder, tangents, channels })
+        Ok(Self { materials, finder, tangents, channels, heights: Vec::new() })
     }
 
     fn material_of(&self, triangle: usize) -> &LookMaterial {
@@ -226,7 +243,11 @@ impl TextureSource<'_> {
                     let anisotropy = material.anisotropy.as_ref();
                     anisotropy.map_or(Vec4::ZERO, |anisotropy| self.direction(anisotropy, point, ask))
                 }
-                ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
+                ChannelKind::Displacement => {
+                    let height = self.heights.get(self.finder.mesh.material_of(point.at.index()));
+                    height.and_then(Option::as_ref).map_or(Vec4::ZERO, value)
+                }
+                ChannelKind::Light => Vec4::ZERO,
             };
         }
     }
@@ -432,11 +453,14 @@ impl Reliefs<'_> {
             let axes = || GradientAxes::new(at.position_steps, normal);
             let bent = match relief {
                 Relief::Bump { texture, height, difference } => axes().and_then(|axes| {
-                    // Neighbouring texels' heights; farther only where that would be below the digits.
-                    let step =
-                        |edge: Vec3| (self.min_step / edge.length().max(f32::MIN_POSITIVE)).clamp(1.0, 1e6);
+                    // Neighbouring texels' heights; farther where that would be below the digits, or within a texel of the height's.
+                    let texel = texture.edges_per_texel(at).unwrap_or([0.0; 2]);
+                    let step = |k: usize| {
+                        let length = at.position_steps[k].length().max(f32::MIN_POSITIVE);
+                        (self.min_step / length).max(texel[k]).clamp(1.0, 1e6)
+                    };
                     let height_at = |offset: Vec2| ask(&**texture, offset).x;
-                    let change = height_change(*difference, at.position_steps.map(step), height_at);
+                    let change = height_change(*difference, [step(0), step(1)], height_at);
                     by_gradient(axes.gradient(change * *height))
                 }),
                 Relief::Derivatives { texture, uv_set, height, range } => {

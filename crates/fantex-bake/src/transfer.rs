@@ -13,7 +13,8 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result};
 use fantex_mesh::{
-    Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, shading_normals,
+    Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
+    shading_normals,
 };
 use fantex_store::ChannelKind;
 use fantex_texture::Image;
@@ -284,14 +285,6 @@ impl<'a> TransferSource<'a> {
         };
         detail.evaluate(&point, rest);
     }
-}
-
-/// The change of barycentric coordinates along a step, after its projection onto the triangle's plane.
-fn lambda_step([a, b, c]: [Vec3; 3], step: Vec3) -> Vec3 {
-    let normal = (b - a).cross(c - a);
-    let squared = normal.length_squared().max(f32::MIN_POSITIVE);
-    let along = |from: Vec3, to: Vec3| normal.cross(to - from).dot(step) / squared;
-    Vec3::new(along(b, c), along(c, a), along(a, b))
 }
 
 impl Source for TransferSource<'_> {

@@ -6,7 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
-    bake, bench, compare, demo, export, gallery, generate, info, paint, render, verify, view,
+    bake, bench, compare, demo, export, gallery, generate, image, info, paint, render, table, verify, view,
+    warp,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED};
 use crate::text::bytes;
@@ -27,11 +28,14 @@ mod commands {
     pub(crate) mod export;
     pub(crate) mod gallery;
     pub(crate) mod generate;
+    pub(crate) mod image;
     pub(crate) mod info;
     pub(crate) mod paint;
     pub(crate) mod render;
+    pub(crate) mod table;
     pub(crate) mod verify;
     pub(crate) mod view;
+    pub(crate) mod warp;
 }
 
 fn main() -> ExitCode {
@@ -107,6 +111,9 @@ pub(crate) enum Command {
     Export(export::ExportArgs),
     Gallery(gallery::GalleryArgs),
     Generate(generate::GenerateArgs),
+    Image(image::ImageArgs),
+    Table(table::TableArgs),
+    Warp(warp::WarpArgs),
     Paint(paint::PaintArgs),
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),
@@ -125,6 +132,9 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Export(args) => export::run(args, context),
         Command::Gallery(args) => gallery::run(args, context),
         Command::Generate(args) => generate::run(args, context),
+        Command::Image(args) => image::run(args, context),
+        Command::Table(args) => table::run(args, context),
+        Command::Warp(args) => warp::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
     }?;

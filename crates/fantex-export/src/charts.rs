@@ -160,9 +160,15 @@ fn group_of(mesh: &Mesh, cover: &Cover, triangle: usize) -> Option<u32> {
 
 // ---- Joining neighbouring pieces that one projection can show.
 
-/// Pieces are joined while no triangle is turned away from the common direction by more than this, degrees: a texel then
-/// covers at most 1.4 times its length.
+/// Pieces are joined while all but a [`STEEP_SHARE`] of their area is turned away from the common direction by at most this many degrees: a
+/// texel then covers at most 1.4 times its length.
 const MAX_DEGREES: f32 = 45.0;
+
+/// The share of a piece's area that may be turned away more: on a bumpy surface single triangles would keep pieces small.
+const STEEP_SHARE: f32 = 0.03;
+
+/// No triangle is turned away more, degrees: a texel then covers twice its length.
+const STEEPEST_DEGREES: f32 = 60.0;
 
 /// Crumbs may be turned away more: they are not worth charts of their own.
 const MAX_DEGREES_OF_CRUMBS: f32 = 68.0;
@@ -215,8 +221,8 @@ impl PartialOrd for Plan {
 
 fn join(mesh: &Mesh, atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
     let mut joiner = Joiner::new(mesh, atoms, edges);
-    joiner.run(MAX_DEGREES, f32::INFINITY);
-    joiner.run(MAX_DEGREES_OF_CRUMBS, (CRUMB_TEXELS / texels_per_unit).powi(2));
+    joiner.run([MAX_DEGREES, STEEPEST_DEGREES], f32::INFINITY);
+    joiner.run([MAX_DEGREES_OF_CRUMBS; 2], (CRUMB_TEXELS / texels_per_unit).powi(2));
     joiner.patches(atoms)
 }
 
@@ -250,10 +256,10 @@ impl Joiner {
         Self { pieces, parents: (0..count as u32).collect() }
     }
 
-    /// Makes the cheapest union as long as there is one in which no normal is farther than `widest_degrees` from the
-    /// mean and one of the two pieces is not larger than `largest_area`.
-    fn run(&mut self, widest_degrees: f32, largest_area: f32) {
-        let limits = (widest_degrees.to_radians().cos(), largest_area);
+    /// Makes the cheapest union as long as there is one in which no normal is farther from the mean than the angles (most normals, all
+    /// normals) and one of the two pieces is not larger than `largest_area`.
+    fn run(&mut self, degrees: [f32; 2], largest_area: f32) {
+        let limits = (degrees.map(|angle| angle.to_radians().cos()), largest_area);
         let mut plans = BinaryHeap::new();
         for a in 0..self.pieces.len() as u32 {
             if self.parents[a as usize] == a {
@@ -275,14 +281,14 @@ impl Joiner {
     }
 
     /// The union of two neighbours, if it is allowed: flat ones with a long common border first.
-    fn plan(&self, a: u32, b: u32, (least_cosine, largest_area): (f32, f32)) -> Option<Plan> {
+    fn plan(&self, a: u32, b: u32, ([most, all], largest_area): ([f32; 2], f32)) -> Option<Plan> {
         let [first, second] = [&self.pieces[a as usize], &self.pieces[b as usize]];
         if first.area.min(second.area) > largest_area {
             return None;
         }
         let direction = (first.facing + second.facing).try_normalize()?;
-        let cosine = first.normals.least_cosine(direction).min(second.normals.least_cosine(direction));
-        if cosine < least_cosine {
+        let cosine = first.normals.facing(&second.normals, direction, all)?;
+        if cosine < most {
             return None;
         }
         let border = first.borders.get(&b).copied().unwrap_or(0.0);
@@ -340,12 +346,16 @@ impl Joiner {
 /// Cells along a side of the octahedral map (Q. Meyer et al., "On Floating-Point Normal Vectors", 2010): a cell is within 8 degrees of its middle.
 const CELLS: usize = 32;
 
-/// Which cells of the sphere a piece's normals fall into. What one projection can show is decided by the extreme normals, and
-/// they survive joining without looking at triangles again.
-#[derive(Clone, Copy, Debug, Default)]
-struct NormalSet([u64; CELLS * CELLS / 64]);
+/// How much of a piece's area has normals in which cell of the sphere: what one projection can show is decided by these, and they are
+/// joined without looking at triangles again.
+#[derive(Clone, Debug, Default)]
+struct NormalSet {
+    /// Cell and area, ascending by cell.
+    cells: Vec<(u16, f32)>,
+}
 
 impl NormalSet {
+    /// Adds a normal, as long as its triangle's area.
     fn insert(&mut self, normal: Vec3) {
         let n = normal / normal.abs().element_sum().max(f32::MIN_POSITIVE);
         let mut p = n.truncate();
@@ -353,28 +363,41 @@ impl NormalSet {
             p = folded(p);
         }
         let cell = |c: f32| ((c * 0.5 + 0.5) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
-        let index = cell(p.y) * CELLS + cell(p.x);
-        self.0[index / 64] |= 1 << (index % 64);
+        let index = (cell(p.y) * CELLS + cell(p.x)) as u16;
+        match self.cells.binary_search_by_key(&index, |cell| cell.0) {
+            Ok(found) => self.cells[found].1 += normal.length(),
+            Err(place) => self.cells.insert(place, (index, normal.length())),
+        }
     }
 
     fn union(&self, other: &Self) -> Self {
-        let mut union = *self;
-        union.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a |= b);
-        union
+        let mut cells = self.cells.clone();
+        cells.extend(&other.cells);
+        cells.sort_by_key(|cell| cell.0);
+        cells.dedup_by(|next, kept| {
+            let is_same = next.0 == kept.0;
+            kept.1 += if is_same { next.1 } else { 0.0 };
+            is_same
+        });
+        Self { cells }
     }
 
-    /// The least cosine between a unit direction and the middles of the cells.
-    fn least_cosine(&self, direction: Vec3) -> f32 {
-        let mut least = 1.0f32;
-        for (word, &bits) in self.0.iter().enumerate() {
-            let mut bits = bits;
-            while bits != 0 {
-                let index = 64 * word + bits.trailing_zeros() as usize;
-                least = least.min(direction.dot(middle(index)));
-                bits &= bits - 1;
-            }
+    /// The cosine between a unit direction and the middles of the cells that all but a [`STEEP_SHARE`] of the area of both sets exceeds;
+    /// none where one is below `least`.
+    fn facing(&self, other: &Self, direction: Vec3, least: f32) -> Option<f32> {
+        let both = self.cells.iter().chain(&other.cells);
+        let mut cosines: Vec<(f32, f32)> =
+            both.map(|&(cell, area)| (direction.dot(middle(usize::from(cell))), area)).collect();
+        if cosines.iter().any(|cosine| cosine.0 < least) {
+            return None;
         }
-        least
+        cosines.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut rest = STEEP_SHARE * cosines.iter().map(|cosine| cosine.1).sum::<f32>();
+        let steep = cosines.iter().find(|cosine| {
+            rest -= cosine.1;
+            rest < 0.0
+        });
+        steep.or(cosines.last()).map(|cosine| cosine.0)
     }
 }
 
@@ -515,7 +538,7 @@ mod tests {
             let normal = Vec3::new(r * angle.cos(), r * angle.sin(), z);
             let mut set = NormalSet::default();
             set.insert(normal);
-            let off = set.least_cosine(normal).acos().to_degrees();
+            let off = set.facing(&set, normal, -1.0).unwrap().acos().to_degrees();
             assert!(off < 8.0, "{normal}: {off} degrees");
         }
     }

@@ -148,9 +148,18 @@ struct Packed {
     side: u32,
     block: u32,
     density: f32,
-    /// Columns and rows in blocks.
-    places: Vec<[u32; 2]>,
+    places: Vec<Place>,
+    /// As they lie in the picture.
     masks: Vec<Mask>,
+}
+
+/// Where a chart lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Place {
+    /// Column and row in blocks.
+    at: [u32; 2],
+    /// Quarter turns, 0 to 3: the first takes (x, y) to (height - y, x).
+    turn: u8,
 }
 
 /// The padding for a number of charts: what the levels ask for, less where charts would consist of padding mostly.
@@ -228,33 +237,40 @@ fn try_density(
     };
     let masks: Vec<Mask> = charts.par_iter().map(mask_of).collect::<Option<_>>()?;
     let places = pack(&masks, blocks)?;
+    let masks = masks.iter().zip(&places).map(|(mask, place)| mask.turned(place.turn)).collect();
     Some(Packed { side, block, density, places, masks })
 }
 
 /// Corners of a chart's triangles in the picture: half a block away from the chart's own blocks' corner.
-fn corners_in_picture(
-    mesh: &Mesh,
-    chart: &Chart,
-    triangle: u32,
-    place: [u32; 2],
-    packed: &Packed,
-) -> [Vec2; 3] {
-    let origin = (Vec2::from(place.map(|n| n as f32)) + 0.5) * packed.block as f32;
-    chart.corners(mesh, triangle).map(|q| q * packed.density + origin)
+fn corners_in_picture(mesh: &Mesh, chart: &Chart, index: usize, triangle: u32, packed: &Packed) -> [Vec2; 3] {
+    let (block, place, mask) = (packed.block as f32, packed.places[index], &packed.masks[index]);
+    let [width, height] = [mask.width, mask.height].map(|blocks| blocks as f32 * block);
+    let origin = Vec2::from(place.at.map(|n| n as f32)) * block;
+    chart.corners(mesh, triangle).map(|q| {
+        let Vec2 { x, y } = q * packed.density + 0.5 * block;
+        origin
+            + match place.turn {
+                0 => Vec2::new(x, y),
+                1 => Vec2::new(width - y, x),
+                2 => Vec2::new(width - x, height - y),
+                _ => Vec2::new(y, height - x),
+            }
+    })
 }
 
 fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
     let blocks = packed.side / packed.block;
     let mut owners = vec![NOBODY; blocks as usize * blocks as usize];
     for (i, (mask, place)) in (0u32..).zip(packed.masks.iter().zip(&packed.places)) {
-        mask.blocks().for_each(|[x, y]| owners[((place[1] + y) * blocks + place[0] + x) as usize] = i);
+        let [left, top] = place.at;
+        mask.blocks().for_each(|[x, y]| owners[((top + y) * blocks + left + x) as usize] = i);
     }
     let mut uv = vec![[Vec2::ZERO; 3]; mesh.triangles.len()];
     let mut chart_of = vec![NOBODY; mesh.triangles.len()];
     let mut placed = Vec::with_capacity(mesh.triangles.len());
-    for (i, (chart, &place)) in (0u32..).zip(charts.iter().zip(&packed.places)) {
+    for (i, chart) in (0u32..).zip(charts) {
         for &triangle in &chart.triangles {
-            let corners = corners_in_picture(mesh, chart, triangle, place, packed);
+            let corners = corners_in_picture(mesh, chart, i as usize, triangle, packed);
             uv[triangle as usize] = corners.map(|c| c / packed.side as f32);
             chart_of[triangle as usize] = i;
             placed.push(Placed { triangle, chart: i, corners, is_beyond: false });
@@ -266,7 +282,7 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
         beyond.into_iter().map(move |triangle| Placed {
             triangle,
             chart: i as u32,
-            corners: corners_in_picture(mesh, chart, triangle, packed.places[i], packed),
+            corners: corners_in_picture(mesh, chart, i, triangle, packed),
             is_beyond: true,
         })
     });
@@ -380,6 +396,20 @@ impl Mask {
             .filter(|&[x, y]| self.contains(x, y))
     }
 
+    /// The set after so many quarter turns.
+    fn turned(&self, turn: u8) -> Self {
+        let (w, h) = (self.width, self.height);
+        let [width, height] = if turn % 2 == 0 { [w, h] } else { [h, w] };
+        let mut turned = Self::empty(width, height);
+        self.blocks().for_each(|[x, y]| match turn {
+            0 => turned.insert(x, y),
+            1 => turned.insert(h - 1 - y, x),
+            2 => turned.insert(w - 1 - x, h - 1 - y),
+            _ => turned.insert(y, w - 1 - x),
+        });
+        turned
+    }
+
     /// Whether a block of `self` is one of `other`'s, moved to (x, y), inside `self`.
     fn collides(&self, other: &Mask, x: u32, y: u32) -> bool {
         let (word, shift) = (x as usize / 64, x % 64);
@@ -416,9 +446,12 @@ fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
 
 // ---- Packing masks of blocks into a square.
 
-/// Where each mask lies (in blocks) in a square of `side` blocks, the largest first into the topmost, then leftmost free
-/// place; none where they do not fit.
-fn pack(masks: &[Mask], side: u32) -> Option<Vec<[u32; 2]>> {
+/// Of more masks than this only the first way around is tried: small ones fit anyhow.
+const MAX_TURNED: usize = 1_000;
+
+/// Where each mask lies in a square of `side` blocks, the largest first, each the way around in which it reaches down least, at the topmost,
+/// then leftmost free place; none where they do not fit.
+fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
     let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
     if counts.iter().sum::<u64>() > u64::from(side) * u64::from(side) {
         return None;
@@ -426,15 +459,22 @@ fn pack(masks: &[Mask], side: u32) -> Option<Vec<[u32; 2]>> {
     let mut order: Vec<usize> = (0..masks.len()).collect();
     order.sort_by_key(|&i| (std::cmp::Reverse(counts[i]), i));
     let mut grid = Mask::empty(side, side);
-    let mut places = vec![[0, 0]; masks.len()];
+    let mut places = vec![Place::default(); masks.len()];
     // Where one of a size was placed, another one of that size rarely finds a place further up.
     let mut first_rows = [0; 64];
-    for i in order {
-        let mask = &masks[i];
+    for (number, i) in order.into_iter().enumerate() {
+        let turns = if number < MAX_TURNED { 4 } else { 1 };
+        let turned: Vec<Mask> = (0..turns).map(|turn| masks[i].turned(turn)).collect();
         let first_row = &mut first_rows[counts[i].max(1).ilog2() as usize];
-        let place = find(&grid, mask, *first_row..side).or_else(|| find(&grid, mask, 0..*first_row))?;
-        *first_row = (*first_row).max(place[1]);
-        grid.stamp(mask, place[0], place[1]);
+        let best = |rows: std::ops::Range<u32>| {
+            let found = turned.iter().zip(0..).filter_map(|(mask, turn)| {
+                find(&grid, mask, rows.clone()).map(|at| (at[1] + mask.height, at[0], Place { at, turn }))
+            });
+            found.min_by_key(|&(bottom, left, place)| (bottom, left, place.turn)).map(|found| found.2)
+        };
+        let place = best(*first_row..side).or_else(|| best(0..*first_row))?;
+        *first_row = (*first_row).max(place.at[1]);
+        grid.stamp(&turned[usize::from(place.turn)], place.at[0], place.at[1]);
         places[i] = place;
     }
     Some(places)
@@ -693,7 +733,7 @@ mod tests {
     fn squares_that_fill_a_square_are_packed() {
         let masks = vec![rectangle(16, 16); 16];
         let places = pack(&masks, 64).unwrap();
-        let mut sorted = places.clone();
+        let mut sorted: Vec<[u32; 2]> = places.iter().map(|place| place.at).collect();
         sorted.sort_unstable();
         sorted.dedup();
         assert_eq!(sorted.len(), 16);
@@ -711,6 +751,38 @@ mod tests {
                 .for_each(|[x, y]| hollow.insert(x, y));
             hollow
         };
-        assert_eq!(pack(&[rectangle(6, 6), frame], 10).unwrap(), [[2, 2], [0, 0]]);
+        let places = pack(&[rectangle(6, 6), frame], 10).unwrap();
+        assert_eq!(places.iter().map(|place| place.at).collect::<Vec<_>>(), [[2, 2], [0, 0]]);
+    }
+
+    #[test]
+    fn pieces_are_turned_where_they_fit_better() {
+        let places: [Place; 2] = pack(&[rectangle(8, 4), rectangle(4, 8)], 8).unwrap().try_into().unwrap();
+        assert_eq!(places.map(|place| place.at), [[0, 0], [0, 4]]);
+    }
+
+    #[test]
+    fn turned_pieces_lie_where_their_blocks_are() {
+        let mut mesh = Mesh::default();
+        mesh.positions = vec![Vec3::ZERO, Vec3::new(0.9, 0.0, 0.0), Vec3::new(0.0, 0.3, 0.0)];
+        mesh.triangles = vec![[0, 1, 2]];
+        let chart = Chart::new(&mesh, vec![0], Vec3::Z);
+        let (block, density) = (4, 60.0);
+        let extent = (chart.extent * density / 4.0 + 1.0).ceil().as_uvec2();
+        let corners = chart.corners(&mesh, 0).map(|q| q * density / 4.0 + 0.5);
+        let mask = Mask::around(extent.x, extent.y, std::iter::once(corners));
+        for turn in 0..4 {
+            let places = vec![Place { at: [3, 5], turn }];
+            let packed = Packed { side: 128, block, density, places, masks: vec![mask.turned(turn)] };
+            let corners = corners_in_picture(&mesh, &chart, 0, 0, &packed);
+            let [a, b, c] = corners;
+            // Neither mirrored nor scaled.
+            assert!(((b - a).perp_dot(c - a).abs() - 0.27 * density * density).abs() < 0.1);
+            for k in 0..=30 {
+                let p = a.lerp(b, k as f32 / 30.0).lerp(c, 0.3) / block as f32;
+                let cell = p.floor().as_uvec2();
+                assert!(packed.masks[0].contains(cell.x - 3, cell.y - 5), "turn {turn}: {p}");
+            }
+        }
     }
 }

@@ -5,6 +5,7 @@
 //! MaterialTable --material--> LookMaterial     (what is left out comes from the default or from the model's material)
 //! ```
 
+mod assets;
 mod images;
 
 use std::collections::BTreeMap;
@@ -13,8 +14,10 @@ use std::sync::Arc;
 use fantex_base::{Aabb, Error, Result};
 use fantex_mesh::{Mesh, ObjectSpace};
 use fantex_texture::combine::{Contours, Field, Layers, RampTexture, TextureUse};
-use fantex_texture::coordinates::{Coordinates, InPlace, InSpace, Parameter, Place, TextureMatrix};
-use fantex_texture::look::{Anisotropy, LookMaterial, NormalSpace, Opacity, Relief, Slot};
+use fantex_texture::coordinates::{
+    Coordinates, InPlace, InSpace, Parameter, Place, TextureCoordinates, TextureMatrix,
+};
+use fantex_texture::look::{Anisotropy, FragmentTexture, LookMaterial, NormalSpace, Opacity, Relief, Slot};
 use fantex_texture::{
     ColorRamp, DetailPolygon, Filter, Landscape, NoiseOptions, NoiseTexture, OMap, Placement,
     PolygonsTexture, Recipe, SMap, Shape, ShapeKind, Sines, SolidTexture, Texture, TriplanarMap,
@@ -125,6 +128,7 @@ impl<'a> Resolver<'a> {
         Ok(match table {
             T::Image(table) => self.image(table, key)?,
             T::Volume(table) => self.volume(table, key)?,
+            T::Asset(table) => self.asset(table, key)?,
             T::Frames(table) => self.frames(table, key)?,
             T::Table(table) => self.tabulation(table, key)?,
             T::Cube(table) => self.cube(table, key)?,
@@ -319,7 +323,7 @@ impl Resolver<'_> {
 // ---- Coordinates.
 
 impl Resolver<'_> {
-    fn coordinates(&self, table: &CoordinatesTable, key: &Key) -> Result<Coordinates> {
+    fn coordinates(&mut self, table: &CoordinatesTable, key: &Key) -> Result<Coordinates> {
         let coordinates = match &table.0 {
             CoordinatesKind::Uv(table) => Coordinates::Uv { set: table.set as usize },
             CoordinatesKind::Plane(table) => self.surface(ShapeKind::Plane, table, key)?,
@@ -328,6 +332,10 @@ impl Resolver<'_> {
             CoordinatesKind::Sphere(table) => self.surface(ShapeKind::Sphere, table, key)?,
             CoordinatesKind::Hemispheres(table) => self.surface(ShapeKind::Hemispheres, table, key)?,
             CoordinatesKind::Triplanar(table) => Coordinates::Triplanar(self.triplanar(table)),
+            CoordinatesKind::Texture(table) => Coordinates::Textures(TextureCoordinates {
+                u: self.input(&table.u, &key.name("u"))?,
+                v: self.input(&table.v, &key.name("v"))?,
+            }),
         };
         self.accept(key, coordinates.check())?;
         Ok(coordinates)
@@ -425,6 +433,11 @@ impl Resolver<'_> {
             ("light_map", &table.light_map, &mut material.light_map),
             ("modulate", &table.modulate, &mut material.modulate),
         ];
+        if let Some(table) = &table.fragment {
+            let texture = self.input(&table.texture, &key.name("fragment").name("texture"))?;
+            material.fragment =
+                Some(FragmentTexture { mode: table.mode, texture, constant: table.constant.0 });
+        }
         for (name, input, slot) in optional {
             if let Some(input) = input {
                 *slot = Some(self.input(input, &key.name(name))?);

@@ -268,6 +268,16 @@ impl TriangleBvh {
     /// The point of the mesh nearest to `p`, within `max_distance` (which may be infinite): goes down the tree, nearest box
     /// first, dropping boxes that lie farther away than what was found.
     pub fn nearest_point(&self, p: Vec3, max_distance: f32) -> Option<NearestPoint> {
+        self.nearest_point_where(p, max_distance, |_| true)
+    }
+
+    /// The same on the triangles that `accept` picks by their corners.
+    pub fn nearest_point_where(
+        &self,
+        p: Vec3,
+        max_distance: f32,
+        accept: impl Fn([Vec3; 3]) -> bool,
+    ) -> Option<NearestPoint> {
         if self.tree.nodes.is_empty() || !p.is_finite() || max_distance.is_nan() || max_distance < 0.0 {
             return None;
         }
@@ -293,7 +303,9 @@ impl TriangleBvh {
                     for (slot, triangle) in
                         self.corners.iter().enumerate().skip(first as usize).take(count as usize)
                     {
-                        best.try_triangle(exact, slot, triangle.map(|c| c.as_dvec3()));
+                        if accept(*triangle) {
+                            best.try_triangle(exact, slot, triangle.map(|c| c.as_dvec3()));
+                        }
                     }
                 } else {
                     waiting.push((distance, node.child_node_index(child)));

@@ -47,6 +47,14 @@ where
     a * x + b * y + c * z
 }
 
+/// The change of barycentric coordinates along a step in space, after its projection onto the triangle's plane.
+pub fn lambda_step([a, b, c]: [Vec3; 3], step: Vec3) -> Vec3 {
+    let normal = (b - a).cross(c - a);
+    let squared = normal.length_squared().max(f32::MIN_POSITIVE);
+    let along = |from: Vec3, to: Vec3| normal.cross(to - from).dot(step) / squared;
+    Vec3::new(along(b, c), along(c, a), along(a, b))
+}
+
 /// A point of a mesh's surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfacePoint {

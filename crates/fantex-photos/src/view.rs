@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use fantex_bake::{Source, TexelPoint};
 use fantex_base::{Error, Result};
-use fantex_mesh::{CornerNormals, Mesh, TriangleBvh};
+use fantex_mesh::{AlphaMode, CornerNormals, Mesh, RayHit, SURFACE_OFFSET, TriangleBvh};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
@@ -361,6 +361,9 @@ struct Taker<'a> {
     options: &'a CaptureOptions,
 }
 
+/// Surfaces behind each other that a ray passes.
+const MAX_LAYERS: usize = 64;
+
 impl Taker<'_> {
     fn pixel(&self, [x, y]: [u32; 2]) -> Vec3 {
         let samples = self.options.samples.max(1);
@@ -369,7 +372,7 @@ impl Taker<'_> {
         for i in 0..samples * samples {
             let offset = DVec2::new(f64::from(i % samples) + 0.5, f64::from(i / samples) + 0.5) * step;
             let at = DVec2::new(f64::from(x), f64::from(y)) + offset;
-            sum += self.seen(at, step).unwrap_or(self.options.background);
+            sum += self.seen(at, step);
         }
         sum / (samples * samples) as f32 * self.options.exposure
     }
@@ -378,11 +381,36 @@ impl Taker<'_> {
         Some(self.mesh_from_camera * self.camera.camera.direction(at)?)
     }
 
-    fn seen(&self, at: DVec2, step: f64) -> Option<Vec3> {
-        let direction = self.direction(at)?;
+    /// What is seen along a ray: surfaces one behind the other, as far as they let something through.
+    fn seen(&self, at: DVec2, step: f64) -> Vec3 {
+        let Some(direction) = self.direction(at) else { return self.options.background };
         // Rays begin near the mesh, where single precision is enough.
-        let start = self.camera.eye + direction * (self.camera.eye.length() - 2.0).max(0.0);
-        let hit = self.bvh.first_hit(start.as_vec3(), direction.as_vec3(), f32::INFINITY)?;
+        let start = (self.camera.eye + direction * (self.camera.eye.length() - 2.0).max(0.0)).as_vec3();
+        let (mut sum, mut clear, mut beyond) = (Vec3::ZERO, 1.0, f32::NEG_INFINITY);
+        for _ in 0..MAX_LAYERS {
+            let accept = |hit: &RayHit| hit.distance > beyond;
+            let hit = self.bvh.first_hit_where(start, direction.as_vec3(), f32::INFINITY, accept);
+            let Some(hit) = hit else { break };
+            let color = self.color(&hit, at, step, direction);
+            let material = self.mesh.materials.get(self.mesh.material_of(hit.point.index()));
+            let alpha = match material.map_or(AlphaMode::Opaque, |material| material.alpha) {
+                AlphaMode::Opaque => return sum + color.truncate() * clear,
+                AlphaMode::Mask(threshold) => f32::from(u8::from(color.w >= threshold)),
+                AlphaMode::Blend => color.w.clamp(0.0, 1.0),
+            };
+            sum += color.truncate() * (alpha * clear);
+            clear *= 1.0 - alpha;
+            if clear <= 0.0 {
+                return sum;
+            }
+            // Two triangles meet a ray through their common edge at one distance: that is one layer.
+            beyond = hit.distance + SURFACE_OFFSET;
+        }
+        sum + self.options.background * clear
+    }
+
+    /// Base colour and opacity of a surface over the part of it that a ray stands for.
+    fn color(&self, hit: &RayHit, at: DVec2, step: f64, direction: DVec3) -> Vec4 {
         let corners = self.mesh.triangle_positions(hit.point.index()).map(|c| c.as_dvec3());
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let on_plane = |direction: DVec3| {
@@ -409,6 +437,6 @@ impl Taker<'_> {
         };
         let mut values = vec![Vec4::ZERO; self.channels];
         self.source.evaluate(&point, &mut values);
-        Some(self.base_color.map_or(Vec3::ONE, |channel| values[channel].truncate()))
+        self.base_color.map_or(Vec4::ONE, |channel| values[channel])
     }
 }

@@ -199,6 +199,11 @@ impl<'a> TextureSurface<'a> {
             reflection: color(slots.reflection),
             light_map: slots.light_map.map(color),
             modulate: slots.modulate.map_or(Vec3::ONE, color),
+            fragment: material
+                .fragment
+                .as_ref()
+                .zip(slots.fragment)
+                .map(|(f, texel)| (f.mode, texel, f.constant)),
             toon: material.toon.as_deref(),
             normal_width: at.normal_steps[0].length().max(at.normal_steps[1].length()),
             anisotropy: None,
@@ -307,6 +312,7 @@ struct Slots<T> {
     pub(crate) reflection: T,
     pub(crate) light_map: Option<T>,
     pub(crate) modulate: Option<T>,
+    pub(crate) fragment: Option<T>,
 }
 
 impl<T> Slots<T> {
@@ -323,6 +329,7 @@ impl<T> Slots<T> {
             reflection: of(&material.reflection),
             light_map: material.light_map.as_ref().map(&mut of),
             modulate: material.modulate.as_ref().map(&mut of),
+            fragment: material.fragment.as_ref().map(|fragment| of(&fragment.texture)),
         }
     }
 }
@@ -391,6 +398,7 @@ impl Slots<Column<'_>> {
             reflection: value(&self.reflection),
             light_map: self.light_map.as_ref().map(value),
             modulate: self.modulate.as_ref().map(value),
+            fragment: self.fragment.as_ref().map(value),
         }
     }
 }
@@ -514,10 +522,12 @@ impl Bump<'_> {
         Bent { normal: bent, slope_variance }
     }
 
-    /// Change of the height along the footprint's edges, from differences over half of them.
+    /// Change of the height along the footprint's edges, from differences over half of them, or over a texel where that is longer.
     fn change(&self, at: &ShadingPoint) -> Vec2 {
         let height = |offset: Vec2| at.part(offset, 1.0, |there| self.texture.evaluate(there)).x;
-        let steps = at.position_steps.map(|edge| self.min_share(edge).max(0.5));
+        let texel = self.texture.edges_per_texel(at).unwrap_or([0.0; 2]);
+        let share = |k: usize| self.min_share(at.position_steps[k]).max(texel[k]).max(0.5);
+        let steps = [share(0), share(1)];
         height_change(self.difference, steps, height) * self.height
     }
 

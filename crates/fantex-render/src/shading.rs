@@ -6,8 +6,9 @@ use std::f32::consts::PI;
 
 use fantex_scene::{AmbientLight, MirrorView, Shading, smith_visibility, split_sum};
 use fantex_texture::ColorRamp;
+use fantex_texture::combine::CombineMode;
 use fantex_texture::look::{ColorUse, LightingModel};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use crate::illumination::Illumination;
 pub(crate) use crate::shading::batch::evaluate_all;
@@ -203,6 +204,8 @@ pub struct Finish<'a> {
     pub light_map: Option<Vec3>,
     /// Multiplied onto the lit colour at the end, linear RGB.
     pub modulate: Vec3,
+    /// What the lit colour is combined with after that: the mode, `T` and `C`, linear RGBA.
+    pub fragment: Option<(CombineMode, Vec4, Vec4)>,
     /// The diffuse light of each lamp by its `n.l`.
     pub toon: Option<&'a ColorRamp>,
     /// By how much the normal turns within the pixel, radians: borders of the toon scale are averaged over it.
@@ -232,6 +235,7 @@ impl Default for Finish<'_> {
             reflection: Vec3::ZERO,
             light_map: None,
             modulate: Vec3::ONE,
+            fragment: None,
             toon: None,
             normal_width: 0.0,
             anisotropy: None,
@@ -258,6 +262,7 @@ impl Finish<'_> {
             && self.specular == Vec3::ONE
             && self.light_map.is_none()
             && self.modulate == Vec3::ONE
+            && self.fragment.is_none()
             && self.toon.is_none()
             && self.anisotropy.is_none()
     }
@@ -272,7 +277,13 @@ impl Finish<'_> {
             (_, ColorUse::APriori) => self.lit(material, to_eye, light),
             (_, ColorUse::Modulate) => base * self.lit(&white, to_eye, light),
         };
-        material.emission + color * self.modulate
+        let lit = material.emission + color * self.modulate;
+        match self.fragment {
+            None => lit,
+            Some((mode, texel, constant)) => {
+                mode.apply(texel, lit.extend(material.alpha), constant).truncate()
+            }
+        }
     }
 
     fn lit(&self, material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Vec3 {

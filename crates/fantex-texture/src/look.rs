@@ -9,8 +9,11 @@ use glam::{Vec3, Vec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use relief::{GradientAxes, MIN_RELIEF_STEP, height_change, look_tangents, normal_by_map};
+pub use relief::{
+    DerivativeTexture, GradientAxes, MIN_RELIEF_STEP, height_change, look_tangents, normal_by_map,
+};
 
+use crate::combine::CombineMode;
 use crate::{Color, ColorRamp, ShadingPoint, Texture};
 
 /// A property of a material: the same everywhere, or a texture.
@@ -172,6 +175,17 @@ pub struct Anisotropy {
     pub uv_set: usize,
 }
 
+/// A texture that is combined with the lit colour.
+#[derive(Clone, Debug)]
+pub struct FragmentTexture {
+    /// How.
+    pub mode: CombineMode,
+    /// `T`.
+    pub texture: Slot,
+    /// `C`, linear RGBA.
+    pub constant: Vec4,
+}
+
 /// A material, resolved: what the renderer and the baker evaluate.
 #[derive(Clone, Debug)]
 pub struct LookMaterial {
@@ -207,6 +221,8 @@ pub struct LookMaterial {
     pub light_map: Option<Slot>,
     /// Multiplied onto the lit colour at the end, linear RGB.
     pub modulate: Option<Slot>,
+    /// What the lit colour is combined with after that.
+    pub fragment: Option<FragmentTexture>,
     /// Toon shading: the diffuse light of each lamp is this colour of its `n.l` instead of `n.l` itself.
     pub toon: Option<Arc<ColorRamp>>,
     /// A highlight that depends on a direction in the surface.
@@ -235,6 +251,7 @@ impl Default for LookMaterial {
             relief: Vec::new(),
             light_map: None,
             modulate: None,
+            fragment: None,
             toon: None,
             anisotropy: None,
             double_sided: true,
@@ -258,6 +275,7 @@ impl LookMaterial {
             Some(&self.reflection),
             self.light_map.as_ref(),
             self.modulate.as_ref(),
+            self.fragment.as_ref().map(|fragment| &fragment.texture),
             self.anisotropy.as_ref().map(|a| &a.strength),
             self.anisotropy.as_ref().map(|a| &a.direction),
         ];

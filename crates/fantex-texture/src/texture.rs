@@ -115,6 +115,13 @@ pub trait Texture: Send + Sync {
         None
     }
 
+    /// How many of the footprint's edges are a texel long, along each of both; `None` for textures that have no texels, or several
+    /// kinds. Differences of heights step so far at least: within a texel, they would show the interpolation.
+    fn edges_per_texel(&self, at: &ShadingPoint<'_>) -> Option<[f32; 2]> {
+        let _ = at;
+        None
+    }
+
     /// Whether the value depends on something besides the surface.
     fn depends_on(&self, what: Dependence) -> bool {
         let _ = what;
@@ -170,6 +177,10 @@ impl Texture for Slot {
             Self::Constant(value) => value.evaluate_all(at, values),
             Self::Texture(texture) => texture.evaluate_all(at, values),
         }
+    }
+
+    fn edges_per_texel(&self, at: &ShadingPoint<'_>) -> Option<[f32; 2]> {
+        if let Self::Texture(texture) = self { texture.edges_per_texel(at) } else { None }
     }
 
     fn depends_on(&self, what: Dependence) -> bool {

@@ -292,7 +292,8 @@ impl PlaneMap for ProjectiveMap {
 
 // ---- Inverse mapping: for each row `y'` and column `x'` of the image, compute `u` and `v` and look the texture up.
 
-/// The texture seen through `map`, in an image of `size` (columns, rows): linear RGBA, transparent where it is not seen.
+/// The texture seen through `map`, in an image of `size` (columns, rows): linear RGBA, transparent where it is not seen; at a border
+/// alpha is multiplied with the share of the pixel where it is.
 ///
 /// The footprint of a pixel is the pre-image of its square to first order: the inverse of the map's derivative.
 ///
@@ -309,13 +310,38 @@ pub fn warp_inverse(
     let mut texels = vec![[0.0; 4]; width as usize * height as usize];
     texels.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
         for (x, texel) in row.iter_mut().enumerate() {
-            let position = DVec2::new(x as f64, y as f64) + 0.5;
-            if let Some((uv, footprint)) = look_up(map, position, options.wrap) {
+            let corner = DVec2::new(x as f64, y as f64);
+            let (position, covered) = seen_part(map, corner);
+            if let Some((uv, footprint)) = look_up(map, position, options.wrap).filter(|_| covered > 0.0) {
                 *texel = texture.sample(uv, footprint, options);
+                texel[3] *= covered;
             }
         }
     });
     Ok(Image::from_linear_rgba(width, height, &texels))
+}
+
+/// Cells along each side of a pixel at a border.
+const CELLS: u32 = 8;
+
+/// A place in the pixel from `corner` on at which the texture is seen, and the share of the pixel where it is: 1 where it is seen at
+/// the middle and at all corners, else by cells.
+fn seen_part(map: &dyn PlaneMap, corner: DVec2) -> (DVec2, f32) {
+    let is_seen = |offset: DVec2| map.inverse(corner + offset).is_some();
+    let middle = DVec2::splat(0.5);
+    let corners = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y].map(is_seen);
+    let seen = is_seen(middle);
+    if corners.iter().all(|&corner| corner == seen) {
+        return (corner + middle, f32::from(u8::from(seen)));
+    }
+    let cells = (0..CELLS * CELLS)
+        .map(|i| (DVec2::new(f64::from(i % CELLS), f64::from(i / CELLS)) + 0.5) / f64::from(CELLS));
+    let seen: Vec<DVec2> = cells.filter(|&cell| is_seen(cell)).collect();
+    // The seen cell nearest to the middle of all: their mean itself may lie outside of a part with a notch.
+    let mean = seen.iter().sum::<DVec2>() / seen.len().max(1) as f64;
+    let distance = |cell: &&DVec2| cell.distance_squared(mean);
+    let nearest = seen.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    (corner + nearest.copied().unwrap_or(middle), seen.len() as f32 / (CELLS * CELLS) as f32)
 }
 
 /// The texture coordinates at a position with their change from pixel to pixel.

@@ -441,3 +441,246 @@ fn every_file_that_travels_in_the_program_is_listed() {
         assert_eq!(listed, names);
     }
 }
+
+/// A light map is baked, verified, exported, and lights the model by a look: a cube under the sun, on which nothing leaks over edges.
+#[test]
+fn light_maps_go_the_whole_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let cube = folder.path().join("cube.obj");
+    fs::write(&cube, CUBE_OBJ).unwrap();
+    let sun = "[[light]]\nkind = \"sun\"\nto_light = [0, 1, 0]\nradius = 0\n";
+    let bake = write(
+        folder.path(),
+        "bake.toml",
+        &format!(
+            "[bake]\nlight = {{ quantity = \"direct\", colored = false, samples = 16 }}\n{sun}[materials.a]\n"
+        ),
+    );
+    let fan = at("light.fan");
+    let baked = json(&[&"bake", &cube, &"-o", &fan, &"--look", &bake, &"--texels", &"20k"]);
+    assert_eq!(baked["channels"], serde_json::json!(["Light"]));
+    assert_eq!(json(&[&"verify", &fan])["ok"], true);
+    let exr = at("light.exr");
+    succeeds(&[&"export", &fan, &"-o", &exr, &"--channel", &"light", &"--size", &"256"]);
+    assert_eq!(Image::load(&exr).unwrap().width, 256);
+    // The cube seen from above at an angle: its top is white, its front black up to the edge.
+    let look = |light_map: &str| {
+        format!(
+            "[picture]\nsize = [96, 96]\nbackground = \"#0000ff\"\ntone_mapping = \"none\"\n[camera]\neye = [0, 3, 5]\ntarget = [0, 0, 0]\n\
+             [[light]]\nkind = \"sun\"\nto_light = [0, 0, 1]\n[textures.baked]\nkind = \"asset\"\nasset = \"light.fan\"\n\
+             [materials.a]\nlight_map = {light_map}\nspecular = 0\n"
+        )
+    };
+    let picture = |name: &str, light_map: &str| {
+        let file = write(folder.path(), &format!("{name}.toml"), &look(light_map));
+        let png = at(&format!("{name}.png"));
+        succeeds(&[&"render", &cube, &"--look", &file, &"-o", &png]);
+        pixels(&png)
+    };
+    let (width, height, lit) = picture("lit", "\"baked\"");
+    let column: Vec<[u8; 3]> = (0..height as usize)
+        .map(|y| (y * width as usize + width as usize / 2) * 3)
+        .map(|i| [lit[i], lit[i + 1], lit[i + 2]])
+        .collect();
+    let model: Vec<u8> = column.iter().filter(|c| **c != [0, 0, 255]).map(|c| c[0]).collect();
+    let white = model.iter().filter(|&&grey| grey > 250).count();
+    let black = model.iter().filter(|&&grey| grey < 3).count();
+    assert!(white > 8 && black > 8 && model.len() - white - black <= 3, "{model:?}");
+    // Zero is black whatever shines.
+    let (_, _, dark) = picture("dark", "0");
+    assert!(dark.chunks(3).all(|c| c == [0, 0, 0] || c[2] > c[0]), "a light map of 0 is not black");
+    let emission = look("\"baked\"").replace("light.fan\"", "light.fan\"\nchannel = \"emission\"");
+    let file = write(folder.path(), "no.toml", &emission);
+    let sentence =
+        fails(1, &["asset", "channel"], &[&"render", &cube, &"--look", &file, &"-o", &at("no.png")]);
+    assert!(sentence.contains("it has light"), "{sentence}");
+}
+
+/// Heights stay a channel where the look asks for it, and leave as a picture.
+#[test]
+fn displacements_are_baked_as_heights() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = folder.path().join("cube.obj");
+    fs::write(&cube, CUBE_OBJ).unwrap();
+    let look = write(
+        folder.path(),
+        "heights.toml",
+        "[bake]\nheights = true\n[textures.half]\nkind = \"color\"\ncolor = [0.25, 0.5, 1]\n[materials.a]\n\
+         displacement = { texture = \"half\", height = 0.5 }\n",
+    );
+    let fan = folder.path().join("h.fan");
+    let baked = json(&[&"bake", &cube, &"-o", &fan, &"--look", &look, &"--texels", &"20k"]);
+    assert_eq!(baked["channels"], serde_json::json!(["BaseColor", "Displacement"]));
+    assert_eq!(baked["triangles"], 12);
+    let png = folder.path().join("h.png");
+    succeeds(&[
+        &"export",
+        &fan,
+        &"-o",
+        &png,
+        &"--channel",
+        &"displacement",
+        &"--depth",
+        &"16",
+        &"--size",
+        &"128",
+    ]);
+    let image = Image::load(&png).unwrap();
+    let Samples::U16(samples) = &image.samples else { panic!("16 bits") };
+    assert!(samples.iter().all(|&s| (f32::from(s) / 65535.0 - 0.25).abs() < 0.01));
+}
+
+/// Tables of a texture: what a formula says, over the domain that is asked for.
+#[test]
+fn textures_are_tabulated_into_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "t.toml",
+        "[textures.x]\nkind = \"height\"\ndirection = [1, 0, 0]\norigin = [0, 0, 0]\n[textures.z]\nkind = \"height\"\ndirection = [0, 0, 1]\norigin = [0, 0, 0]\n",
+    );
+    let at = |name: &str| folder.path().join(name);
+    let exr = at("x.exr");
+    let base: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"table", &look, &"--texture", &"x"];
+    let info = json(
+        &[
+            &base[..],
+            &[&"-o", &exr, &"--size", &"8x2", &"--from", &"-1,1,0", &"--to", &"3,-1,0", &"--depth", &"float"],
+        ]
+        .concat(),
+    );
+    let image = Image::load(&exr).unwrap();
+    for x in 0..8 {
+        let expected = -1.0 + 4.0 * (x as f32 + 0.5) / 8.0;
+        assert!((image.linear_texel(x, 1)[0] - expected).abs() < 1e-5);
+    }
+    assert!((info["min"][0].as_f64().unwrap() + 0.75).abs() < 1e-5);
+    let slices = at("slices");
+    succeeds(&[
+        &"table",
+        &look,
+        &"--texture",
+        &"z",
+        &"-o",
+        &slices,
+        &"--size",
+        &"4x4",
+        &"--slices",
+        &"4",
+        &"--from",
+        &"0,0,0",
+        &"--to",
+        &"1,1,1",
+        &"--color-space",
+        &"linear",
+    ]);
+    let values: Vec<u8> = (1..=4).map(|i| pixels(&slices.join(format!("slice-{i:04}.png"))).2[0]).collect();
+    assert_eq!(values, [32, 96, 159, 223]);
+    fails(2, &["2 textures", "--texture"], &[&"table", &look, &"-o", &at("no.png")]);
+}
+
+/// Images of one row are tables of one dimension: a texture's number is the place in them.
+#[test]
+fn images_of_one_row_are_indexed_by_textures() {
+    let folder = tempfile::tempdir().unwrap();
+    let row: Vec<f32> = (0..16).flat_map(|i| [i as f32 / 15.0, 1.0 - i as f32 / 15.0, 0.0]).collect();
+    Image::from_linear(16, 1, 3, row).save(folder.path().join("row.exr")).unwrap();
+    let look = write(
+        folder.path(),
+        "row.toml",
+        "[textures.x]\nkind = \"height\"\ndirection = [1, 0, 0]\norigin = [0, 0, 0]\n[textures.scale]\nkind = \"image\"\nimage = \"row.exr\"\nwrap = \"clamp\"\n\
+         coordinates = { from = \"texture\", u = { texture = \"x\", offset = 0.5 } }\n",
+    );
+    let exr = folder.path().join("scale.exr");
+    succeeds(&[
+        &"table",
+        &look,
+        &"--texture",
+        &"scale",
+        &"-o",
+        &exr,
+        &"--size",
+        &"16x4",
+        &"--depth",
+        &"float",
+    ]);
+    let image = Image::load(&exr).unwrap();
+    for x in 1..15 {
+        let [red, green, ..] = image.linear_texel(x, 2);
+        let expected = x as f32 / 15.0;
+        assert!((red - expected).abs() < 0.02 && (green - 1.0 + expected).abs() < 0.02, "{x}: {red} {green}");
+    }
+}
+
+/// Warps and sizes of a user's own image.
+#[test]
+fn images_are_warped_and_scaled() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let image = at("a.png");
+    let texels: Vec<[f32; 4]> =
+        (0..100 * 60).map(|i| [(i % 100) as f32 / 99.0, (i / 100) as f32 / 59.0, 0.5, 1.0]).collect();
+    Image::from_linear_rgb(100, 60, &texels)
+        .converted(Depth::U8, fantex::texture::ColorSpace::Linear)
+        .save(&image)
+        .unwrap();
+    let corners = ["10,5", "70,15", "60,50", "5,40"];
+    for (map, count) in [("affine", 3), ("perspective", 4), ("bilinear", 4)] {
+        let mut pictures = Vec::new();
+        for way in ["inverse", "forward"] {
+            let png = at(&format!("{map}-{way}.png"));
+            let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![
+                &"warp",
+                &image,
+                &"-o",
+                &png,
+                &"--map",
+                &map,
+                &"--way",
+                &way,
+                &"--size",
+                &"80x60",
+                &"--corners",
+            ];
+            arguments.extend(corners.iter().take(count).map(|c| c as &dyn AsRef<std::ffi::OsStr>));
+            let info = json(&arguments);
+            assert!(info["covered_share"].as_f64().unwrap() > 0.2, "{info}");
+            pictures.push(Image::load(&png).unwrap());
+        }
+        // Both ways show the same inside.
+        let [inverse, forward] = [0, 1].map(|k| &pictures[k]);
+        let (mut sum, mut count) = (0.0, 0);
+        for (x, y) in (0..60).flat_map(|y| (0..80).map(move |x| (x, y))) {
+            let [a, b] = [inverse, forward].map(|image| image.linear_texel(x, y));
+            if a[3] == 1.0 && b[3] == 1.0 {
+                sum += (a[0] - b[0]).abs() + (a[1] - b[1]).abs();
+                count += 1;
+            }
+        }
+        assert!(count > 800 && sum / (count as f32) < 0.02, "{map}: {count} pixels, {sum}");
+    }
+    fails(
+        2,
+        &["three corners", "4 are given"],
+        &[
+            &"warp",
+            &image,
+            &"-o",
+            &at("no.png"),
+            &"--map",
+            &"affine",
+            &"--corners",
+            &"0,0",
+            &"1,0",
+            &"1,1",
+            &"0,1",
+        ],
+    );
+    succeeds(&[&"image", &image, &"-o", &at("pot.png"), &"--power-of-two"]);
+    let pot = Image::load(at("pot.png")).unwrap();
+    assert_eq!([pot.width, pot.height], [128, 64]);
+    let info = json(&[&"image", &image, &"-o", &at("d.png"), &"--derivatives", &"--wrap", &"clamp"]);
+    assert!((info["range"].as_f64().unwrap() - 100.0 / 99.0).abs() < 0.2, "{info}");
+    fails(2, &["--power-of-two"], &[&"image", &image, &"-o", &at("no.png")]);
+}

@@ -1,6 +1,7 @@
 //! Materials.
 
 use fantex_base::parameters;
+use fantex_texture::combine::CombineMode;
 use fantex_texture::look::{ColorUse, Difference, LightingModel};
 use fantex_texture::{Color, RampInterpolation, Stop};
 use schemars::JsonSchema;
@@ -51,16 +52,29 @@ parameters! {
         pub normal_map: Option<NormalMapTable> = None,
         /// Real geometry from a height texture.
         pub displacement: Option<DisplacementTable> = None,
-        /// Light that was computed before: replaces direct and ambient light.
+        /// Light that was computed before: replaces direct and ambient light, and where it is below 1, dims what is mirrored.
         pub light_map: Option<Input> = None,
         /// Multiplied onto the lit colour at the end.
         pub modulate: Option<Input> = None,
+        /// Another texture that the lit colour is combined with after that.
+        pub fragment: Option<FragmentTable> = None,
         /// Colours of the diffuse light instead of its cosine.
         pub toon: Option<ToonTable> = None,
         /// A highlight that depends on a direction in the surface.
         pub anisotropy: Option<AnisotropyTable> = None,
         /// Whether it is seen from behind; true where it is left out.
         pub double_sided: Option<bool> = None,
+    }
+
+    /// A texture `T` on the lit fragment `F`, by a mode of the fixed-function pipeline. The opacity stays the material's.
+    #[schemars(extend("required" = ["mode", "texture"]))]
+    pub struct FragmentTable {
+        /// The mode.
+        pub mode: CombineMode = CombineMode::Modulate,
+        /// `T`.
+        pub texture: Input = Input::Number(1.0),
+        /// `C`, for `blend`.
+        pub constant: Color = Color::WHITE,
     }
 
     /// Bump mapping.

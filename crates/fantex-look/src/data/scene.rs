@@ -114,6 +114,8 @@ parameters! {
         pub texture: Option<TextureName> = None,
         /// Seconds since the start of the animation.
         pub time: f64 = 0.0,
+        /// Whether displacements become a channel of heights, the red of their textures, instead of geometry.
+        pub heights: bool = false,
         /// The finished light.
         pub light: Option<LightBakeTable> = None,
     }
@@ -122,7 +124,8 @@ parameters! {
     pub struct LightBakeTable {
         /// Which light.
         pub quantity: LightQuantity = LightQuantity::Full,
-        /// Whether the light is multiplied with the base colour, so that the bake is the finished picture.
+        /// Whether the light is multiplied with the base colour, so that the bake is the finished picture; else it is a light map, the
+        /// channel `light`.
         pub colored: bool = true,
         /// Paths per texel.
         #[schemars(range(min = 4, max = 1_048_576))]
@@ -209,8 +212,8 @@ parameters! {
         /// Factor of the colour.
         #[schemars(range(min = 0))]
         pub strength: f32 = 1.0,
-        /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
-        /// distance; without it, it does not weaken.
+        /// Distance in world units at which it is as strong as it says. It weakens with the square of the distance, so that nearer it is
+        /// stronger: four times at half of it. Without it, it does not weaken.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub full_at: Option<f64> = None,
         /// Distance in world units beyond which there is no light; needs `full_at`.

@@ -25,6 +25,8 @@ pub enum TextureTable {
     Frames(FrameImagesTable),
     /// A cube map or any other environment, looked up by a direction.
     Cube(CubeTable),
+    /// A channel of a baked asset, such as a light map.
+    Asset(AssetTable),
     /// The same colour everywhere.
     Color(ColorTable),
     /// Gradient, cellular or white noise and its fractal sums.
@@ -117,6 +119,9 @@ parameters! {
         pub max_anisotropy: f32 = 16.0,
         /// Whether texels are squares when they are larger than pixels.
         pub square_texels: bool = false,
+        /// Width over which it is blurred besides, as a share of the image.
+        #[schemars(range(min = 0, max = 1))]
+        pub blur: f32 = 0.0,
     }
 
     /// A volume: a MetaImage, a stack of images of one size, the first at the lowest z, or a block of raw numbers.
@@ -198,6 +203,17 @@ parameters! {
         /// Radius of the ball.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub radius: Option<f32> = None,
+    }
+
+    /// An asset that was baked on the model (`fantex bake`), of any density.
+    #[schemars(extend("required" = ["asset"]))]
+    pub struct AssetTable {
+        /// The file (.fan).
+        pub asset: Option<FileName> = None,
+        /// Which channel; light, or else the base colour, where it is left out.
+        pub channel: Option<AssetChannel> = None,
+        /// How it is filtered; as `picture.filter` says where it is left out.
+        pub filter: Option<Filter> = None,
     }
 
     /// A colour.
@@ -320,6 +336,22 @@ impl WrapTable {
             Self::Each(wraps) => wraps,
         }
     }
+}
+
+/// A channel of an asset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AssetChannel {
+    /// Light that arrives.
+    Light,
+    /// Colour and opacity.
+    BaseColor,
+    /// Emitted light.
+    Emission,
+    /// Heights.
+    Displacement,
+    /// Occlusion, roughness, metallic as red, green, blue.
+    Surface,
 }
 
 /// A direction that every surface point has.

@@ -221,6 +221,8 @@ pub enum CoordinatesKind {
     Hemispheres(SurfaceTable),
     /// Three planar projections, blended by the normal.
     Triplanar(TriplanarTable),
+    /// Numbers of textures: an image of one row is a table of one dimension.
+    Texture(IndexTable),
 }
 
 parameters! {
@@ -246,6 +248,15 @@ parameters! {
         pub translate: [f64; 3] = [0.0; 3],
         /// Only for hemispheres: whether both discs lie side by side in the image or share it.
         pub layout: HemisphereLayout = HemisphereLayout::Shared,
+    }
+
+    /// Coordinates that textures give.
+    #[schemars(extend("required" = ["u"]))]
+    pub struct IndexTable {
+        /// u: red of a texture, or a number.
+        pub u: Input = Input::Number(0.5),
+        /// v, from the top; the middle where it is left out, for images of one row.
+        pub v: Input = Input::Number(0.5),
     }
 
     /// Three planar projections.

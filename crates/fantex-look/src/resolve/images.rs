@@ -85,6 +85,7 @@ impl Resolver<'_> {
             matrix: self.accept(&key.name("matrix"), TextureMatrix::new(table.matrix))?,
             options: SampleOptions { max_anisotropy: table.max_anisotropy, ..options },
             square_texels: table.square_texels,
+            blur: table.blur,
         }))
     }
 
@@ -234,8 +235,8 @@ impl Resolver<'_> {
         let image_use = ImageUse { space: table.color_space, alpha: AlphaUse::Coverage };
         let frames = table.images.iter().enumerate().map(|(index, name)| {
             let texture = self.image_file(name, image_use, &key.name("images").index(index))?;
-            let (coordinates, square_texels) = (coordinates.clone(), false);
-            let lookup = ImageLookup { texture, coordinates, matrix, options, square_texels };
+            let coordinates = coordinates.clone();
+            let lookup = ImageLookup { coordinates, matrix, options, ..ImageLookup::new(texture) };
             Ok(Slot::Texture(Arc::new(lookup)))
         });
         let frames = frames.collect::<Result<Vec<Slot>>>()?;

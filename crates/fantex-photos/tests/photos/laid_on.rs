@@ -287,3 +287,52 @@ fn smaller_photographs_fit_their_cameras() {
     assert!(apart.p95 < 0.03, "{} {}", apart.rms, apart.p95);
     assert!(small.density().iter().zip(large.density()).all(|(s, l)| (s * 2.0 - l).abs() < 0.02 * l));
 }
+
+/// Glass in front of a wall lets it through by its opacity, a cut-out wholly where its alpha is below the threshold.
+#[test]
+fn glass_and_cut_outs_are_seen_through() {
+    use fantex_bake::TexelPoint;
+    use fantex_mesh::{AlphaMode, Material, TriangleBvh};
+    use fantex_photos::{CameraFromWorld, CaptureOptions, PhotoCamera, capture};
+    use glam::Vec4;
+
+    let quad = |z: f32| [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z));
+    let positions = [quad(0.5), quad(0.0)].concat();
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    struct Colors;
+    impl Source for Colors {
+        fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+            values[0] = if point.position.z > 0.25 {
+                Vec4::new(0.0, 1.0, 0.0, 0.25)
+            } else {
+                Vec4::new(1.0, 0.0, 0.0, 1.0)
+            };
+        }
+    }
+    for (alpha, expected) in [
+        (AlphaMode::Opaque, Vec3::new(0.0, 1.0, 0.0)),
+        (AlphaMode::Blend, Vec3::new(0.75, 0.25, 0.0)),
+        (AlphaMode::Mask(0.5), Vec3::new(1.0, 0.0, 0.0)),
+        (AlphaMode::Mask(0.2), Vec3::new(0.0, 1.0, 0.0)),
+    ] {
+        let materials = vec![Material { alpha, ..Material::default() }, Material::default()];
+        let mesh = Mesh {
+            positions: positions.clone(),
+            triangles: triangles.clone(),
+            triangle_materials: vec![0, 0, 1, 1],
+            materials,
+            ..Mesh::default()
+        };
+        let photograph = Photograph {
+            path: "a.png".into(),
+            mask: None,
+            name: "a.png".into(),
+            camera: PhotoCamera::pinhole([9, 9], 20.0),
+            camera_from_world: CameraFromWorld::looking_at(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y),
+        };
+        let picture =
+            capture(&mesh, &TriangleBvh::new(&mesh), &Colors, &photograph, &CaptureOptions::default());
+        let [r, g, b, _] = picture.linear_texel(4, 4);
+        assert!((Vec3::new(r, g, b) - expected).abs().max_element() < 1e-5, "{alpha:?}: {r} {g} {b}");
+    }
+}

@@ -7,9 +7,11 @@ use fantex_render::{
     AmbientLight, Background, Camera, FilterOptions, Finish, Glow, Hit, Light, Lights, LookSurface,
     MaterialSample, Picture, RenderOptions, Shading, Surface, render, render_with_glow,
 };
+use fantex_texture::combine::CombineMode;
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{
-    Anisotropy, ColorUse, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
+    Anisotropy, ColorUse, Difference, FragmentTexture, LightingModel, LookMaterial, NormalSpace, Opacity,
+    Relief, Slot,
 };
 use fantex_texture::{
     ColorRamp, ColorSpace, Image, ImageTexture, NoiseOptions, NoiseTexture, RampInterpolation, Rock, Samples,
@@ -193,6 +195,66 @@ fn a_light_map_of_nothing_is_black() {
     let diffuse = two - one;
     assert!((one - diffuse).min_element() > 0.01, "{one} {two}: the highlight is gone");
     assert!((middle(0.5) - 0.5 * one).abs().max_element() < 1e-5);
+}
+
+/// The modes of the fixed-function pipeline on the lit colour, with the formulas of the lecture.
+#[test]
+fn textures_are_combined_with_the_lit_colour() {
+    let (texel, constant) = (Vec4::new(0.2, 0.6, 1.0, 0.25), Vec4::new(0.9, 0.1, 0.4, 1.0));
+    let lights = lights(Vec3::Z);
+    let shown = |fragment: Option<FragmentTexture>| {
+        let material = LookMaterial { fragment, specular: Slot::number(0.0), ..phong() };
+        rgb(&picture_of(&square(), material, &lights, &options()), 48, 32)
+    };
+    let lit = shown(None);
+    assert!(lit.min_element() > 0.05);
+    let (t, c, a) = (texel.truncate(), constant.truncate(), texel.w);
+    for (mode, expected) in [
+        (CombineMode::Replace, t),
+        (CombineMode::Modulate, t * lit),
+        (CombineMode::Decal, t * a + lit * (1.0 - a)),
+        (CombineMode::Blend, lit * (Vec3::ONE - t) + c * t),
+    ] {
+        let fragment = FragmentTexture { mode, texture: slot(move |_| texel), constant };
+        let seen = shown(Some(fragment));
+        assert!((seen - expected).abs().max_element() < 1e-4, "{mode:?}: {seen} instead of {expected}");
+    }
+}
+
+/// Where texels are larger than pixels, the three differences step from texel to texel: they tell apart a forward from a backward one.
+#[test]
+fn differences_of_bumps_step_a_texel() {
+    // One ridge of a texel's width in the middle of nine.
+    let heights: Vec<f32> = (0..9).map(|i| if i == 4 { 1.0 } else { 0.0 }).collect();
+    let image = Arc::new(ImageTexture::new(Arc::new(Image::from_linear(9, 1, 1, heights))));
+    let texture: Arc<dyn Texture> = Arc::new(ImageLookup::new(image));
+    let slope_at = |u: f32, difference: Difference| {
+        let relief = vec![Relief::Bump { texture: Arc::clone(&texture), height: 0.01, difference }];
+        let material = LookMaterial { relief, ..phong() };
+        let (mesh, options) = (square(), RenderOptions { shading: Shading::Normal, ..options() });
+        let surface = LookSurface::new(&mesh, look(material));
+        let picture =
+            render(&mesh, &surface, &frontal(2.0, 40.0), &lights(Vec3::Z), &options).unwrap().picture;
+        let x = (u - 0.5) / (2.0 * 2.0 * 20f32.to_radians().tan()) * 64.0 + 48.0;
+        let normal = rgb(&picture, x as u32, 32) * 2.0 - 1.0;
+        -normal.x / normal.z
+    };
+    // A texel is a ninth wide: over it the height changes by 0.01.
+    let steep = 0.09;
+    let at = |texel: f32| (texel + 0.5) / 9.0;
+    for (difference, slopes) in [
+        (Difference::Forward, [steep, -steep, 0.0]),
+        (Difference::Backward, [0.0, steep, -steep]),
+        (Difference::Central, [0.5 * steep, 0.0, -0.5 * steep]),
+    ] {
+        for (texel, expected) in [3.0, 4.0, 5.0].into_iter().zip(slopes) {
+            let slope = slope_at(at(texel), difference);
+            assert!(
+                (slope - expected).abs() < 0.2 * steep,
+                "{difference:?} at {texel}: {slope}, not {expected}"
+            );
+        }
+    }
 }
 
 #[test]

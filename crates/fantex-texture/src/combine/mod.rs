@@ -73,6 +73,10 @@ macro_rules! each_value {
                 values.iter_mut().for_each(|value| *value = self.of(*value));
             }
 
+            fn edges_per_texel(&self, at: &ShadingPoint<'_>) -> Option<[f32; 2]> {
+                self.$input.edges_per_texel(at)
+            }
+
             depends_on!($input);
 
             $($($more)*)?

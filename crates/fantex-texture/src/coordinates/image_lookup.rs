@@ -23,6 +23,8 @@ pub struct ImageLookup {
     /// Whether texels are seen as squares as long as they are larger than the footprint, whatever the filter. (The filter
     /// [`Filter::Nearest`] shows squares at any size, and aliases.)
     pub square_texels: bool,
+    /// Width over which it is blurred besides, as a share of the image: the footprint grows by it, square for square. Not negative.
+    pub blur: f32,
 }
 
 impl ImageLookup {
@@ -34,12 +36,14 @@ impl ImageLookup {
             matrix: TextureMatrix::default(),
             options: SampleOptions::default(),
             square_texels: false,
+            blur: 0.0,
         }
     }
 
     fn place(&self, point: &UvPoint, time: f32) -> UvPoint {
         let UvPoint { uv, steps } = self.matrix.apply(point, time);
-        UvPoint { uv, steps: steps.map(shortened) }
+        let steps = steps.map(shortened);
+        UvPoint { uv, steps: if self.blur > 0.0 { blurred(steps, self.blur) } else { steps } }
     }
 
     /// Whether every point takes one look-up of smooth texels.
@@ -97,6 +101,17 @@ const FEW: usize = 4;
 /// image anyway, and would cost the exact mean many subsamples.
 const MAX_STEP: f32 = 32.0;
 
+/// The axes of the ellipse whose squares are those of the edges' plus that of a circle of a diameter.
+fn blurred([a, b]: [Vec2; 2], diameter: f32) -> [Vec2; 2] {
+    let round = diameter * diameter;
+    let (xx, yy) = (a.x * a.x + b.x * b.x + round, a.y * a.y + b.y * b.y + round);
+    let xy = a.x * a.y + b.x * b.y;
+    let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    let apart = half.hypot(xy);
+    let axis = Vec2::from_angle(0.5 * xy.atan2(half));
+    [axis * (mean + apart).sqrt(), axis.perp() * (mean - apart).max(round).sqrt()]
+}
+
 fn shortened(step: Vec2) -> Vec2 {
     // Infinite and NaN count as long.
     let largest = step.abs().max_element();
@@ -140,6 +155,17 @@ impl Texture for ImageLookup {
             true => self.sample_areas(&places, values),
             false => self.texture.sample_all(&places, &self.options, bytemuck::cast_slice_mut(values)),
         }
+    }
+
+    fn edges_per_texel(&self, at: &ShadingPoint<'_>) -> Option<[f32; 2]> {
+        let texels = Vec2::from(self.texture.size().map(|n| n as f32));
+        let mut longest = [0.0_f32; 2];
+        self.coordinates.evaluate(at, |point| {
+            let steps = self.place(point, at.time).steps;
+            longest = std::array::from_fn(|edge| longest[edge].max((steps[edge] * texels).length()));
+            Vec4::ZERO
+        });
+        Some(longest.map(|length| 1.0 / length.max(1e-6)))
     }
 
     fn depends_on(&self, what: Dependence) -> bool {

@@ -10,9 +10,12 @@
 mod image_lookup;
 mod matrix;
 
+use std::sync::Arc;
+
 use fantex_base::Result;
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::look::Slot;
 use crate::{
     Allowed, Dependence, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint,
 };
@@ -42,6 +45,38 @@ pub enum Coordinates {
     Projected(SpaceMatrix),
     /// A number as `u`, and 1/2 as `v`: for images of one row.
     Parameter(Parameter),
+    /// Red of two textures as `u` and `v`: a constant `v` for images of one row.
+    Textures(TextureCoordinates),
+}
+
+/// Coordinates that are the red of two textures.
+#[derive(Clone, Debug)]
+pub struct TextureCoordinates {
+    /// Of `u`.
+    pub u: Slot,
+    /// Of `v`.
+    pub v: Slot,
+}
+
+impl PartialEq for TextureCoordinates {
+    /// The same textures.
+    fn eq(&self, other: &Self) -> bool {
+        let same = |a: &Slot, b: &Slot| match (a, b) {
+            (Slot::Constant(a), Slot::Constant(b)) => a == b,
+            (Slot::Texture(a), Slot::Texture(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        same(&self.u, &other.u) && same(&self.v, &other.v)
+    }
+}
+
+impl TextureCoordinates {
+    fn at(&self, at: &ShadingPoint<'_>) -> UvPoint {
+        let uv = |at: &ShadingPoint<'_>| Vec2::new(self.u.evaluate(at).x, self.v.evaluate(at).x);
+        let beside = |a: f32, b: f32| at.shifted(a, b, uv);
+        let steps = [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)];
+        UvPoint { uv: uv(at), steps }
+    }
 }
 
 impl Default for Coordinates {
@@ -59,7 +94,7 @@ impl Coordinates {
     pub fn check(&self) -> Result<()> {
         match self {
             // Placed surfaces and matrices have been checked when they were made.
-            Self::Uv { .. } | Self::Surface(_) | Self::Projected(_) => Ok(()),
+            Self::Uv { .. } | Self::Surface(_) | Self::Projected(_) | Self::Textures(_) => Ok(()),
             Self::TwoPart(mapping) => mapping.check(),
             Self::Triplanar(map) => map.check(),
             Self::Parameter(parameter) => parameter.check(),
@@ -73,6 +108,7 @@ impl Coordinates {
             Self::TwoPart(mapping) => what == Dependence::Eye && mapping.is_view_dependent(),
             Self::Projected(matrix) => what == Dependence::Time && matrix.is_animated(),
             Self::Parameter(parameter) => parameter.depends_on(what),
+            Self::Textures(TextureCoordinates { u, v }) => u.depends_on(what) || v.depends_on(what),
         }
     }
 
@@ -96,6 +132,7 @@ impl Coordinates {
                 let steps = parameter.steps(at).map(|step| Vec2::new(step, 0.0));
                 look_up(&UvPoint { uv: Vec2::new(parameter.value(at), 0.5), steps })
             }
+            Self::Textures(textures) => look_up(&textures.at(at)),
         }
     }
 }

@@ -25,6 +25,7 @@ pub(crate) use batch::{BLOCK, Colors, LookUp, Probes, Steps, Workspace};
 pub(crate) use batch_texels::Levels;
 pub(crate) use footprint::{LevelPair, ewa};
 pub(crate) use mipmap::{build_levels, halved_axis, stored_channels};
+pub(crate) use taps::wrap_index;
 pub(crate) use taps::{
     Kernel, Reconstruction, Taps, TexelSource, TexelUse, bilinear, bilinear_reference, bilinear_row,
     reconstructed, resolve, with_samples, with_texels,

@@ -51,7 +51,7 @@ pub(super) const MARGIN_TEXELS: f32 = 4096.0;
 
 /// The texel that stands at position `index` of an endless row; `None` is transparent black.
 #[inline(always)]
-pub(super) fn wrap_index(index: i32, size: u32, wrap: Wrap) -> Option<usize> {
+pub(crate) fn wrap_index(index: i32, size: u32, wrap: Wrap) -> Option<usize> {
     let size = size as i32;
     if (0..size).contains(&index) {
         return Some(index as usize);

@@ -4,12 +4,14 @@
 //! 2010): Blinn's `N' = N + (F_u (N x P_v) - F_v (N x P_u)) / |N|` holds for any two directions in the surface, and the edges
 //! of the footprint are two whose changes of position and height are at hand.
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, corner_tangents};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
 use super::{Difference, LookMaterial, NormalSpace, Relief};
-use crate::UvPoint;
+use crate::filter::wrap_index;
 use crate::material::TangentFrame;
+use crate::{Image, UvPoint, Wrap};
 
 /// Shortest step of a difference as a share of the mesh's unit: below, single precision would be seen.
 pub const MIN_RELIEF_STEP: f32 = 5e-5;
@@ -57,6 +59,50 @@ pub fn height_change(difference: Difference, steps: [f32; 2], height: impl Fn(Ve
         Difference::Central => (height(axis * step) - height(-axis * step)) / (2.0 * step),
     };
     Vec2::new(along(Vec2::X, steps[0]), along(Vec2::Y, steps[1]))
+}
+
+/// A height and its derivatives in one image.
+#[derive(Clone, Debug)]
+pub struct DerivativeTexture {
+    /// Red is the height; green and blue are `0.5 + 0.5 d / range` of its derivatives by `u` (to the right, 1 over the image) and `v`
+    /// (downwards). Linear, floating-point.
+    pub image: Image,
+    /// The largest derivative that green and blue hold.
+    pub range: f32,
+}
+
+impl DerivativeTexture {
+    /// Of the red of an image, from differences over one texel (central ones: over two). Without a `range`, that of the largest
+    /// derivative is taken, so that nothing is cut off.
+    ///
+    /// # Errors
+    /// The range is not a positive number.
+    pub fn new(heights: &Image, difference: Difference, wrap: [Wrap; 2], range: Option<f32>) -> Result<Self> {
+        if let Some(range) = range.filter(|range| !(range.is_finite() && *range > 0.0)) {
+            return Err(Error::invalid(format!(
+                "the range of derivatives is {range}, but must be a positive number"
+            )));
+        }
+        let size = [heights.width, heights.height];
+        let height = |x: i32, y: i32| {
+            let [x, y] = [(x, 0), (y, 1)].map(|(at, axis)| wrap_index(at, size[axis], wrap[axis]));
+            x.zip(y).map_or(0.0, |(x, y)| heights.linear_texel(x as u32, y as u32)[0])
+        };
+        let texels = size.map(|n| n as f32);
+        let derivatives: Vec<[f32; 3]> = (0..size[1] as i32)
+            .flat_map(|y| (0..size[0] as i32).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let at = |offset: Vec2| height(x + offset.x as i32, y + offset.y as i32);
+                let change = height_change(difference, [1.0; 2], at);
+                [height(x, y), change.x * texels[0], change.y * texels[1]]
+            })
+            .collect();
+        let steepest = derivatives.iter().fold(0.0_f32, |most, [_, u, v]| most.max(u.abs()).max(v.abs()));
+        let range = range.unwrap_or(if steepest > 0.0 { steepest } else { 1.0 });
+        let code = |d: f32| 0.5 + 0.5 * d / range;
+        let samples = derivatives.into_iter().flat_map(|[h, u, v]| [h, code(u), code(v)]).collect();
+        Ok(Self { image: Image::from_linear(size[0], size[1], 3, samples), range })
+    }
 }
 
 /// The unit normal that a decoded texel of a normal map bends `normal` to, in tangent space or (without a frame) in the model's

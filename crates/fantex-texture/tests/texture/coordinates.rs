@@ -10,8 +10,8 @@ use fantex_texture::coordinates::{
 };
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    Filter, Filtering, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind, Texture, TriplanarMap,
-    TwoPartMapping, UvPoint, Wrap,
+    Filter, Filtering, Image, ImageTexture, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind,
+    Texture, TriplanarMap, TwoPartMapping, UvPoint, Wrap,
 };
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
@@ -246,4 +246,45 @@ fn no_number_stops_a_look_up() {
         }
     }
     assert!(accepted > 500, "only {accepted} matrices were accepted");
+}
+
+/// A black and white edge, blurred by a tenth of the image: the ramp's mean square width is that of the footprint, 0.1 / sqrt(12) on each
+/// axis, as a box has it, and the mean stays.
+#[test]
+fn blurred_images_have_the_blurs_width() {
+    let side = 256;
+    let texels = (0..side * side).map(|i| if i % side < side / 2 { 0.0 } else { 1.0 }).collect();
+    let image = Arc::new(ImageTexture::new(Arc::new(Image::from_linear(side, side, 1, texels))));
+    for filter in [Filter::Trilinear, Filter::Anisotropic, Filter::Ewa] {
+        let options = SampleOptions { filter, wrap: [Wrap::Clamp; 2], ..SampleOptions::default() };
+        let lookup = |blur| ImageLookup { blur, options, ..ImageLookup::new(Arc::clone(&image)) };
+        let (sharp, soft) = (lookup(0.0), lookup(0.1));
+        let value = |texture: &ImageLookup, u: f32| {
+            let steps = [Vec2::new(1e-4, 0.0), Vec2::new(0.0, 1e-4)];
+            let uv = [UvPoint { uv: Vec2::new(u, 0.5), steps }];
+            texture
+                .evaluate(&ShadingPoint {
+                    position: Vec3::ZERO,
+                    position_steps: [Vec3::X, Vec3::Y],
+                    normal: Vec3::Z,
+                    normal_steps: [Vec3::ZERO; 2],
+                    uv: &uv,
+                    vertex_color: Vec4::ONE,
+                    to_eye: None,
+                    time: 0.0,
+                    filtering: Filtering::Own,
+                })
+                .x
+        };
+        assert!((value(&soft, 0.5) - 0.5).abs() < 0.03);
+        assert!(value(&sharp, 0.49) < 0.01 && value(&sharp, 0.51) > 0.99);
+        // The derivative of the ramp is the blur's own profile.
+        let points: Vec<f32> = (0..=400).map(|i| 0.3 + 0.001 * i as f32).collect();
+        let weights: Vec<f32> = points.windows(2).map(|p| value(&soft, p[1]) - value(&soft, p[0])).collect();
+        let total: f32 = weights.iter().sum();
+        let spread =
+            points.iter().zip(&weights).map(|(u, w)| (u + 0.0005 - 0.5).powi(2) * w).sum::<f32>() / total;
+        let width = (12.0 * spread).sqrt();
+        assert!((0.08..0.18).contains(&width) && total > 0.98, "{filter:?}: {width}, {total}");
+    }
 }

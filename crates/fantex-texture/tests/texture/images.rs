@@ -603,3 +603,34 @@ fn pictures_are_compared_where_it_counts() {
     assert_eq!(compare_where(&reference, &test, &vec![false; 64 * 48]).unwrap(), whole);
     assert!(compare_where(&reference, &test, &[true]).is_err());
 }
+
+/// A ramp along u and a step along v: by hand.
+#[test]
+fn derivatives_are_differences_of_texels() {
+    use fantex_texture::Wrap;
+    use fantex_texture::look::{DerivativeTexture, Difference};
+    let heights: Vec<f32> = (0..12).map(|i| 0.1 * (i % 4) as f32 + if i >= 4 { 0.5 } else { 0.0 }).collect();
+    let image = Image::from_linear(4, 3, 1, heights);
+    let derivatives = |difference| {
+        let texture = DerivativeTexture::new(&image, difference, [Wrap::Clamp; 2], Some(2.0)).unwrap();
+        assert_eq!(texture.range, 2.0);
+        move |x: u32, y: u32| {
+            let [height, u, v, _] = texture.image.linear_texel(x, y);
+            [height, (2.0 * u - 1.0) * 2.0, (2.0 * v - 1.0) * 2.0]
+        }
+    };
+    let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    let forward = derivatives(Difference::Forward);
+    assert!(near(forward(1, 0), [0.1, 0.4, 1.5]), "{:?}", forward(1, 0));
+    assert!(near(forward(1, 1), [0.6, 0.4, 0.0]));
+    assert!(near(forward(3, 1), [0.8, 0.0, 0.0]), "outside is the last texel");
+    let backward = derivatives(Difference::Backward);
+    assert!(near(backward(1, 0), [0.1, 0.4, 0.0]));
+    assert!(near(backward(1, 1), [0.6, 0.4, 1.5]));
+    let central = derivatives(Difference::Central);
+    assert!(near(central(1, 0), [0.1, 0.4, 0.75]));
+    assert!(near(central(0, 1), [0.5, 0.2, 0.75]));
+    let own = DerivativeTexture::new(&image, Difference::Forward, [Wrap::Clamp; 2], None).unwrap();
+    assert!((own.range - 1.5).abs() < 1e-6);
+    assert!(DerivativeTexture::new(&image, Difference::Forward, [Wrap::Clamp; 2], Some(0.0)).is_err());
+}

@@ -214,3 +214,22 @@ fn area_spread_covers_exactly() {
     crate::common::assert_close(warped.linear_texel(5, 4), [0.25, 0.5, 1.0, 1.0], 1e-6, "inside");
     assert_eq!(warped.linear_texel(1, 4), [0.0; 4]);
 }
+
+/// At the border of a bilinear warp alpha is the covered share of a pixel, as clipping says; and inside it is one.
+#[test]
+fn bilinear_warps_end_smoothly() {
+    let quad = [[3.3, 2.1], [36.4, 6.2], [30.7, 37.9], [6.5, 28.6]].map(DVec2::from_array);
+    let map = BilinearMap::from_quad(quad).unwrap();
+    let white = Image::from_linear(8, 8, 1, vec![1.0; 64]);
+    let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..SampleOptions::default() };
+    let inverse =
+        warp_inverse(&ImageTexture::new(Arc::new(white.clone())), &map, [40, 40], &options).unwrap();
+    let forward = warp_forward(&white, &map, [40, 40], Spread::Area).unwrap();
+    let mut partial = 0;
+    for (x, y) in (0..40).flat_map(|y| (0..40).map(move |x| (x, y))) {
+        let [share, exact] = [&inverse, &forward].map(|image| image.linear_texel(x, y)[3]);
+        assert!((share - exact).abs() < 0.04, "{x}, {y}: {share} instead of {exact}");
+        partial += u32::from(share > 0.05 && share < 0.95);
+    }
+    assert!(partial > 80, "{partial} pixels at a border of about 120");
+}

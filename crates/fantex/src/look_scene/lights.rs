@@ -211,6 +211,8 @@ fn beaming(kind: LightKind, beam: &Beam) -> Light {
 pub struct LookBake {
     materials: Vec<Arc<LookMaterial>>,
     time: f32,
+    /// Per material; empty where displacements are geometry.
+    heights: Vec<Option<Slot>>,
     light: Option<BakedLight>,
 }
 
@@ -232,17 +234,35 @@ struct SkyLight {
 }
 
 impl LookBake {
-    /// Resolves a look on a model for a bake. Displacements become its geometry; its materials are replaced by those that the asset needs
+    /// Resolves a look on a model for a bake. Displacements become its geometry, or heights where the look says so; its materials are replaced by those that the asset needs
     /// beside its tiles.
     ///
     /// # Errors
     /// A texture cannot be made, or the look does not say which material the model has.
     pub fn new(resolver: &MaterialResolver<'_>, mesh: &mut Mesh, model: &Path) -> Result<Self> {
         let bake = &resolver.file.look().bake;
-        let (shape, resolved) =
-            resolver.shape_and_materials(std::mem::take(mesh), model, resolver.model_object())?;
-        *mesh = shape;
-        let ResolvedMaterials { mut materials, .. } = resolved;
+        let object = resolver.model_object();
+        let mut heights = Vec::new();
+        let ResolvedMaterials { mut materials, names } = if bake.heights {
+            let resolved = resolver.materials(mesh, model, object)?;
+            let mut textures = Resolver::new(resolver.file, mesh, resolver.images, resolver.options);
+            let of_name = |name: &Option<String>| match name {
+                Some(name) => textures.displacement(name),
+                None => Ok(None),
+            };
+            heights = resolved.names.iter().map(of_name).collect::<Result<_>>()?;
+            resolved
+        } else {
+            let (shape, resolved) = resolver.shape_and_materials(std::mem::take(mesh), model, object)?;
+            *mesh = shape;
+            resolved
+        };
+        if bake.heights && heights.iter().all(Option::is_none) {
+            let key = Key::of(["bake", "heights"]);
+            let used: Vec<&str> = names.iter().flatten().map(String::as_str).collect();
+            let sentence = format!("no material of the model ({}) has a displacement", used.join(", "));
+            return Err(resolver.file.error(&key, Error::malformed(sentence)));
+        }
         if let Some(name) = &bake.texture {
             let mut textures = Resolver::new(resolver.file, mesh, resolver.images, resolver.options);
             let texture = textures.texture(&name.0)?;
@@ -258,7 +278,7 @@ impl LookBake {
                 material.emission = Vec3::ZERO;
             });
         }
-        Ok(Self { materials, time: bake.time as f32, light })
+        Ok(Self { materials, time: bake.time as f32, heights, light })
     }
 
     /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].
@@ -266,7 +286,10 @@ impl LookBake {
     /// # Errors
     /// A texture depends on the eye, or a number of the light is out of range.
     pub fn with_source<R>(&self, mesh: &Mesh, then: impl FnOnce(&dyn Source) -> R) -> Result<R> {
-        let source = LookSource::new(mesh, self.materials.clone(), self.time)?;
+        let mut source = LookSource::new(mesh, self.materials.clone(), self.time)?;
+        if !self.heights.is_empty() {
+            source = source.with_heights(self.heights.clone())?;
+        }
         let Some(light) = &self.light else { return Ok(then(&source)) };
         let reflector = SourceReflector::new(mesh, &source);
         let sky = |direction: Vec3| light.sky.radiance(direction);

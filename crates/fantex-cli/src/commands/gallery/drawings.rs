@@ -169,7 +169,8 @@ fn environments(gallery: &Gallery<'_>) -> Drawn {
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
 fn light_map(gallery: &Gallery<'_>) -> Drawn {
     let mesh = open_model(&gallery.shipped.file("assets/models/CornellBox.glb"))?;
-    let options = CoverOptions { budget: TexelBudget::Total(50_000), ..CoverOptions::default() };
+    let budget = TexelBudget::Total(50_000);
+    let options = CoverOptions { budget, cut_creases: true, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = LookSource::of_model(&mesh)?;
     let colors = SourceReflector::new(&mesh, &colors);
@@ -202,7 +203,7 @@ fn light_map(gallery: &Gallery<'_>) -> Drawn {
         let lights = if is_open { Vec::new() } else { vec![lamp] };
         let sky: &dyn Sky = if is_open { &day } else { &night };
         let scene = LightScene { lights, sky, reflector: &reflector };
-        let light_options = LightMapOptions { quantity, samples: 96, ..LightMapOptions::default() };
+        let light_options = LightMapOptions { quantity, samples: 512, ..LightMapOptions::default() };
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, gallery)?;
         let sampler = Sampler::of_cache(&asset.cache, FilterOptions::default());

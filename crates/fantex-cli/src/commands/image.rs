@@ -1,0 +1,166 @@
+//! `fantex image`: images made fit for use as textures.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use fantex::texture::look::{DerivativeTexture, Difference};
+use fantex::texture::{AlphaUse, ColorSpace, Depth, Image, Wrap};
+use fantex::{Error, Result};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::scene::size;
+use crate::text::{Choices, one_of, positive};
+
+/// Prepare an image: sides that are powers of two, other sizes, height with derivatives for bump mapping.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex image photo.jpg -o photo-pot.png --power-of-two
+  fantex image photo.jpg -o small.png --size 320x200
+  fantex image height.png -o slopes.png --derivatives
+
+A smaller size takes the exact mean over each new texel, a larger one a cubic, both in linear light. --power-of-two takes the nearest power of two along each
+side.
+
+--derivatives writes the height (red) with its derivatives by u (green) and by v (blue, downwards), 0.5 + 0.5 d / range, in 16 bits. The
+range that it prints is the key 'range' of a look's 'derivatives'; 'height' is that of a bump map of the same image.")]
+pub(crate) struct ImageArgs {
+    /// The image
+    image: PathBuf,
+    /// The image to write
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Scale each side to the nearest power of two
+    #[arg(long, conflicts_with = "size")]
+    power_of_two: bool,
+    /// Scale to this width and height
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Height and both derivatives of the image's red
+    #[arg(long)]
+    derivatives: bool,
+    /// Which differences stand for the derivatives
+    #[arg(long, value_parser = one_of(&DIFFERENCES), default_value = "central", requires = "derivatives")]
+    difference: Difference,
+    /// What lies outside the image
+    #[arg(long, value_parser = one_of(&WRAPS), default_value = "repeat", requires = "derivatives")]
+    wrap: Wrap,
+    /// The largest derivative that the code holds; the largest that there is where it is left out
+    #[arg(long, value_name = "NUMBER", value_parser = positive, requires = "derivatives")]
+    range: Option<f64>,
+    /// What the image's numbers mean; heights are linear
+    #[arg(long, value_parser = one_of(&SPACES))]
+    color_space: Option<ColorSpace>,
+    /// Numbers of the file; 16 for derivatives, else those of the image
+    #[arg(long, value_parser = one_of(&DEPTHS))]
+    depth: Option<FileDepth>,
+}
+
+/// Numbers of a picture's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FileDepth {
+    Eight,
+    Sixteen,
+    Float,
+}
+
+pub(crate) const DEPTHS: Choices<FileDepth, 3> = [
+    ("8", "Eight bits", FileDepth::Eight),
+    ("16", "Sixteen bits", FileDepth::Sixteen),
+    ("float", "Floating-point numbers, linear (.exr, .hdr)", FileDepth::Float),
+];
+
+pub(crate) const SPACES: Choices<ColorSpace, 2> = [
+    ("srgb", "Colours as screens show them", ColorSpace::Srgb),
+    ("linear", "Numbers as they are", ColorSpace::Linear),
+];
+
+pub(crate) const WRAPS: Choices<Wrap, 4> = [
+    ("repeat", "The image again", Wrap::Repeat),
+    ("mirror", "The image mirrored", Wrap::Mirror),
+    ("clamp", "Its outermost texels", Wrap::Clamp),
+    ("border", "Nothing", Wrap::Border),
+];
+
+const DIFFERENCES: Choices<Difference, 3> = [
+    ("forward", "To the next texel", Difference::Forward),
+    ("backward", "From the texel before", Difference::Backward),
+    ("central", "From the texel before to the next", Difference::Central),
+];
+
+/// Writes an image.
+pub(crate) fn saved(image: &Image, depth: FileDepth, space: ColorSpace, path: &Path) -> Result<()> {
+    let (depth, space) = match depth {
+        FileDepth::Eight => (Depth::U8, space),
+        FileDepth::Sixteen => (Depth::U16, space),
+        FileDepth::Float => (Depth::F32, ColorSpace::Linear),
+    };
+    image.converted(depth, space).save(path)
+}
+
+/// The power of two nearest in ratio: 1000 becomes 1024, 720 becomes 512, 725 becomes 1024.
+fn nearest_power_of_two(n: u32) -> u32 {
+    let lower = 1_u64 << n.max(1).ilog2();
+    let power = if u64::from(n) * u64::from(n) < 2 * lower * lower { lower } else { 2 * lower };
+    u32::try_from(power).unwrap_or(1 << 31)
+}
+
+#[derive(Debug, Serialize)]
+struct ImageInfo {
+    output: PathBuf,
+    width: u32,
+    height: u32,
+    /// Of derivatives: the largest that the code holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    range: Option<f32>,
+}
+
+pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
+    if !args.power_of_two && args.size.is_none() && !args.derivatives {
+        return Err(Error::invalid("say what to do: --power-of-two, --size WxH or --derivatives"));
+    }
+    let default_space = if args.derivatives { ColorSpace::Linear } else { ColorSpace::Srgb };
+    let space = args.color_space.unwrap_or(default_space);
+    let image = Image::load_as(&args.image, space)?;
+    let space = if image.samples.depth() == Depth::F32 { ColorSpace::Linear } else { space };
+    let image = Image { space, ..image };
+    context.check_output_of(&args.output, &args.image)?;
+    let own = match image.samples.depth() {
+        Depth::U8 => FileDepth::Eight,
+        Depth::U16 => FileDepth::Sixteen,
+        Depth::F32 => FileDepth::Float,
+    };
+    if let Some([width, height]) = args.size {
+        let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
+        if bytes > context.memory_bytes {
+            let sentence = format!(
+                "{width} x {height} texels take {bytes} bytes; give a smaller --size or a larger --memory"
+            );
+            return Err(Error::too_large(sentence));
+        }
+    }
+    let scaled = match args.size {
+        Some([width, height]) => image.resized(width, height, AlphaUse::Coverage),
+        None if args.power_of_two => {
+            let [width, height] = [image.width, image.height].map(nearest_power_of_two);
+            image.resized(width, height, AlphaUse::Coverage)
+        }
+        None => image,
+    };
+    let mut info =
+        ImageInfo { output: args.output.clone(), width: scaled.width, height: scaled.height, range: None };
+    if args.derivatives {
+        let range = args.range.map(|range| range as f32);
+        let texture = DerivativeTexture::new(&scaled, args.difference, [args.wrap; 2], range)?;
+        info.range = Some(texture.range);
+        let depth = args.depth.unwrap_or(FileDepth::Sixteen);
+        saved(&texture.image, depth, ColorSpace::Linear, &args.output)?;
+    } else {
+        saved(&scaled, args.depth.unwrap_or(own), space, &args.output)?;
+    }
+    context.print(&info, |info| {
+        let range = info.range.map_or(String::new(), |range| format!(", derivatives up to {range}"));
+        format!("{}: {} x {} texels{range}\n", info.output.display(), info.width, info.height)
+    })
+}

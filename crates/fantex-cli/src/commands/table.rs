@@ -1,0 +1,191 @@
+//! `fantex table`: a texture becomes a file of numbers.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use fantex::glam::{DVec3, Vec2, Vec3, Vec4};
+use fantex::look::{LookFile, LookImages, Resolver};
+use fantex::texture::{ColorSpace, Filtering, Image, ShadingPoint, Tabulation, Texture, UvPoint};
+use fantex::{Error, Result};
+use serde::Serialize;
+
+use crate::commands::image::{DEPTHS, FileDepth, SPACES, saved};
+use crate::context::Context;
+use crate::scene::{size, vector};
+use crate::text::one_of;
+
+/// Tabulate a texture of a look: any function, over any domain, at any density, as an image.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex table marble.toml -o marble.png --size 1024x1024
+  fantex table noise.toml --texture veins -o slice.exr --depth float --from -2,1,0 --to 2,-1,0 --size 2048x1024
+  fantex table ramp.toml --texture scale -o scale.png --size 256x1
+  fantex table clouds.toml -o slices --size 128x128 --slices 128 --from -1,1,-1 --to 1,-1,1
+
+The domain is a rectangle of object space: columns go from the x of --from to that of --to, rows from y to y, slices from z to z. Texture
+coordinates go from 0 to 1 over it, so that images are seen whole. It is the front of a cube of edge 1 where it is left out: -0.5,0.5,0 to
+0.5,-0.5,0, the first row on top. A texel is the texture's mean over it; --samples takes more means of smaller parts.
+
+With --slices the output is a folder of pictures, slice-0001.png and so on, the lowest z first where z grows: what 'slices' of a look's
+'volume' reads.")]
+pub(crate) struct TableArgs {
+    /// The look (.toml)
+    look: PathBuf,
+    /// The picture to write, or the folder for --slices
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// The texture's name; the only one where it is left out
+    #[arg(long, value_name = "NAME")]
+    texture: Option<String>,
+    /// Columns and rows
+    #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = size)]
+    size: [u32; 2],
+    /// Pictures along z
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_384))]
+    slices: Option<u32>,
+    /// Upper left corner of the domain
+    #[arg(long, value_name = "X,Y,Z", default_value = "-0.5,0.5,0", value_parser = vector, allow_hyphen_values = true)]
+    from: DVec3,
+    /// Lower right corner of the domain
+    #[arg(long, value_name = "X,Y,Z", default_value = "0.5,-0.5,0", value_parser = vector, allow_hyphen_values = true)]
+    to: DVec3,
+    /// Samples per texel along each axis
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    samples: u32,
+    /// Seconds since the start of an animation
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    time: f32,
+    /// Numbers of the file
+    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
+    depth: FileDepth,
+    /// How they are written: colours as sRGB, heights and other numbers linear
+    #[arg(long, value_parser = one_of(&SPACES), default_value = "srgb")]
+    color_space: ColorSpace,
+}
+
+#[derive(Debug, Serialize)]
+struct TableInfo {
+    output: PathBuf,
+    texture: String,
+    width: u32,
+    height: u32,
+    slices: u32,
+    /// Smallest and largest linear red, green, blue and alpha.
+    min: [f32; 4],
+    max: [f32; 4],
+}
+
+pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
+    let file = LookFile::read(&args.look)?;
+    let names: Vec<&String> = file.look().textures.keys().collect();
+    let name = match (&args.texture, names.as_slice()) {
+        (Some(name), _) => name.as_str(),
+        (None, [only]) => only.as_str(),
+        (None, _) => {
+            let names: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
+            let sentence = format!(
+                "{} has {} textures; say which with --texture: {}",
+                args.look.display(),
+                names.len(),
+                names.join(", ")
+            );
+            return Err(Error::invalid(sentence));
+        }
+    };
+    let images = LookImages::default();
+    let mut resolver = Resolver::without_model(&file, &images, context.resolve_options());
+    let texture = resolver.texture(name)?;
+    if texture.is_view_dependent() {
+        let sentence = format!("the texture {name} depends on the eye, and a table has none");
+        return Err(Error::invalid(sentence));
+    }
+    let [width, height] = args.size;
+    let slices = args.slices.unwrap_or(1);
+    let paths: Vec<PathBuf> = match args.slices {
+        None => vec![args.output.clone()],
+        Some(count) => {
+            context.make_folder(&args.output)?;
+            let extension = if args.depth == FileDepth::Float { "exr" } else { "png" };
+            (1..=count).map(|i| args.output.join(format!("slice-{i:04}.{extension}"))).collect()
+        }
+    };
+    paths.iter().try_for_each(|path| context.check_output_of(path, &args.look))?;
+    let (mut min, mut max) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+    for (slice, path) in paths.iter().enumerate() {
+        context.check_interrupt()?;
+        let z = (slice as f32 + 0.5) / slices as f32;
+        let grid = Tabulation {
+            size: [width, height, 1],
+            samples: args.samples,
+            memory_bytes: context.memory_bytes,
+        };
+        let domain = Domain::new(args, slices);
+        let texels = grid.texels(|[u, v, _]| domain.ask(texture.as_ref(), Vec3::new(u, v, z)).to_array())?;
+        for texel in &texels {
+            (min, max) = (min.min(Vec4::from_array(*texel)), max.max(Vec4::from_array(*texel)));
+        }
+        let is_opaque = texels.iter().all(|texel| texel[3] == 1.0);
+        let image = match is_opaque {
+            true => Image::from_linear_rgb(width, height, &texels),
+            false => Image::from_linear_rgba(width, height, &texels),
+        };
+        saved(&image, args.depth, args.color_space, path)?;
+    }
+    let info = TableInfo {
+        output: args.output.clone(),
+        texture: name.to_owned(),
+        width,
+        height,
+        slices,
+        min: min.to_array(),
+        max: max.to_array(),
+    };
+    context.print(&info, |info| {
+        let slices = if args.slices.is_some() { format!(" x {}", info.slices) } else { String::new() };
+        let ([r0, g0, b0, a0], [r1, g1, b1, a1]) = (info.min, info.max);
+        format!(
+            "{}: {} x {}{slices} texels of {}; red {r0:.3} to {r1:.3}, green {g0:.3} to {g1:.3}, blue {b0:.3} to {b1:.3}, alpha {a0:.3} \
+             to {a1:.3}\n",
+            info.output.display(),
+            info.width,
+            info.height,
+            info.texture
+        )
+    })
+}
+
+/// A box of object space, and the part of it that a sample stands for.
+struct Domain {
+    from: Vec3,
+    extent: Vec3,
+    /// Along columns and rows, of `0..1`.
+    steps: Vec2,
+    time: f32,
+}
+
+impl Domain {
+    fn new(args: &TableArgs, slices: u32) -> Self {
+        let (from, extent) = (args.from.as_vec3(), (args.to - args.from).as_vec3());
+        // One slice lies where --from says.
+        let extent = if slices == 1 { extent * Vec3::new(1.0, 1.0, 0.0) } else { extent };
+        let side = |texels: u32| 1.0 / (texels * args.samples) as f32;
+        Self { from, extent, steps: Vec2::from(args.size.map(side)), time: args.time }
+    }
+
+    /// `at` is in `0..1` along each axis.
+    fn ask(&self, texture: &dyn Texture, at: Vec3) -> Vec4 {
+        let steps = [Vec2::new(self.steps.x, 0.0), Vec2::new(0.0, self.steps.y)];
+        texture.evaluate(&ShadingPoint {
+            position: self.from + self.extent * at,
+            position_steps: steps.map(|step| self.extent * step.extend(0.0)),
+            normal: Vec3::Z,
+            normal_steps: [Vec3::ZERO; 2],
+            uv: &[UvPoint { uv: at.truncate(), steps }],
+            vertex_color: Vec4::ONE,
+            to_eye: None,
+            time: self.time,
+            filtering: Filtering::Area,
+        })
+    }
+}

@@ -1,0 +1,151 @@
+//! `fantex warp`: an image through a map of the plane.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use fantex::glam::DVec2;
+use fantex::texture::warp::{
+    AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
+};
+use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Wrap};
+use fantex::{Error, Result};
+use serde::Serialize;
+
+use crate::commands::image::{DEPTHS, FileDepth, WRAPS, saved};
+use crate::context::Context;
+use crate::scene::{FILTERS, size};
+use crate::text::{Choices, one_of};
+
+/// Warp an image: affine, perspective or bilinear, by inverse or forward mapping.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex warp brick.png -o floor.png --map perspective --corners 200,40 440,40 640,360 0,360 --size 640x360
+  fantex warp brick.png -o turned.png --map affine --corners 100,0 300,100 0,200 --size 300x300
+  fantex warp brick.png -o bent.png --map bilinear --corners 0,0 400,80 300,400 60,300 --size 400x400 --way forward
+
+The corners are pixels of the new picture, x to the right and y downwards, to which the image's corners go: the upper left, the upper right,
+the lower right, the lower left. An affine map takes three: the upper left, the upper right, the lower left. They may lie
+outside of the picture.
+
+Inverse mapping goes through the picture's pixels and looks each one up in the image, filtered over the pixel's pre-image. Forward
+mapping goes through the image's texels and spreads each one over the pixels that it covers (--spread area), or over the four around
+its centre (--spread bilinear), which leaves holes where the map magnifies. What the image does not reach is transparent.")]
+pub(crate) struct WarpArgs {
+    /// The image
+    image: PathBuf,
+    /// The picture to write
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Which map
+    #[arg(long, value_parser = one_of(&MAPS))]
+    map: Map,
+    /// Where the image's corners go, in pixels: four, or three for an affine map
+    #[arg(long, value_name = "X,Y", required = true, num_args = 3..=4, value_parser = point, allow_hyphen_values = true)]
+    corners: Vec<DVec2>,
+    /// Width and height of the picture in pixels; those of the image where it is left out
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// In which direction
+    #[arg(long, value_parser = one_of(&WAYS), default_value = "inverse")]
+    way: Way,
+    /// How a texel is spread by forward mapping
+    #[arg(long, value_parser = one_of(&SPREADS), default_value = "area")]
+    spread: Spread,
+    /// How the image is filtered by inverse mapping
+    #[arg(long, value_parser = one_of(&FILTERS), default_value = "ewa")]
+    filter: Filter,
+    /// What lies outside the image, by inverse affine and perspective mapping
+    #[arg(long, value_parser = one_of(&WRAPS), default_value = "border")]
+    wrap: Wrap,
+    /// Numbers of the file
+    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
+    depth: FileDepth,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Map {
+    Affine,
+    Perspective,
+    Bilinear,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    Inverse,
+    Forward,
+}
+
+const MAPS: Choices<Map, 3> = [
+    ("affine", "Parallels stay parallel", Map::Affine),
+    ("perspective", "Straight lines stay straight", Map::Perspective),
+    ("bilinear", "Lines along the sides stay straight and evenly divided; others bend", Map::Bilinear),
+];
+
+const WAYS: Choices<Way, 2> = [
+    ("inverse", "Each pixel is looked up in the image", Way::Inverse),
+    ("forward", "Each texel is spread over the picture", Way::Forward),
+];
+
+const SPREADS: Choices<Spread, 2> = [
+    ("area", "Over all pixels that its square covers, by area", Spread::Area),
+    ("bilinear", "Over the four pixels around its centre", Spread::Bilinear),
+];
+
+fn point(text: &str) -> Result<DVec2> {
+    let parse = || {
+        let (x, y) = text.split_once(',')?;
+        let point = DVec2::new(x.trim().parse().ok()?, y.trim().parse().ok()?);
+        point.is_finite().then_some(point)
+    };
+    parse().ok_or_else(|| Error::invalid("expected a pixel such as 120,40"))
+}
+
+#[derive(Debug, Serialize)]
+struct WarpInfo {
+    output: PathBuf,
+    width: u32,
+    height: u32,
+    /// Share of the picture that the image covers.
+    covered_share: f64,
+}
+
+pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
+    let image = Image::load_as(&args.image, ColorSpace::Srgb)?;
+    context.check_output_of(&args.output, &args.image)?;
+    let map: Box<dyn PlaneMap> = match (args.map, args.corners.as_slice()) {
+        (Map::Affine, &[origin, u, v]) => {
+            Box::new(AffineMap::from_points([DVec2::ZERO, DVec2::X, DVec2::Y], [origin, u, v])?)
+        }
+        (Map::Perspective, &[a, b, c, d]) => Box::new(ProjectiveMap::from_quad([a, b, c, d])?),
+        (Map::Bilinear, &[a, b, c, d]) => Box::new(BilinearMap::from_quad([a, b, c, d])?),
+        (map, corners) => {
+            let needed = if map == Map::Affine { "three" } else { "four" };
+            let given = corners.len();
+            return Err(Error::invalid(format!("this map takes {needed} corners, and {given} are given")));
+        }
+    };
+    let size = args.size.unwrap_or([image.width, image.height]);
+    let warped = match args.way {
+        Way::Forward => warp_forward(&image, map.as_ref(), size, args.spread)?,
+        Way::Inverse => {
+            let options =
+                SampleOptions { wrap: [args.wrap; 2], filter: args.filter, ..SampleOptions::default() };
+            warp_inverse(&ImageTexture::new(Arc::new(image)), map.as_ref(), size, &options)?
+        }
+    };
+    let alphas = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
+    let covered: f64 = alphas.map(|(x, y)| f64::from(warped.linear_texel(x, y)[3])).sum();
+    saved(&warped, args.depth, ColorSpace::Srgb, &args.output)?;
+    let info = WarpInfo {
+        output: args.output.clone(),
+        width: size[0],
+        height: size[1],
+        covered_share: covered / (f64::from(size[0]) * f64::from(size[1])),
+    };
+    context.print(&info, |info| {
+        let (output, percent) = (info.output.display(), 100.0 * info.covered_share);
+        format!("{output}: {} x {} pixels, {percent:.0} % covered\n", info.width, info.height)
+    })
+}
