@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::crates;
 use crate::shell::{self, Failure, capture, cargo, cargo_command, root};
+use crate::{crates, licenses};
 
 /// A source file longer than this has more than one subject.
 const MAX_FILE_LINES: usize = 900;
@@ -19,6 +19,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     check_sizes()?;
     crates::check_directions()?;
     check_weight()?;
+    licenses::check()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
     eprintln!("> cargo doc --workspace --no-deps --all-features, warnings denied");

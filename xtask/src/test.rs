@@ -38,6 +38,14 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     result.and(documentation).and(examples)
 }
 
+/// The attacks of `fantex-bench`, for so many seconds each.
+pub(crate) fn fuzz(seconds: &str, seed: &str) -> Result<(), Failure> {
+    let arguments =
+        ["test", "--release", "-p", "fantex-bench", "--test", "attack", "--", "--ignored", "--nocapture"];
+    let mut command = cargo_command(&arguments);
+    run_command(command.env("FANTEX_FUZZ_SECONDS", seconds).env("FANTEX_FUZZ_SEED", seed))
+}
+
 /// Examples are built as the tests are, with the features that the workspace's programs ask for; so nothing is compiled twice.
 fn run_examples(list: &Path) -> Result<(), Failure> {
     run_cargo(&["build", "--workspace", "--examples"], list)?;

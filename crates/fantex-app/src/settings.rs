@@ -1,6 +1,6 @@
 //! What the viewer remembers from one start to the next.
 
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, ErrorKind, Result, files};
@@ -214,7 +214,10 @@ pub(crate) fn read_limited(path: &Path, max_bytes: u64, what: &str) -> Result<Ve
             let sentence = format!("it has {bytes} bytes, more than the {max_bytes} that it may have");
             Err(io::Error::new(io::ErrorKind::FileTooLarge, sentence))
         }
-        _ => std::fs::read(path),
+        _ => fantex::base::input::open(path).and_then(|mut file| {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes).map(|_| bytes)
+        }),
     });
     bytes.map_err(|source| {
         let kind = match source.kind() {

@@ -2,11 +2,13 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempPath};
 
-use crate::{Error, Result};
+use crate::{Error, Result, input};
 
 /// The folder that a file lies in.
 pub fn folder_of(path: &Path) -> &Path {
@@ -22,7 +24,62 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let mut builder = Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.prefix(".fantex-").suffix(suffix).tempfile_in(folder_of(path))
+    remove_stale(folder_of(path));
+    let file = builder.prefix(PREFIX).suffix(suffix).tempfile_in(folder_of(path))?;
+    let same = file.as_file().try_clone()?;
+    // Where there are no locks, others leave it alone for a while only.
+    same.try_lock_shared().unwrap_or_default();
+    remember(file.path(), same);
+    Ok(file)
+}
+
+/// What the names of temporary files begin with.
+const PREFIX: &str = ".fantex-";
+
+/// A temporary file that nobody has locked for so long was left by a process that was killed.
+const STALE_AFTER: Duration = Duration::from_secs(60);
+
+/// Files of this process that shall not outlive it. They are kept open and locked, so that others see that they are in use.
+static TEMPORARIES: Mutex<Vec<(PathBuf, File)>> = Mutex::new(Vec::new());
+
+fn temporaries() -> MutexGuard<'static, Vec<(PathBuf, File)>> {
+    TEMPORARIES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps a file open, and marks it for [`remove_temporaries`], until it is [forgotten](forget) or gone.
+pub fn remember(path: &Path, file: File) {
+    let mut files = temporaries();
+    files.retain(|(path, _)| path.exists());
+    files.push((path.to_owned(), file));
+}
+
+/// A file that stays, or has gone.
+pub fn forget(path: &Path) {
+    temporaries().retain(|(known, _)| known != path);
+}
+
+/// Removes all temporary files and locks of this process, which is about to end without unwinding.
+pub fn remove_temporaries() {
+    for (path, _) in temporaries().drain(..) {
+        std::fs::remove_file(path).unwrap_or_default();
+    }
+}
+
+/// Removes temporary files in a folder whose process was killed, as far as that is possible.
+fn remove_stale(folder: &Path) {
+    let Ok(entries) = folder.read_dir() else { return };
+    let is_ours = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(PREFIX));
+    for path in entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_ours) {
+        let is_old = |found: &std::fs::Metadata| {
+            found.is_file()
+                && found.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE_AFTER))
+        };
+        if path.symlink_metadata().is_ok_and(|found| is_old(&found))
+            && File::open(&path).is_ok_and(|file| file.try_lock().is_ok())
+        {
+            std::fs::remove_file(path).unwrap_or_default();
+        }
+    }
 }
 
 /// Makes a finished file durable and gives it its name; only with `force` over another.
@@ -31,12 +88,15 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
 /// [`exists`], or the system refuses: then the file is gone, and what was at `path` is as it was.
 pub fn persist(file: TempPath, path: &Path, force: bool) -> Result<()> {
     let failed = |error| Error::writing(path, error);
+    let temporary = file.to_path_buf();
+    input::check_output(path)?;
     OpenOptions::new().write(true).open(&file).and_then(|file| file.sync_all()).map_err(failed)?;
     let named = if force { file.persist(path) } else { file.persist_noclobber(path) };
     named.map_err(|error| match error.error.kind() {
         io::ErrorKind::AlreadyExists => exists(path),
         _ => failed(error.error),
     })?;
+    forget(&temporary);
     // The name is durable once the folder is.
     if cfg!(unix) {
         File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(failed)

@@ -6,6 +6,7 @@
 //! | [`error`] | one error type: a kind for programs, a sentence for people, the file and the place in it |
 //! | [`aabb`] | axis-aligned boxes |
 //! | [`mod@files`] | files that appear whole or not at all |
+//! | [`input`] | files that others made: opening, what they may name, memory |
 //! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
@@ -15,6 +16,7 @@
 pub mod aabb;
 pub mod error;
 pub mod files;
+pub mod input;
 mod parameters;
 pub mod random;
 pub mod srgb;

@@ -12,7 +12,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fantex::bake::Progress;
-use fantex::base::files::{exists, folder_of};
+use fantex::base::files::{exists, folder_of, remove_temporaries};
+use fantex::base::input;
 use fantex::look::ResolveOptions;
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -28,6 +29,8 @@ pub(crate) struct Context {
     /// Bytes that texels in flight or in caches may take.
     pub(crate) memory_bytes: u64,
     pub(crate) seed: u64,
+    pub(crate) allow_outside: bool,
+    strict: bool,
     json: bool,
     quiet: bool,
     interrupt: Interrupt,
@@ -41,9 +44,14 @@ impl Context {
                 Error::unavailable(format!("cannot start the threads that were asked for: {error}"))
             })?;
         }
+        input::set_memory(common.memory.unwrap_or(4 << 30));
+        input::allow_outside(common.allow_outside);
+        input::protect();
         Ok(Self {
             force: common.force,
-            memory_bytes: common.memory,
+            memory_bytes: common.memory.unwrap_or(1 << 30),
+            allow_outside: common.allow_outside,
+            strict: common.strict,
             seed: common.seed,
             json: common.json,
             quiet: common.quiet,
@@ -55,8 +63,17 @@ impl Context {
     /// Prints a note on standard error, unless --quiet is given.
     pub(crate) fn note(&self, text: impl AsRef<str>) {
         if !self.quiet {
-            eprintln!("{}", text.as_ref());
+            say(text.as_ref());
         }
+    }
+
+    /// Says that coarser texels stand in for damaged ones; with --strict that is an error.
+    pub(crate) fn report_damage(&self, sentence: String) -> Result<()> {
+        if self.strict {
+            return Err(Error::damaged(sentence));
+        }
+        say(sentence);
+        Ok(())
     }
 
     /// Prints the result: as JSON if that is wanted, else as text. A reader that has closed standard output wants no more.
@@ -64,7 +81,7 @@ impl Context {
         let mut output = match self.json {
             true => serde_json::to_string_pretty(result)
                 .map_err(|error| Error::new(ErrorKind::Io, format!("cannot write the result: {error}")))?,
-            false => text(result),
+            false => printable(&text(result)),
         };
         if !output.ends_with('\n') {
             output.push('\n');
@@ -110,6 +127,7 @@ impl Context {
         if path.is_dir() {
             return Err(Error::conflict(format!("cannot write {}: it is a folder", path.display())));
         }
+        input::check_output(path)?;
         // A device or a pipe would be replaced by a file of its name.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             let path = path.display();
@@ -130,15 +148,8 @@ impl Context {
 
     /// As [`Context::check_output`]; never allows the input itself, not even with --force.
     pub(crate) fn check_output_of(&self, path: &Path, input: &Path) -> Result<()> {
-        if let (Ok(output), Ok(input)) = (path.canonicalize(), input.canonicalize())
-            && output == input
-            && output.is_file()
-        {
-            let path = path.display();
-            return Err(Error::conflict(format!(
-                "{path} is what is read; give what is written another name"
-            )));
-        }
+        // What is opened is known.
+        drop(input::open(input));
         self.check_output(path)
     }
 
@@ -150,6 +161,22 @@ impl Context {
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
     }
+}
+
+/// Prints a line on standard error, as far as that takes it.
+pub(crate) fn say(line: impl fmt::Display) {
+    let line = printable(&format!("{line}\n"));
+    io::stderr().lock().write_all(line.as_bytes()).unwrap_or_default();
+}
+
+/// Text for a terminal: control characters, which names in files may hold, are shown as what they are.
+fn printable(text: &str) -> String {
+    let shown = |c: char| match c {
+        '\n' | '\t' => c.to_string(),
+        c if c.is_control() => c.escape_default().to_string(),
+        c => c.to_string(),
+    };
+    text.chars().map(shown).collect()
 }
 
 /// The exit code of a program that was interrupted: 128 + SIGINT.
@@ -194,7 +221,8 @@ impl Interrupt {
         state.requested = true;
         // The lock stays taken: no operation can begin to write now.
         if state.deferrals == 0 {
-            eprintln!("\nfantex: {INTERRUPTED}");
+            remove_temporaries();
+            say(format_args!("\nfantex: {INTERRUPTED}"));
             std::process::exit(i32::from(EXIT_INTERRUPTED));
         }
     }

@@ -9,7 +9,7 @@ use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, paint, render, table, verify, view,
     warp,
 };
-use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED};
+use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
 
 mod context;
@@ -47,7 +47,7 @@ fn main() -> ExitCode {
     match run(&cli.command, &context) {
         Ok(exit_code) => exit_code,
         Err(_) if context.is_interrupted() => {
-            eprintln!("fantex: {INTERRUPTED}");
+            say(format_args!("fantex: {INTERRUPTED}"));
             ExitCode::from(EXIT_INTERRUPTED)
         }
         Err(error) => failed(&error),
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
 }
 
 fn failed(error: &Error) -> ExitCode {
-    eprintln!("fantex: {error}");
+    say(format_args!("fantex: {error}"));
     ExitCode::from(if error.kind() == ErrorKind::InvalidArgument { 2 } else { 1 })
 }
 
@@ -89,9 +89,16 @@ pub(crate) struct CommonArgs {
     /// Number of threads; all processors by default
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Memory that texels may take, e.g. 512M or 4G
-    #[arg(long, global = true, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
-    pub(crate) memory: u64,
+    /// Memory for texels in caches and under way, and as much for all that is read whole (images, volumes, tables, models),
+    /// e.g. 512M or 4G [default: 1G, and 4G for what is read whole]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = bytes)]
+    pub(crate) memory: Option<u64>,
+    /// Let models, looks in assets and stroke files name files outside their folders
+    #[arg(long, global = true)]
+    pub(crate) allow_outside: bool,
+    /// Fail where coarser texels stand in for damaged ones
+    #[arg(long, global = true)]
+    pub(crate) strict: bool,
     /// Overwrite existing files
     #[arg(long, global = true)]
     pub(crate) force: bool,

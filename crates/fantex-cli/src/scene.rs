@@ -69,15 +69,16 @@ impl Scene {
     }
 
     /// Notes damaged tiles that rendering has met.
-    pub(crate) fn show_damage(&self, context: &Context) {
-        let Content::Asset(cache) = &self.content else { return };
+    pub(crate) fn show_damage(&self, context: &Context) -> Result<()> {
+        let Content::Asset(cache) = &self.content else { return Ok(()) };
         let damage = cache.damage();
-        if let Some((_, page, reason)) = damage.first.first() {
-            context.note(format!(
+        match damage.first.first() {
+            None => Ok(()),
+            Some((_, page, reason)) => context.report_damage(format!(
                 "{}: coarser texels stand in for {}; the first: {page}: {reason}",
                 self.path.display(),
                 counted(damage.pages, "damaged tile")
-            ));
+            )),
         }
     }
 }
@@ -162,7 +163,7 @@ impl Input {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         Ok(match FileKind::of(path)? {
             FileKind::Look => Self::Look(Box::new(LookFile::read(path)?)),
-            FileKind::Asset => Self::Asset(Arc::new(Asset::open(path)?)),
+            FileKind::Asset => Self::Asset(Arc::clone(fantex::Asset::open(path)?.shared())),
             FileKind::Model => Self::Model(Box::new(fantex::Mesh::load(path)?)),
         })
     }
@@ -188,7 +189,7 @@ pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
 /// Opens an asset; a model is refused.
 pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>> {
     match FileKind::of(path)? {
-        FileKind::Asset => Ok(Arc::new(Asset::open(path)?)),
+        FileKind::Asset => Ok(Arc::clone(fantex::Asset::open(path)?.shared())),
         FileKind::Look => Err(look_instead(path)),
         FileKind::Model => Err(Error::unsupported(format!(
             "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",

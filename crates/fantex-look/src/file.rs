@@ -4,11 +4,12 @@
 //! text --toml--> document with spans --check (schema)--> references --names--> Look
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::{fmt, fs};
 
-use fantex_base::{Error, Place, Result};
+use fantex_base::{Error, Place, Result, input};
 use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
@@ -39,12 +40,13 @@ impl LookFile {
             let sentence = format!("{}: the look cannot be read: {error}", path.display());
             Error::new(kind, sentence).with_path(path).with_source(error)
         };
-        let bytes = fs::metadata(path).map_err(failed)?.len();
+        let file = input::open(path).map_err(failed)?;
+        let bytes = file.metadata().map_err(failed)?.len();
         if bytes > MAX_BYTES {
             let sentence = format!("the file has {bytes} bytes; a look has at most {MAX_BYTES}");
             return Err(Error::too_large(sentence).in_file(path));
         }
-        Self::parse(&fs::read_to_string(path).map_err(failed)?, path)
+        Self::parse(&io::read_to_string(file.take(MAX_BYTES)).map_err(failed)?, path)
     }
 
     /// Takes a look from a text. `path` names it in messages, and files that it mentions lie beside it.
@@ -84,6 +86,29 @@ impl LookFile {
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The files that the textures mention, as they are named.
+    pub fn texture_files(&self) -> Vec<PathBuf> {
+        fn collect(value: &Value, files: &mut Vec<PathBuf>) {
+            match value {
+                Value::Object(members) => members.iter().for_each(|(name, value)| {
+                    let named = match value {
+                        Value::Array(list) => list.as_slice(),
+                        value => std::slice::from_ref(value),
+                    };
+                    if ["image", "images", "faces", "meta_image", "raw", "slices"].contains(&name.as_str()) {
+                        files.extend(named.iter().filter_map(Value::as_str).map(PathBuf::from));
+                    }
+                    collect(value, files);
+                }),
+                Value::Array(list) => list.iter().for_each(|value| collect(value, files)),
+                _ => {}
+            }
+        }
+        let mut files = Vec::new();
+        collect(&serde_json::to_value(&self.look.textures).unwrap_or_default(), &mut files);
+        files
     }
 
     /// A file that the look mentions, relative to the look's folder.
@@ -253,32 +278,37 @@ impl fmt::Display for Key {
 /// Textures that may need each other in a row: evaluation calls them one within the other.
 const MAX_DEPTH: usize = 64;
 
+/// Textures that are evaluated for one point, each as often as others need it.
+const MAX_EVALUATIONS: u64 = 4096;
+
 /// Checks that every name is defined and no texture needs itself.
 fn check_names(look: &Look, references: &[Reference]) -> Checked {
-    references.iter().try_for_each(|reference| check_defined(look, reference))?;
+    let objects: BTreeSet<&str> = look.object.iter().filter_map(|o| o.name.as_deref()).collect();
+    references.iter().try_for_each(|reference| check_defined(look, &objects, reference))?;
     let mut needs: BTreeMap<&str, Vec<&Reference>> = BTreeMap::new();
     for reference in references.iter().filter(|r| r.kind == ReferenceKind::Texture) {
         if let Some(owner) = reference.key.member_of("textures") {
             needs.entry(owner).or_default().push(reference);
         }
     }
-    let mut walk = Walk { needs: &needs, path: Vec::new(), depths: BTreeMap::new() };
-    needs.keys().try_for_each(|&name| walk.depth(name).map(drop))
+    let mut walk = Walk { needs: &needs, path: Vec::new(), done: BTreeMap::new() };
+    needs.keys().try_for_each(|&name| walk.visit(name).map(drop))
 }
 
-fn check_defined(look: &Look, reference: &Reference) -> Checked {
-    let known: Vec<&str> = match reference.kind {
-        ReferenceKind::Texture => look.textures.keys().map(String::as_str).collect(),
-        ReferenceKind::Material => look.materials.keys().map(String::as_str).collect(),
-        ReferenceKind::Object => look.object.iter().filter_map(|o| o.name.as_deref()).collect(),
+fn check_defined(look: &Look, objects: &BTreeSet<&str>, reference: &Reference) -> Checked {
+    let name = reference.name.as_str();
+    let is_known = match reference.kind {
+        ReferenceKind::Texture => look.textures.contains_key(name),
+        ReferenceKind::Material => look.materials.contains_key(name),
+        ReferenceKind::Object => objects.contains(name),
     };
-    if known.contains(&reference.name.as_str()) {
+    if is_known {
         return Ok(());
     }
-    let what = match reference.kind {
-        ReferenceKind::Texture => "texture",
-        ReferenceKind::Material => "material",
-        ReferenceKind::Object => "object",
+    let (what, known): (_, Vec<&str>) = match reference.kind {
+        ReferenceKind::Texture => ("texture", look.textures.keys().map(String::as_str).collect()),
+        ReferenceKind::Material => ("material", look.materials.keys().map(String::as_str).collect()),
+        ReferenceKind::Object => ("object", objects.iter().copied().collect()),
     };
     Err(mistake(reference, problem::undefined(what, &reference.name, known)))
 }
@@ -291,17 +321,17 @@ struct Walk<'r> {
     needs: &'r BTreeMap<&'r str, Vec<&'r Reference>>,
     /// From the first texture to the one that is visited.
     path: Vec<&'r str>,
-    /// Textures in the longest row from here on, of those that are done.
-    depths: BTreeMap<&'r str, usize>,
+    /// Of textures that are done: those in the longest row from here on, and evaluations for one point.
+    done: BTreeMap<&'r str, (usize, u64)>,
 }
 
 impl<'r> Walk<'r> {
-    fn depth(&mut self, name: &'r str) -> Result<usize, Mistake> {
-        if let Some(&depth) = self.depths.get(name) {
-            return Ok(depth);
+    fn visit(&mut self, name: &'r str) -> Result<(usize, u64), Mistake> {
+        if let Some(&done) = self.done.get(name) {
+            return Ok(done);
         }
         self.path.push(name);
-        let mut deepest = 0;
+        let (mut deepest, mut evaluations) = (0, 1_u64);
         for &reference in self.needs.get(name).into_iter().flatten() {
             if let Some(start) = self.path.iter().position(|&other| other == reference.name) {
                 let circle: Vec<&str> =
@@ -318,14 +348,23 @@ impl<'r> Walk<'r> {
             if self.path.len() > MAX_DEPTH {
                 return Err(too_deep());
             }
-            deepest = deepest.max(self.depth(&reference.name)?);
+            let (depth, times) = self.visit(&reference.name)?;
+            deepest = deepest.max(depth);
+            evaluations += times;
             if deepest >= MAX_DEPTH {
                 return Err(too_deep());
             }
+            if evaluations > MAX_EVALUATIONS {
+                let sentence = format!(
+                    "more than {MAX_EVALUATIONS} textures would be evaluated for each point, as several need the same ones again; put \
+                     a shared one into a table (kind = \"table\")"
+                );
+                return Err(mistake(reference, Error::malformed(sentence)));
+            }
         }
         self.path.pop();
-        self.depths.insert(name, deepest + 1);
-        Ok(deepest + 1)
+        self.done.insert(name, (deepest + 1, evaluations));
+        Ok((deepest + 1, evaluations))
     }
 }
 

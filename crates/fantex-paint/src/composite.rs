@@ -1,7 +1,5 @@
 //! Coverage to texels: a page as it is after the stroke.
 
-use std::ops::Range;
-
 use fantex_base::Result;
 use fantex_cover::{Tap, TexelTriangle};
 use fantex_mesh::interpolate;

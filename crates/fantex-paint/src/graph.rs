@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_texture::Texture;
 use glam::Vec4;
@@ -159,6 +159,27 @@ pub(crate) fn kept_folder(asset: &Path, folder: &Path) -> PathBuf {
     folder
 }
 
+/// Refuses a look that an asset keeps if it names files beyond those folders: whoever made the asset must not choose what is read.
+///
+/// # Errors
+/// It names one, and that is not [allowed](input::allow_outside).
+pub(crate) fn check_files(graph: &TextureGraph, asset: &Path) -> Result<()> {
+    // What is no look is refused where it is used.
+    let Ok(file) = LookFile::parse(&graph.look, &graph.folder.join("look.toml")) else { return Ok(()) };
+    let home = home(asset);
+    let owner = home.ancestors().take(1 + FOLDERS_UP).last().unwrap_or(&home).join("asset");
+    file.texture_files().iter().try_for_each(|name| {
+        input::check_inside(&owner, &graph.folder.join(name)).map_err(|_| {
+            let (asset, name) = (asset.display(), graph.folder.join(name));
+            Error::invalid(format!(
+                "{asset} has a layer that shows {}, which does not lie with the asset; copy it there, or allow such files \
+                 (--allow-outside)",
+                name.display()
+            ))
+        })
+    })
+}
+
 /// The folder that was kept, absolute.
 pub(crate) fn found_folder(asset: &Path, kept: &Path) -> PathBuf {
     if kept == Path::new(".") { home(asset) } else { home(asset).join(kept) }
@@ -179,6 +200,27 @@ fn absolute(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn layers_show_files_that_lie_with_the_asset() {
+        let root = std::env::temp_dir();
+        let asset = root.join("assets/a.fan");
+        let shown = |folder: &str, image: &str| {
+            let look = format!("[textures.a]\nkind = \"image\"\nimage = \"{image}\"\n");
+            check_files(&TextureGraph { look, folder: root.join(folder) }, &asset)
+        };
+        shown("assets", "x.png").unwrap();
+        shown("looks", "deep/x.png").unwrap();
+        for (folder, image) in [("../far", "x.png"), ("assets", "../../x.png"), ("assets", "/dev/zero")] {
+            let sentence = shown(folder, image).unwrap_err().to_string();
+            assert!(
+                sentence.contains("a.fan has a layer") && sentence.contains("--allow-outside"),
+                "{sentence}"
+            );
+        }
+        let look = "[textures.a]\nkind = \"color\"\ncolor = [1.0, 0.0, 0.0]\n".to_owned();
+        check_files(&TextureGraph { look, folder: root.join("../far") }, &asset).unwrap();
+    }
 
     #[test]
     fn folders_move_with_the_asset() {

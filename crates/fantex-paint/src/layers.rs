@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::composite::{PaintContext, composite, copy_blocks, replace_blocks};
 use crate::error::encoded;
-use crate::graph::{FillTextures, found_folder, kept_folder};
+use crate::graph::{FillTextures, check_files, found_folder, kept_folder};
 use crate::history::PageStep;
 use crate::painter::Changes;
 use crate::stroke_page::StrokePage;
@@ -134,6 +134,11 @@ impl Layers {
             Error::damaged(sentence).with_path(path)
         })?;
         find_folders(&mut layers.stack, path);
+        for layer in &layers.stack {
+            if let LayerContent::Graph(fill) = &layer.content {
+                check_files(&fill.graph, path)?;
+            }
+        }
         Ok(layers)
     }
 

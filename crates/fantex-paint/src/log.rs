@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_base::files::write_whole;
-use fantex_base::{Error, ErrorKind, Result};
+use fantex_base::{Error, Result, input};
 use fantex_store::{Asset, AssetEditor};
 use fantex_texture::Image;
 use xxhash_rust::xxh3::xxh3_64;
@@ -53,6 +53,7 @@ pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, Fill
     let bytes = editor.attachment(&stroke_name(number)).ok()??;
     let mut stroke: StrokeSettings =
         serde_json::from_slice(&bytes).ok().filter(|s: &StrokeSettings| !s.unrecorded)?;
+    check_logged(&stroke, editor.asset().path()).ok()?;
     find_looks(&mut stroke, editor.asset().path());
     let folder = tempfile::tempdir().ok()?;
     for name in editor.attachment_names().iter().filter(|name| name.starts_with(FILES)) {
@@ -98,6 +99,7 @@ impl StrokeLog {
                 files.push((PathBuf::from(rest), bytes));
             } else {
                 let mut stroke: StrokeSettings = serde_json::from_slice(&bytes).map_err(|_| damaged())?;
+                check_logged(&stroke, asset.path())?;
                 find_looks(&mut stroke, asset.path());
                 strokes.push(stroke);
             }
@@ -221,6 +223,21 @@ impl Portable {
         let stroke = writer.stroke(settings)?;
         Ok(Self { stroke, files: writer.files, gathers_dabs })
     }
+}
+
+/// Refuses a stroke of an asset's log that mentions files other than the log's own, or than those that lie with the asset.
+fn check_logged(stroke: &StrokeSettings, asset: &Path) -> Result<()> {
+    let stencil = stroke.stencil.as_ref().map(|stencil| &stencil.image);
+    let decal = stroke.decal.as_ref().and_then(|decal| decal.shape.as_ref());
+    let font = stroke.text.as_ref().and_then(|text| text.font.as_ref());
+    let colors = stroke.channels.iter().filter_map(|channel| match &channel.color {
+        ColorSettings::Image(path) | ColorSettings::Texture { look: LookSettings::File(path), .. } => {
+            Some(path)
+        }
+        _ => None,
+    });
+    let named = [stroke.brush.stamp.as_ref(), stencil, decal, font].into_iter().flatten().chain(colors);
+    named.into_iter().try_for_each(|path| input::check_inside(asset, path))
 }
 
 /// Folders of looks that are kept in an asset, absolute.
@@ -372,10 +389,7 @@ impl Writer<'_> {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|source| {
-        let sentence = format!("cannot read {} for the log of strokes: {source}", path.display());
-        Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
-    })
+    input::read(path).map_err(|error| error.context("the log of strokes"))
 }
 
 fn hashed_name(bytes: &[u8], extension: &str) -> String {

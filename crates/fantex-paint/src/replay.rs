@@ -19,7 +19,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec3};
@@ -58,7 +58,7 @@ impl StrokeFile {
     /// # Errors
     /// The file cannot be read, or is no stroke file of this version.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|source| Error::reading(path, source))?;
+        let bytes = input::read(path)?;
         let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
             let sentence = format!("{} is not a stroke file: {source}", path.display());
             Error::malformed(sentence).with_path(path).with_source(source)
@@ -268,8 +268,7 @@ impl Preparation<'_> {
         match look {
             LookSettings::File(path) => {
                 let path = self.folder.join(path);
-                let text = std::fs::read_to_string(&path);
-                let text = text.map_err(|source| Error::reading(&path, source))?;
+                let text = input::read_text(&path)?;
                 let folder = path.parent().unwrap_or(Path::new("")).to_owned();
                 Ok(TextureGraph { look: text, folder: absolute(folder) })
             }
@@ -322,10 +321,7 @@ impl Preparation<'_> {
             let shape = self.decal_shape(decal.shape.as_deref())?;
             (shape, self.mesh_length(decal.size)?, decal.angle, decal.mirrored)
         } else if let Some(text) = &self.settings.text {
-            let font = text.font.as_ref().map(|path| {
-                let path = self.folder.join(path);
-                std::fs::read(&path).map_err(|source| Error::reading(path, source))
-            });
+            let font = text.font.as_ref().map(|path| input::read(&self.folder.join(path)));
             let font = font.transpose()?;
             let drawn = draw_text(&text.text, font.as_deref().unwrap_or(DEFAULT_FONT));
             let drawn = drawn.map_err(|error| self.of_stroke(error))?;

@@ -336,13 +336,18 @@ fn path_between(surface: &Surface, from: SurfacePoint, to: SurfacePoint) -> Opti
     walk(surface, from, q - p, plane, Goal::Point(to))
 }
 
-/// The point so many mesh units away in a direction (mesh space, projected onto the surface). Ends at a boundary.
+/// The longest straight walk, mesh units: around a model several times.
+const MAX_WALK: f64 = 16.0;
+
+/// The point so many mesh units away in a direction (mesh space, projected onto the surface), [`MAX_WALK`] at most. Ends at a
+/// boundary.
 pub(crate) fn walk_straight(
     surface: &Surface,
     from: SurfacePoint,
     direction: DVec3,
     length: f64,
 ) -> SurfacePoint {
+    let length = length.min(MAX_WALK);
     let plane = direction.cross(surface.facet_normal(from.triangle)).try_normalize();
     let path = plane.and_then(|plane| walk(surface, from, direction, plane, Goal::Length(length)));
     path.map_or(from, |path| path.at(length))

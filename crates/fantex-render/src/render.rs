@@ -9,7 +9,7 @@
 
 use std::time::{Duration, Instant};
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_mesh::Mesh;
 use fantex_scene::{AmbientLight, Glow, Projection};
 use glam::{Vec2, Vec3, Vec4};
@@ -164,6 +164,9 @@ impl Default for RenderOptions {
 /// Longest side of a picture in pixels.
 pub const MAX_PICTURE_SIDE: u32 = 16_384;
 
+/// Memory for a pixel: in its tile and in the picture, and while the picture is written.
+const PIXEL_BYTES: u64 = 40;
+
 impl RenderOptions {
     pub(crate) fn check(&self, camera: &Camera) -> Result<()> {
         let (width, height) = (self.width, self.height);
@@ -178,6 +181,8 @@ impl RenderOptions {
                 self.samples
             )));
         }
+        let what = format_args!("a picture of {width} x {height} pixels");
+        input::reserve(what, PIXEL_BYTES * u64::from(width) * u64::from(height))?;
         camera
             .defect()
             .map_or(Ok(()), |defect| Err(Error::invalid(format!("cannot render from this camera: {defect}"))))

@@ -17,7 +17,7 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::ByteSource;
@@ -246,7 +246,9 @@ fn check_record(path: &Path, section: &'static str, record: &SectionRecord, file
     if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
         return Err(packing_error(path, section, record));
     }
-    Ok(())
+    // As stored, unpacked, and what it says.
+    let bytes = raw_length.saturating_mul(2).saturating_add(stored_length);
+    input::reserve(format_args!("the {section} section of {}", path.display()), bytes).map(drop)
 }
 
 fn unpack_section(

@@ -65,7 +65,6 @@ fn check_materials(mesh: &Mesh) -> Result<()> {
         below("material of triangle", t, material, mesh.materials.len())?;
     }
     for (index, m) in mesh.materials.iter().enumerate() {
-        limit("bytes in the name of a material", m.name.len(), MAX_NAME_BYTES)?;
         let cutoff = if let AlphaMode::Mask(cutoff) = m.alpha { cutoff } else { 0.0 };
         let scalars = [m.metallic, m.roughness, m.normal_scale, m.occlusion_strength, cutoff];
         if !(m.base_color.is_finite() && m.emission.is_finite() && scalars.iter().all(|x| x.is_finite())) {
@@ -123,8 +122,10 @@ pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
 }
 
 fn encode_material(m: &Material, out: &mut ByteWriter) {
-    out.u32(m.name.len() as u32);
-    out.put(m.name.as_bytes());
+    // A longer name is cut.
+    let name = &m.name[..m.name.floor_char_boundary(MAX_NAME_BYTES)];
+    out.u32(name.len() as u32);
+    out.put(name.as_bytes());
     out.f32s(&m.base_color.to_array());
     out.f32s(&[m.metallic, m.roughness, m.normal_scale, m.occlusion_strength]);
     out.f32s(&m.emission.to_array());

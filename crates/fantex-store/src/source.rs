@@ -37,7 +37,7 @@ pub struct FileSource {
 impl FileSource {
     /// Opens a file for reading.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self::from_file(path, Arc::new(File::open(path)?)))
+        Ok(Self::from_file(path, Arc::new(fantex_base::input::open(path)?)))
     }
 
     /// A file that has been opened for reading; `path` is for messages. From now on nobody overwrites what the asset in it

@@ -27,6 +27,9 @@ pub struct CameraKeyframe {
     pub is_cut: bool,
 }
 
+/// Time of the last keyframe of a path in a file, at most: a day.
+pub const MAX_PATH_SECONDS: f64 = 86_400.0;
+
 /// A camera's way through the world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraPath {

@@ -7,6 +7,7 @@
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, generate, load};
 use glam::DVec3;
@@ -39,6 +40,16 @@ pub fn skip(reason: &str) {
     let mut list = OpenOptions::new().create(true).append(true).open(list).unwrap();
     // One write, so that lines of several tests do not mix.
     list.write_all(format!("{reason}\n").as_bytes()).unwrap();
+}
+
+/// Seeds of an attack: so many by default; with `FANTEX_FUZZ_SECONDS` as many as that time allows, from `FANTEX_FUZZ_SEED` on.
+pub fn rounds(default: u64) -> impl Iterator<Item = u64> {
+    let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
+    let end = number("FANTEX_FUZZ_SECONDS").map(|seconds| Instant::now() + Duration::from_secs(seconds));
+    let first = number("FANTEX_FUZZ_SEED").unwrap_or(1);
+    (0..)
+        .take_while(move |&done| end.map_or(done < default, |end| Instant::now() < end))
+        .map(move |n| first + n)
 }
 
 /// A model with the default options of cleaning.

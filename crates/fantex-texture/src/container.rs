@@ -5,9 +5,10 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use fantex_base::input::Held;
 use fantex_base::{Error, Result};
 
-use crate::image_file::{ImageLimits, check_sides, too_much_memory};
+use crate::image_file::{ImageLimits, check_sides, reserve};
 use crate::{ColorSpace, Image, Samples};
 
 /// A kind of file that holds textures for graphics processors.
@@ -44,13 +45,11 @@ impl Layout {
         self.format.byte_len(self.width, self.height)
     }
 
-    fn check(&self, label: &str, limits: ImageLimits) -> Result<()> {
+    /// `stored` bytes of texels are unpacked, too.
+    fn check(&self, label: &str, stored: u64, limits: ImageLimits) -> Result<Held> {
         check_sides(label, self.width, self.height, limits)?;
         let texels = (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.images);
-        if texels.saturating_mul(self.format.decoded_bytes()) > limits.bytes {
-            return Err(too_much_memory(label, limits));
-        }
-        Ok(())
+        reserve(label, texels.saturating_mul(self.format.decoded_bytes()).saturating_add(stored), limits)
     }
 
     fn decode(&self, bytes: &[u8], default_space: ColorSpace) -> Image {
@@ -80,14 +79,15 @@ pub(crate) fn decode(
     match container {
         ContainerFormat::Ktx2 => {
             let header = Ktx2Header::parse(bytes).map_err(fail)?;
-            header.layout.check(label, limits)?;
+            let unpacked = header.layout.image_bytes().saturating_mul(header.layout.images);
+            let _held = header.layout.check(label, unpacked, limits)?;
             let level = header.level(bytes).map_err(fail)?;
             let images = level.chunks_exact(header.layout.image_bytes() as usize).take(most);
             Ok(images.map(|image| header.layout.decode(image, default_space)).collect())
         }
         ContainerFormat::Dds => {
             let header = DdsHeader::parse(bytes).map_err(fail)?;
-            header.layout.check(label, limits)?;
+            let _held = header.layout.check(label, 0, limits)?;
             let images = header.images(bytes).map_err(fail)?;
             let decoded =
                 images.into_iter().take(most).map(|image| header.layout.decode(image, default_space));

@@ -6,12 +6,11 @@
 //! multiplies.
 
 use std::borrow::Cow;
-use std::fs;
 use std::io::{Cursor, Write};
 use std::path::Path;
 
 use fantex_base::files::write_whole;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::openexr::OpenExrEncoder;
@@ -34,9 +33,9 @@ pub struct ImageLimits {
 }
 
 impl Default for ImageLimits {
-    /// 65 536 texels per side, 8 GiB.
+    /// 65 536 texels per side, and what is [left](input::memory_left) of the budget for input.
     fn default() -> Self {
-        Self { side: 65_536, bytes: 8 << 30 }
+        Self { side: 65_536, bytes: input::memory_left() }
     }
 }
 
@@ -61,15 +60,16 @@ pub(crate) fn check_sides(label: &str, width: u32, height: u32, limits: ImageLim
     Err(Error::too_large(format!("'{label}' has {width} x {height} texels; each side must be 1 to {limit}")))
 }
 
-pub(crate) fn too_much_memory(label: &str, limits: ImageLimits) -> Error {
-    let limit = limits.bytes;
-    Error::too_large(format!(
-        "'{label}' would take more than {limit} bytes of memory; raise the limit or scale the image down"
-    ))
+/// Counts what an image takes while it is decoded.
+pub(crate) fn reserve(label: &str, bytes: u64, limits: ImageLimits) -> Result<input::Held> {
+    match bytes > limits.bytes {
+        true => Err(too_much_memory(label, bytes, limits)),
+        false => Ok(input::hold(bytes)),
+    }
 }
 
-fn read_file(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).map_err(|source| Error::reading(path, source))
+fn too_much_memory(label: &str, bytes: u64, limits: ImageLimits) -> Error {
+    input::too_large(format_args!("'{label}'"), bytes, limits.bytes)
 }
 
 impl Image {
@@ -89,7 +89,7 @@ impl Image {
     /// As [`Image::load`].
     pub fn load_as(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Self> {
         let path = path.as_ref();
-        Self::decode(&read_file(path)?, &path.display().to_string(), default_space)
+        Self::decode(&input::read(path)?, &path.display().to_string(), default_space)
     }
 
     /// Reads an image from the bytes of a file with the default limits; `label` names it in errors.
@@ -123,8 +123,7 @@ impl Image {
         if !READABLE.contains(&format) {
             return Err(unknown());
         }
-        // The decoders are safe code that is meant to report errors, but not all of them keep to it on damaged data.
-        let decoded = std::panic::catch_unwind(|| {
+        let decoded = input::guarded(|| {
             if format == ImageFormat::Tiff
                 && let Some(image) = decode_numbers(bytes, label, limits)?
             {
@@ -132,7 +131,7 @@ impl Image {
             }
             Ok(from_dynamic(decode_dynamic(bytes, label, format, limits)?, default_space))
         });
-        let damaged = |_| Err(not_readable(label, format, "the data is damaged"));
+        let damaged = || Err(not_readable(label, format, "the data is damaged"));
         let mut image = decoded.unwrap_or_else(damaged)?;
         if format == ImageFormat::OpenExr {
             divide_by_alpha(&mut image);
@@ -164,7 +163,7 @@ impl Image {
     pub fn load_all(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Vec<Self>> {
         let path = path.as_ref();
         Self::decode_all(
-            &read_file(path)?,
+            &input::read(path)?,
             &path.display().to_string(),
             default_space,
             ImageLimits::default(),
@@ -233,10 +232,13 @@ fn decode_dynamic(
 ) -> Result<DynamicImage> {
     let report = |error: ImageError| match &error {
         ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::InsufficientMemory) => {
-            too_much_memory(label, limits)
+            too_much_memory(label, limits.bytes + 1, limits)
         }
         _ => not_readable(label, format, &error.to_string()).with_source(error),
     };
+    if format == ImageFormat::OpenExr {
+        check_exr(bytes, label, limits)?;
+    }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut decoder_limits = image::Limits::no_limits();
     decoder_limits.max_alloc = Some(limits.bytes);
@@ -244,10 +246,47 @@ fn decode_dynamic(
     let decoder = reader.into_decoder().map_err(report)?;
     let (width, height) = decoder.dimensions();
     check_sides(label, width, height, limits)?;
-    if decoder.total_bytes() > limits.bytes {
-        return Err(too_much_memory(label, limits));
-    }
+    let _held = reserve(label, decoder.total_bytes().saturating_mul(copies(format)), limits)?;
     DynamicImage::from_decoder(decoder).map_err(report)
+}
+
+/// How often a decoder holds an image's samples at once, rounded up; two copies hold all levels of a texture, too.
+fn copies(format: ImageFormat) -> u64 {
+    match format {
+        ImageFormat::OpenExr | ImageFormat::WebP => 3,
+        _ => 2,
+    }
+}
+
+/// Refuses OpenEXR files whose headers claim more than the file can hold or than may be allocated: the decoder believes them.
+fn check_exr(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<()> {
+    let refused = |cause: String| not_readable(label, ImageFormat::OpenExr, &cause);
+    let read = exr::meta::MetaData::read_from_buffered(bytes, false);
+    for header in read.map_err(|error| refused(error.to_string()))?.headers {
+        let [window, display] = [header.layer_size, header.shared_attributes.display_window.size];
+        for size in [window, display] {
+            let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+            check_sides(label, side(size.0), side(size.1), limits)?;
+        }
+        // Each has a place in a table of the file, and a header of its own.
+        if header.chunk_count as u64 > bytes.len() as u64 / 16 {
+            let (chunks, length) = (header.chunk_count, bytes.len());
+            return Err(refused(format!("it claims {chunks} parts in {length} bytes")));
+        }
+        let pixel_bytes = header.channels.bytes_per_pixel as u64;
+        let block = match header.blocks {
+            exr::meta::BlockDescription::Tiles(tiles) => tiles.tile_size,
+            _ => exr::math::Vec2(window.0, header.compression.scan_lines_per_block()),
+        };
+        let area = |size: exr::math::Vec2<usize>| (size.0 as u64).saturating_mul(size.1 as u64);
+        // A part is unpacked on each thread, twice.
+        let threads = 2 * rayon::current_num_threads() as u64;
+        let parts = area(block)
+            .saturating_mul(pixel_bytes)
+            .saturating_mul(threads.min(header.chunk_count as u64 + 1));
+        reserve(label, parts.saturating_add(area(window).saturating_mul(pixel_bytes)), limits)?;
+    }
+    Ok(())
 }
 
 /// A grey TIFF of signed, wide or floating-point numbers, as terrain comes in: floats as they are (those that are no number as 0),
@@ -268,9 +307,7 @@ fn decode_numbers(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<Opti
     }
     let (width, height) = decoder.dimensions().map_err(report)?;
     check_sides(label, width, height, limits)?;
-    if u64::from(width) * u64::from(height) * 12 > limits.bytes {
-        return Err(too_much_memory(label, limits));
-    }
+    let _held = reserve(label, u64::from(width) * u64::from(height) * 12, limits)?;
     let mut allowed = Limits::default();
     allowed.decoding_buffer_size = usize::try_from(limits.bytes).unwrap_or(usize::MAX);
     allowed.intermediate_buffer_size = allowed.decoding_buffer_size;

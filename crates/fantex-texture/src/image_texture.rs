@@ -23,6 +23,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use fantex_base::input::{Held, hold};
 use glam::{Vec2, Vec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -122,6 +123,8 @@ pub struct ImageTexture {
     alpha_beside_border: AlphaUse,
     /// What lies outside for [`Wrap::Border`]; straight linear RGBA.
     border: Option<Vec4>,
+    /// All levels, in the budget for input.
+    _held: Held,
 }
 
 impl ImageTexture {
@@ -145,8 +148,9 @@ impl ImageTexture {
         let alpha_beside_border = if base.has_alpha() { alpha } else { AlphaUse::Independent };
         // Where all texels count the same, nothing needs to be weighed.
         let alpha = if is_opaque(&base) { AlphaUse::Independent } else { alpha };
-        let coarser = filter::build_levels(&base, alpha).into();
-        Self { base, coarser, alpha, alpha_beside_border, border: None }
+        let coarser: Arc<[Image]> = filter::build_levels(&base, alpha).into();
+        let bytes = base.byte_len() + coarser.iter().map(Image::byte_len).sum::<usize>();
+        Self { base, coarser, alpha, alpha_beside_border, border: None, _held: hold(bytes as u64) }
     }
 
     /// The same texture (its texels are shared) with another colour outside for [`Wrap::Border`]: linear RGBA with straight

@@ -1,12 +1,11 @@
 //! Baked assets, open for reading.
 
-use std::fs::File;
 use std::io::Read;
 use std::ops::Deref;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_mesh::{SurfacePoint, TriangleBvh};
 use fantex_store::{PageCache, Sampler};
 use fantex_texture::FilterOptions;
@@ -29,6 +28,9 @@ impl FileKind {
     /// # Errors
     /// It cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
+        if fantex_stream::url_of(path).is_some() {
+            return Ok(Self::Asset);
+        }
         let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
         match extension.as_ref().and_then(|extension| extension.to_str()) {
             Some("toml") => return Ok(Self::Look),
@@ -36,7 +38,7 @@ impl FileKind {
             _ => {}
         }
         let mut start = Vec::with_capacity(4);
-        match File::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
+        match input::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
             Ok(_) if start == *b"\x89FAN" => Ok(Self::Asset),
             Ok(_) => Ok(Self::Model),
             // The loader has a sentence for folders.

@@ -5,7 +5,7 @@ use std::path::Path;
 use fantex::base::{Error, Result};
 use fantex::glam::DVec3;
 use fantex::scene::Camera;
-use fantex::stream::{CameraKeyframe, CameraPath};
+use fantex::stream::{CameraKeyframe, CameraPath, MAX_PATH_SECONDS};
 
 use crate::settings::{read_limited, write_whole};
 
@@ -42,9 +42,9 @@ pub fn load_path(path: &Path) -> Result<CameraPath> {
     let mut earliest = 0.0;
     for (number, key) in found.keyframes.iter().enumerate() {
         let seconds = key.seconds;
-        if !(seconds >= earliest && seconds.is_finite()) {
+        if !(earliest..=MAX_PATH_SECONDS).contains(&seconds) {
             return Err(refused(format!(
-                "{name}: key {number} is at {seconds} s; times must start at 0 or later and ascend"
+                "{name}: key {number} is at {seconds} s; times must start at 0 or later, ascend and end within a day"
             )));
         }
         earliest = seconds;

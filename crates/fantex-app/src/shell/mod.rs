@@ -509,6 +509,9 @@ pub struct Arguments {
     /// Memory for pages while painting, such as 512M (KiB, MiB, GiB: K, M, G)
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub memory: Option<usize>,
+    /// Let models and layers name files outside their folders
+    #[arg(long)]
+    pub allow_outside: bool,
     /// Steps that drive the viewer by itself (see docs/viewer.md); ends with exit code 1 where one fails
     #[arg(long, value_name = "JSON")]
     pub session: Option<PathBuf>,

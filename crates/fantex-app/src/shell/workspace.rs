@@ -82,6 +82,7 @@ impl Workspace {
             viewer.notices.warning(problem.to_string());
         }
         viewer.paints = start.arguments.paint;
+        fantex::base::input::allow_outside(start.arguments.allow_outside);
         viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         Self {

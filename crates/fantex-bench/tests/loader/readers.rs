@@ -239,6 +239,36 @@ fn a_server_that_goes_away_gives_errors_that_name_it() {
     }
 }
 
+#[test]
+fn a_file_that_changes_on_the_server_is_opened_anew() {
+    let (baked, server) = served(Manner::Changes);
+    let source = HttpSource::new(&server.url(), 1);
+    let mut bytes = [0; 64];
+    source.read_exact_at(&mut bytes, 0).unwrap();
+    source.read_exact_at(&mut bytes, 64).unwrap();
+    let error = source.read_exact_at(&mut bytes, 128).unwrap_err();
+    assert!(error.to_string().contains("has changed since it was opened"), "{error}");
+    assert_eq!(server.ranges().len(), 3, "it was asked for again");
+    let again = HttpSource::new(&server.url(), 1);
+    again.read_exact_at(&mut bytes, 128).unwrap();
+    assert_eq!(again.length().unwrap(), baked.asset.file_bytes());
+}
+
+#[test]
+fn redirects_lead_to_web_addresses_only() {
+    let (_, server) = served(Manner::Redirects);
+    let error = open_asset(Path::new(&server.url())).unwrap_err();
+    assert!(error.to_string().contains("redirects to file:///etc/passwd"), "{error}");
+}
+
+#[test]
+fn a_server_that_dribbles_is_given_up() {
+    let (_, server) = served(Manner::Dribbles);
+    let source = HttpSource::with_request_time(&server.url(), 1, Duration::from_millis(200));
+    let error = source.read_at(&mut [0; 4096], 0).unwrap_err();
+    assert_eq!(error.kind(), io::ErrorKind::TimedOut, "{error}");
+}
+
 // A web server of one file, written for these tests.
 
 /// How the server behaves.
@@ -254,6 +284,12 @@ pub(crate) enum Manner {
     Busy,
     /// Has no such file.
     Nothing,
+    /// Has another version of the file from the third request on.
+    Changes,
+    /// Sends everybody to a file of the reader's own system.
+    Redirects,
+    /// Sends a byte now and then.
+    Dribbles,
 }
 
 struct Site {
@@ -362,6 +398,12 @@ impl Site {
             output.write_all(b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\n\r\n")?;
             return Ok(true);
         }
+        if self.manner == Manner::Redirects {
+            output.write_all(
+                b"HTTP/1.1 302 Found\r\nLocation: file:///etc/passwd\r\nContent-Length: 0\r\n\r\n",
+            )?;
+            return Ok(true);
+        }
         let Some((first, last)) = range.filter(|_| self.manner != Manner::WholeFiles) else {
             write!(output, "HTTP/1.1 200 OK\r\nContent-Length: {length}\r\n\r\n")?;
             output.write_all(&self.bytes)?;
@@ -378,9 +420,20 @@ impl Site {
         let body = &self.bytes[first as usize..=last as usize];
         write!(
             output,
-            "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {first}-{last}/{length}\r\nContent-Length: {}\r\n\r\n",
+            "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {first}-{last}/{length}\r\nContent-Length: {}\r\n",
             body.len()
         )?;
+        if self.manner == Manner::Changes {
+            let is_later = self.requests.load(Ordering::SeqCst) > 2;
+            write!(output, "ETag: \"{}\"\r\n", if is_later { "b" } else { "a" })?;
+        }
+        output.write_all(b"\r\n")?;
+        if self.manner == Manner::Dribbles {
+            for byte in body {
+                output.write_all(&[*byte])?;
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
         let drops = self.manner == Manner::Drops && is_third;
         output.write_all(if drops { &body[..body.len() / 2] } else { body })?;
         Ok(!drops)

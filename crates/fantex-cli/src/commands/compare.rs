@@ -224,7 +224,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    fn show_damage(&self, context: &Context) {
+    fn show_damage(&self, context: &Context) -> Result<()> {
         match self {
             Self::Scene { scene, .. } => scene.show_damage(context),
             Self::Look(look) => show_damaged_tiles(look, context),
@@ -253,7 +253,7 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         views.push(compare_view(&pictures, files, context)?);
         context.check_interrupt()?;
     }
-    [&a, &b].into_iter().for_each(|file| file.show_damage(context));
+    [&a, &b].into_iter().try_for_each(|file| file.show_damage(context))?;
     let mean = |of: fn(&ViewComparison) -> f64| {
         views.iter().map(|(view, _)| of(view)).sum::<f64>() / views.len() as f64
     };

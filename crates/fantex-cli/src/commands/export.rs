@@ -33,7 +33,7 @@ A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A si
 .ktx2 and lies as in the model. A turntable becomes one animated PNG (.png) or numbered pictures in a folder.
 Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
 pub(crate) struct ExportArgs {
-    /// An asset (.fan)
+    /// An asset (.fan, also at an http:// or https:// address)
     asset: PathBuf,
     /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder
     #[arg(short, long, value_name = "FILE")]

@@ -1,5 +1,6 @@
 //! `fantex paint`: strokes onto an asset.
 
+use std::error::Error as _;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -8,7 +9,7 @@ use std::time::Instant;
 use clap::Args;
 use fantex::base::files::{persist, temporary_file};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
-use fantex::{Error, Result};
+use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
 use super::view;
@@ -106,7 +107,9 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let strokes = match (&args.replay, &args.replay_log) {
         (None, None) => {
             let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
-            return view::run(&["--paint".into(), memory.into(), args.asset.clone().into()]);
+            let mut arguments = vec!["--paint".into(), memory.into(), args.asset.clone().into()];
+            arguments.extend(context.allow_outside.then(|| "--allow-outside".into()));
+            return view::run(&arguments);
         }
         (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
@@ -116,7 +119,19 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         Some(output) => {
             context.check_output(output)?;
             let copy = copy_beside(&args.asset, output)?;
-            let info = paint(&copy, &strokes, args, context)?;
+            let info = paint(&copy, &strokes, args, context).map_err(|error| {
+                // Its sentence names the copy, which goes away.
+                match error.path() == Some(&*copy) && error.kind() == ErrorKind::Io {
+                    true => {
+                        let why =
+                            error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
+                        let sentence =
+                            format!("cannot write {}: {why}; nothing was written", output.display());
+                        Error::new(ErrorKind::Io, sentence).with_path(output)
+                    }
+                    false => error,
+                }
+            })?;
             persist(copy, output, context.force)?;
             PaintInfo { output: output.clone(), ..info }
         }
@@ -145,7 +160,7 @@ fn missing(unrecorded: usize) -> String {
 
 fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
     let log = StrokeLog::of(&*open_asset(asset)?)?;
-    context.check_output(output)?;
+    context.check_output_of(output, asset)?;
     log.save(output)?;
     let strokes = &log.strokes.strokes;
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
@@ -179,7 +194,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
 fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath> {
     let write = |error| Error::writing(output, error);
     let mut copy = temporary_file(output, ".tmp").map_err(write)?;
-    let mut from = std::fs::File::open(asset).map_err(|error| Error::reading(asset, error))?;
+    let mut from = fantex::base::input::open(asset).map_err(|error| Error::reading(asset, error))?;
     io::copy(&mut from, copy.as_file_mut()).map_err(write)?;
     Ok(copy.into_temp_path())
 }

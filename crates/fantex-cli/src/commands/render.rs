@@ -36,7 +36,7 @@ Example:
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an http:// or https:// address) or a look (.toml)
     file: PathBuf,
     /// A look (.toml) for the model: materials, lamps, surroundings, camera
     #[arg(long, value_name = "LOOK")]
@@ -142,7 +142,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         let surface = scene.surface(filter)?;
         let Rendering { picture, stats } =
             render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
-        scene.show_damage(context);
+        scene.show_damage(context)?;
         info.seconds = stats.elapsed.as_secs_f64();
         info.triangles = stats.triangles;
         info.shaded = Some(stats.shaded);
@@ -303,15 +303,17 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
         info.pictures.push(path);
         context.check_interrupt()?;
     }
-    show_damaged_tiles(&scene, context);
+    show_damaged_tiles(&scene, context)?;
     context.print(&info, look_text)
 }
 
 /// Notes damaged tiles that rendering has met.
-pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
+pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) -> Result<()> {
     match scene.damaged_tiles() {
-        0 => {}
-        count => context.note(format!("coarser texels stand in for {}", counted(count, "damaged tile"))),
+        0 => Ok(()),
+        count => {
+            context.report_damage(format!("coarser texels stand in for {}", counted(count, "damaged tile")))
+        }
     }
 }
 

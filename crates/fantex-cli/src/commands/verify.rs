@@ -20,7 +20,7 @@ Example:
   fantex verify bottle.fan
   fantex verify bottle.fan --json")]
 pub(crate) struct VerifyArgs {
-    /// An asset (.fan)
+    /// An asset (.fan, also at an http:// or https:// address)
     asset: PathBuf,
 }
 
@@ -52,8 +52,8 @@ struct VerifyInfo {
 pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     // Opening says what is wrong with files of other kinds.
-    drop(open_asset(&args.asset)?);
-    let report = store::verify(&args.asset, &VerifyOptions { memory_bytes: context.memory_bytes as usize })?;
+    let asset = open_asset(&args.asset)?;
+    let report = store::verify_asset(&asset, &VerifyOptions { memory_bytes: context.memory_bytes as usize });
     let continuity = &report.continuity;
     let info = VerifyInfo {
         ok: report.ok,

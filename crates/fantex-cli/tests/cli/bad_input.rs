@@ -322,6 +322,42 @@ fn an_interrupted_export_leaves_nothing() {
     assert!(files(&output_folder).is_empty(), "{:?}", files(&output_folder));
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_replay_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("bottle.fan");
+    succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--texels", &"64k"]);
+    let stroke = r#"{ "brush": { "size": { "world": 5 } }, "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }],
+        "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] } }] }"#;
+    let strokes = format!(r#"{{ "version": 1, "strokes": [{}] }}"#, vec![stroke; 20_000].join(","));
+    let strokes = write(folder.path(), "strokes.json", strokes);
+    let output_folder = folder.path().join("out");
+    std::fs::create_dir(&output_folder).unwrap();
+    let mut paint = fantex()
+        .arg("paint")
+        .arg(&asset)
+        .arg("--replay")
+        .arg(&strokes)
+        .arg("-o")
+        .arg(output_folder.join("out.fan"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let deadline = Instant::now() + Duration::from_secs(120);
+    // The copy and its lock.
+    while files(&output_folder).len() < 2 {
+        assert!(paint.try_wait().unwrap().is_none(), "the replay ended before it could be interrupted");
+        assert!(Instant::now() < deadline, "the replay did not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let sent = Command::new("kill").args(["-INT", &paint.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = paint.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(files(&output_folder).is_empty(), "{:?}", files(&output_folder));
+}
+
 /// Every output on a medium that takes 4 KiB of a file: an error in one sentence, no rest, and what was there is as it was.
 #[cfg(unix)]
 #[test]

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod export_and_paint;
+mod hostile;
 mod looks;
 mod photographs;
 mod round_trip;

@@ -14,13 +14,12 @@ mod ply;
 mod polygon;
 mod stl;
 
-use std::fs::File;
+use std::fmt;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
-use std::{fmt, io};
 
 use fantex_base::srgb::linear_from_srgb;
-use fantex_base::{Error, ErrorKind, Result, counted};
+use fantex_base::{Error, ErrorKind, Result, counted, input};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -52,6 +51,11 @@ impl Default for LoadLimits {
     }
 }
 
+/// Memory of a triangle and of a position, with what is worked out from them: corners, normals, texture coordinates, the
+/// triangles beside it.
+const TRIANGLE_BYTES: u64 = 64;
+const POSITION_BYTES: u64 = 24;
+
 /// How to load a model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
@@ -79,6 +83,9 @@ pub struct LoadOptions {
 /// What the file, the place in it and what was expected there are. A model without a single triangle
 /// is an error too.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
+    if path.is_dir() {
+        return Err(about(path, ErrorKind::Unsupported, "is a folder; name a model file in it"));
+    }
     load_bytes(path, &read_file(path, &options.limits)?, options)
 }
 
@@ -117,22 +124,18 @@ pub(crate) struct SourceFile<'a> {
 }
 
 impl SourceFile<'_> {
-    /// The folder that relative paths in the file refer to.
-    pub(crate) fn folder(&self) -> &Path {
-        self.path.parent().unwrap_or(Path::new(""))
-    }
-
     pub(crate) fn check_triangles(&self, count: usize) -> Result<()> {
-        self.check("triangles", count, self.limits.max_triangles)
+        self.check("triangles", count, self.limits.max_triangles, TRIANGLE_BYTES)
     }
 
     pub(crate) fn check_positions(&self, count: usize) -> Result<()> {
-        self.check("positions", count, self.limits.max_positions)
+        self.check("positions", count, self.limits.max_positions, POSITION_BYTES)
     }
 
-    fn check(&self, what: &str, count: usize, limit: usize) -> Result<()> {
+    fn check(&self, what: &str, count: usize, limit: usize, bytes: u64) -> Result<()> {
         if count <= limit {
-            return Ok(());
+            let sentence = format_args!("{} with {count} {what}", self.path.display());
+            return input::reserve(sentence, (count as u64).saturating_mul(bytes)).map(drop);
         }
         let sentence = format!("has {count} {what}, more than the limit of {limit}");
         Err(about(self.path, ErrorKind::TooLarge, sentence))
@@ -147,11 +150,9 @@ pub(crate) fn about(path: &Path, kind: ErrorKind, rest: impl fmt::Display) -> Er
 /// Reads a whole regular file of at most `max_file_bytes`.
 fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
     let failed = |source| Error::reading(path, source);
-    let file = File::open(path).map_err(failed)?;
+    let file = input::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
-    if metadata.is_dir() {
-        return Err(about(path, ErrorKind::Unsupported, "is a folder; name a model file in it"));
-    }
+    let _held = input::reserve(path.display(), metadata.len()).map_err(|error| error.with_path(path))?;
     let too_large = |bytes| {
         let limit = limits.max_file_bytes;
         about(path, ErrorKind::TooLarge, format!("has {bytes} bytes, more than the limit of {limit}"))
@@ -164,7 +165,7 @@ fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
         let bytes = metadata.len();
         about(path, ErrorKind::TooLarge, format!("has {bytes} bytes, more than there is memory for"))
     })?;
-    // A pipe or a growing file may hold more than its metadata says, so the limit is enforced here as well.
+    // A growing file may hold more than its metadata says, so the limit is enforced here as well.
     file.take(limits.max_file_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limits.max_file_bytes {
         return Err(too_large(bytes.len() as u64));
@@ -366,17 +367,6 @@ fn parsed<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
 
 // Files that a model names: where they are, and their bytes.
 
-/// Reads a file that a model names. Only regular files: a path from a file must not make us read a device.
-fn read_companion(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
-    match std::fs::metadata(path) {
-        Ok(metadata) if !metadata.is_file() => {
-            let source = io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file");
-            Err(Error::reading(path, source))
-        }
-        _ => read_file(path, limits),
-    }
-}
-
 /// A path as written in a file from any system: backslashes separate too; of an absolute path only the name is kept,
 /// because it points into the author's computer.
 fn relative_path(written: &str) -> Option<PathBuf> {
@@ -386,10 +376,18 @@ fn relative_path(written: &str) -> Option<PathBuf> {
     (!path.is_empty()).then(|| PathBuf::from(path))
 }
 
-/// Where a relative path leads from a folder. Models from systems that do not tell upper from lower case name
+/// Where a relative path leads that a file names. Models from systems that do not tell upper from lower case name
 /// `Textures/Oak.PNG` where `textures/oak.png` lies: a name that is not there stands for the first one that differs
 /// in case only.
-fn locate(folder: &Path, relative: &Path) -> PathBuf {
+///
+/// # Errors
+/// It leads out of the file's folder, and that is not [allowed](input::allow_outside).
+fn locate(owner: &Path, relative: &Path) -> Result<PathBuf> {
+    input::check_inside(owner, relative)?;
+    Ok(located(owner.parent().unwrap_or(Path::new("")), relative))
+}
+
+fn located(folder: &Path, relative: &Path) -> PathBuf {
     let exact = folder.join(relative);
     if exact.exists() {
         return exact;

@@ -12,7 +12,7 @@ use fantex_base::{Error, Result};
 use glam::{Mat3, Vec2, Vec3};
 
 use super::obj::{at_line, line_end, not_a_number, number, too_few_numbers, words};
-use crate::load::{SourceFile, linear_rgba, locate, read_companion, relative_path, shown};
+use crate::load::{SourceFile, linear_rgba, locate, read_file, relative_path, shown};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
 #[derive(Default)]
@@ -35,11 +35,17 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
     let mut done = HashSet::new();
     for name in names {
         let Some(relative) = relative_path(name) else { continue };
-        let path = locate(file.folder(), &relative);
+        let path = match locate(file.path, &relative) {
+            Ok(path) => path,
+            Err(error) => {
+                library.notes.push(error.to_string());
+                continue;
+            }
+        };
         if !done.insert(path.clone()) {
             continue;
         }
-        match read_companion(&path, &file.limits) {
+        match read_file(&path, &file.limits) {
             Ok(bytes) => Reader::new(&path, &mut library).read(&bytes)?,
             Err(error) => match error.source() {
                 Some(why) => library.notes.push(format!("the material file {name} cannot be read: {why}")),
@@ -209,7 +215,8 @@ impl<'a> Reader<'a> {
     fn texture(&mut self, arguments: &[u8]) -> Option<ParsedTexture> {
         let text = String::from_utf8_lossy(arguments).into_owned();
         let options = MapOptions::parse(&text);
-        let path = locate(self.path.parent().unwrap_or(Path::new("")), &relative_path(options.file_name)?);
+        let path = locate(self.path, &relative_path(options.file_name)?);
+        let path = path.map_err(|error| self.library.notes.push(error.to_string())).ok()?;
         let wrap = if options.clamp { WrapMode::Clamp } else { WrapMode::Repeat };
         let texture = TextureRef {
             image: self.image(path),

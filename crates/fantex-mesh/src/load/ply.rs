@@ -734,7 +734,7 @@ fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> 
         pad(&mut faces.colors_srgb, count, Vec4::ONE);
         model.corners.colors = faces.colors_srgb.iter().flat_map(|color| [linear(color); 3]).collect();
     }
-    attach_textures(&mut model, file, header, &mut faces);
+    attach_textures(&mut model, file, header, &mut faces)?;
     if faces.short > 0 {
         let short = counted(faces.short, "face");
         model.notes.push(format!("skipped {short} with fewer than three corners"));
@@ -750,9 +750,9 @@ fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> 
 }
 
 /// One material per `TextureFile` comment; faces choose by `texnumber`.
-fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces: &mut Faces) {
+fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces: &mut Faces) -> Result<()> {
     if header.texture_files.is_empty() || model.corners.uv_sets.is_empty() {
-        return;
+        return Ok(());
     }
     for (image, name) in header.texture_files.iter().enumerate() {
         let texture = TextureRef {
@@ -770,7 +770,7 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
         };
         model.materials.push(material);
         let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
-        model.images.push(ImageSource::File(locate(file.folder(), &path)));
+        model.images.push(ImageSource::File(locate(file.path, &path)?));
     }
     if header.texture_files.len() > 1 {
         let last = header.texture_files.len() as i64 - 1;
@@ -779,4 +779,5 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
         model.triangle_materials =
             faces.textures.iter().map(|t| t.clamp(&0, &last)).map(|&t| t as u32).collect();
     }
+    Ok(())
 }

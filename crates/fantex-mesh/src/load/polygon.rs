@@ -16,7 +16,13 @@ pub(crate) struct Triangulator {
     previous: Vec<u32>,
     /// Corners that may lie inside an ear: those that are not strictly convex.
     blockers: Vec<u32>,
+    /// Comparisons of ears with blockers that are left.
+    comparisons: usize,
 }
+
+/// Comparisons for one polygon, beyond which it is cut without looking: enough for outlines of 16 384 corners of which a handful
+/// are tried for each cut, and for any of up to 600.
+const MAX_COMPARISONS: usize = 1 << 28;
 
 impl Triangulator {
     /// Calls `emit` with corner numbers (`0..corners.len()`) of `corners.len() - 2` triangles.
@@ -79,14 +85,16 @@ impl Triangulator {
         self.previous.extend((0..count as u32).map(|i| (i + count as u32 - 1) % count as u32));
         let blockers = (0..count).filter(|&i| self.turn(self.ear(i)) <= 0.0).map(|i| i as u32).collect();
         self.blockers = blockers;
-
+        self.comparisons = MAX_COMPARISONS;
         let mut left = count;
         let mut tip = 0;
         let mut tried = 0;
         while left > 3 {
-            // Where no ear is left (the outline crosses itself), anything that keeps the corner count right will do.
-            let give_up = tried >= left;
-            if !give_up && !self.is_ear(tip) {
+            // Where no ear is left (the outline crosses itself), anything that keeps the corner count right will do, from then on.
+            if tried >= left {
+                self.comparisons = 0;
+            }
+            if self.comparisons > 0 && !self.is_ear(tip) {
                 tip = self.next[tip] as usize;
                 tried += 1;
                 continue;
@@ -119,11 +127,13 @@ impl Triangulator {
     }
 
     /// A corner is an ear if it turns left and no other corner lies inside or on the cut.
-    fn is_ear(&self, tip: usize) -> bool {
+    fn is_ear(&mut self, tip: usize) -> bool {
         let [a, b, c] = self.ear(tip);
+        self.comparisons = self.comparisons.saturating_sub(1);
         if self.turn([a, b, c]) <= 0.0 {
             return false;
         }
+        self.comparisons = self.comparisons.saturating_sub(self.blockers.len());
         let own = [self.previous[tip], tip as u32, self.next[tip]];
         !self.blockers.iter().any(|i| {
             let p = self.projected[*i as usize];

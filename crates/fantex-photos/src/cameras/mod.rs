@@ -165,7 +165,7 @@ fn checked_name(name: &str) -> Result<String> {
 /// Opens a file of cameras that is not longer than `limit`.
 fn open_within(path: &Path, limit: u64) -> Result<std::fs::File> {
     let failed = |source| Error::reading(path, source);
-    let file = std::fs::File::open(path).map_err(failed)?;
+    let file = fantex_base::input::open(path).map_err(failed)?;
     let bytes = file.metadata().map_err(failed)?.len();
     if bytes > limit {
         let message = format!("{} has {bytes} bytes, more than the limit of {limit}", path.display());

@@ -12,6 +12,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use fantex_base::files::{forget, remember};
 use fantex_base::{Error, ErrorKind, Result};
 
 use crate::write_error;
@@ -67,6 +68,10 @@ impl LockFile {
             }
             // The writer before may have removed the file between our opening and locking it.
             if is_same_file(&file, &lock_path) {
+                // Sharing what is open keeps the lock.
+                if let Ok(same) = file.try_clone() {
+                    remember(&lock_path, same);
+                }
                 return Ok(Self { path: lock_path, _file: file });
             }
         }
@@ -77,6 +82,7 @@ impl Drop for LockFile {
     fn drop(&mut self) {
         // A file that stays locks nobody out.
         std::fs::remove_file(&self.path).unwrap_or_default();
+        forget(&self.path);
     }
 }
 

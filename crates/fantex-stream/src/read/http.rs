@@ -4,10 +4,11 @@ use std::io;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fantex_store::ByteSource;
-use ureq::http::{HeaderMap, StatusCode, header};
+use ureq::Body;
+use ureq::http::{HeaderMap, HeaderValue, Response, StatusCode, header};
 
 use super::file::{ReadBuffer, start_threads};
 use super::{LaneReader, MAX_READ_BYTES, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
@@ -20,7 +21,21 @@ pub struct HttpSource {
     location: PathBuf,
     agent: ureq::Agent,
     length: OnceLock<u64>,
+    /// Tag or date of the file that the first answer came from; none where the server tells neither.
+    version: OnceLock<Option<HeaderValue>>,
 }
+
+/// Bytes that are asked for at once.
+const MAX_REQUEST_BYTES: usize = 4 << 20;
+
+/// Time for one request: 70 kB/s for the longest.
+const MAX_REQUEST_TIME: Duration = Duration::from_secs(60);
+
+/// Time after which a read that failed is not tried again.
+const MAX_READ_TIME: Duration = Duration::from_secs(90);
+
+/// Redirects of one request.
+const MAX_REDIRECTS: u32 = 8;
 
 /// A server's answer that cannot be used.
 fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> io::Error {
@@ -58,8 +73,14 @@ fn client_error(error: ureq::Error) -> io::Error {
 }
 
 impl HttpSource {
-    /// A file at a URL (`http://` or `https://`), read over at most `connections` at a time. Sends nothing yet.
+    /// A file at a URL (`http://` or `https://`), read over at most `connections` at a time. A request ends after a minute. Sends
+    /// nothing yet.
     pub fn new(url: &str, connections: usize) -> Self {
+        Self::with_request_time(url, connections, MAX_REQUEST_TIME)
+    }
+
+    /// As [`HttpSource::new`], with another time for a request of at most 4 MiB, all redirects and the whole answer included.
+    pub fn with_request_time(url: &str, connections: usize, time: Duration) -> Self {
         let config = ureq::Agent::config_builder()
             .http_status_as_error(false)
             .accept_encoding("identity")
@@ -68,12 +89,16 @@ impl HttpSource {
             .timeout_connect(Some(Duration::from_secs(10)))
             .timeout_recv_response(Some(Duration::from_secs(20)))
             .timeout_per_read(Some(Duration::from_secs(20)))
+            .timeout_global(Some(time))
+            .max_redirects(0)
+            .max_redirects_will_error(false)
             .build();
         Self {
             url: url.to_owned(),
             location: PathBuf::from(url),
             agent: config.new_agent(),
             length: OnceLock::new(),
+            version: OnceLock::new(),
         }
     }
 
@@ -82,16 +107,62 @@ impl HttpSource {
         &self.url
     }
 
+    /// The answer to a request for a range, behind all redirects. A range of another version of the file is not asked for.
+    fn request(&self, range: &str) -> io::Result<Response<Body>> {
+        let mut url = self.url.clone();
+        for _ in 0..=MAX_REDIRECTS {
+            let mut request = self.agent.get(&url).header(header::RANGE, range);
+            // Weak tags are not for ranges.
+            if let Some(Some(version)) = self.version.get()
+                && !version.as_bytes().starts_with(b"W/")
+            {
+                request = request.header(header::IF_RANGE, version);
+            }
+            let response = request.call().map_err(client_error)?;
+            let target = response.headers().get(header::LOCATION).and_then(|target| target.to_str().ok());
+            match target.filter(|_| matches!(response.status().as_u16(), 301 | 302 | 303 | 307 | 308)) {
+                Some(target) => url = redirected(&url, target)?,
+                None => return Ok(response),
+            }
+        }
+        Err(server_error(
+            io::ErrorKind::InvalidInput,
+            format!("the server redirects more than {MAX_REDIRECTS} times"),
+        ))
+    }
+
+    /// Reads at most one request's bytes. Queued reads are made once; their owner retries.
+    fn read_part(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        let started = Instant::now();
+        for attempt in 0..RetryPolicy::NETWORK.retries {
+            match self.read_once(bytes, offset) {
+                Err(error) if is_transient(&error) && started.elapsed() < MAX_READ_TIME => {
+                    std::thread::sleep(RetryPolicy::NETWORK.pause(attempt));
+                }
+                result => return result,
+            }
+        }
+        self.read_once(bytes, offset)
+    }
+
     /// Reads, in one request, the bytes from `offset` on; returns how many there were.
     fn read_once(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
         let Some(last) = (bytes.len() as u64).checked_sub(1) else { return Ok(0) };
         let range = format!("bytes={offset}-{}", offset.saturating_add(last));
-        let response = self.agent.get(&self.url).header(header::RANGE, range).call();
-        let mut response = response.map_err(client_error)?;
+        let mut response = self.request(&range)?;
+        let found = version(response.headers());
+        if let (Some(Some(known)), Some(found)) = (self.version.get(), &found)
+            && known != found
+            && response.status().is_success()
+        {
+            let message = "the file on the server has changed since it was opened; open it again";
+            return Err(server_error(io::ErrorKind::Unsupported, message));
+        }
         let expected = match response.status() {
             StatusCode::PARTIAL_CONTENT => {
                 let range = content_range(response.headers()).ok_or_else(other_range)?;
                 self.length.get_or_init(|| range.total);
+                self.version.get_or_init(|| found);
                 match range.first_last {
                     Some((first, last)) if first == offset && last >= first => {
                         (last - first + 1).min(bytes.len() as u64) as usize
@@ -149,17 +220,44 @@ impl ByteSource for HttpSource {
     }
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
-        // Queued reads are made once; their owner retries.
-        for attempt in 0..RetryPolicy::NETWORK.retries {
-            match self.read_once(bytes, offset) {
-                Err(error) if is_transient(&error) => {
-                    std::thread::sleep(RetryPolicy::NETWORK.pause(attempt));
-                }
-                result => return result,
+        let mut filled = 0;
+        for part in bytes.chunks_mut(MAX_REQUEST_BYTES) {
+            let got = self.read_part(part, offset + filled as u64)?;
+            filled += got;
+            if got < part.len() {
+                break;
             }
         }
-        self.read_once(bytes, offset)
+        Ok(filled)
     }
+}
+
+/// Where a redirect leads.
+fn redirected(url: &str, target: &str) -> io::Result<String> {
+    let (scheme, rest) = url.split_once("://").unwrap_or(("http", url));
+    let host = rest.split(['/', '?']).next().unwrap_or(rest);
+    let lower = target.to_ascii_lowercase();
+    if lower.starts_with("http://") || lower.starts_with("https://") {
+        return Ok(target.to_owned());
+    }
+    if let Some(rest) = target.strip_prefix("//") {
+        return Ok(format!("{scheme}://{rest}"));
+    }
+    if target.starts_with('/') {
+        return Ok(format!("{scheme}://{host}{target}"));
+    }
+    if target.split(['/', '?', '#']).next().is_some_and(|start| start.contains(':')) {
+        let message = format!("the server redirects to {target}, which is no http:// or https:// address");
+        return Err(server_error(io::ErrorKind::InvalidInput, message));
+    }
+    let path = rest.split('?').next().unwrap_or(rest);
+    let folder = path.rfind('/').map_or(host, |end| &path[..end]);
+    Ok(format!("{scheme}://{folder}/{target}"))
+}
+
+/// What tells versions of a file apart.
+fn version(headers: &HeaderMap) -> Option<HeaderValue> {
+    headers.get(header::ETAG).or_else(|| headers.get(header::LAST_MODIFIED)).cloned()
 }
 
 /// A `Content-Range` header: first and last byte (none where the request could not be met), and the file's length.
@@ -206,6 +304,23 @@ pub fn http_reader(source: Arc<HttpSource>, connections: usize) -> io::Result<La
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn redirects_stay_on_the_web() {
+        let to = |target| redirected("http://a.org:80/x/y.fan?z=1", target);
+        for (target, url) in [
+            ("https://b.org/c", "https://b.org/c"),
+            ("//b.org/c", "http://b.org/c"),
+            ("/c?d:e", "http://a.org:80/c?d:e"),
+            ("c.fan", "http://a.org:80/x/c.fan"),
+        ] {
+            assert_eq!(to(target).unwrap(), url);
+        }
+        for target in ["file:///etc/passwd", "FILE:/etc/passwd", "ftp://b.org/c"] {
+            let sentence = to(target).unwrap_err().to_string();
+            assert!(sentence.contains(target) && sentence.contains("no http://"), "{sentence}");
+        }
+    }
 
     #[test]
     fn content_ranges_are_understood_or_refused() {

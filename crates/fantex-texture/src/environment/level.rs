@@ -31,6 +31,10 @@ pub(super) struct Level {
 }
 
 impl Level {
+    pub(super) fn byte_len(&self) -> usize {
+        size_of_val(self.texels.as_slice())
+    }
+
     /// A level whose texels are given chart by chart, row by row. Texels outside a disc are ignored.
     pub(super) fn new(form: EnvironmentForm, size: [u32; 2], inner: &[Vec3A]) -> Self {
         let [width, height] = size.map(|n| n as usize);

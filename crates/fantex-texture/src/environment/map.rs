@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::input::{Held, hold, reserve};
 use fantex_base::{Error, Result};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
@@ -27,6 +28,8 @@ pub(super) const BRIGHTEST: f32 = 65_504.0;
 #[derive(Clone)]
 pub struct EnvironmentMap {
     levels: Vec<Level>,
+    /// In the budget for input.
+    _held: Held,
 }
 
 impl fmt::Debug for EnvironmentMap {
@@ -82,7 +85,8 @@ impl EnvironmentMap {
         while let Some(coarser) = levels.last().and_then(halve) {
             levels.push(coarser);
         }
-        Self { levels }
+        let bytes: usize = levels.iter().map(Level::byte_len).sum();
+        Self { levels, _held: hold(bytes as u64) }
     }
 
     /// The layout of the directions.
@@ -285,7 +289,9 @@ impl EnvironmentMap {
 fn load_within_limit(path: &Path) -> Result<(&Path, Image)> {
     let image = Image::load(path)?;
     let (width, height) = (image.width, image.height);
-    if u64::from(width) * u64::from(height) > MAX_TEXELS {
+    let texels = u64::from(width) * u64::from(height);
+    drop(reserve(format_args!("the environment '{}'", path.display()), texels.saturating_mul(21))?);
+    if texels > MAX_TEXELS {
         let message = format!(
             "'{}' has {width} x {height} texels, more than the {MAX_TEXELS} that an environment may have; scale it down",
             path.display()

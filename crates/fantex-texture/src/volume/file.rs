@@ -7,7 +7,7 @@ use std::io;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Place, Result};
+use fantex_base::{Error, Place, Result, input};
 use glam::Vec3;
 
 use super::{Volume, bytes_with_levels, checked_samples, sample_bytes};
@@ -58,7 +58,7 @@ impl Volume {
     pub fn load_meta_image(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Self> {
         let path = path.as_ref();
         let mut start = Vec::new();
-        let opened = File::open(path).and_then(|f| f.take(MAX_HEADER_BYTES as u64).read_to_end(&mut start));
+        let opened = input::open(path).and_then(|f| f.take(MAX_HEADER_BYTES as u64).read_to_end(&mut start));
         opened.map_err(|source| Error::reading(path, source))?;
         let Header { mut layout, spacing, data, is_at_end } = parse(&start, path)?;
         let data_path = match &data {
@@ -104,7 +104,7 @@ fn load(path: &Path, layout: RawLayout, is_at_end: bool, memory_bytes: u64) -> R
     let needed = bytes_with_levels(layout.size, layout.channels, layout.depth);
     check_memory(path, needed, memory_bytes)?;
     let read_error = |source| Error::reading(path, source);
-    let mut file = File::open(path).map_err(read_error)?;
+    let mut file = input::open(path).map_err(read_error)?;
     let length = file.metadata().map_err(read_error)?.len();
     let skip = if is_at_end { length.saturating_sub(layout.byte_len()) } else { layout.skip };
     let expected = layout.byte_len().saturating_add(skip);
@@ -118,15 +118,12 @@ fn load(path: &Path, layout: RawLayout, is_at_end: bool, memory_bytes: u64) -> R
 }
 
 fn check_memory(path: &Path, needed: u64, limit: u64) -> Result<()> {
+    let limit = limit.min(input::memory_left());
     if needed <= limit {
         return Ok(());
     }
-    let message = format!(
-        "'{}' would take {needed} bytes of memory with its levels, {limit} are allowed; raise the limit or scale the volume \
-         down",
-        path.display()
-    );
-    Err(Error::too_large(message).with_path(path))
+    let what = format!("'{}' with its levels", path.display());
+    Err(input::too_large(what, needed, limit).with_path(path))
 }
 
 fn read_samples(file: &mut File, layout: &RawLayout) -> io::Result<Samples> {

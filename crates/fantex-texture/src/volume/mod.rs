@@ -8,6 +8,7 @@ mod file;
 
 use std::sync::Arc;
 
+use fantex_base::input::{Held, hold};
 use fantex_base::{Error, Result};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -276,6 +277,8 @@ pub struct VolumeTexture {
     /// Level 1 and up.
     coarser: Vec<Volume>,
     alpha: AlphaUse,
+    /// All levels, in the budget for input.
+    _held: Held,
 }
 
 /// Most cells along an edge of the footprint in a mean over it.
@@ -291,7 +294,8 @@ impl VolumeTexture {
     pub fn with_alpha_use(base: Arc<Volume>, alpha: AlphaUse) -> Self {
         let alpha = if base.has_alpha() { alpha } else { AlphaUse::Independent };
         let coarser = build(&base, alpha);
-        Self { base, coarser, alpha }
+        let bytes = bytes_with_levels(base.size, base.channels, base.samples.depth());
+        Self { base, coarser, alpha, _held: hold(bytes) }
     }
 
     /// Levels, at least 1.

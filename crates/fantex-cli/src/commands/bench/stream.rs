@@ -10,8 +10,9 @@ use fantex::scene::{Camera, Lights, world_bounds};
 use fantex::store::Asset;
 use fantex::stream::{
     AtlasFormat, AtlasShape, CameraKeyframe, CameraPath, ClusterLoader, ClusterLoaderOptions, CutWatch,
-    DiskLoad, FrameChanges, FrameOptions, LoaderStatistics, PageTable, Streamer, StreamerOptions,
-    loaded_clusters, mean_cluster_bytes, open_asset, plain_reads, queued_reads, unpacked_clusters, url_of,
+    DiskLoad, FrameChanges, FrameOptions, LoaderStatistics, MAX_PATH_SECONDS, PageTable, Streamer,
+    StreamerOptions, loaded_clusters, mean_cluster_bytes, open_asset, plain_reads, queued_reads,
+    unpacked_clusters, url_of,
 };
 use fantex::{Error, Result};
 use glam::DVec3;
@@ -86,13 +87,24 @@ fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
 }
 
 fn read_path(path: &Path) -> Result<CameraPath> {
-    let text = std::fs::read_to_string(path).map_err(|error| Error::reading(path, error))?;
+    let text = fantex::base::input::read_text(path)?;
     let parsed: CameraPath = serde_json::from_str(&text).map_err(|error| {
         Error::malformed(format!("{} is no camera path: {error}", path.display())).with_path(path)
     })?;
     if parsed.keyframes.is_empty() {
         let path = path.display();
         return Err(Error::malformed(format!("{path} holds no keyframes; record at least one")));
+    }
+    let mut earliest = 0.0;
+    for keyframe in &parsed.keyframes {
+        if !(earliest..=MAX_PATH_SECONDS).contains(&keyframe.seconds) {
+            let (path, seconds) = (path.display(), keyframe.seconds);
+            let sentence = format!(
+                "{path} has a keyframe at {seconds} s; times must ascend from 0 and end within a day"
+            );
+            return Err(Error::malformed(sentence));
+        }
+        earliest = keyframe.seconds;
     }
     Ok(parsed)
 }

@@ -78,7 +78,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     if let Some(animation) = animation {
         animation.finish()?;
     }
-    scene.show_damage(context);
+    scene.show_damage(context)?;
     let seconds = started.elapsed().as_secs_f64();
     let output = args.output.clone();
     let info = TurntableInfo { output, pictures: files, frames: count, width, height, seconds };

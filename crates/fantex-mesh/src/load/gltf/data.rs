@@ -9,7 +9,7 @@ use fantex_base::{Error, Result, counted};
 
 use super::schema::{Accessor, Buffer, Root, Sparse};
 use super::{Document, get};
-use crate::load::{SourceFile, locate, read_companion};
+use crate::load::{SourceFile, locate, read_file};
 
 /// Splits a GLB file into its JSON and its binary data. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
 pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>)> {
@@ -68,8 +68,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Decodes a data URI, or resolves a relative path against `folder`.
-pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target> {
+/// Decodes a data URI, or resolves a path relative to the file that names it.
+pub(super) fn resolve(uri: &str, owner: &Path) -> Result<Target> {
     if let Some(data) = uri.strip_prefix("data:") {
         return decode_data(data).map(Target::Bytes);
     }
@@ -88,7 +88,7 @@ pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target> {
     if decoded.is_empty() || decoded.starts_with(['/', '\\']) || path.is_absolute() {
         return Err(not_relative());
     }
-    Ok(Target::File(locate(folder, path)))
+    locate(owner, path).map(Target::File)
 }
 
 /// `[media type][;base64],DATA`
@@ -159,9 +159,9 @@ impl<'a> Buffers<'a> {
 
 /// The bytes behind a URI. `total_bytes` adds up over all buffers, because many may name one large file.
 fn fetch(uri: &str, file: &SourceFile, total_bytes: &mut u64) -> Result<Vec<u8>> {
-    let bytes = match resolve(uri, file.folder())? {
+    let bytes = match resolve(uri, file.path)? {
         Target::Bytes(bytes) => bytes,
-        Target::File(path) => read_companion(&path, &file.limits)?,
+        Target::File(path) => read_file(&path, &file.limits)?,
     };
     *total_bytes += bytes.len() as u64;
     let limit = file.limits.max_file_bytes;

@@ -572,7 +572,7 @@ fn load_image(document: &Document, index: usize, image: &schema::Image) -> Resul
         return Ok(embedded(document.buffers.view(view, || format!("image {index}"))?));
     }
     let target = match &image.uri {
-        Some(uri) => resolve(uri, document.file.folder()),
+        Some(uri) => resolve(uri, document.file.path),
         None => Err(Error::malformed(NO_DATA)),
     };
     match target.map_err(|error| error.context(format!("image {index}")))? {

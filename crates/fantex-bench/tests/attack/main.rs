@@ -1,0 +1,236 @@
+//! Damaged files of every kind against their readers: never a panic, never more memory than allowed, never for long.
+//!
+//! A seeded number of files by default; `cargo xtask fuzz` goes on for a time, from other seeds. What is found names its seed.
+
+#![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use fantex::base::{Random, input};
+use fantex::look::{LookFile, LookImages, ResolveOptions, Resolver};
+use fantex::texture::environment::EnvironmentMap;
+use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, Volume};
+use fantex_mesh::{CleanOptions, LoadOptions, clean, generate, load_bytes};
+use fantex_test::{cleaned, rounds, workspace};
+
+/// Counts what is allocated.
+struct Counting;
+
+static LIVE: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+#[expect(unsafe_code, reason = "an allocator is unsafe to implement; this one only counts and passes on")]
+// SAFETY: all calls go to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        PEAK.fetch_max(LIVE.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
+        // SAFETY: the caller's promises are those that the system's allocator asks for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The budget, and what may be allocated beyond it: the file, tables of decoders, what is worked out from a small model.
+const BUDGET: usize = 64 << 20;
+const BEYOND: usize = 96 << 20;
+
+/// Far beyond what any of these small files takes.
+const MAX_TIME: Duration = Duration::from_secs(120);
+
+/// Damages a file: flipped bits, numbers at the edge, cuts, repetitions; in texts also numbers as they are written.
+fn damage(bytes: &[u8], is_text: bool, random: &mut Random) -> Vec<u8> {
+    const NUMBERS: [u32; 10] = [0, 1, 2, 0x7f, 0xff, 0xffff, 0x4000, 0x7fff_ffff, 0x8000_0000, u32::MAX];
+    const WORDS: [&str; 10] =
+        ["0", "-1", "1e30", "1e-30", "NaN", "65536", "4294967295", "99999999999999999999", "\"\"", "[]"];
+    let mut bytes = bytes.to_vec();
+    for _ in 0..=random.below(4) {
+        if bytes.len() < 8 {
+            break;
+        }
+        // Headers are hit as often as all the rest.
+        let reach = if random.chance(0.5) { bytes.len().min(256) } else { bytes.len() };
+        let at = random.below(reach as u64 - 4) as usize;
+        match random.below(if is_text { 7 } else { 5 }) {
+            0 => bytes[at] ^= 1 << random.below(8),
+            1 => bytes[at] = random.below(256) as u8,
+            2 => {
+                let number = NUMBERS[random.below(10) as usize];
+                let number = if random.chance(0.5) { number.to_le_bytes() } else { number.to_be_bytes() };
+                bytes[at..at + 4].copy_from_slice(&number);
+            }
+            3 => bytes.truncate(at + 4),
+            4 => {
+                let end = (at + 1 + random.below(64) as usize).min(bytes.len());
+                let part = bytes[at..end].to_vec();
+                bytes.splice(at..at, part);
+            }
+            _ => {
+                let is_number = |b: &u8| b.is_ascii_digit() || b".-+eE".contains(b);
+                if let Some(start) = bytes[at..].iter().position(u8::is_ascii_digit) {
+                    let start = at + start;
+                    let length =
+                        bytes[start..].iter().position(|b| !is_number(b)).unwrap_or(bytes.len() - start);
+                    bytes.splice(start..start + length, WORDS[random.below(10) as usize].bytes());
+                }
+            }
+        }
+    }
+    bytes
+}
+
+/// Gives a reader damaged copies of files: `cases` of each where no time is given.
+fn attack(files: &[(String, Vec<u8>)], cases: u64, read: impl Fn(&str, &[u8])) {
+    // The budget and what is counted are those of the process.
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    input::set_memory(BUDGET as u64);
+    for seed in rounds(cases) {
+        for (number, (name, bytes)) in (0..).zip(files) {
+            let is_text = std::str::from_utf8(bytes).is_ok();
+            let damaged = damage(bytes, is_text, &mut Random::of_seeds([seed, number]));
+            let before = LIVE.load(Relaxed);
+            PEAK.store(before, Relaxed);
+            let started = Instant::now();
+            let survived = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(name, &damaged)));
+            let (peak, time) = (PEAK.load(Relaxed) - before, started.elapsed());
+            if survived.is_err() || peak > BUDGET + BEYOND || time > MAX_TIME {
+                let kept = std::env::temp_dir().join(format!("fantex-attack-{seed}-{name}"));
+                std::fs::write(&kept, &damaged).unwrap();
+                panic!("{name}, seed {seed}: {peak} bytes, {time:?}; the file is {}", kept.display());
+            }
+        }
+    }
+}
+
+fn shipped(names: &[&str]) -> Vec<(String, Vec<u8>)> {
+    let read = |name: &&str| {
+        let path = workspace().join("assets").join(name);
+        (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(path).unwrap())
+    };
+    names.iter().map(read).collect()
+}
+
+/// A small picture in every format, and a few that other programs have written.
+fn images() -> Vec<(String, Vec<u8>)> {
+    let texels: Vec<[f32; 4]> = (0..24 * 17_u32)
+        .map(|i| [i as f32 / 408.0, (i % 24) as f32 / 24.0, (i % 7) as f32 / 7.0, 1.0])
+        .collect();
+    let image = Image::from_linear_rgb(24, 17, &texels);
+    let folder = tempfile::tempdir().unwrap();
+    let saved = |(name, image): (&str, Image)| {
+        image.save(folder.path().join(name)).unwrap();
+        (name.to_owned(), std::fs::read(folder.path().join(name)).unwrap())
+    };
+    let with_depth = |depth| image.converted(depth, ColorSpace::Srgb);
+    let mut files: Vec<_> = [
+        ("8.png", with_depth(Depth::U8)),
+        ("16.png", with_depth(Depth::U16)),
+        ("8.jpg", with_depth(Depth::U8)),
+        ("8.tif", with_depth(Depth::U8)),
+        ("float.tif", image.clone()),
+        ("8.webp", with_depth(Depth::U8)),
+        ("float.hdr", image.clone()),
+        ("float.exr", image.clone()),
+    ]
+    .map(saved)
+    .into();
+    let header = [37_u32, 1, 4, 4, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 104, 0, 64, 0, 64, 0];
+    let numbers: Vec<u8> = header.iter().flat_map(|n| n.to_le_bytes()).collect();
+    files.push(("texels.ktx2".into(), [b"\xabKTX 20\xbb\r\n\x1a\n".as_slice(), &numbers, &[7; 64]].concat()));
+    let mut dds = vec![124_u32, 0x1007, 4, 4, 16, 0, 0];
+    dds.extend([0; 11]);
+    dds.extend([32, 0x41, 0, 32, 0xff, 0xff00, 0x00ff_0000, 0xff00_0000, 0x1000, 0, 0, 0, 0]);
+    let numbers: Vec<u8> = dds.iter().flat_map(|n| n.to_le_bytes()).collect();
+    files.push(("texels.dds".into(), [b"DDS ".as_slice(), &numbers, &[7; 64]].concat()));
+    files
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn images_are_refused_or_sound() {
+    attack(&images(), 2000, |name, bytes| {
+        if let Ok(image) = Image::decode(bytes, name, ColorSpace::Srgb) {
+            let texture = ImageTexture::new(image.into());
+            assert!(texture.level_count() > 0);
+        }
+        drop(Image::decode_all(bytes, name, ColorSpace::Linear, Default::default()));
+    });
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn environments_and_volumes_are_refused_or_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let header =
+        b"ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n";
+    let volume = ("small.mha".to_owned(), [&header[..], &[9; 512]].concat());
+    let files = [images(), vec![volume]].concat();
+    attack(&files, 500, |name, bytes| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        if name.ends_with(".mha") {
+            drop(Volume::load_meta_image(&path, 1 << 40));
+        } else {
+            drop(EnvironmentMap::load(&path));
+        }
+    });
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn models_are_refused_or_sound() {
+    let mut files = shipped(&["models/CornellBox.glb", "models/teapot.stl", "WaterBottle/WaterBottle.gltf"]);
+    let text = |name: &str, text: &str| (name.to_owned(), text.as_bytes().to_vec());
+    files.push(text("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 .5 1\nusemtl a\nf 1 2 3 4\nf 1 2 5\nf -4 -3 -1\n"));
+    files.push(text("a.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n"));
+    attack(&files, 400, |name, bytes| {
+        if let Ok(model) = load_bytes(Path::new(name), bytes, &LoadOptions::default()) {
+            drop(clean(model, &CleanOptions::default()));
+        }
+    });
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn looks_are_refused_or_sound() {
+    let looks = fantex_gallery::FILES.iter().filter(|(name, _)| name.ends_with(".toml"));
+    let files: Vec<_> =
+        looks.map(|(name, bytes)| (name.rsplit('/').next().unwrap().to_owned(), bytes.to_vec())).collect();
+    let mesh = cleaned(generate::icosphere(1));
+    let images = LookImages::default();
+    attack(&files, 60, |name, bytes| {
+        let Ok(text) = std::str::from_utf8(bytes) else { return };
+        let Ok(file) = LookFile::parse(text, &workspace().join("gallery").join(name)) else { return };
+        let options = ResolveOptions { memory_bytes: 1 << 20, ..ResolveOptions::default() };
+        let mut resolver = Resolver::new(&file, &mesh, &images, options);
+        for name in file.look().textures.keys() {
+            drop(resolver.texture(name));
+        }
+    });
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn stroke_files_are_refused_or_read() {
+    let stroke = r#"{ "version": 1, "strokes": [{ "label": "a", "brush": { "size": { "texels": 30 }, "hardness": 0.5, "spacing": 0.1 },
+        "tool": { "blur": { "radius": { "world": 0.5 } } }, "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }],
+        "samples": [{ "at": { "position": [1, 0, 0] }, "pressure": 0.5 }, { "at": { "position": [0, 1, 0] } }] }] }"#;
+    let folder = tempfile::tempdir().unwrap();
+    attack(&[("strokes.json".to_owned(), stroke.as_bytes().to_vec())], 4000, |name, bytes| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        drop(fantex::paint::StrokeFile::load(&path));
+    });
+}
