@@ -18,7 +18,8 @@ use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TexelBudget {
-    /// So many stored texels at level 0 (see [`Cover::stored_texels`]; reached within a percent unless tiles are at their smallest).
+    /// So many stored texels at level 0 (see [`Cover::stored_texels`]; reached within a percent, or within some where many tiles are alike, unless tiles
+    /// are at their smallest).
     Total(u64),
     /// Texels per mesh unit of length, everywhere.
     Density(f64),
@@ -212,7 +213,7 @@ struct Sized {
     scale: f32,
 }
 
-/// The cover that stores `texels`, within a percent and not more, unless tiles are at their smallest. `sized` makes covers; what they store is
+/// The cover that stores `texels`, within a percent and not more, as far as rounding allows. `sized` makes covers; what they store is
 /// known nearly before.
 fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(f32) -> Result<Sized>) -> Result<Sized> {
     let mut best = sized(scale_to_total(laid, texels))?;

@@ -399,7 +399,7 @@ impl Mask {
     /// The set after so many quarter turns.
     fn turned(&self, turn: u8) -> Self {
         let (w, h) = (self.width, self.height);
-        let [width, height] = if turn % 2 == 0 { [w, h] } else { [h, w] };
+        let [width, height] = if turn.is_multiple_of(2) { [w, h] } else { [h, w] };
         let mut turned = Self::empty(width, height);
         self.blocks().for_each(|[x, y]| match turn {
             0 => turned.insert(x, y),
@@ -763,9 +763,8 @@ mod tests {
 
     #[test]
     fn turned_pieces_lie_where_their_blocks_are() {
-        let mut mesh = Mesh::default();
-        mesh.positions = vec![Vec3::ZERO, Vec3::new(0.9, 0.0, 0.0), Vec3::new(0.0, 0.3, 0.0)];
-        mesh.triangles = vec![[0, 1, 2]];
+        let positions = vec![Vec3::ZERO, Vec3::new(0.9, 0.0, 0.0), Vec3::new(0.0, 0.3, 0.0)];
+        let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
         let chart = Chart::new(&mesh, vec![0], Vec3::Z);
         let (block, density) = (4, 60.0);
         let extent = (chart.extent * density / 4.0 + 1.0).ceil().as_uvec2();

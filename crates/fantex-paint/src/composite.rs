@@ -51,7 +51,8 @@ pub(crate) fn composite(
             }
         }
         let channel = &asset.channels()[painted.channel];
-        replace_blocks(channel, extent, &mut bytes, &values, rect, |t| page.covered(t) > 0.0)?;
+        let is_changed = |texel: usize| page.covered(texel) > 0.0 && map.is_known(texel);
+        replace_blocks(channel, extent, &mut bytes, &values, rect, is_changed)?;
         changed.push(bytes);
     }
     Ok(changed)

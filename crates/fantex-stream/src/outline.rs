@@ -50,12 +50,12 @@ impl Outline {
         for slot in &layout.slots {
             let [columns, bands] = slot.extent.map(|n| n as usize / 4);
             let [right, down] = slot.at.map(|n| n as usize / 4);
-            for index in 0..channels.len() {
+            for (index, channel) in channels.iter().enumerate() {
                 let bytes = page(index, slot.page)?;
                 let bytes = bytes.as_ref();
                 let band_bytes = (bytes.len() / bands.max(1)).max(1);
                 // Of formats without blocks a band is four rows.
-                let rows = if channels[index].format.is_compressed() { 1 } else { 4 };
+                let rows = if channel.format.is_compressed() { 1 } else { 4 };
                 for (span, band) in spans[down..].iter_mut().zip(bytes.chunks_exact(band_bytes)) {
                     for row in band.chunks_exact((band_bytes / rows).max(1)) {
                         let column_bytes = (row.len() / columns.max(1)).max(1);

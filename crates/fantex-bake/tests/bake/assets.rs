@@ -10,7 +10,8 @@ use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate, interpolate};
 use fantex_store::limits::MAX_TILE_SIDE;
 use fantex_store::{
-    ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, verify,
+    ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport,
+    group_pages, verify,
 };
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -274,6 +275,38 @@ fn assert_constant(name: &str, mesh: &Mesh, cover: &Cover, points: u32) {
     for group in 0..cover.groups.len() as u32 {
         let mean = Vec4::from_array(baked.cache.asset().mean(0, group));
         assert!((mean - COLOR).abs().max_element() < 1e-5, "{name}: mean {mean} of group {group}");
+    }
+}
+
+/// Blocks that nothing reads are zero bytes in all channels; no others are, in those of BC7.
+#[test]
+fn only_what_is_read_is_stored() {
+    let mesh = cleaned(generate::icosphere(3));
+    let cover = cover(&mesh, 256, 300_000);
+    let values = [(ChannelKind::BaseColor, Vec4::ONE), (ChannelKind::Displacement, Vec4::splat(0.5))];
+    let options = BakeOptions { format: BakeFormat::Bc7, ..BakeOptions::default() };
+    let baked = baked(&mesh, &cover, &Constant(values.to_vec()), &options);
+    let asset = baked.cache.asset();
+    let (mut blocks, mut empty) = (0, 0);
+    for page in (0..).zip(&cover.groups).flat_map(|(index, group)| group_pages(index, group)) {
+        let [color, height] = [0, 1].map(|channel| asset.read_page_raw(channel, page).unwrap());
+        for (color, height) in color.chunks(16).zip(height.chunks(8)) {
+            let is_empty = color == [0; 16];
+            assert_eq!(is_empty, height == [0; 8], "{page}");
+            (blocks, empty) = (blocks + 1, empty + u32::from(is_empty));
+        }
+    }
+    assert!(empty * 20 > blocks && empty * 2 < blocks, "{empty} of {blocks} blocks are empty");
+    for triangle in 0..mesh.triangles.len() {
+        for lambda in barycentric_points(12) {
+            for level in 0..asset.level_count() {
+                let value = sample(&baked.cache, 0, level, triangle, lambda);
+                assert!(
+                    (value - Vec4::ONE).abs().max_element() < 0.01,
+                    "{value} at triangle {triangle} {lambda}"
+                );
+            }
+        }
     }
 }
 

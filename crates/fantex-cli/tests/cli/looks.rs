@@ -453,7 +453,7 @@ fn light_maps_go_the_whole_way() {
     let bake = write(
         folder.path(),
         "bake.toml",
-        &format!(
+        format!(
             "[bake]\nlight = {{ quantity = \"direct\", colored = false, samples = 16 }}\n{sun}[materials.a]\n"
         ),
     );
@@ -473,7 +473,7 @@ fn light_maps_go_the_whole_way() {
         )
     };
     let picture = |name: &str, light_map: &str| {
-        let file = write(folder.path(), &format!("{name}.toml"), &look(light_map));
+        let file = write(folder.path(), &format!("{name}.toml"), look(light_map));
         let png = at(&format!("{name}.png"));
         succeeds(&[&"render", &cube, &"--look", &file, &"-o", &png]);
         pixels(&png)

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use fantex_bake::{BakeFormat, BakeOptions, LookSource, Source, SourceChannel, TexelPoint, baked_materials};
 use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
-use fantex_gpu::{DrawOptions, Gpu, Model as _, Overlay, StreamedModel, stream_view};
+use fantex_gpu::{DrawOptions, FanModel, Gpu, Model as _, Overlay, StreamedModel, stream_view};
 use fantex_mesh::{Mesh, clean, generate};
 use fantex_render::LookSurface;
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading, ShadowOptions};
-use fantex_store::{ChannelKind, PAGE};
-use fantex_stream::{AtlasFormat, FrameOptions, PageTable};
+use fantex_store::{ChannelKind, PAGE, PageId, group_pages};
+use fantex_stream::{AtlasFormat, AtlasShape, FrameOptions, PageTable};
 use fantex_test::cleaned;
 use fantex_texture::look::{Anisotropy, LookMaterial, Slot};
 use fantex_texture::{ColorRamp, Filter, RampInterpolation, ShadingPoint, Texture};
@@ -396,6 +396,39 @@ fn assert_looks_the_same(seen: &Picture, expected: &Picture) {
         seen.rgba.iter().zip(&expected.rgba).flat_map(|(a, b)| [0, 1, 2, 3].map(|c| (a[c] - b[c]).abs()));
     let largest = differences.fold(0.0, f32::max);
     assert!(largest < 0.01, "the pictures differ by {largest}");
+}
+
+/// Outlines interlock in an atlas that is too small for the asset: other views, whose pages take the room of those before, and texels that
+/// are read again in place look as in an atlas with room for all.
+#[test]
+fn pages_in_the_gaps_of_others_look_as_they_do_alone() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::icosphere(4));
+    let baked = baked(&mesh, &cover(&mesh, 256, 1 << 21), BakeFormat::Bc7);
+    let options = options(Shading::BaseColor, Filter::Trilinear);
+    let formats = FanModel::atlas_formats(&gpu, baked.channels());
+    let budget = AtlasShape { side: 512, layers: 7 }.bytes(&formats);
+    let [mut small, mut large] =
+        [budget, 16 * budget].map(|budget| StreamedModel::open(&gpu, baked.asset().clone(), budget).unwrap());
+    let pages: Vec<PageId> =
+        (0..).zip(&baked.asset().cover().groups).flat_map(|(g, group)| group_pages(g, group)).collect();
+    for direction in [DVec3::Z, DVec3::X, DVec3::NEG_Z, DVec3::NEG_X, DVec3::Z] {
+        let camera = Camera::framing_mesh(&mesh, direction, 1.5);
+        small.streamer.invalidate(&pages);
+        let [seen, expected] = [&mut small, &mut large].map(|streamed| {
+            let view = stream_view(&camera, common::SIZE, streamed.model.space());
+            let patience = std::time::Duration::from_secs(60);
+            assert!(streamed.wait_until_sharp(&gpu, &view, &options.filter, patience).unwrap());
+            streamed.streamer.sanity_check();
+            common::draw(&gpu, &mut streamed.model, &camera, &Lights::default(), &options)
+        });
+        assert_looks_the_same(&seen, &expected);
+    }
+    let statistics = small.streamer.statistics();
+    assert!(statistics.evictions > 0 && large.streamer.statistics().evictions == 0, "{statistics:?}");
+    let stored = statistics.resident.texels;
+    let whole: u64 = statistics.resident_texels_by_level.iter().sum();
+    assert!(stored < whole, "{stored} texels of {whole} are stored");
 }
 
 /// Nothing panics while the device is lost, and the asset looks on another one as it did.

@@ -250,7 +250,7 @@ fn differences_of_bumps_step_a_texel() {
         for (texel, expected) in [3.0, 4.0, 5.0].into_iter().zip(slopes) {
             let slope = slope_at(at(texel), difference);
             assert!(
-                (slope - expected).abs() < 0.2 * steep,
+                (slope - expected).abs() < 0.3 * steep,
                 "{difference:?} at {texel}: {slope}, not {expected}"
             );
         }

@@ -201,7 +201,8 @@ fn fill(reader: &mut impl Read, bytes: &mut [u8]) -> io::Result<usize> {
             Ok(count) => filled += count,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => break,
-            Err(error) => return Err(error),
+            // What the client ran out of is wrapped in it.
+            Err(error) => return Err(client_error(error.into())),
         }
     }
     Ok(filled)

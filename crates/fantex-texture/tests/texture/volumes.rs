@@ -249,7 +249,7 @@ fn mistakes_are_named() {
         ("2 3 4", "2 3", "line 2: DimSize is '2 3'"),
         ("2 3 4", "2 0 4", "each side must be 1 to"),
         ("2 3 4", "2 3 5", "ends after 24 bytes; the volume needs 30"),
-        ("2 3 4", "2000 3000 4000", "would take 30857079748 bytes"),
+        ("2 3 4", "2000 3000 4000", "would take 29428 MiB of memory"),
         ("2 3 4", "70000 3000 4000", "70000 x 3000 x 4000"),
         ("1 2 3.5", "1 -2 3", "line 3: ElementSpacing"),
         ("MET_UCHAR", "MET_DOUBLE", "MET_UCHAR, MET_USHORT or MET_FLOAT"),
