@@ -18,8 +18,7 @@ use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TexelBudget {
-    /// So many stored texels at level 0 (see [`Cover::stored_texels`]; reached within a percent, or within some where many tiles are alike, unless tiles
-    /// are at their smallest).
+    /// So many stored texels at level 0 (see [`Cover::stored_texels`]; reached within a percent unless tiles are at their smallest).
     Total(u64),
     /// Texels per mesh unit of length, everywhere.
     Density(f64),
@@ -88,13 +87,13 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     stats.fans.unfolded = grouping.laid.iter().filter(|l| l.layout == Layout::Unfolded).count() as u64;
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let mean = density.mean(&surface);
-    let sized = |scale: f32| {
-        let cover = assemble(&surface, &grouping, scale, mean * scale, options.delta)?;
-        Ok(Sized { texels: cover.stored_texels(mesh), cover, scale })
+    let sized = |scales: Scales| {
+        let cover = assemble(&surface, &grouping, scales, mean * scales.scale, options.delta)?;
+        Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
     };
     let Sized { mut cover, texels, scale } = match options.budget {
         TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, sized)?,
-        _ => sized(1.0)?,
+        _ => sized(Scales::all(1.0))?,
     };
     cover.is_creased = options.cut_creases;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
@@ -213,10 +212,28 @@ struct Sized {
     scale: f32,
 }
 
+/// Factors of the densities: one for all groups but the first `raised`, which have a larger one.
+#[derive(Clone, Copy, Debug)]
+struct Scales {
+    scale: f32,
+    raised: usize,
+    raised_scale: f32,
+}
+
+impl Scales {
+    fn all(scale: f32) -> Self {
+        Self { scale, raised: 0, raised_scale: scale }
+    }
+
+    fn of(&self, group: usize) -> f32 {
+        if group < self.raised { self.raised_scale } else { self.scale }
+    }
+}
+
 /// The cover that stores `texels`, within a percent and not more, as far as rounding allows. `sized` makes covers; what they store is
 /// known nearly before.
-fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(f32) -> Result<Sized>) -> Result<Sized> {
-    let mut best = sized(scale_to_total(laid, texels))?;
+fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(Scales) -> Result<Sized>) -> Result<Sized> {
+    let mut best = sized(Scales::all(scale_to_total(laid, texels)))?;
     let (mut low, mut high) = (0.0, f32::INFINITY);
     let (mut scale, mut reached) = (best.scale, best.texels);
     for _ in 1..SIZES {
@@ -235,17 +252,31 @@ fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(f32) -> Result<Size
         if !(scale.is_finite() && scale > 0.0) {
             break;
         }
-        let found = sized(scale)?;
+        let found = sized(Scales::all(scale))?;
         reached = found.texels;
         let [is_in, was_in] = [reached, best.texels].map(|n| n <= texels);
         if if is_in { !was_in || reached > best.texels } else { !was_in && reached < best.texels } {
             best = found;
         }
     }
+    // Where many tiles are alike all of them grow at once; then only some do.
+    let (scale, mut counts) = (best.scale, [0, laid.len()]);
+    for _ in 0..SIZES {
+        let middle = (counts[0] + counts[1]) / 2;
+        let is_near = best.texels as f64 > 0.99 * texels as f64;
+        if best.texels > texels || is_near || !high.is_finite() || middle == counts[0] {
+            break;
+        }
+        let found = sized(Scales { scale, raised: middle, raised_scale: high })?;
+        counts[usize::from(found.texels > texels)] = middle;
+        if found.texels <= texels && found.texels > best.texels {
+            best = found;
+        }
+    }
     Ok(best)
 }
 
-/// Sizes tried for a total, at most; mostly two.
+/// Sizes tried for a total, at most, and then numbers of larger tiles; mostly two in all.
 const SIZES: usize = 8;
 
 /// Aims a little below the total.
@@ -296,13 +327,16 @@ const SCALE_TOLERANCE: f32 = 1.0005;
 fn assemble(
     surface: &Surface<'_>,
     grouping: &Grouping,
-    scale: f32,
+    scales: Scales,
     density: f32,
     delta: f32,
 ) -> Result<Cover> {
     let laid = &grouping.laid;
-    let longest =
-        laid.par_iter().map(|l| (l.region.size * l.density).max_element() * scale).reduce(|| 0.0, f32::max);
+    let longest = laid
+        .par_iter()
+        .enumerate()
+        .map(|(group, l)| (l.region.size * l.density).max_element() * scales.of(group))
+        .reduce(|| 0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
         let wanted = (longest + 1.0) as u64;
         return Err(Error::too_large(format!(
@@ -310,7 +344,8 @@ fn assemble(
              subdivide the mesh"
         )));
     }
-    let groups: Vec<Group> = laid.par_iter().with_min_len(1 << 10).map(|laid| place(laid, scale)).collect();
+    let placed = |(group, laid): (usize, &Laid)| place(laid, scales.of(group));
+    let groups: Vec<Group> = laid.par_iter().enumerate().with_min_len(1 << 10).map(placed).collect();
     let mut unfolded: Vec<UnfoldedCorner> = laid
         .par_iter()
         .zip(&groups)

@@ -26,8 +26,7 @@ fn a_total_is_kept_and_used_up() {
             for total in [300_000, 1 << 20, 5_590_000, 64 << 20] {
                 let cover = built(&mesh, tile, TexelBudget::Total(total));
                 let share = cover.stored_texels(&mesh) as f64 / total as f64;
-                // Steps are wide where many tiles are alike, as around the bottle.
-                assert!(share <= 1.0 && share > 0.92, "{name}, tile {tile}, {total}: {share}");
+                assert!(share <= 1.0 && share > 0.98, "{name}, tile {tile}, {total}: {share}");
             }
         }
     }
