@@ -16,6 +16,10 @@ pub enum Command {
     /// Stop what is under way: opening, playing, the help sheet.
     Cancel,
     Quit,
+    /// Ask how the asset is exported.
+    Export,
+    /// Write the asset to another file, and go on with this one.
+    SaveCopy,
     Screenshot,
     /// Save a picture of the scene, this many times as wide and high as on the screen.
     LargeScreenshot(u32),
@@ -96,6 +100,8 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(File, CONTROL, Key::O, Command::OpenDialog, "Open a file"),
         row(File, NONE, Key::F5, Command::Reload, "Open it again"),
         row(File, CONTROL, Key::W, Command::Close, "Close the file"),
+        row(File, CONTROL, Key::E, Command::Export, "Export for another program"),
+        row(File, CONTROL | SHIFT, Key::C, Command::SaveCopy, "Save a copy"),
         row(File, CONTROL, Key::S, Command::Screenshot, "Save a picture"),
         row(File, CONTROL | SHIFT, Key::S, Command::LargeScreenshot(4), "Save a picture four times as large"),
         row(File, CONTROL, Key::P, Command::WindowScreenshot, "Save a picture of the window"),
@@ -136,12 +142,14 @@ pub fn shortcuts() -> Vec<Shortcut> {
 }
 
 /// What mouse and pen do while something is painted on: not commands, but on the help sheet.
-pub const PAINT_GESTURES: [(&str, &str); 9] = [
+pub const PAINT_GESTURES: [(&str, &str); 11] = [
     ("Drag", "Paint"),
     ("Drag beside the model", "Turn the view"),
     ("Right drag", "Turn the view"),
     ("Middle drag", "Shift the view"),
     ("Wheel", "Closer, farther"),
+    ("Ctrl + wheel", "Size of the brush"),
+    ("Ctrl + right drag", "Size (sideways) and hardness (up, down)"),
     ("Shift + click", "Straight line from the last end"),
     ("Alt + click", "Pick a colour; with Clone: from where"),
     ("Ctrl + drag", "Turn the sun"),
@@ -205,9 +213,15 @@ pub fn command_of(is_painting: bool, modifiers: Modifiers, key: Key) -> Option<C
     help.or_else(|| found.find(is_same).map(|s| s.command))
 }
 
-pub fn keys_of(command: &Command) -> Option<String> {
+/// The keys of a command, as far as they hold: while something is painted on the painter has some of them.
+pub fn keys_of(is_painting: bool, command: &Command) -> Option<String> {
     let all = shortcuts().into_iter().chain(paint_shortcuts());
-    all.into_iter().find(|s| s.command == *command).map(|s| s.keys())
+    let is_painters = matches!(command, Command::Paint(_));
+    let holds = |s: &Shortcut| {
+        s.command == *command
+            && (is_painters || command_of(is_painting, s.modifiers, s.key).as_ref() == Some(command))
+    };
+    all.into_iter().find(holds).map(|s| s.keys())
 }
 
 /// Reads `Ctrl+Shift+S`, `F1`, `?` and the like.

@@ -98,7 +98,7 @@ impl Default for DisplaySettings {
             overlay: Overlay::None,
             has_wireframe: false,
             exposure_stops: 0.0,
-            tone: ToneMap::Clip,
+            tone: ToneMap::Filmic,
             anisotropy: 8,
             samples: 4,
             is_adaptive: true,

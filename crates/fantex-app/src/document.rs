@@ -9,13 +9,15 @@ use fantex::bake::Progress;
 use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
 use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
-use fantex::paint::{PaintOptions, Painter};
+use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, ChannelKind, cover_level_count};
 use fantex::stream::open_asset;
+use serde::Deserialize;
 
 use crate::camera::SceneScale;
-use crate::paint::{Exchange, asset_beside, bake_model};
+use crate::paint::{Exchange, NewAsset, asset_beside, bake_model, model_texels};
+use crate::settings::next_free;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -143,7 +145,12 @@ impl OpenProgress {
 
     /// How much of the stage is done, 0..1; none where that is not known.
     pub fn share(&self) -> Option<f32> {
-        (self.stage() == Stage::Baking).then(|| f32::from(self.share.load(Relaxed)) / 1000.0)
+        (self.stage() == Stage::Baking).then(|| self.counted())
+    }
+
+    /// How much of what is counted is done, 0..1.
+    pub fn counted(&self) -> f32 {
+        f32::from(self.share.load(Relaxed)) / 1000.0
     }
 
     /// Begins a stage.
@@ -169,10 +176,10 @@ impl Place {
     /// One sentence for the user.
     pub fn check(&self) -> Result<()> {
         match self {
-            Self::File(path) => match FileKind::of(path)? {
-                FileKind::Look => Err(is_look_error(path)),
-                _ => std::fs::metadata(path).map(drop).map_err(|source| Error::reading(path, source)),
-            },
+            Self::File(path) => {
+                FileKind::of(path)?;
+                std::fs::metadata(path).map(drop).map_err(|source| Error::reading(path, source))
+            }
             Self::Url(_) => Ok(()),
         }
     }
@@ -207,16 +214,17 @@ impl Document {
         }
     }
 
-    /// Opens an asset to paint on it. A model becomes an asset beside it first, unless that is there already. Takes no longer
-    /// for more texels.
+    /// Opens an asset to paint on it. A model becomes an asset beside it first, unless that is there already; without an answer to
+    /// how, that is asked. Takes no longer for more texels.
     ///
     /// # Errors
     /// One sentence for the user.
     pub fn open_for_painting(
         place: &Place,
         memory_bytes: usize,
+        answer: Option<&Answer>,
         progress: &OpenProgress,
-    ) -> Result<(Self, Painter)> {
+    ) -> Result<ForPainting> {
         progress.enter(Stage::Reading)?;
         let mut notes = Vec::new();
         let path = match place {
@@ -227,14 +235,17 @@ impl Document {
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => return Err(is_look_error(path)),
                 FileKind::Asset => path.clone(),
-                FileKind::Model => asset_of_model(path, progress, &mut notes)?,
+                FileKind::Model => match asset_of_model(path, answer, progress, &mut notes)? {
+                    Made::Asset(path) => path,
+                    Made::Question(question) => return Ok(ForPainting::Question(question)),
+                },
             },
         };
         progress.enter(Stage::Preparing)?;
         let painter = Painter::open(&path, &PaintOptions { memory_bytes, history: true })?;
         let asset = painter.editor().asset().clone();
         let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
-        Ok((document, painter))
+        Ok(ForPainting::Ready(Box::new((document, painter))))
     }
 
     pub fn of_model(place: Place, mesh: Arc<Mesh>, report: &CleanReport, notes: Vec<String>) -> Self {
@@ -299,23 +310,158 @@ impl Document {
     }
 }
 
+// How a model becomes an asset to paint on.
+
+/// What was opened to paint on it, or what has to be answered first.
+#[derive(Debug)]
+pub enum ForPainting {
+    Ready(Box<(Document, Painter)>),
+    Question(Question),
+}
+
+/// What is asked before a model is painted on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Question {
+    /// What its asset is to be like.
+    New {
+        asset: PathBuf,
+        /// Channels that the model says something about.
+        channels: Vec<ChannelKind>,
+        /// Of its textures, where it has any.
+        texels: Option<u64>,
+    },
+    /// The asset beside it was made of another mesh.
+    Foreign {
+        asset: PathBuf,
+        /// Of the model and of the asset.
+        triangles: [usize; 2],
+        texels: u64,
+        /// In the asset's log.
+        strokes: usize,
+    },
+}
+
+/// The answer to a [`Question`].
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Answer {
+    /// Make an asset, where there is none.
+    New(NewAsset),
+    /// Make a new one, and paint on it what was painted on the one that is there, which is kept under another name.
+    Replay(NewAsset),
+    /// Paint on the one that is there, whatever it was made of.
+    Keep,
+}
+
+enum Made {
+    Asset(PathBuf),
+    Question(Question),
+}
+
 /// The asset beside a model, made if it is not there.
-fn asset_of_model(model: &Path, progress: &OpenProgress, notes: &mut Vec<String>) -> Result<PathBuf> {
+fn asset_of_model(
+    model: &Path,
+    answer: Option<&Answer>,
+    progress: &OpenProgress,
+    notes: &mut Vec<String>,
+) -> Result<Made> {
     let path = asset_beside(model);
-    if path.is_file() {
-        notes.push(format!("{} was there already and is painted on.", path.display()));
-        return Ok(path);
+    let is_there = path.is_file();
+    if is_there && answer == Some(&Answer::Keep) {
+        return Ok(Made::Asset(path));
     }
     let loaded = load(model, &LoadOptions::default())?;
     progress.enter(Stage::Cleaning)?;
     let (mesh, _) = clean(loaded, &CleanOptions::default())?;
-    progress.enter(Stage::Baking)?;
-    match bake_model(&mesh, &path, progress) {
-        Err(_) if progress.is_cancelled() => return Err(cancelled()),
-        result => result?,
+    progress.enter(Stage::Reading)?;
+    if !is_there {
+        let Some(Answer::New(new) | Answer::Replay(new)) = answer else {
+            let (channels, texels) = model_texels(&mesh)?;
+            return Ok(Made::Question(Question::New { asset: path, channels, texels }));
+        };
+        make_asset(&mesh, new, &path, progress)?;
+        notes.push(format!("The model became the asset {}, which is painted on.", path.display()));
+        return Ok(Made::Asset(path));
     }
-    notes.push(format!("The model became the asset {}, which is painted on.", path.display()));
-    Ok(path)
+    let asset = Asset::open(&path)?;
+    if is_same_mesh(asset.mesh(), &mesh) {
+        notes.push(format!("{} was there already and is painted on.", path.display()));
+        return Ok(Made::Asset(path));
+    }
+    let triangles = [&mesh, asset.mesh()].map(|mesh| mesh.triangles.len());
+    match answer {
+        None => {
+            let strokes = StrokeLog::of(&asset)?.strokes.strokes.len();
+            let texels = asset.cover().stored_texels(asset.mesh());
+            Ok(Made::Question(Question::Foreign { asset: path, triangles, texels, strokes }))
+        }
+        Some(Answer::Replay(new)) => {
+            drop(asset);
+            replay_onto(&mesh, new, &path, progress, notes)?;
+            Ok(Made::Asset(path))
+        }
+        Some(_) => {
+            let [model_count, asset_count] = triangles;
+            let (asset, model) = (path.display(), model.display());
+            Err(Error::invalid(format!(
+                "{asset} was made of another mesh ({asset_count} triangles) than {model} ({model_count} triangles): open the \
+                 asset itself to paint on it, or move it away"
+            ))
+            .with_path(&path))
+        }
+    }
+}
+
+fn is_same_mesh(a: &Mesh, b: &Mesh) -> bool {
+    a.world_from_mesh == b.world_from_mesh && a.positions == b.positions && a.triangles == b.triangles
+}
+
+fn make_asset(mesh: &Mesh, new: &NewAsset, path: &Path, progress: &OpenProgress) -> Result<()> {
+    progress.enter(Stage::Baking)?;
+    match bake_model(mesh, new, path, progress) {
+        Err(_) if progress.is_cancelled() => Err(cancelled()),
+        result => result,
+    }
+}
+
+/// A new asset of a mesh in the place of one that is put aside, with what was painted on that.
+fn replay_onto(
+    mesh: &Mesh,
+    new: &NewAsset,
+    path: &Path,
+    progress: &OpenProgress,
+    notes: &mut Vec<String>,
+) -> Result<()> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let old = next_free(path.parent().unwrap_or(Path::new("")), &format!("{stem}-old"), "fan");
+    std::fs::rename(path, &old).map_err(|source| Error::writing(&old, source))?;
+    let painted = make_asset(mesh, new, path, progress).and_then(|()| {
+        let log = StrokeLog::of(&Asset::open(&old)?)?;
+        let mut painter = Painter::open(path, &PaintOptions::default())?;
+        let summary = log.replay(&mut painter)?;
+        painter.commit()?;
+        Ok(summary)
+    });
+    match painted {
+        Ok(summary) => {
+            let lost = if summary.unrecorded == 0 {
+                String::new()
+            } else {
+                format!(", {} could not be", summary.unrecorded)
+            };
+            let (path, old) = (path.display(), old.display());
+            notes.push(format!(
+                "{} strokes were painted on the new {path}{lost}; the old one is {old}.",
+                summary.strokes
+            ));
+            Ok(())
+        }
+        Err(error) => {
+            // As it was; where even that fails the old one is beside it under its other name.
+            std::fs::rename(&old, path).ok();
+            Err(error)
+        }
+    }
 }
 
 fn fact(name: &'static str, value: String) -> Fact {

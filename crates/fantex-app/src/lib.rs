@@ -23,11 +23,15 @@ pub mod display;
 #[doc(hidden)]
 pub mod document;
 #[doc(hidden)]
+pub mod export;
+#[doc(hidden)]
 pub mod figures;
 #[doc(hidden)]
 pub mod job;
 #[doc(hidden)]
 pub mod light;
+#[doc(hidden)]
+pub mod live;
 #[doc(hidden)]
 pub mod notices;
 #[doc(hidden)]

@@ -23,6 +23,8 @@ use serde::Deserialize;
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::parse_keys;
 use crate::display::{Overlay, ShadingView};
+use crate::document::Answer;
+use crate::export::Preset;
 use crate::paint::{
     BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, StencilSettings, SymmetrySettings,
     TextureChoice, parse_hex,
@@ -82,6 +84,28 @@ pub enum Step {
     Tab(Tab),
     /// Opens a file or address.
     Open(String),
+    /// Whether how a model becomes an asset is asked, as where a user sits before it.
+    Asks(bool),
+    /// Exports the asset with a preset, and pictures of so many columns.
+    Export {
+        path: PathBuf,
+        preset: Preset,
+        side: u32,
+    },
+    /// Copies the asset.
+    SaveCopy(PathBuf),
+    /// Waits until it is exported or copied, at most so many seconds.
+    WaitExported(f64),
+    /// Answers what is asked before a model is painted on.
+    Answer(Answer),
+    /// Changes a number of the look that is shown, by its key.
+    LookNumber(String, f64),
+    /// Copies a file of the session's folder over another one.
+    #[cfg(feature = "test-steps")]
+    Copy {
+        from: PathBuf,
+        to: PathBuf,
+    },
     /// Chooses a picture of surroundings, `sky` or `studio`.
     Surroundings(String),
     /// Chooses the memory for texels, mebibytes.
@@ -242,11 +266,17 @@ impl Step {
 
     fn resolve(&mut self, folder: &Path) {
         match self {
-            Self::Screenshot { path, .. } | Self::WindowScreenshot { path } | Self::Picture(path) => {
+            Self::Screenshot { path, .. }
+            | Self::WindowScreenshot { path }
+            | Self::Picture(path)
+            | Self::Export { path, .. }
+            | Self::SaveCopy(path) => {
                 *path = folder.join(&*path);
             }
             Self::Texture(TextureChoice { look: Some(path), .. })
             | Self::Stencil(StencilSettings { image: Some(path), .. }) => *path = folder.join(&*path),
+            #[cfg(feature = "test-steps")]
+            Self::Copy { from, to } => (*from, *to) = (folder.join(&*from), folder.join(&*to)),
             Self::Open(place) if !place.contains("://") => {
                 *place = folder.join(&*place).to_string_lossy().into_owned();
             }
@@ -275,6 +305,8 @@ pub struct Situation {
     pub is_painting: bool,
     /// Whether a painter has done a part of something that takes long.
     pub is_working: bool,
+    /// Whether something is being exported.
+    pub is_exporting: bool,
     /// Whether something is not in the file yet.
     pub is_unsaved: bool,
     /// Layers and steps of the history.
@@ -369,6 +401,9 @@ impl SessionRunner {
             }
             Step::WaitWorking(seconds) => {
                 (until(|now| now.is_working, *seconds, "nothing that takes long was under way"), false)
+            }
+            Step::WaitExported(seconds) => {
+                (until(|now| !now.is_exporting, *seconds, "it was still being exported"), false)
             }
             Step::WaitPainted(seconds) => {
                 let is_painted = |now: &Situation| !now.is_opening && !now.is_painting;

@@ -17,17 +17,20 @@ use crate::camera::{
 use crate::command::Command;
 use crate::display::DisplaySettings;
 use crate::document::{Content, Document};
+use crate::export::Preset;
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
 use crate::light::{MapKey, Surroundings, SurroundingsMap};
+use crate::live::LiveLook;
 use crate::notices::Notices;
 use crate::pacing::Pacing;
-use crate::paint::{Painting, PenEvent};
+use crate::paint::{PaintTool, Painting, PenEvent, StickerKind};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
-pub use opening::Opening;
+pub use exporting::Exporting;
+pub use opening::{Asked, Opening};
 
 /// Larger models get their tree of triangles only when somebody wants to walk.
 const TREE_AT_ONCE_TRIANGLES: usize = 4_000_000;
@@ -68,7 +71,14 @@ pub enum FileDialog {
     Look,
     LoadPath,
     SavePath,
+    /// Where an asset is exported to.
+    Export(Preset),
+    /// Where an asset is copied to.
+    SaveCopy,
 }
+
+/// Ends of names of pictures.
+pub const PICTURES: &[&str] = &["hdr", "exr", "png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureSize {
@@ -131,6 +141,15 @@ pub struct Viewer {
     pub settings: Settings,
     pub document: Option<Document>,
     pub opening: Option<Opening>,
+    pub exporting: Option<Exporting>,
+    /// A look that is shown instead of a document.
+    pub live: Option<LiveLook>,
+    /// The model that looks are shown on, where they name none.
+    pub look_model: Option<PathBuf>,
+    /// What the user has to say before a model is opened.
+    pub asked: Option<Asked>,
+    /// Whether how a model becomes an asset is asked; else it becomes one as usual.
+    pub asks: bool,
     pub rig: CameraRig,
     pub path: Option<CameraPath>,
     pub path_state: PathState,
@@ -209,7 +228,8 @@ impl Viewer {
 
     /// The model's size, or that of nothing.
     pub fn scale(&self) -> SceneScale {
-        self.document.as_ref().map_or_else(SceneScale::default, |document| document.scale)
+        let live = self.live.as_ref().map(|live| live.scale);
+        live.or(self.document.as_ref().map(|document| document.scale)).unwrap_or_default()
     }
 
     /// Width by height of the scene on the screen.
@@ -266,6 +286,8 @@ impl Viewer {
     /// Shows nothing.
     pub fn close(&mut self) {
         self.cancel_opening();
+        self.asked = None;
+        self.live = None;
         self.painting = None;
         self.document = None;
         self.new_model = Some(None);
@@ -290,6 +312,11 @@ impl Viewer {
         self.poll_opening();
         self.poll_ground();
         self.poll_map();
+        self.poll_export();
+        let now = self.now();
+        if let Some(camera) = self.live.as_mut().and_then(|live| live.poll(now)) {
+            self.set_camera(&camera);
+        }
         if let Some(painting) = &mut self.painting {
             painting.poll(&mut self.settings.paint, &mut self.notices);
             if let (Some(asset), Some(document)) = (painting.newer.take(), &mut self.document) {
@@ -400,6 +427,12 @@ impl Viewer {
             Command::Close => self.close(),
             Command::Cancel => self.cancel(),
             Command::Quit => self.request(Request::Quit),
+            Command::Export => self.ask_export(),
+            Command::SaveCopy => {
+                if self.document.as_ref().is_some_and(|document| document.asset().is_some()) {
+                    self.request(Request::Dialog(FileDialog::SaveCopy));
+                }
+            }
             Command::Screenshot => self.request_picture(1),
             Command::LargeScreenshot(times) => self.request_picture(times),
             Command::WindowScreenshot => {
@@ -407,6 +440,9 @@ impl Viewer {
                 self.request(Request::WindowPicture(path));
             }
             Command::FrameAll => {
+                if let Some(camera) = self.live.as_ref().and_then(|live| live.camera) {
+                    self.set_camera(&camera);
+                }
                 if let Some(document) = &self.document {
                     self.rig.frame_all(document.mesh(), self.aspect());
                     self.after_jump();
@@ -445,6 +481,10 @@ impl Viewer {
             self.has_help = false;
         } else if self.opening.is_some() {
             self.cancel_opening();
+        } else if self.exporting.is_some() {
+            self.cancel_export();
+        } else if self.asked.is_some() {
+            self.asked = None;
         } else if !matches!(self.path_state, PathState::Still) {
             self.path_state = PathState::Still;
         } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work.is_some()) {
@@ -475,7 +515,7 @@ impl Viewer {
     }
 
     fn request_picture(&mut self, times: u32) {
-        if self.document.is_some() {
+        if self.document.is_some() || self.live.is_some() {
             let path = next_free(&self.picture_folder, &self.stem(), "png");
             self.request(Request::Picture { path, size: PictureSize::Times(times) });
         }
@@ -483,7 +523,8 @@ impl Viewer {
 
     /// The document's name without extension, for names of pictures.
     pub fn stem(&self) -> String {
-        let name = self.document.as_ref().map(|document| PathBuf::from(document.place.name()));
+        let live = self.live.as_ref().map(|live| live.path().to_owned());
+        let name = live.or(self.document.as_ref().map(|document| PathBuf::from(document.place.name())));
         name.and_then(|n| n.file_stem().map(|s| s.to_string_lossy().into_owned())).unwrap_or("fantex".into())
     }
 
@@ -536,6 +577,25 @@ impl Viewer {
         }
     }
 
+    /// Takes a file that was dropped onto the window: a picture as sticker or over the view while something is painted on, else as
+    /// surroundings; all others are opened.
+    pub fn take_dropped(&mut self, path: PathBuf) {
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+        if !extension.is_some_and(|extension| PICTURES.contains(&extension.as_str())) {
+            return self.open(&path.to_string_lossy());
+        }
+        let paint = &mut self.settings.paint;
+        let dialog = match (&self.painting, paint.tool) {
+            (None, _) => FileDialog::Surroundings,
+            (Some(_), PaintTool::Sticker) => {
+                paint.sticker = StickerKind::Picture;
+                FileDialog::Sticker
+            }
+            (Some(_), _) => FileDialog::Stencil,
+        };
+        self.take_file(dialog, path);
+    }
+
     /// Takes the file that was chosen in a dialog.
     pub fn take_file(&mut self, dialog: FileDialog, path: PathBuf) {
         let paint = &mut self.settings.paint;
@@ -548,6 +608,8 @@ impl Viewer {
             FileDialog::Look => paint.texture.look = Some(path),
             FileDialog::LoadPath => self.load_path(&path),
             FileDialog::SavePath => self.save_path(&path),
+            FileDialog::Export(_) => self.export_to(path),
+            FileDialog::SaveCopy => self.copy_to(path),
         }
     }
 
@@ -703,4 +765,5 @@ fn toggle(switch: &mut bool) {
     *switch = !*switch;
 }
 
+mod exporting;
 mod opening;

@@ -52,6 +52,7 @@ pub(crate) enum ReferenceKind {
 pub(crate) struct Checker<'s> {
     schema: &'s Value,
     pub(crate) references: Vec<Reference>,
+    pub(crate) numbers: Vec<LookNumber>,
 }
 
 pub(crate) type Checked = Result<(), Mistake>;
@@ -81,7 +82,7 @@ impl<'v, 'i> Place<'v, 'i> {
 
 impl<'s> Checker<'s> {
     pub(crate) fn new(schema: &'s Value) -> Self {
-        Self { schema, references: Vec::new() }
+        Self { schema, references: Vec::new(), numbers: Vec::new() }
     }
 
     pub(crate) fn document(&mut self, document: &Spanned<DeTable<'_>>) -> Checked {
@@ -101,9 +102,11 @@ impl<'s> Checker<'s> {
             DeValue::String(text) if has_type(schema, "string") => self.text(schema, text, place),
             DeValue::Boolean(_) if has_type(schema, "boolean") => Ok(()),
             DeValue::Integer(_) if has_type(schema, "integer") || has_type(schema, "number") => {
-                number(schema, place)
+                number(schema, place).map(|value| self.numbers.push(LookNumber::new(schema, place, value)))
             }
-            DeValue::Float(_) if has_type(schema, "number") => number(schema, place),
+            DeValue::Float(_) if has_type(schema, "number") => {
+                number(schema, place).map(|value| self.numbers.push(LookNumber::new(schema, place, value)))
+            }
             _ => Err(place.mistake(unexpected(&phrase(schema), place.value))),
         }
     }
@@ -293,11 +296,12 @@ fn one_of(text: &str, allowed: &[&str], place: &Place<'_, '_>) -> Checked {
     Err(place.mistake(problem::unknown_value(text, allowed)))
 }
 
-fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
+/// Its value, where it is allowed.
+fn number(schema: &Value, place: &Place<'_, '_>) -> Result<f64, Mistake> {
     let (number, text) = match place.value {
         DeValue::Integer(integer) => (integer_value(integer), integer.to_string()),
         DeValue::Float(float) => (float.as_str().parse().ok(), float.to_string()),
-        _ => return Ok(()),
+        _ => return Ok(0.0),
     };
     let refuse =
         |allowed: String| Err(place.mistake(problem::unexpected(&format!("a number {allowed}"), &text)));
@@ -313,7 +317,38 @@ fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
     if has_type(schema, "number") && number != 0.0 && !MAGNITUDES.contains(&number.abs()) {
         return refuse("between -1e30 and 1e30, and no closer to 0 than 1e-30".into());
     }
-    Ok(())
+    Ok(number)
+}
+
+/// A number in a look's text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LookNumber {
+    /// Where it stands in the look.
+    pub key: Key,
+    /// The bytes of the text that write it.
+    pub span: Range<usize>,
+    /// What it is.
+    pub value: f64,
+    /// The least that it may be, where that is limited; it may be excluded itself.
+    pub low: Option<f64>,
+    /// The most, likewise.
+    pub high: Option<f64>,
+    /// It has no decimals.
+    pub is_whole: bool,
+}
+
+impl LookNumber {
+    fn new(schema: &Value, place: &Place<'_, '_>, value: f64) -> Self {
+        let limit = |names: [&str; 2]| names.into_iter().find_map(|name| schema.get(name)?.as_f64());
+        Self {
+            key: place.key.clone(),
+            span: place.span.clone(),
+            value,
+            low: limit(["minimum", "exclusiveMinimum"]),
+            high: limit(["maximum", "exclusiveMaximum"]),
+            is_whole: !has_type(schema, "number"),
+        }
+    }
 }
 
 /// `None` beyond the 64 bits that TOML's whole numbers have.

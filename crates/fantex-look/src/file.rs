@@ -14,7 +14,7 @@ use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
-use crate::check::{Checked, Checker, Mistake, Reference, ReferenceKind, look_schema};
+use crate::check::{Checked, Checker, LookNumber, Mistake, Reference, ReferenceKind, look_schema};
 use crate::data::{FileName, Look};
 use crate::problem;
 
@@ -86,6 +86,16 @@ impl LookFile {
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The numbers in the text, in its order.
+    pub fn numbers(&self) -> Vec<LookNumber> {
+        let Ok(document) = DeTable::parse(&self.text) else { return Vec::new() };
+        let mut checker = Checker::new(look_schema());
+        let mut numbers = checker.document(&document).map_or_else(|_| Vec::new(), |()| checker.numbers);
+        numbers.sort_by_key(|number| number.span.start);
+        numbers.dedup_by_key(|number| number.span.start);
+        numbers
     }
 
     /// The files that the textures mention, as they are named.

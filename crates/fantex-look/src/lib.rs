@@ -19,7 +19,7 @@ pub mod reference;
 mod resolve;
 mod translate;
 
-pub use check::look_schema;
+pub use check::{LookNumber, look_schema};
 pub use file::{Key, LookFile};
 pub use resolve::{LookImages, ResolveOptions, Resolver};
 pub use translate::{TranslatedLook, look_of_model, materials_of_model};

@@ -25,8 +25,20 @@ pub struct Dab {
     pub angle: f32,
     /// Width over length, above 0 up to 1: an ellipse that is the radius long, along the stamp's x axis. 1 is round.
     pub aspect: f32,
+    /// Whether it goes on beyond gaps of the mesh: open edges that another one is near to.
+    pub across_gaps: bool,
     /// Its picture, if any.
     pub stamp: Option<Arc<Stamp>>,
+}
+
+/// Widest gap that dabs cross, as a share of their radius and in texels: whichever is more.
+const MAX_GAP: (f32, f32) = (0.25, 2.0);
+
+impl Dab {
+    /// Mesh units; `texel` is the length of one. Negative where none is crossed.
+    pub(crate) fn max_gap(&self, texel: f32) -> f32 {
+        if self.across_gaps { (MAX_GAP.0 * self.radius).max(MAX_GAP.1 * texel) } else { -1.0 }
+    }
 }
 
 /// The flattest dab.
@@ -58,7 +70,7 @@ impl PlacedDab {
             [x * cos + y * sin, y * cos - x * sin].map(|axis| (axis / f64::from(radius)).as_vec3());
         let axes = [along, across / dab.aspect.clamp(MIN_ASPECT, 1.0)];
         Self {
-            region: Region::grow(surface, dab.center, end),
+            region: Region::grow_across(surface, dab.center, end, dab.max_gap(texel)),
             center: surface.position(dab.center).as_vec3(),
             axes,
             fade: [start, end],
@@ -113,7 +125,7 @@ pub(crate) fn tangent_axes(normal: DVec3) -> (DVec3, DVec3) {
 
 // Pictures that shape a dab.
 
-/// A picture whose alpha (or, where it has none, whose brightness) shapes a dab.
+/// A picture whose alpha (or, where that is opaque everywhere, whose brightness) shapes a dab.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stamp {
     extent: [usize; 2],
@@ -151,12 +163,19 @@ impl Stamp {
     }
 }
 
-/// The shape of an image, row-major: its alpha, or, where it has none, its brightness.
+/// Whether some texel of an image is not opaque: then its alpha is its shape, else its brightness.
+pub fn is_shaped_by_alpha(image: &Image) -> bool {
+    let is_clear = |x, y| image.linear_texel(x, y)[3] < 1.0;
+    image.has_alpha() && (0..image.height).any(|y| (0..image.width).any(|x| is_clear(x, y)))
+}
+
+/// The shape of an image, row-major: its alpha, or, where that is opaque everywhere, its brightness.
 pub(crate) fn coverage_of(image: &Image) -> Vec<f32> {
+    let has_alpha = is_shaped_by_alpha(image);
     let covered = |x, y| {
         let [r, g, b, a] = image.linear_texel(x, y);
         // Luminance (ITU-R BT.709).
-        if image.has_alpha() { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
+        if has_alpha { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
     };
     (0..image.height).flat_map(|y| (0..image.width).map(move |x| covered(x, y))).collect()
 }
@@ -288,6 +307,11 @@ mod tests {
         let stamp = Stamp::new(&Image::from_linear_rgba(8, 8, &texels));
         let found = [(-0.5, 0.3), (0.5, 0.3), (-1.3, 0.0), (-0.5, 1.2)].map(|(x, y)| stamp.coverage(x, y));
         assert_eq!(found, [1.0, 0.0, 0.0, 0.0]);
+        // An alpha that is opaque everywhere says nothing.
+        let dim: Vec<[f32; 4]> =
+            (0..64).map(|i| if i % 8 < 4 { [1.0; 4] } else { [0.0, 0.0, 0.0, 1.0] }).collect();
+        let opaque = Stamp::new(&Image::from_linear_rgba(8, 8, &dim));
+        assert_eq!([-0.5, 0.5].map(|x| opaque.coverage(x, 0.3)), [1.0, 0.0]);
         // Without alpha brightness counts, and wide pictures keep their shape.
         let grey = Stamp::new(&Image::from_linear_rgb(8, 4, &[[0.25, 0.25, 0.25, 1.0]; 32]));
         assert!((grey.coverage(0.5, 0.2) - 0.25).abs() < 1e-6);

@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `surface` | the mesh with the adjacency that painting needs |
 //! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
-//! | `region`, `dab` | which part of the surface a dab covers, by distance along it, and how far |
+//! | `region`, `open_edges`, `dab` | which part of the surface a dab covers, by distance along it (across gaps, too), and how far |
 //! | `fill` | which triangles, and which texels, a fill takes |
 //! | `picture`, `projection`, `graph` | stickers and texts, pictures through a camera, textures of looks |
 //! | `texel_page`, `cover` | which texels a dab covers, and how far |
@@ -37,6 +37,7 @@ mod history;
 mod layers;
 mod levels;
 mod log;
+mod open_edges;
 mod paint;
 mod painter;
 mod picture;
@@ -52,7 +53,7 @@ mod surface;
 mod texel_page;
 mod work;
 
-pub use dab::{Dab, Stamp};
+pub use dab::{Dab, Stamp, is_shaped_by_alpha};
 pub use fantex_mesh::SurfacePoint;
 pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_with};
 pub use graph::{GraphFill, TextureGraph};
@@ -62,7 +63,7 @@ pub use log::StrokeLog;
 pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
 pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};
-pub use projection::{Lens, PicturePlace, Projection, ProjectionView};
+pub use projection::{Lens, PicturePlace, Projection, ProjectionView, Sight};
 pub use region::{Region, RegionTriangle};
 pub use replay::{ReplaySummary, replay};
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};

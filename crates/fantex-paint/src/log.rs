@@ -191,6 +191,7 @@ fn settings_of_dab(surface: &Surface, dab: &Dab) -> DabSettings {
         flow: dab.flow,
         angle: dab.angle,
         aspect: dab.aspect,
+        across_gaps: dab.across_gaps,
     }
 }
 

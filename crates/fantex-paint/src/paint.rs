@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_texture::Texture;
 use glam::{Vec3, Vec4};
 
-use crate::{Picture, Projection};
+use crate::{Picture, Projection, Sight};
 
 /// Dabs of a smudge should be no farther apart than this, in diameters: farther apart they show as stripes.
 pub const SMUDGE_SPACING: f32 = 0.025;
@@ -78,6 +78,8 @@ pub struct Paint {
     /// nothing is covered beside the picture and where the camera does not see. Projected colours then count without
     /// their alpha.
     pub stencil: Option<Arc<Projection>>,
+    /// Paints only what is seen from somewhere.
+    pub sight: Option<Arc<Sight>>,
 }
 
 impl Paint {

@@ -245,10 +245,10 @@ impl Painter {
         let buffer = placed.picked_up(buffer, strength, &context, &pages);
         let laid = LaidDown { dab: &placed, buffer: &buffer, surface };
         let channels = stroke.paint.channels.len();
-        let stencil = stroke.paint.stencil.as_deref();
+        let paint = &stroke.paint;
         pages.par_iter_mut().for_each(|(_, (map, page))| {
             cover_page_colored(map, &laid, channels, page);
-            see_through(surface, map, stencil, page);
+            see_through(surface, map, paint, page);
         });
         for (id, (_, page)) in pages {
             stroke.pages.put(id, page, budget)?;
@@ -315,10 +315,10 @@ impl Painter {
             let pages = ids.iter().zip(&maps).map(|(id, map)| stroke.pages.take_or_new(*id, map));
             let mut pages = pages.collect::<Result<Vec<_>>>()?;
             let surface = &*self.surface;
-            let stencil = stroke.paint.stencil.as_deref();
+            let paint = &stroke.paint;
             pages.par_iter_mut().zip(batch).zip(&maps).for_each(|((page, (_, with)), map)| {
                 add(surface, map, with, page);
-                see_through(surface, map, stencil, page);
+                see_through(surface, map, paint, page);
             });
             for (id, page) in ids.into_iter().zip(pages) {
                 stroke.pages.put(id, page, budget)?;

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use fantex_mesh::RayHit;
 use glam::{DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::composite::position_steps;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::TexelPage;
-use crate::{Picture, Surface, SurfacePoint};
+use crate::{Paint, Picture, Surface, SurfacePoint, Symmetry};
 
 /// Where a picture is projected from. World space.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -64,18 +65,24 @@ pub enum Lens {
     Parallel(f64),
 }
 
+/// From where the surface is seen. Mesh space.
+#[derive(Clone, Copy, Debug)]
+struct Camera {
+    eye: Vec3,
+    forward: Vec3,
+    is_parallel: bool,
+}
+
 /// A picture through a camera. It lies on what the camera sees, and on nothing behind that.
 #[derive(Clone, Debug)]
 pub struct Projection {
     picture: Arc<Picture>,
+    camera: Camera,
     /// Mesh space.
-    eye: Vec3,
     right: Vec3,
     up: Vec3,
-    forward: Vec3,
     /// Half the view's height, at distance 1 or (parallel rays) everywhere, mesh units.
     half_height: f32,
-    is_parallel: bool,
     /// From the view to the picture, both with 1 at the upper border: what is added, then by what it is multiplied.
     shift: Vec2,
     turn: Mat2,
@@ -91,13 +98,12 @@ const SIGHTS: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375]
 impl Projection {
     /// None where the view has no direction, or a lens beyond its range.
     pub fn new(surface: &Surface, view: &ProjectionView, picture: Arc<Picture>) -> Option<Self> {
-        let world_from_mesh = surface.mesh().world_from_mesh;
         let [eye, target, up] = [view.eye, view.target, view.up].map(DVec3::from);
         let forward = (target - eye).try_normalize()?;
         let right = forward.cross(up).try_normalize()?;
-        let (half_height, is_parallel) = match view.lens {
-            Lens::Perspective(degrees) => ((0.5 * degrees.to_radians()).tan(), false),
-            Lens::Parallel(height) => (0.5 * height / world_from_mesh.scale, true),
+        let half_height = match view.lens {
+            Lens::Perspective(degrees) => (0.5 * degrees.to_radians()).tan(),
+            Lens::Parallel(height) => 0.5 * height / surface.mesh().world_from_mesh.scale,
         };
         let in_range = half_height.is_finite() && half_height > 0.0 && half_height < 1e6;
         let PicturePlace { center, height, angle, mirrored } = view.place;
@@ -105,12 +111,10 @@ impl Projection {
         let flip = Vec2::new(if mirrored { -1.0 } else { 1.0 }, 1.0) / height as f32;
         (in_range && is_placed).then(|| Self {
             picture,
-            eye: world_from_mesh.inverse_point(eye),
+            camera: Camera::new(surface, view, eye, forward),
             right: right.as_vec3(),
             up: right.cross(forward).as_vec3(),
-            forward: forward.as_vec3(),
             half_height: half_height as f32,
-            is_parallel,
             shift: -DVec2::from(center).as_vec2(),
             turn: Mat2::from_diagonal(flip) * Mat2::from_angle(-angle.to_radians() as f32),
         })
@@ -123,7 +127,7 @@ impl Projection {
         if facing * value.w <= 0.0 {
             return None;
         }
-        let alpha = value.w * facing * self.seen_share(surface, point, steps);
+        let alpha = value.w * facing * self.camera.seen_share(surface, point, steps);
         (alpha > 0.0).then(|| (value.truncate() / value.w).extend(alpha))
     }
 
@@ -138,7 +142,7 @@ impl Projection {
     fn look(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> Option<(Vec4, f32)> {
         let position = surface.position(point).as_vec3();
         let (place, unit) = self.place(position)?;
-        let to_eye = self.to_eye(position);
+        let to_eye = self.camera.to_eye(position);
         if !surface.is_seen_from(point.triangle, to_eye) {
             return None;
         }
@@ -147,19 +151,6 @@ impl Projection {
         let s = ((cosine - GRAZING[0]) / (GRAZING[1] - GRAZING[0])).clamp(0.0, 1.0);
         let value = self.picture.at(place, width_of(steps) * cosine.max(0.2) * unit);
         Some((value, s * s * (3.0 - 2.0 * s)))
-    }
-
-    /// Share of a texel that is not hidden. Two rays tell mostly; where they do not agree, all do.
-    fn seen_share(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> f32 {
-        let (position, width) = (surface.position(point).as_vec3(), width_of(steps));
-        let is_seen = |[a, b]: [f32; 2]| self.is_seen(surface, position + steps[0] * a + steps[1] * b, width);
-        let [first, second, third, fourth] = SIGHTS;
-        let count = match [first, third].map(is_seen) {
-            [true, true] => 4,
-            [false, false] => 0,
-            _ => 1 + [second, fourth].into_iter().filter(|&sight| is_seen(sight)).count(),
-        };
-        count as f32 / SIGHTS.len() as f32
     }
 
     /// The triangles that may lie in the picture, ascending: those of which some corner does not lie beside it.
@@ -176,9 +167,9 @@ impl Projection {
 
     /// Beyond which sides of the picture a position lies: a bit for each.
     fn sides(&self, position: Vec3) -> u8 {
-        let q = position - self.eye;
-        let depth = q.dot(self.forward);
-        let scale = if self.is_parallel { self.half_height } else { depth.abs() * self.half_height };
+        let q = position - self.camera.eye;
+        let depth = q.dot(self.camera.forward);
+        let scale = if self.camera.is_parallel { self.half_height } else { depth.abs() * self.half_height };
         if depth <= 0.0 {
             return 16;
         }
@@ -203,9 +194,10 @@ impl Projection {
 
     /// A position in the coordinates of the picture, and these per mesh unit there.
     fn place(&self, position: Vec3) -> Option<(Vec2, f32)> {
-        let q = position - self.eye;
-        let depth = if self.is_parallel { 1.0 } else { q.dot(self.forward) };
-        if depth <= 0.0 || q.dot(self.forward) <= 0.0 {
+        let Camera { eye, forward, is_parallel } = self.camera;
+        let q = position - eye;
+        let depth = if is_parallel { 1.0 } else { q.dot(forward) };
+        if depth <= 0.0 || q.dot(forward) <= 0.0 {
             return None;
         }
         let [columns, rows] = self.picture.extent().map(|n| n as f32);
@@ -216,19 +208,103 @@ impl Projection {
         let unit = longer * self.turn.y_axis.length() / (depth * self.half_height);
         (place.abs().max_element() <= 1.1).then_some((place, unit))
     }
+}
+
+impl Camera {
+    /// `eye` and `forward`: world space.
+    fn new(surface: &Surface, view: &ProjectionView, eye: DVec3, forward: DVec3) -> Self {
+        let eye = surface.mesh().world_from_mesh.inverse_point(eye);
+        Self { eye, forward: forward.as_vec3(), is_parallel: matches!(view.lens, Lens::Parallel(_)) }
+    }
 
     fn to_eye(&self, position: Vec3) -> Vec3 {
         if self.is_parallel { -self.forward } else { (self.eye - position).normalize_or(-self.forward) }
     }
 
-    /// True where nothing lies between the camera and a point, but for what is nearer to the point than two texels.
-    fn is_seen(&self, surface: &Surface, position: Vec3, texel: f32) -> bool {
+    /// Share of a texel that is not hidden. Two rays tell mostly; where they do not agree, all do.
+    fn seen_share(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> f32 {
+        let (position, width) = (surface.position(point).as_vec3(), width_of(steps));
+        let is_seen = |[a, b]: [f32; 2]| {
+            self.is_seen(surface, point.triangle, position + steps[0] * a + steps[1] * b, width)
+        };
+        let [first, second, third, fourth] = SIGHTS;
+        let count = match [first, third].map(is_seen) {
+            [true, true] => 4,
+            [false, false] => 0,
+            _ => 1 + [second, fourth].into_iter().filter(|&sight| is_seen(sight)).count(),
+        };
+        count as f32 / SIGHTS.len() as f32
+    }
+
+    /// True where nothing lies between the camera and a point of a triangle, but for what is nearer to the point than two texels
+    /// and turned to the camera with the same side: behind the front of a thin plate its back is hidden.
+    fn is_seen(&self, surface: &Surface, triangle: u32, position: Vec3, texel: f32) -> bool {
         let to_eye = self.to_eye(position);
         // Parallel rays come from as far as the camera is.
         let distance = (self.eye - position).dot(to_eye);
         let origin = position + to_eye * distance;
-        let hit = surface.bvh().first_hit(origin, -to_eye, distance);
-        hit.is_none_or(|hit| distance - hit.distance <= 2.0 * texel + 1e-5 * distance)
+        let is_front = |triangle| surface.facet_normal(triangle).dot(to_eye.as_dvec3()) >= 0.0;
+        let is_known = |hit: &RayHit| surface.is_seen_from(hit.point.triangle, to_eye);
+        let hit = surface.bvh().first_hit_where(origin, -to_eye, distance, is_known);
+        hit.is_none_or(|hit| {
+            distance - hit.distance <= 2.0 * texel + 1e-5 * distance
+                && is_front(hit.point.triangle) == is_front(triangle)
+        })
+    }
+}
+
+// Only what is seen.
+
+/// What a camera sees, and faces by an angle at most. Symmetric strokes have a camera for each copy.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    cameras: Vec<Camera>,
+    /// Cosines between the surface's normal and the way to the camera over which paint fades in.
+    fade: [f32; 2],
+}
+
+/// Share of the largest angle at which paint begins to fade.
+const SIGHT_FADE: f32 = 0.85;
+
+impl Sight {
+    /// `max_degrees`: between the surface's normal and the way to the camera, above 0 up to 90. None where that is out of range, or
+    /// the view has no direction.
+    pub fn new(
+        surface: &Surface,
+        view: &ProjectionView,
+        max_degrees: f32,
+        symmetry: &Symmetry,
+    ) -> Option<Self> {
+        let [eye, target] = [view.eye, view.target].map(DVec3::from);
+        let forward = (target - eye).try_normalize().filter(|_| eye.is_finite())?;
+        let moved = |k| match k {
+            0 => [eye, forward],
+            k => [symmetry.moved_position(eye, k), symmetry.moved_direction(forward, k)],
+        };
+        let camera = |k| {
+            let [eye, forward] = moved(k);
+            Camera::new(surface, view, eye, forward)
+        };
+        let cosine = |share: f32| (share * max_degrees).to_radians().cos();
+        (max_degrees > 0.0 && max_degrees <= 90.0).then(|| Self {
+            cameras: (0..symmetry.count()).map(camera).collect(),
+            fade: [cosine(1.0), cosine(SIGHT_FADE)],
+        })
+    }
+
+    /// What of a texel's paint stays, 0..1. `steps`: as for [`Projection::at`].
+    fn passes(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> f32 {
+        let [low, high] = self.fade;
+        let (position, normal) = (surface.position(point).as_vec3(), surface.normal(point));
+        let of_camera = |camera: &Camera| {
+            let to_eye = camera.to_eye(position);
+            let s = ((normal.dot(to_eye).abs() - low) / (high - low)).clamp(0.0, 1.0);
+            if s <= 0.0 || !surface.is_seen_from(point.triangle, to_eye) {
+                return 0.0;
+            }
+            s * s * (3.0 - 2.0 * s) * camera.seen_share(surface, point, steps)
+        };
+        self.cameras.iter().map(of_camera).fold(0.0, f32::max)
     }
 }
 
@@ -237,18 +313,16 @@ fn width_of(steps: [Vec3; 2]) -> f32 {
     (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt()
 }
 
-// Stencils: pictures over the view that a stroke is laid on through.
+// Stencils and sight: what a stroke is laid on through.
 //
-// How much a stencil lets through is asked once per texel and stroke, when the texel is first covered: sight costs rays.
+// How much they let through is asked once per texel and stroke, when the texel is first covered: sight costs rays.
 
-/// Brings the stencil of a page, if there is one, up to date with its coverage.
-pub(crate) fn see_through(
-    surface: &Surface,
-    map: &TexelPage,
-    stencil: Option<&Projection>,
-    page: &mut StrokePage,
-) {
-    let (Some(stencil), false) = (stencil, page.stale.is_empty()) else { return };
+/// Brings what a page's stroke is laid on through, if there is something, up to date with its coverage.
+pub(crate) fn see_through(surface: &Surface, map: &TexelPage, paint: &Paint, page: &mut StrokePage) {
+    let (stencil, sight) = (paint.stencil.as_deref(), paint.sight.as_deref());
+    if (stencil.is_none() && sight.is_none()) || page.stale.is_empty() {
+        return;
+    }
     if page.stencil.is_empty() {
         page.stencil = vec![f32::NAN; page.coverage.len()];
     }
@@ -260,8 +334,11 @@ pub(crate) fn see_through(
             let (texel, passes) = (map.texel([x, y]), &mut row[x as usize]);
             if coverage[texel] > 0.0 && passes.is_nan() && map.is_valid(texel) {
                 let steps = position_steps(surface, map.triangle([x, y]));
-                let color = stencil.at(surface, map.point([x, y]).clamped(), steps);
-                *passes = color.map_or(0.0, |color| color.w);
+                let point = map.point([x, y]).clamped();
+                let through = stencil
+                    .map_or(1.0, |stencil| stencil.at(surface, point, steps).map_or(0.0, |color| color.w));
+                let seen = sight.filter(|_| through > 0.0).map_or(1.0, |s| s.passes(surface, point, steps));
+                *passes = through * seen;
             }
         }
     });

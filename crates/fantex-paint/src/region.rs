@@ -14,7 +14,8 @@
 //! On an edge this depends on the edge's ends only, so the distance is continuous on the surface, on triangles larger than
 //! the brush as well as on tiny ones. (It is Stewart's theorem along every line.) Only edges across which
 //! triangles continue each other are crossed: the texture function is continuous just there. So paint reaches neither the back of a
-//! sheet nor a neighbouring one, unless the way around is short.
+//! sheet nor a neighbouring one, unless the way around is short. On request open edges are crossed, too, where another open edge is near
+//! and its triangle leads on: the straight line through the gap counts.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};
@@ -97,6 +98,8 @@ type Front = BinaryHeap<Reverse<(u64, u32)>>;
 struct Grower<'a> {
     surface: &'a Surface,
     radius: f64,
+    /// Widest gap that is crossed, mesh units; negative for none.
+    gap: f64,
     distances: HashMap<u32, f64, IndexHash>,
     /// In the order in which they were reached.
     order: Vec<u32>,
@@ -107,9 +110,15 @@ struct Grower<'a> {
 impl Region {
     /// The region of `radius` mesh units around a point.
     pub fn grow(surface: &Surface, center: SurfacePoint, radius: f32) -> Self {
+        Self::grow_across(surface, center, radius, -1.0)
+    }
+
+    /// The same, which goes on beyond gaps up to `gap` mesh units wide (0: where open edges touch, as at T-junctions).
+    pub fn grow_across(surface: &Surface, center: SurfacePoint, radius: f32, gap: f32) -> Self {
         let mut grower = Grower {
             surface,
             radius: f64::from(radius),
+            gap: f64::from(gap),
             distances: HashMap::default(),
             order: Vec::new(),
             reached: HashSet::default(),
@@ -144,7 +153,10 @@ impl Grower<'_> {
 
     fn run(&mut self) {
         while let Some(Reverse((_, half_edge))) = self.front.pop() {
-            let Some(other) = self.surface.opposite(half_edge) else { continue };
+            let Some(other) = self.surface.opposite(half_edge) else {
+                self.cross_gap(half_edge);
+                continue;
+            };
             let triangle = other / 3;
             let is_new = self.reached.insert(triangle);
             if is_new {
@@ -190,6 +202,41 @@ impl Grower<'_> {
             *known = found;
         }
         is_nearer
+    }
+
+    /// Goes on beyond an open edge, to the triangles at open edges near it.
+    fn cross_gap(&mut self, half_edge: u32) {
+        if self.gap < 0.0 {
+            return;
+        }
+        let [a, b, _] = self.surface.turned(half_edge);
+        let (Some(&da), Some(&db)) = (self.distances.get(&a.0), self.distances.get(&b.0)) else { return };
+        for other in self.surface.open_edges_near(half_edge, self.gap) {
+            let (triangle, [e, f, _]) = (other / 3, self.surface.turned(other));
+            let known = [e, f].map(|(v, _)| self.distances.get(&v).copied().unwrap_or(f64::INFINITY));
+            let found = [e, f].map(|(_, p)| unfolded(da, db, [a.1, b.1, p]));
+            let nearest = nearest_on_edge(found[0].min(known[0]), found[1].min(known[1]), e.1.distance(f.1));
+            if nearest >= self.radius || self.reached.len() >= MAX_TRIANGLES {
+                continue;
+            }
+            if self.reached.insert(triangle) {
+                self.order.push(triangle);
+                (0..3).filter(|k| 3 * triangle + k != other).for_each(|k| self.push(3 * triangle + k));
+            }
+            for ((corner, (vertex, _)), (found, known)) in [other, 3 * triangle + (other + 1) % 3]
+                .into_iter()
+                .zip([e, f])
+                .zip(found.into_iter().zip(known))
+            {
+                if found < known * GAIN {
+                    self.distances.insert(vertex, found);
+                    self.push_around(corner);
+                }
+            }
+            if self.reach(other) {
+                self.push_around(3 * triangle + (other + 2) % 3);
+            }
+        }
     }
 
     /// A vertex has come nearer, and with it all edges there: pushes them, seen from the reached triangles around it. `corner`

@@ -30,9 +30,9 @@ use crate::stroke_file::color_of;
 use crate::{
     Brush, ChannelPaint, ColorSettings, DEFAULT_FONT, Dab, DabSettings, Decal, FillArea, FillLayerSettings,
     GraphFill, Layer, LayerContent, LayerSettings, LookSettings, Paint, Painter, Picture, Projection,
-    SMUDGE_SPACING, Sample, SampleSettings, Size, Stamp, StencilBy, Stroke, StrokeFile, StrokeSettings,
-    StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool, ToolSettings, Where, dabs_of,
-    draw_text,
+    SMUDGE_SPACING, Sample, SampleSettings, Sight, Size, Stamp, StencilBy, Stroke, StrokeFile,
+    StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool, ToolSettings, Where,
+    dabs_of, draw_text,
 };
 
 // Applying a stroke file.
@@ -226,8 +226,9 @@ impl Preparation<'_> {
             }
             channels.push(ChannelPaint { channel, color: color_of(self, kind, &settings.color)? });
         }
-        let stencil = self.stencil()?;
-        Ok(Paint { tool: self.tool(drawn, first)?, opacity: self.settings.brush.opacity, channels, stencil })
+        let (stencil, sight) = (self.stencil()?, self.sight()?);
+        let tool = self.tool(drawn, first)?;
+        Ok(Paint { tool, opacity: self.settings.brush.opacity, channels, stencil, sight })
     }
 
     /// `first`: where the stroke begins.
@@ -316,6 +317,21 @@ impl Preparation<'_> {
         })
     }
 
+    fn sight(&self) -> Result<Option<Arc<Sight>>> {
+        let Some(degrees) = self.settings.only_seen else { return Ok(None) };
+        let Some(camera) = &self.settings.projection else {
+            return Err(self.of_stroke(Error::invalid(
+                "only what is seen is painted, but there is no camera: add a projection, which says from where",
+            )));
+        };
+        let sight = Sight::new(self.painter.surface(), camera, degrees, &self.settings.symmetry);
+        sight.map(|sight| Some(Arc::new(sight))).ok_or_else(|| {
+            self.of_stroke(Error::invalid(
+                "only_seen must be above 0 and at most 90 degrees, and the camera of the projection look somewhere",
+            ))
+        })
+    }
+
     fn decals(&self, drawn: &Stroke) -> Result<Vec<Decal>> {
         let (shape, size, angle, mirrored) = if let Some(decal) = &self.settings.decal {
             let shape = self.decal_shape(decal.shape.as_deref())?;
@@ -363,12 +379,12 @@ impl Preparation<'_> {
         let scale = self.painter.surface().mesh().world_from_mesh.scale;
         let mut dabs = Vec::with_capacity(self.settings.dabs.len());
         for (index, dab) in self.settings.dabs.iter().enumerate() {
-            let DabSettings { at, radius, hardness, flow, angle, aspect } = *dab;
+            let DabSettings { at, radius, hardness, flow, angle, aspect, across_gaps } = *dab;
             self.finite("a dab's numbers", &[radius, hardness, flow, angle, aspect])?;
             let radius = (f64::from(radius) / scale) as f32;
             let stamp = stamp.cloned();
             if let Some(center) = self.point(index, at)? {
-                dabs.push(Dab { center, radius, hardness, flow, angle, aspect, stamp });
+                dabs.push(Dab { center, radius, hardness, flow, angle, aspect, across_gaps, stamp });
             }
         }
         Ok(dabs)

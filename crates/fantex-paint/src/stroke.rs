@@ -88,7 +88,7 @@ impl Way {
 impl Spacer<'_> {
     /// Goes on to the next sample; all the way where it is the last one.
     fn go_to(&mut self, sample: &Sample, is_end: bool, dabs: &mut Vec<Dab>) {
-        let path = self.way.last.map(|last| (last, path_between(self.surface, last.point, sample.point)));
+        let path = self.way.last.map(|last| (last, self.path_between(last.point, sample.point)));
         let Some((last, Some(path))) = path else {
             // The first one; or the surface does not lead there, and the stroke goes on beyond the gap.
             self.way.last = Some(*sample);
@@ -101,6 +101,11 @@ impl Spacer<'_> {
         let end = Sample { point: path.at(share * path.length()), ..mixed(&last, sample, share as f32) };
         self.along(&path, share * path.length(), &last, &end, dabs);
         self.way.last = Some(end);
+    }
+
+    fn path_between(&self, from: SurfacePoint, to: SurfacePoint) -> Option<Path> {
+        let across = || path_across(self.surface, from, to, 0.25 * self.diameter);
+        path_between(self.surface, from, to).or_else(|| across().filter(|_| self.brush.across_gaps))
     }
 
     /// Dabs on the first `length` mesh units of a path.
@@ -145,6 +150,7 @@ impl Spacer<'_> {
             flow: brush.flow.clamp(0.0, 1.0) * pressure * (1.0 - jitter.flow.clamp(0.0, 1.0) * flow),
             angle: brush.angle.to_radians() + lean + jitter.angle * (2.0 * angle - 1.0),
             aspect,
+            across_gaps: brush.across_gaps,
             stamp: self.stamp.cloned(),
         });
     }
@@ -233,6 +239,8 @@ pub struct Brush {
     pub angle: f32,
     /// Dabs follow a tilted pen: added to the angle is the direction that it leans to, and they become ellipses along it.
     pub follow_tilt: bool,
+    /// Dabs go on beyond gaps of the mesh that are small beside them, as at T-junctions.
+    pub across_gaps: bool,
     /// Random changes.
     pub jitter: Jitter,
     /// What pressure does.
@@ -255,6 +263,7 @@ impl Default for Brush {
             smoothing: 0.0,
             angle: 0.0,
             follow_tilt: false,
+            across_gaps: false,
             jitter: Jitter::default(),
             pressure: PressureResponse::default(),
             stamp: None,
@@ -334,6 +343,22 @@ fn path_between(surface: &Surface, from: SurfacePoint, to: SurfacePoint) -> Opti
     let up = surface.facet_normal(from.triangle) + surface.facet_normal(to.triangle);
     let plane = (q - p).cross(up).try_normalize()?;
     walk(surface, from, q - p, plane, Goal::Point(to))
+}
+
+/// Points of a way through space.
+const MAX_HOPS: usize = 64;
+
+/// The surface under the straight line between two points, where it is never farther away than `reach` mesh units.
+fn path_across(surface: &Surface, from: SurfacePoint, to: SurfacePoint, reach: f32) -> Option<Path> {
+    let (p, q) = (surface.position(from), surface.position(to));
+    let hop = |k: usize| {
+        let share = k as f64 / MAX_HOPS as f64;
+        let point = surface.nearest(p.lerp(q, share).as_vec3(), reach)?;
+        Some((point, share * p.distance(q)))
+    };
+    let mut points = (0..=MAX_HOPS).map(hop).collect::<Option<Vec<_>>>()?;
+    (points[0].0, points[MAX_HOPS].0) = (from, to);
+    Some(Path { points })
 }
 
 /// The longest straight walk, mesh units: around a model several times.
@@ -518,7 +543,7 @@ impl Symmetry {
         matches!(self, Self::Mirror { .. })
     }
 
-    fn moved_position(&self, mut p: DVec3, k: u32) -> DVec3 {
+    pub(crate) fn moved_position(&self, mut p: DVec3, k: u32) -> DVec3 {
         match *self {
             Self::None => {}
             Self::Mirror { axis, offset } => p[axis.min(2)] = 2.0 * offset - p[axis.min(2)],

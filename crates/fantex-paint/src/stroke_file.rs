@@ -55,6 +55,9 @@ pub struct StrokeSettings {
     /// A picture that the stroke is laid on through, in the camera of `projection`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stencil: Option<StencilSettings>,
+    /// Paints only what the camera of `projection` sees, and of that what faces it by at most so many degrees, above 0 up to 90.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub only_seen: Option<f32>,
     /// Only the first and the last sample count.
     pub line: bool,
     /// Copies.
@@ -85,6 +88,7 @@ impl Default for StrokeSettings {
             text: None,
             projection: None,
             stencil: None,
+            only_seen: None,
             line: false,
             symmetry: Symmetry::None,
             layer: None,
@@ -113,6 +117,9 @@ pub struct DabSettings {
     /// Width over length.
     #[serde(default = "full")]
     pub aspect: f32,
+    /// Whether it goes on beyond gaps of the mesh.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub across_gaps: bool,
 }
 
 /// A layer to paint on.
@@ -190,7 +197,7 @@ pub enum FillSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecalSettings {
-    /// A picture, relative to the stroke file, whose alpha (or brightness, where it has none) says where the decal covers; without
+    /// A picture, relative to the stroke file, whose alpha (or brightness, where that is opaque everywhere) says where the decal covers; without
     /// it the alpha of the first channel's picture does.
     pub shape: Option<PathBuf>,
     /// Length of the picture's longer side.
@@ -236,7 +243,7 @@ pub struct StencilSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StencilBy {
-    /// Its alpha; where it has none, its brightness.
+    /// Its alpha; where that is opaque everywhere, its brightness.
     #[default]
     Shape,
     /// Its alpha; one without lets all through.

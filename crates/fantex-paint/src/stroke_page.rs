@@ -20,7 +20,7 @@ pub(crate) struct StrokePage {
     /// Per painted channel and texel the colours that were laid down, linear RGBA multiplied by alpha and by their share of the
     /// coverage; empty for tools whose colour does not depend on the dab.
     pub(crate) colors: Vec<Vec<Vec4>>,
-    /// What the stroke's stencil lets through, 0..1 per texel, where there is coverage; empty without a stencil.
+    /// What the stroke's stencil and sight let through, 0..1 per texel, where there is coverage; empty without these.
     pub(crate) stencil: Vec<f32>,
     /// Texels whose coverage is not zero lie in here.
     pub(crate) touched: Rect,

@@ -9,6 +9,8 @@ use fantex_mesh::{
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
 
+use crate::open_edges::OpenEdges;
+
 /// No half-edge.
 const NONE: u32 = u32::MAX;
 
@@ -26,6 +28,8 @@ pub struct Surface {
     /// Per corner; made when first asked for.
     normals: OnceLock<CornerNormals>,
     space: ObjectSpace,
+    /// Made when first asked for.
+    open_edges: OnceLock<OpenEdges>,
 }
 
 impl std::fmt::Debug for Surface {
@@ -48,7 +52,19 @@ impl Surface {
         let opposed = OpposedTriangles::of(&mesh.triangles);
         let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
         let space = ObjectSpace::of(&mesh);
-        Self { mesh, cover, bvh, opposite, triangles_of_groups, opposed, is_inside_out, normals, space }
+        let open_edges = OnceLock::new();
+        Self {
+            mesh,
+            cover,
+            bvh,
+            opposite,
+            triangles_of_groups,
+            opposed,
+            is_inside_out,
+            normals,
+            space,
+            open_edges,
+        }
     }
 
     /// The mesh.
@@ -143,6 +159,13 @@ impl Surface {
     pub(crate) fn opposite(&self, half_edge: u32) -> Option<u32> {
         let other = self.opposite[half_edge as usize];
         (other != NONE).then_some(other)
+    }
+
+    /// The half-edges without an opposite that are at most `gap` mesh units away from such a one and whose triangles lead on,
+    /// ascending: those that do not fold back.
+    pub(crate) fn open_edges_near(&self, half_edge: u32, gap: f64) -> Vec<u32> {
+        let open = self.open_edges.get_or_init(|| OpenEdges::of(self, &self.opposite));
+        open.near(self, half_edge, gap)
     }
 
     /// Some triangle with a corner in a group.

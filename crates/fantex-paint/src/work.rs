@@ -535,10 +535,10 @@ impl Painter {
             pages.push((id, work.stroke.pages.take_or_new(id, &map)?, map));
         }
         let (surface, area) = (&*self.surface, &work.area);
-        let stencil = work.stroke.paint.stencil.as_deref();
+        let paint = &work.stroke.paint;
         pages.par_iter_mut().for_each(|(id, page, map)| {
             area.cover(surface, map, *id, page);
-            see_through(surface, map, stencil, page);
+            see_through(surface, map, paint, page);
         });
         pages.retain(|(_, page, _)| !page.touched.is_empty());
         for (id, page, _) in &mut pages {

@@ -36,8 +36,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         symmetry: Symmetry::None,
     };
     let red = ChannelPaint { channel: 0, color: PaintColor::Constant(Vec4::new(0.8, 0.05, 0.05, 1.0)) };
-    let paint =
-        Paint { tool: Tool::Paint(BlendMode::Normal), opacity: 1.0, channels: vec![red], stencil: None };
+    let paint = Paint {
+        tool: Tool::Paint(BlendMode::Normal),
+        opacity: 1.0,
+        channels: vec![red],
+        stencil: None,
+        sight: None,
+    };
     painter.begin("red line", paint)?;
     painter.dab(&dabs_of(&surface, &stroke))?;
     painter.end()?;

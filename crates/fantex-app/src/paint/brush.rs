@@ -44,6 +44,12 @@ pub struct BrushSettings {
     /// How far the brush lags behind the hand, 0..1.
     pub smoothing: f32,
     pub blend: BlendMode,
+    /// Whether dabs go on beyond small gaps of the mesh.
+    pub across_gaps: bool,
+    /// Whether only what the camera sees is painted.
+    pub only_seen: bool,
+    /// Of that, what faces the camera by at most so many degrees.
+    pub seen_degrees: f32,
     pub jitter: Jitter,
     pub pressure: PressureResponse,
     /// Angle of the stamp, degrees.
@@ -64,6 +70,9 @@ impl Default for BrushSettings {
             spacing: 0.12,
             smoothing: 0.15,
             blend: BlendMode::Normal,
+            across_gaps: true,
+            only_seen: false,
+            seen_degrees: 85.0,
             jitter: Jitter::default(),
             pressure: PressureResponse { size: 0.0, flow: 0.6 },
             angle_degrees: 0.0,
@@ -90,6 +99,7 @@ impl BrushSettings {
             smoothing: self.smoothing,
             angle: self.angle_degrees,
             follow_tilt: false,
+            across_gaps: self.across_gaps,
             jitter: self.jitter,
             pressure: self.pressure,
             stamp: self.stamp.clone(),

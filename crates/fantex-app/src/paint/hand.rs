@@ -6,8 +6,8 @@ use std::sync::Arc;
 use fantex::glam::{Vec3, Vec4};
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, Decal, DecalSettings, FillSettings,
-    LayerContent, Paint, PaintColor, Sample, SampleSettings, Size, Stamp, StencilSettings, StrokeSettings,
-    Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
+    LayerContent, Paint, PaintColor, PicturePlace, Sample, SampleSettings, Sight, Size, Stamp,
+    StencilSettings, StrokeSettings, Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
 };
 use fantex::store::{Channel, ChannelKind};
 use fantex::texture::Image;
@@ -162,7 +162,7 @@ impl Painting {
         view: &Viewpoint,
         notices: &mut Notices,
     ) -> Result<Box<StrokeStart>, String> {
-        let (paint, sources) = self.paint(point, settings, view)?;
+        let (mut paint, sources) = self.paint(point, settings, view)?;
         let stamp = self.stamp(settings, notices);
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
@@ -178,7 +178,14 @@ impl Painting {
         }
         let world_per_pixel = view.world_per_pixel(world_position(&self.surface, point));
         let symmetry = settings.symmetry.symmetry(self.bounds.center());
-        if matches!(settings.tool, PaintTool::Fill | PaintTool::Sticker) {
+        if settings.brush.only_seen && settings.tool.has_brush() {
+            let degrees = settings.brush.seen_degrees.clamp(1.0, 90.0);
+            let camera =
+                *recorded.projection.get_or_insert_with(|| projection_view(view, PicturePlace::default()));
+            paint.sight = Sight::new(&self.surface, &camera, degrees, &symmetry).map(Arc::new);
+            recorded.only_seen = Some(degrees);
+        }
+        if paint.sight.is_some() || matches!(settings.tool, PaintTool::Fill | PaintTool::Sticker) {
             recorded.symmetry = symmetry;
         }
         Ok(Box::new(StrokeStart {
@@ -286,7 +293,7 @@ impl Painting {
             PaintTool::Paint => Tool::Paint(settings.brush.blend),
             PaintTool::Fill | PaintTool::Sticker | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
         };
-        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil }, sources))
+        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil, sight: None }, sources))
     }
 
     /// The brush's picture; read once.

@@ -22,7 +22,7 @@ mod symmetry;
 mod texture;
 mod worker;
 
-pub use bake::{asset_beside, bake_model};
+pub use bake::{NewAsset, asset_beside, bake_model, model_texels};
 pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};

@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use fantex::base::Result;
 use fantex::glam::DVec2;
-use fantex::paint::{Lens, Picture, PicturePlace, Projection, ProjectionView, StencilBy, Surface};
+use fantex::paint::{
+    Lens, Picture, PicturePlace, Projection, ProjectionView, StencilBy, Surface, is_shaped_by_alpha,
+};
 use fantex::texture::Image;
 use serde::{Deserialize, Serialize};
 
@@ -126,7 +128,7 @@ impl StencilPicture {
     pub fn pixels(&self, most: u32, paints: StencilUse) -> ([usize; 2], Vec<[u8; 4]>) {
         let every = self.image.width.max(self.image.height).div_ceil(most.max(1)).max(1);
         let extent = [self.image.width, self.image.height].map(|n| n.div_ceil(every));
-        let is_mask = paints == StencilUse::Mask && !self.image.has_alpha();
+        let is_mask = paints == StencilUse::Mask && !is_shaped_by_alpha(&self.image);
         let pixel = |x: u32, y: u32| {
             let [r, g, b, a] = self.image.linear_texel(x, y);
             let byte =

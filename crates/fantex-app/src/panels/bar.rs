@@ -62,7 +62,7 @@ fn undo(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         [(has_done, "Undo", PaintCommand::Undo), (!snapshot.undone.is_empty(), "Redo", PaintCommand::Redo)];
     for (is_enabled, text, command) in rows {
         let command = Command::Paint(command);
-        let tip = keys_of(&command).unwrap_or_default();
+        let tip = keys_of(true, &command).unwrap_or_default();
         if ui.add_enabled(is_enabled, Button::new(text)).on_hover_text(tip).clicked() {
             commands.push(command);
         }
@@ -81,9 +81,10 @@ fn undo(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
 
 fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     let has_document = viewer.document.is_some();
+    let is_painting = viewer.painting.is_some();
     ui.menu_button("File", |ui| {
         ui.set_min_width(220.0);
-        item(ui, true, "Open…", Command::OpenDialog, commands);
+        item(ui, (true, is_painting), "Open…", Command::OpenDialog, commands);
         ui.add_enabled_ui(!viewer.settings.recent.is_empty(), |ui| {
             ui.menu_button("Open recent", |ui| {
                 ui.set_min_width(260.0);
@@ -95,34 +96,44 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
                 }
             });
         });
-        item(ui, has_document, "Open again", Command::Reload, commands);
-        item(ui, has_document, "Close", Command::Close, commands);
+        item(ui, (has_document, is_painting), "Open again", Command::Reload, commands);
+        item(ui, (has_document, is_painting), "Close", Command::Close, commands);
         ui.separator();
-        item(ui, has_document, "Save picture", Command::Screenshot, commands);
-        item(ui, has_document, "Save large picture", Command::LargeScreenshot(4), commands);
-        item(ui, true, "Save picture of the window", Command::WindowScreenshot, commands);
+        let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
+        item(ui, (is_asset, is_painting), "Save a copy…", Command::SaveCopy, commands);
+        item(ui, (is_asset, is_painting), "Export…", Command::Export, commands);
         ui.separator();
-        item(ui, true, "Quit", Command::Quit, commands);
+        item(ui, (has_document, is_painting), "Save picture", Command::Screenshot, commands);
+        item(ui, (has_document, is_painting), "Save large picture", Command::LargeScreenshot(4), commands);
+        item(ui, (true, is_painting), "Save picture of the window", Command::WindowScreenshot, commands);
+        ui.separator();
+        item(ui, (true, is_painting), "Quit", Command::Quit, commands);
     });
     ui.menu_button("View", |ui| {
         ui.set_min_width(220.0);
-        item(ui, has_document, "Show all", Command::FrameAll, commands);
+        item(ui, (has_document, is_painting), "Show all", Command::FrameAll, commands);
         for (preset, label) in ViewPreset::ALL {
-            item(ui, has_document, label, Command::View(preset), commands);
+            item(ui, (has_document, is_painting), label, Command::View(preset), commands);
         }
         ui.separator();
-        item(ui, has_document, "Record camera path", Command::ToggleRecording, commands);
-        item(ui, viewer.path.is_some(), "Play camera path", Command::TogglePlayback, commands);
-        item(ui, true, "Load camera path…", Command::LoadPath, commands);
-        item(ui, viewer.path.is_some(), "Save camera path…", Command::SavePath, commands);
+        item(ui, (has_document, is_painting), "Record camera path", Command::ToggleRecording, commands);
+        item(ui, (viewer.path.is_some(), is_painting), "Play camera path", Command::TogglePlayback, commands);
+        item(ui, (true, is_painting), "Load camera path…", Command::LoadPath, commands);
+        item(ui, (viewer.path.is_some(), is_painting), "Save camera path…", Command::SavePath, commands);
         ui.separator();
-        item(ui, true, "Keys and mouse", Command::ToggleHelp, commands);
+        item(ui, (true, is_painting), "Keys and mouse", Command::ToggleHelp, commands);
     });
 }
 
 /// A line of a menu with its key.
-fn item(ui: &mut Ui, is_enabled: bool, text: &str, command: Command, commands: &mut Vec<Command>) {
-    let keys = keys_of(&command).unwrap_or_default();
+fn item(
+    ui: &mut Ui,
+    (is_enabled, is_painting): (bool, bool),
+    text: &str,
+    command: Command,
+    commands: &mut Vec<Command>,
+) {
+    let keys = keys_of(is_painting, &command).unwrap_or_default();
     let button = Button::new(text).shortcut_text(RichText::new(keys).color(theme::FAINT));
     if ui.add_enabled(is_enabled, button).clicked() {
         commands.push(command);

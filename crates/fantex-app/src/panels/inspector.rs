@@ -89,7 +89,7 @@ fn show_light(ui: &mut Ui, viewer: &mut Viewer) {
     heading(ui, "Tone");
     tone(ui, &mut viewer.settings.display);
     ui.add_space(8.0);
-    if ui.button("As at first").on_hover_text("Light and tone as they are at the first start").clicked() {
+    if ui.button("Reset").on_hover_text("Light and tone as they are at the first start").clicked() {
         viewer.settings.light = LightSettings::default();
         let usual = DisplaySettings::default();
         viewer.settings.display.exposure_stops = usual.exposure_stops;
@@ -196,7 +196,7 @@ fn show_view(ui: &mut Ui, viewer: &mut Viewer) {
 fn camera(ui: &mut Ui, viewer: &mut Viewer) {
     let eye_height = viewer.eye_height();
     let camera = &mut viewer.settings.camera;
-    let degrees = number("Opening angle", "°", 0, "");
+    let degrees = number("Field of view", "°", 0, "");
     degrees.show(ui, &mut camera.fov_degrees, 10.0..=120.0);
     let speed = number("Speed", "×", 2, "").logarithmic();
     match camera.mode {

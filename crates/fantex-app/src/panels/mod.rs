@@ -20,8 +20,10 @@ use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{SceneInput, Viewer};
 
+mod asked;
 mod bar;
 mod inspector;
+mod live;
 mod paint;
 mod scene;
 mod streaming;
@@ -58,11 +60,12 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures) -> Show
     Panel::bottom("status").frame(bar_frame()).show(ui, |ui| bar::show_status(ui, viewer));
     // While something is painted on, its own panels need the room.
     if panels.has_inspector && viewer.painting.is_none() {
-        Panel::right("inspector")
-            .frame(panel_frame())
-            .default_size(320.0)
-            .size_range(290.0..=480.0)
-            .show(ui, |ui| inspector::show(ui, viewer));
+        Panel::right("inspector").frame(panel_frame()).default_size(320.0).size_range(290.0..=480.0).show(
+            ui,
+            |ui| {
+                if viewer.live.is_some() { live::numbers(ui, viewer) } else { inspector::show(ui, viewer) }
+            },
+        );
     }
     if panels.has_graphs {
         Panel::bottom("graphs")

@@ -30,7 +30,10 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>)
     viewer.scene_corner = rect.min.into();
     ui.painter().rect_filled(rect, CornerRadius::ZERO, theme::WELL);
     let mut input = SceneInput::default();
-    if viewer.document.is_some() {
+    if viewer.live.is_some() {
+        super::live::picture(ui, viewer, rect);
+        input = scene_input(ui, &response, rect);
+    } else if viewer.document.is_some() {
         if let Some(texture) = texture {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter().image(texture, rect, whole, Color32::WHITE);
@@ -42,10 +45,12 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>)
             paint::overlay(ui, viewer, rect, input.cursor);
         }
         legend(ui, viewer, rect);
-    } else if viewer.opening.is_none() {
+    } else if viewer.opening.is_none() && viewer.asked.is_none() {
         welcome(ui, viewer, rect);
     }
     opening(ui, viewer, rect);
+    super::asked::show(ui, viewer, rect);
+    super::asked::exporting(ui, viewer, rect);
     drop_target(ui, rect);
     notices(ui, viewer, rect);
     input
@@ -83,7 +88,12 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
             pen: Vec::new(),
             modifiers: [i.modifiers.shift, i.modifiers.alt],
             turns_sun: i.modifiers.command,
-            wheel: if cursor.is_some() { f64::from(i.smooth_scroll_delta().y / NOTCH_POINTS) } else { 0.0 },
+            // With Ctrl the wheel zooms, by a factor of e for each 200 points.
+            wheel: if cursor.is_some() {
+                f64::from((i.smooth_scroll_delta().y + 200.0 * i.zoom_delta().ln()) / NOTCH_POINTS)
+            } else {
+                0.0
+            },
             cursor,
             is_double_click,
             movement: MoveInput {
@@ -143,7 +153,7 @@ fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect) {
         ui.label(RichText::new("Drop a model or an asset here").size(20.0).color(theme::STRONG));
         ui.label(RichText::new(".glb  .gltf  .obj  .ply  .stl  .fan").color(theme::FAINT));
         ui.add_space(10.0);
-        let keys = keys_of(&Command::OpenDialog).unwrap_or_default();
+        let keys = keys_of(false, &Command::OpenDialog).unwrap_or_default();
         let button =
             egui::Button::new("Open a file …").shortcut_text(RichText::new(keys).color(theme::FAINT));
         if ui.add_sized([190.0, 32.0], button).clicked() {
@@ -311,7 +321,7 @@ fn notice_card(ui: &mut Ui, notice: &Notice, width: f32) -> bool {
     is_dismissed
 }
 
-fn card() -> Frame {
+pub(super) fn card() -> Frame {
     Frame::new()
         .fill(Color32::from_rgba_unmultiplied(0x1f, 0x22, 0x27, 0xe8))
         .stroke(Stroke::new(1.0, theme::LINE))

@@ -9,6 +9,7 @@ use fantex::base::Result;
 use fantex::cover::Cover;
 use fantex::gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
 use fantex::mesh::Mesh;
+use fantex::scene::Camera;
 use fantex::store::{Asset, PageId, cover_level_count};
 use fantex::stream::{FrameChanges, FrameOptions, Geometry, ParcelUpload, Streamer, TableEntry};
 
@@ -90,13 +91,19 @@ impl FanScene {
     }
 
     /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
-    pub(super) fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool> {
+    pub(super) fn stream(
+        &mut self,
+        gpu: &Gpu,
+        viewer: &Viewer,
+        (camera, size): (&Camera, [u32; 2]),
+        elapsed_seconds: f32,
+    ) -> Result<bool> {
         let settings = viewer.settings.streaming;
         self.follow_settings(gpu, viewer, elapsed_seconds)?;
         if !settings.is_running {
             return Ok(self.upload_painted(gpu));
         }
-        let view = stream_view(&viewer.camera(), viewer.scene_pixels, self.streamed.model.space());
+        let view = stream_view(camera, size, self.streamed.model.space());
         // The budget is meant for quick frames; slow ones take as much per second.
         let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MAX_QUICK_FRAMES);
         let upload_bytes = (settings.upload_bytes() as f32 * frames) as usize;

@@ -21,7 +21,7 @@ use fantex::base::{Error, Result};
 use fantex::gpu::{
     DrawOptions, Frame, Gpu, Model, Overlay as DrawnOverlay, Renderer, UvModel, WireframeOptions,
 };
-use fantex::scene::{Camera, Lights, Shading};
+use fantex::scene::{Camera, Lights, Shading, ToneMap};
 
 use crate::display::{Overlay, ShadingView};
 use crate::document::{Content, Document};
@@ -46,6 +46,8 @@ pub struct SceneView {
     model: Option<SceneModel>,
     picture: Option<Picture>,
     captures: Vec<Capturing>,
+    /// In the order in which they were asked for.
+    awaited: Vec<Awaited>,
     last_stream_seconds: Option<f64>,
 }
 
@@ -58,6 +60,7 @@ impl SceneView {
             model: None,
             picture: None,
             captures: Vec::new(),
+            awaited: Vec::new(),
             last_stream_seconds: None,
         }
     }
@@ -86,10 +89,17 @@ impl SceneView {
             return Ok(false);
         }
         let elapsed = seconds - self.last_stream_seconds.replace(seconds).unwrap_or(seconds);
+        // A picture for a file that waits is what is streamed for.
+        let (camera, size) = match self.awaited.first() {
+            Some(awaited) => (awaited.seen.camera, awaited.size),
+            None => (viewer.camera(), viewer.scene_pixels),
+        };
         let has_arrived = match model.fan_mut() {
-            Some(scene) => scene.stream(&self.gpu, viewer, elapsed as f32)?,
+            Some(scene) => scene.stream(&self.gpu, viewer, (&camera, size), elapsed as f32)?,
             None => false,
         };
+        self.capture_awaited(seconds)?;
+        let Some(model) = &mut self.model else { return Ok(false) };
         if has_arrived {
             // A stroke wants quick pictures, as a camera that moves.
             match viewer.painting.as_ref().is_some_and(Painting::is_drawing) {
@@ -153,19 +163,43 @@ impl SceneView {
         self.model.as_ref().and_then(SceneModel::fan).is_some_and(FanScene::is_atlas_stale)
     }
 
-    /// Begins a picture of `size` pixels for a file; see [`SceneView::poll_captures`].
+    /// Begins a picture of `size` pixels for a file, as it is seen now; see [`SceneView::poll_captures`]. Where it shows more
+    /// than the screen, what it shows is loaded first.
     ///
     /// # Errors
     /// It is too large or cannot be drawn.
     pub fn capture(&mut self, viewer: &Viewer, size: [u32; 2], path: PathBuf) -> Result<()> {
-        let Some(model) = &mut self.model else {
+        let Some(model) = &self.model else {
             let message = "there is nothing to take a picture of: open a model or an asset first";
             return Err(Error::invalid(message));
         };
         let capturing = Capturing::new(&self.gpu, size, path)?;
+        let awaited = Awaited { capturing, seen: Seen::of(viewer), size, frames: 0, since: viewer.now() };
+        let is_streamed = model.fan().is_some() && viewer.settings.streaming.is_running;
+        if size == viewer.scene_pixels || viewer.scene_pixels.contains(&0) || !is_streamed {
+            return self.draw_awaited(awaited);
+        }
+        self.awaited.push(awaited);
+        Ok(())
+    }
+
+    /// Takes the first picture that waits, once what it shows is there.
+    fn capture_awaited(&mut self, seconds: f64) -> Result<()> {
+        let is_settled = self.is_settled();
+        let Some(first) = self.awaited.first_mut() else { return Ok(()) };
+        first.frames += 1;
+        if (is_settled && first.frames >= AWAITED_FRAMES) || seconds - first.since > AWAITED_SECONDS {
+            let awaited = self.awaited.remove(0);
+            self.draw_awaited(awaited)?;
+        }
+        Ok(())
+    }
+
+    fn draw_awaited(&mut self, awaited: Awaited) -> Result<()> {
+        let Awaited { capturing, seen, size, .. } = awaited;
+        let Some(model) = &mut self.model else { return Ok(()) };
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let renderer = self.capturer.get_or_insert_with(|| Renderer::new(&self.gpu, FORMAT));
-        let seen = Seen::of(viewer);
         renderer.draw(&self.gpu, &mut encoder, &capturing.view(), &mut seen.frame(size, model))?;
         self.captures.push(capturing.submit(&self.gpu, encoder));
         Ok(())
@@ -185,12 +219,13 @@ impl SceneView {
 
     /// Gives up pictures for files that are under way: one error for each.
     pub fn abandon_captures(&mut self) -> Vec<Error> {
-        self.captures.drain(..).map(Capturing::into_lost).collect()
+        let awaited = self.awaited.drain(..).map(|awaited| awaited.capturing);
+        self.captures.drain(..).chain(awaited).map(Capturing::into_lost).collect()
     }
 
     /// Pictures for files that are under way.
     pub fn captures_due(&self) -> usize {
-        self.captures.len()
+        self.captures.len() + self.awaited.len()
     }
 
     /// Whether streaming has nothing to do until the view changes: everything that is seen has the level that it can have.
@@ -202,6 +237,21 @@ impl SceneView {
 /// Sides of a picture that is shown at another scale.
 fn scaled(size: [u32; 2], scale: f32, most: u32) -> [u32; 2] {
     size.map(|n| ((n as f32 * scale).round() as u32).clamp(1, most))
+}
+
+/// Frames after which it is known what a picture of another size lacks.
+const AWAITED_FRAMES: u32 = 3;
+
+/// Seconds after which such a picture is taken with what is there.
+const AWAITED_SECONDS: f64 = 30.0;
+
+/// A picture for a file that waits for what it shows.
+struct Awaited {
+    capturing: Capturing,
+    seen: Seen,
+    size: [u32; 2],
+    frames: u32,
+    since: f64,
 }
 
 /// What a picture shows, besides the model.
@@ -220,7 +270,8 @@ impl Seen {
             filter: display.filter(),
             background: viewer.background(),
             exposure: display.exposure(),
-            tone_map: Some(display.tone),
+            // Values of channels are shown as they are.
+            tone_map: Some(if display.shading == ShadingView::Lit { display.tone } else { ToneMap::Clip }),
             samples: display.samples,
             wireframe: display.has_wireframe.then(WireframeOptions::default),
             overlay: if is_asset { overlay(display.overlay) } else { DrawnOverlay::None },

@@ -9,6 +9,7 @@ use fantex::paint::{Layer, Target};
 use fantex::scene::Camera;
 
 use crate::command::{Command, parse_keys};
+use crate::export::ExportSettings;
 use crate::light::Surroundings;
 use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, StickerKind, parse_hex};
 use crate::session::{Act, LayerStep, SessionRunner, Situation, Step};
@@ -64,6 +65,7 @@ impl Driver {
                 .as_ref()
                 .and_then(|painting| painting.work.as_ref())
                 .is_some_and(|work| !work.is_undo && work.share > 0.0),
+            is_exporting: viewer.exporting.as_ref().is_some_and(|exporting| !exporting.is_asked()),
             is_unsaved: viewer.painting.as_ref().is_some_and(|p| p.save != SaveState::Saved),
             painted: viewer.painting.as_ref().map_or([0; 2], |p| {
                 let snapshot = &p.snapshot;
@@ -107,6 +109,28 @@ impl Driver {
             Step::Shading(shading) => viewer.settings.display.shading = shading,
             Step::Tab(tab) => viewer.settings.panels.tab = tab,
             Step::Open(place) => viewer.open(&place),
+            Step::LookNumber(key, value) => {
+                if let Some(live) = &mut viewer.live
+                    && let Some(index) = live.numbers.iter().position(|number| number.key.to_string() == key)
+                {
+                    live.set(index, value);
+                }
+            }
+            #[cfg(feature = "test-steps")]
+            Step::Copy { from, to } => {
+                if let Err(error) = std::fs::copy(&from, &to) {
+                    viewer.notices.error(format!("{}: {error}", from.display()));
+                }
+            }
+            Step::Asks(asks) => viewer.asks = asks,
+            Step::Export { path, preset, side } => {
+                let points_down = preset.points_down();
+                viewer.choose_export(ExportSettings { preset, side: Some(side), points_down });
+                viewer.take_requests();
+                viewer.export_to(path);
+            }
+            Step::SaveCopy(path) => viewer.copy_to(path),
+            Step::Answer(answer) => viewer.answer(Some(answer)),
             Step::Surroundings(name) => {
                 viewer.settings.light.surroundings = match name.as_str() {
                     "studio" => Surroundings::Studio,
@@ -173,6 +197,7 @@ impl Driver {
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)
             | Step::WaitWorking(_)
+            | Step::WaitExported(_)
             | Step::WaitPainted(_)
             | Step::WaitSaved(_)
             | Step::Quit => {}

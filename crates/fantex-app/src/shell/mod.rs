@@ -15,6 +15,7 @@ use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
 use fantex::base::Result;
 use fantex::gpu::Gpu;
+use fantex::texture::Image;
 use workspace::{Start, Workspace};
 
 use crate::command::{Command, command_of};
@@ -237,7 +238,7 @@ impl<'a> Shell<'a> {
     fn dropped_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|i| i.raw.dropped_files.first().map(|file| file.path().to_owned()));
         if let Some(path) = dropped {
-            self.workspace.viewer.open(&path.to_string_lossy());
+            self.workspace.viewer.take_dropped(path);
         }
     }
 
@@ -251,6 +252,12 @@ impl<'a> Shell<'a> {
                     self.render_state.device.poll(wgpu::PollType::wait_indefinitely()).ok();
                 }
                 Request::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
+                Request::Picture { path, .. } if self.workspace.viewer.live.is_some() => {
+                    let picture = self.workspace.viewer.live.as_ref().and_then(|live| live.picture.clone());
+                    if let Some(picture) = picture {
+                        self.workspace.pictures.save(path, Ok(Image::clone(&picture)));
+                    }
+                }
                 Request::Picture { path, size } => {
                     let size = match size {
                         PictureSize::Pixels(size) => size,
@@ -358,6 +365,9 @@ impl<'a> Shell<'a> {
                 format!("{} – fantex paint", document.place.name())
             }
             Some(document) => format!("{} – fantex", document.place.name()),
+            None if self.workspace.viewer.live.is_some() => {
+                format!("{} – fantex", self.workspace.viewer.stem())
+            }
             None => "fantex".to_owned(),
         };
         if title != self.title {
@@ -382,7 +392,10 @@ impl<'a> Shell<'a> {
     /// Lets the session do its next step.
     fn drive(&mut self, ctx: &egui::Context) {
         let Some(driver) = &mut self.workspace.driver else { return };
-        let is_sharp = self.scene.is_settled() && self.workspace.viewer.pacing.is_settled();
+        let is_sharp = match &self.workspace.viewer.live {
+            Some(live) => live.is_settled(),
+            None => self.scene.is_settled() && self.workspace.viewer.pacing.is_settled(),
+        };
         let pictures_due = self.scene.captures_due() + self.workspace.pictures.due();
         match driver.step(ctx, &mut self.workspace.viewer, is_sharp, pictures_due) {
             Ok(true) => {}
@@ -497,15 +510,19 @@ fn adapter_text(gpu: &Gpu) -> String {
 Example:
   fantex-app bunny.fan
   fantex-app bottle.glb --size 1920x1080
+  fantex-app oak.toml --on chair.glb
 
 F1 shows keys and mouse."
 )]
 pub struct Arguments {
-    /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan); an asset may be at an http:// or https:// address
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an http:// or https:// address) or a look (.toml)
     pub file: Option<String>,
     /// Paint on it: a model becomes an asset beside it first
     #[arg(long)]
     pub paint: bool,
+    /// The model that a look (.toml) is shown on, where it names none
+    #[arg(long, value_name = "MODEL")]
+    pub on: Option<PathBuf>,
     /// Memory for pages while painting, such as 512M (KiB, MiB, GiB: K, M, G)
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub memory: Option<usize>,

@@ -11,13 +11,14 @@ use fantex::base::{Error, ErrorKind, Result};
 use fantex::texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
+use crate::export::Preset;
 use crate::job::{Job, JobState};
 use crate::scene_view::lost_picture;
 use crate::session::{Session, SessionRunner};
 use crate::settings::Settings;
 use crate::shell::Arguments;
 use crate::shell::driver::Driver;
-use crate::viewer::{FileDialog, Viewer, Wake};
+use crate::viewer::{FileDialog, PICTURES, Viewer, Wake};
 
 /// A device that is lost more often than [`MAX_LOSSES`] in this time is given up.
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
@@ -82,6 +83,8 @@ impl Workspace {
             viewer.notices.warning(problem.to_string());
         }
         viewer.paints = start.arguments.paint;
+        viewer.look_model.clone_from(&start.arguments.on);
+        viewer.asks = start.session.is_none();
         fantex::base::input::allow_outside(start.arguments.allow_outside);
         viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
@@ -138,8 +141,7 @@ pub(super) struct Dialogs {
     wake: Wake,
 }
 
-const MODELS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan"];
-const PICTURES: &[&str] = &["hdr", "exr", "png", "jpg", "jpeg", "tif", "tiff", "webp"];
+const MODELS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan", "toml"];
 
 impl Dialogs {
     pub(super) fn new(wake: Wake) -> Self {
@@ -160,13 +162,21 @@ impl Dialogs {
             FileDialog::Stamp => ("Choose a stamp", "Pictures", PICTURES),
             FileDialog::LoadPath => ("Load a camera path", "Camera paths", &["json"][..]),
             FileDialog::SavePath => ("Save the camera path", "Camera paths", &["json"][..]),
+            FileDialog::Export(Preset::Blender) => ("Export the asset", "glTF", &["gltf"][..]),
+            FileDialog::Export(_) => ("Export the asset", "glTF", &["glb"][..]),
+            FileDialog::SaveCopy => ("Save a copy", "Assets", &["fan"][..]),
         };
         let window = AsyncFileDialog::new().set_title(title).add_filter(filter, extensions);
-        let path_name = format!("{stem}-path.json");
+        let name = match dialog {
+            FileDialog::SavePath => Some(format!("{stem}-path.json")),
+            FileDialog::Export(preset) => Some(format!("{stem}.{}", preset.extension())),
+            FileDialog::SaveCopy => Some(format!("{stem}-copy.fan")),
+            _ => None,
+        };
         let work = move || {
-            let handle = match dialog {
-                FileDialog::SavePath => pollster::block_on(window.set_file_name(path_name).save_file()),
-                _ => pollster::block_on(window.pick_file()),
+            let handle = match name {
+                Some(name) => pollster::block_on(window.set_file_name(name).save_file()),
+                None => pollster::block_on(window.pick_file()),
             };
             handle.map(|handle| handle.path().to_owned())
         };

@@ -1,14 +1,17 @@
 //! Files and addresses on their way to the screen.
 
+use std::path::Path;
 use std::sync::Arc;
 
+use fantex::FileKind;
 use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
-use crate::document::{Document, OpenProgress, Place, Stage};
+use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
 use crate::job::{Job, JobState};
-use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
+use crate::live::LiveLook;
+use crate::paint::{LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::{SceneInput, Viewer};
 
@@ -17,11 +20,18 @@ pub struct Opening {
     pub place: Place,
     progress: Arc<OpenProgress>,
     job: Job<Result<Loaded>>,
+    answer: Option<Answer>,
     /// Whether the camera stays where it is.
     keeps_camera: bool,
     /// Whether there is nothing else to show: where it fails, the program does.
     is_all: bool,
 }
+
+/// Steps of the brush's size over the scene's height, dragged with Ctrl and the right button; tenths of its hardness likewise.
+const BRUSH_STEPS: f64 = 40.0;
+
+/// See [`BRUSH_STEPS`].
+const BRUSH_TENTHS: f64 = 20.0;
 
 impl Opening {
     pub fn stage(&self) -> Stage {
@@ -39,10 +49,20 @@ impl Opening {
 }
 
 #[derive(Debug)]
-struct Loaded {
-    document: Document,
-    model: Option<SceneModel>,
-    painting: Option<Painting>,
+enum Loaded {
+    Document(Box<Document>, Option<SceneModel>, Option<Box<Painting>>),
+    Question(Question),
+}
+
+/// Something that is asked before a model is painted on.
+#[derive(Clone, Debug)]
+pub struct Asked {
+    pub place: Place,
+    pub question: Question,
+    /// What is chosen so far.
+    pub new: NewAsset,
+    keeps_camera: bool,
+    is_all: bool,
 }
 
 impl Viewer {
@@ -52,9 +72,9 @@ impl Viewer {
         self.prepare = Some(prepare.clone());
         self.new_model = None;
         self.pacing.lost();
-        if let Some(Opening { place, keeps_camera, is_all, .. }) = &self.opening {
+        if let Some(Opening { place, keeps_camera, is_all, answer, .. }) = &self.opening {
             let (place, keeps_camera, is_all) = (place.clone(), *keeps_camera, *is_all);
-            self.begin_opening(place, keeps_camera);
+            self.begin_answered(place, keeps_camera, answer.clone());
             self.opening.iter_mut().for_each(|opening| opening.is_all = is_all);
         }
         let Some(document) = self.document.clone() else { return };
@@ -82,6 +102,39 @@ impl Viewer {
     }
 
     pub(super) fn begin_opening(&mut self, place: Place, keeps_camera: bool) {
+        let answer = (!self.asks).then(|| Answer::New(NewAsset::default()));
+        self.begin_answered(place, keeps_camera, answer);
+    }
+
+    /// Goes on with what was asked; without an answer nothing is opened.
+    pub fn answer(&mut self, answer: Option<Answer>) {
+        if let (Some(asked), Some(answer)) = (self.asked.take(), answer) {
+            self.begin_answered(asked.place, asked.keeps_camera, Some(answer));
+            self.opening.iter_mut().for_each(|opening| opening.is_all = asked.is_all);
+        }
+    }
+
+    /// Shows a look, and follows its file.
+    fn open_look(&mut self, path: &Path, is_all: bool) {
+        self.close();
+        match LiveLook::open(path, self.look_model.clone(), self.waker()) {
+            Ok(live) => {
+                self.settings.camera.mode = CameraMode::Orbit;
+                self.settings.remember(&absolute(&Place::File(path.to_owned())));
+                self.live = Some(live);
+            }
+            Err(error) => self.fail_opening(error.to_string(), is_all),
+        }
+    }
+
+    fn begin_answered(&mut self, place: Place, keeps_camera: bool, answer: Option<Answer>) {
+        self.asked = None;
+        if let Place::File(path) = &place
+            && !self.paints
+            && matches!(FileKind::of(path), Ok(FileKind::Look))
+        {
+            return self.open_look(&path.clone(), false);
+        }
         // One that is given up may still keep the file for itself.
         let before = self.opening.take();
         if let Some(opening) = &before {
@@ -100,19 +153,23 @@ impl Viewer {
         });
         let leaving = if is_same || !self.paints { self.painting.take() } else { None };
         let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.waker());
-        let memory = self.paint_memory_bytes;
+        let (memory, answered) = (self.paint_memory_bytes, answer.clone());
         let work = move || {
             drop(leaving);
             drop(before.and_then(|opening| opening.job.wait()));
             let (document, painting) = if paints {
-                let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
+                let (mut document, painter) =
+                    match Document::open_for_painting(&from, memory, answered.as_ref(), &for_thread)? {
+                        ForPainting::Ready(ready) => *ready,
+                        ForPainting::Question(question) => return Ok(Loaded::Question(question)),
+                    };
                 let path = painter.editor().asset().path().to_owned();
                 let painting = Painting::new(painter, brushes_file, Arc::new(wake)).map_err(|source| {
                     let path = path.display();
                     Error::unavailable(format!("cannot start a thread to paint on {path}: {source}"))
                 })?;
                 document.exchange = Some(painting.exchange().clone());
-                (document, Some(painting))
+                (document, Some(Box::new(painting)))
             } else {
                 (Document::open(&from, &for_thread)?, None)
             };
@@ -120,10 +177,12 @@ impl Viewer {
             let model = prepare.map(|prepare| prepare(&document, streaming)).transpose()?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
-            Ok(Loaded { document, model, painting })
+            Ok(Loaded::Document(Box::new(document), model, painting))
         };
         match Job::spawn("open", self.waker(), work) {
-            Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera, is_all: false }),
+            Ok(job) => {
+                self.opening = Some(Opening { place, progress, job, answer, keeps_camera, is_all: false })
+            }
             Err(error) => self.notices.error(format!("cannot start a thread to open {place}: {error}")),
         }
     }
@@ -165,12 +224,17 @@ impl Viewer {
         };
         self.opening = None;
         match result {
-            Ok(Loaded { document, model, painting }) => {
+            Ok(Loaded::Question(question)) => {
+                let new = NewAsset::default();
+                self.asked = Some(Asked { place, question, new, keeps_camera, is_all });
+                self.leave_lost_painting();
+            }
+            Ok(Loaded::Document(document, model, painting)) => {
                 self.settings.remember(&absolute(&place));
                 for note in document.notes.iter().filter(|_| painting.is_some()) {
                     self.notices.info(note.clone());
                 }
-                self.painting = painting;
+                self.painting = painting.map(|painting| *painting);
                 if let Some(painting) = &mut self.painting {
                     painting.load_presets(&mut self.notices);
                     self.settings.camera.mode = CameraMode::Orbit;
@@ -179,7 +243,8 @@ impl Viewer {
                 self.walker = Walker::new(
                     self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
                 );
-                self.document = Some(document);
+                self.live = None;
+                self.document = Some(*document);
                 self.new_model = Some(model);
                 if !keeps_camera {
                     self.show(ViewPreset::ThreeQuarter);
@@ -279,9 +344,19 @@ impl Viewer {
         if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
             painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices);
         }
+        // With Ctrl wheel and right button are for the brush.
+        if input.turns_sun && !painting.is_drawing() {
+            let side = input.side_drag - input.middle_drag;
+            settings.brush.change_size((BRUSH_STEPS * side.x + input.wheel) as f32);
+            settings.brush.change_hardness((-BRUSH_TENTHS * side.y) as f32);
+            left.wheel = 0.0;
+        }
         let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };
         let sun = if input.turns_sun && !painting.is_drawing() { input.drag } else { DVec2::ZERO };
-        let (side, middle) = (input.side_drag - input.middle_drag, input.middle_drag);
+        let (mut side, middle) = (input.side_drag - input.middle_drag, input.middle_drag);
+        if input.turns_sun {
+            side = DVec2::ZERO;
+        }
         // Shift lets the right button do what the middle one does.
         let (turned, shifted) =
             if input.modifiers[0] { (DVec2::ZERO, side + middle) } else { (side, middle) };

@@ -1,6 +1,15 @@
 //! What can be opened, and what is told of it.
 
-use fantex_app::document::{Document, Fact, OpenProgress, Place, bytes_text, grouped, short_number};
+use std::path::Path;
+
+use fantex::mesh::generate::torus;
+use fantex::mesh::{WriteGeometry, write_model};
+use fantex::paint::{PaintOptions, Painter, StrokeLog, replay};
+use fantex::store::{Asset, ChannelKind};
+use fantex_app::document::{
+    Answer, Document, Fact, ForPainting, OpenProgress, Place, Question, bytes_text, grouped, short_number,
+};
+use fantex_app::paint::NewAsset;
 
 #[test]
 fn places_are_files_or_addresses() {
@@ -57,4 +66,63 @@ fn models_tell_their_facts() {
     assert_eq!(document.model_facts[0], Fact { name: "Triangles", value: "1".into() });
     assert_eq!(document.model_facts[2].value, "2.00 × 1.00 × 0");
     assert!(document.cover_facts.is_empty());
+}
+
+fn save_torus(path: &Path, rings: u32, force: bool) {
+    let model = torus(rings, rings / 2);
+    let geometry = WriteGeometry { positions: &model.positions, triangles: &model.triangles, colors: None };
+    write_model(path, &geometry, force).unwrap();
+}
+
+/// An asset of another mesh is never painted on without a word, and its strokes can be repeated on the model's.
+#[test]
+fn a_model_asks_how_it_becomes_an_asset() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, path) = (folder.path().join("torus.ply"), folder.path().join("torus.fan"));
+    save_torus(&model, 24, false);
+    let open = |answer: Option<Answer>| {
+        let place = Place::File(model.clone());
+        Document::open_for_painting(&place, 64 << 20, answer.as_ref(), &OpenProgress::default())
+    };
+    let Ok(ForPainting::Question(question)) = open(None) else { panic!("nothing is asked") };
+    let channels = vec![ChannelKind::BaseColor, ChannelKind::OcclusionRoughnessMetallic];
+    let Question::New { asset, channels: found, texels: None } = &question else { panic!("{question:?}") };
+    assert!(*asset == path && found.iter().all(|kind| channels.contains(kind)), "{question:?}");
+    assert!(!path.exists());
+    let new = NewAsset { texels: Some(30_000), height: true, ..NewAsset::default() };
+    assert!(matches!(open(Some(Answer::New(new.clone()))).unwrap(), ForPainting::Ready(_)));
+    let asset = Asset::open(&path).unwrap();
+    assert!(asset.channel_of_kind(ChannelKind::Displacement).is_some());
+    assert!((20_000..40_000).contains(&asset.cover().stored_texels(asset.mesh())));
+    drop(asset);
+    let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+    let text = r#"{ "version": 1, "strokes": [{ "brush": { "size": { "world": 0.5 }, "hardness": 1 },
+        "channels": [{ "kind": "base_color", "color": { "linear": [1, 0, 0, 1] } }],
+        "samples": [{ "at": { "position": [1.4, 0, 0] } }] }] }"#;
+    std::fs::write(folder.path().join("strokes.json"), text).unwrap();
+    let strokes = fantex::paint::StrokeFile::load(&folder.path().join("strokes.json")).unwrap();
+    replay(&mut painter, &strokes, folder.path()).unwrap();
+    painter.commit().unwrap();
+    drop(painter);
+    // The same model again: nothing is asked.
+    let Ok(ForPainting::Ready(ready)) = open(None) else { panic!("it is asked again") };
+    assert!(ready.0.notes[0].contains("was there already"), "{:?}", ready.0.notes);
+    drop(ready);
+
+    save_torus(&model, 32, true);
+    let Ok(ForPainting::Question(question)) = open(None) else { panic!("nothing is asked") };
+    let Question::Foreign { triangles, strokes: 1, .. } = question else { panic!("{question:?}") };
+    assert_eq!(triangles, [32 * 16 * 2, 24 * 12 * 2]);
+    let told = open(Some(Answer::New(new.clone()))).unwrap_err().to_string();
+    assert!(told.contains("made of another mesh (576 triangles)"), "{told}");
+    let Ok(ForPainting::Ready(ready)) = open(Some(Answer::Keep)) else { panic!("it is asked again") };
+    assert_eq!(ready.0.mesh().triangles.len(), 576);
+    drop(ready);
+    let Ok(ForPainting::Ready(ready)) = open(Some(Answer::Replay(new))) else { panic!("it is asked again") };
+    let (document, painter) = *ready;
+    assert_eq!(document.mesh().triangles.len(), 1024);
+    assert!(document.notes[0].contains("1 strokes"), "{:?}", document.notes);
+    let old = Asset::open(&folder.path().join("torus-old-001.fan")).unwrap();
+    assert_eq!(old.mesh().triangles.len(), 576);
+    assert_eq!(StrokeLog::of(painter.editor().asset()).unwrap().strokes.strokes.len(), 1);
 }

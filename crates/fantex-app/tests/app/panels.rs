@@ -7,7 +7,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
 use fantex::store::Asset;
-use fantex_app::camera::CameraMode;
+use fantex_app::camera::{CameraMode, ViewPreset};
+use fantex_app::command::{Command, keys_of};
 use fantex_app::document::{ChannelFact, Document, Fact, Place};
 use fantex_app::figures::{DamagedPart, LevelFigures};
 use fantex_app::panels::{Textures, show};
@@ -111,9 +112,9 @@ fn the_light_page_turns_the_sun_off_and_on() {
     let mut viewer = with_model();
     viewer.settings.panels.tab = Tab::Light;
     let mut harness = harness(viewer, [1280.0, 800.0]);
-    harness.get_by_label("As at first");
+    harness.get_by_label("Reset");
     harness.state_mut().settings.light.sun_strength = 3.0;
-    harness.get_by_label("As at first").click();
+    harness.get_by_label("Reset").click();
     harness.run_steps(2);
     assert_eq!(harness.state().settings.light.sun_strength, 1.0);
 }
@@ -253,4 +254,43 @@ fn tools_and_layers_are_chosen_with_the_mouse() {
     harness.get_by_label("Rim").click();
     harness.run_steps(2);
     assert!(fantex_app::light::LightPreset::Rim.is_in(&harness.state().settings.light));
+}
+
+/// What is asked before a model is painted on, answered with clicks.
+#[test]
+fn how_a_model_becomes_an_asset_is_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("triangle.obj");
+    std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let mut viewer = empty();
+    (viewer.paints, viewer.asks) = (true, true);
+    viewer.open(&path.to_string_lossy());
+    while viewer.opening.is_some() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        viewer.poll();
+    }
+    for size in [[640.0, 400.0], [1280.0, 800.0]] {
+        let mut harness = harness(std::mem::take(&mut viewer), size);
+        harness.get_by_label_contains("triangle.fan");
+        harness.get_by_label("Height").click();
+        harness.run_steps(2);
+        assert!(harness.state().asked.as_ref().is_some_and(|asked| asked.new.height != (size[0] > 700.0)));
+        if size[0] > 700.0 {
+            harness.get_by_label("Cancel").click();
+            harness.run_steps(2);
+            assert!(harness.state().asked.is_none() && harness.state().opening.is_none());
+        }
+        viewer = std::mem::take(harness.state_mut());
+    }
+    assert!(!folder.path().join("triangle.fan").exists());
+}
+
+/// While something is painted on, a digit is opacity, and no menu says that it turns the view.
+#[test]
+fn menus_show_the_keys_that_hold() {
+    let back = Command::View(ViewPreset::Back);
+    assert_eq!(keys_of(false, &back).as_deref(), Some("5"));
+    assert_eq!(keys_of(true, &back), None);
+    assert_eq!(keys_of(true, &Command::FrameAll).as_deref(), Some("F"));
+    assert_eq!(keys_of(true, &Command::Screenshot), None, "Ctrl + S saves what is painted");
 }

@@ -258,3 +258,13 @@ fn commands_without_a_document_do_no_harm() {
     }
     assert!(viewer.document.is_none());
 }
+
+#[test]
+fn dropped_pictures_are_surroundings_and_others_are_opened() {
+    let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
+    viewer.take_dropped("sky.HDR".into());
+    assert_eq!(viewer.settings.light.surroundings, fantex_app::light::Surroundings::File("sky.HDR".into()));
+    assert!(viewer.opening.is_none());
+    viewer.take_dropped("none.glb".into());
+    assert!(viewer.opening.is_some());
+}

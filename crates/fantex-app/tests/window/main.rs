@@ -248,3 +248,55 @@ fn failed_sessions_say_why() {
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("leap"));
 }
+
+/// What a picture of another shape shows beside the screen is loaded before it is taken.
+#[test]
+fn pictures_of_another_shape_are_sharp() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset_of(folder.path(), 6_000_000);
+    let steps = r#"{"wait_loaded":120},{"resize":[600,700]},{"wait_frames":5},{"camera":{"eye":[0,0.9,0.9],"target":[0,0,1]}},{"wait_sharp":120},
+        {"screenshot":{"path":"cold.png","size":[1600,300]}},
+        {"camera":{"eye":[0,0.9,0.9],"target":[0.8,0,0.9]}},{"wait_sharp":120},{"camera":{"eye":[0,0.9,0.9],"target":[1.5,0,0.9]}},{"wait_sharp":120},
+        {"camera":{"eye":[0,0.9,0.9],"target":[-0.8,0,0.9]}},{"wait_sharp":120},{"camera":{"eye":[0,0.9,0.9],"target":[-1.5,0,0.9]}},{"wait_sharp":120},
+        {"camera":{"eye":[0,0.9,0.9],"target":[0,0,1]}},{"wait_sharp":120},{"screenshot":{"path":"warm.png","size":[1600,300]}},"quit""#;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy()], steps));
+    assert!(colors(folder.path(), "cold.png") > 60);
+    let differs = difference(folder.path(), "cold.png", "warm.png");
+    assert!(differs < 0.002, "{differs}");
+}
+
+/// A look is shown, follows its file, and says what is wrong with it.
+#[test]
+fn looks_are_live() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let look = r##"[textures.stone]
+kind = "marble"
+place = { scale = 0.5 }
+
+[materials.torus]
+base_color = "stone"
+roughness = 0.3
+"##;
+    std::fs::write(at.join("look.toml"), look).unwrap();
+    std::fs::write(at.join("rough.toml"), look.replace("scale = 0.5", "scale = 0.1")).unwrap();
+    std::fs::write(at.join("wrong.toml"), look.replace("roughness = 0.3", "roughnes = 0.3")).unwrap();
+    let model = save_model(at);
+    let steps = r#"{"wait_frames":5},{"wait_sharp":120},{"window_screenshot":{"path":"first.png"}},{"screenshot":{"path":"scene.png"}},
+        {"look_number":["textures.stone.place.scale",0.15]},{"wait_sharp":120},{"window_screenshot":{"path":"number.png"}},
+        {"copy":{"from":"rough.toml","to":"look.toml"}},{"wait_frames":60},{"wait_sharp":120},{"window_screenshot":{"path":"file.png"}},
+        {"copy":{"from":"wrong.toml","to":"look.toml"}},{"wait_frames":60},{"window_screenshot":{"path":"wrong.png"}},
+        {"drag":{"x":0.2,"y":0.0}},{"copy":{"from":"rough.toml","to":"look.toml"}},{"wait_frames":60},{"wait_sharp":120},{"window_screenshot":{"path":"turned.png"}},"quit""#;
+    check_success(&display.run(at, &["look.toml", "--on", &model.to_string_lossy()], steps));
+    assert!(colors(at, "scene.png") > 60);
+    for (a, b, least) in [
+        ("first.png", "number.png", 0.02),
+        ("number.png", "file.png", 0.002),
+        ("file.png", "wrong.png", 0.005),
+        ("wrong.png", "turned.png", 0.02),
+    ] {
+        assert!(difference(at, a, b) > least, "{a} {b}: {}", difference(at, a, b));
+    }
+}

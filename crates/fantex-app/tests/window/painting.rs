@@ -186,3 +186,44 @@ fn the_step_after_a_stroke_waits_for_the_hand_and_the_model_is_framed_between_th
         assert!(count > 500, "{wanted:?}: {count}");
     }
 }
+
+/// The questions before a model is painted on, in pictures and in files.
+#[test]
+fn models_ask_and_their_paint_moves_to_another_mesh() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    save_model(at);
+    let other = fantex::mesh::generate::torus(40, 20);
+    let geometry = fantex::mesh::WriteGeometry {
+        positions: &other.positions,
+        triangles: &other.triangles,
+        colors: None,
+    };
+    fantex::mesh::write_model(&at.join("other.ply"), &geometry, false).unwrap();
+    let steps = r##"{"asks":true},{"open":"torus.ply"},{"wait_loaded":120},{"wait_frames":3},{"window_screenshot":{"path":"new.png"}},
+        {"answer":{"new":{"texels":300000,"normal":true}}},{"wait_loaded":240},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},
+        {"color":"#ff2000"},{"brush":{"size":120,"hardness":1.0,"flow":1.0,"only_seen":true}},
+        {"stroke":{"points":[[0.5,0.75],[0.6,0.78]]}},{"wait_painted":60},{"wait_saved":30},{"wait_sharp":60},{"screenshot":{"path":"painted.png"}},
+        {"window_screenshot":{"path":"brush.png"}},
+        {"export":{"path":"out.glb","preset":"unreal","side":256}},{"wait_exported":240},{"save_copy":"copy.fan"},{"wait_exported":60},
+        {"copy":{"from":"other.ply","to":"torus.ply"}},{"open":"torus.ply"},{"wait_loaded":120},{"wait_frames":3},{"window_screenshot":{"path":"foreign.png"}},
+        {"answer":{"replay":{"texels":300000}}},{"wait_loaded":240},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},
+        {"hover":[0.02,0.02]},{"wait_frames":3},{"screenshot":{"path":"moved.png"}},{"expect_painting":{"steps":1}},"quit""##;
+    check_success(&display.run(at, &["--paint"], steps));
+    assert!(difference(at, "new.png", "foreign.png") > 0.01);
+    assert!(
+        difference(at, "painted.png", "moved.png") < 0.05,
+        "{}",
+        difference(at, "painted.png", "moved.png")
+    );
+    let reds = |name: &str| {
+        let (_, _, samples) = super::picture(&at.join(name));
+        samples.chunks(3).filter(|p| p[0] > 120 && p[1] < 90 && p[2] < 90).count() as f64
+    };
+    let [painted, moved] = ["painted.png", "moved.png"].map(reds);
+    assert!(painted > 2000.0 && (moved / painted - 1.0).abs() < 0.1, "{painted} {moved}");
+    assert!(at.join("torus-old-001.fan").is_file() && at.join("out_ORM.png").is_file());
+    assert!(verify(&at.join("copy.fan"), &VerifyOptions::default()).unwrap().ok);
+    assert!(verify(&at.join("torus.fan"), &VerifyOptions::default()).unwrap().ok);
+}

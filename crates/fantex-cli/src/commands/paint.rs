@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::view;
 use crate::context::Context;
-use crate::scene::open_asset;
+use crate::scene::{open_asset, size};
 use crate::text::{counted, megabytes};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
@@ -22,7 +22,7 @@ use crate::text::{counted, megabytes};
 #[command(after_help = "\
 Example:
   fantex paint statue.fan
-  fantex paint bottle.glb
+  fantex paint bottle.glb --size 1600x1000
   fantex paint statue.fan --replay strokes.json -o painted.fan
   fantex paint denser.fan --replay-log painted.fan
   fantex paint painted.fan --export-log strokes.json
@@ -48,6 +48,9 @@ pub(crate) struct PaintArgs {
     /// The asset to write; without it the given one is changed
     #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
+    /// Width and height of the window in points; as it was by default
+    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log"])]
+    size: Option<[u32; 2]>,
     /// Keep nothing that undoes the strokes
     #[arg(long)]
     no_history: bool,
@@ -108,6 +111,7 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         (None, None) => {
             let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
             let mut arguments = vec!["--paint".into(), memory.into(), args.asset.clone().into()];
+            arguments.extend(args.size.map(|[width, height]| format!("--size={width}x{height}").into()));
             arguments.extend(context.allow_outside.then(|| "--allow-outside".into()));
             return view::run(&arguments);
         }

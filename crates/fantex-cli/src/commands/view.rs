@@ -11,18 +11,19 @@ use fantex::{Error, Result};
 
 const VIEWER: &str = "fantex-app";
 
-/// Show a model or an asset in a window.
+/// Show a model, an asset or a look in a window.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
   fantex view bunny.fan
   fantex view bottle.glb --size 1920x1080
   fantex view https://example.org/landscape.fan
+  fantex view oak.toml --on chair.glb
 
 Everything after 'view' goes to the viewer; 'fantex view -- --help' lists its options.")]
 pub(crate) struct ViewArgs {
-    /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan, also at an http:// or https:// address), and options of the
-    /// viewer
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an http:// or https:// address) or a look (.toml), and
+    /// options of the viewer
     #[arg(value_name = "FILE", trailing_var_arg = true, allow_hyphen_values = true)]
     pub(crate) arguments: Vec<OsString>,
 }

@@ -39,6 +39,7 @@ fn white() -> Paint {
         opacity: 1.0,
         channels: vec![ChannelPaint { channel: 0, color }],
         stencil: None,
+        sight: None,
     }
 }
 

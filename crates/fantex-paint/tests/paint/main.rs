@@ -118,6 +118,7 @@ pub(crate) fn red(opacity: f32) -> Paint {
         opacity,
         channels: vec![color(0, Vec4::new(0.9, 0.05, 0.05, 1.0)), color(1, Vec4::new(1.0, 0.1, 1.0, 1.0))],
         stencil: None,
+        sight: None,
     }
 }
 

@@ -100,6 +100,68 @@ fn the_back_of_a_thin_plate_is_far() {
     assert!(Region::grow(&surface, inner, 0.4).get(below.triangle).is_none());
 }
 
+/// Two halves of the square -1..1 in x and z that are `gap` apart in x, the right one with `n` times as many rows and turned by
+/// `bend` about the gap; they share no vertices.
+fn halves(n: u32, gap: f64, bend: f64) -> Mesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for (side, columns, rows) in [(-1.0, 3, 3), (1.0, 3 * n, 3 * n)] {
+        let first = positions.len() as u32;
+        for k in 0..(columns + 1) * (rows + 1) {
+            let (i, j) = (k % (columns + 1), k / (columns + 1));
+            let x = 0.5 * gap + f64::from(i) / f64::from(columns);
+            let turned =
+                if side > 0.0 { DVec3::new(x * bend.cos(), x * bend.sin(), 0.0) } else { DVec3::X * -x };
+            positions.push(turned + DVec3::Z * (2.0 * f64::from(j) / f64::from(rows) - 1.0));
+        }
+        for k in 0..columns * rows {
+            let a = first + k / columns * (columns + 1) + k % columns;
+            triangles.extend([[a, a + columns + 1, a + 1], [a + 1, a + columns + 1, a + columns + 2]]);
+        }
+    }
+    mesh_of(positions, triangles)
+}
+
+#[test]
+fn across_gaps_distances_are_straight_as_well() {
+    // The border's vertices do not meet: three rows beside seven times as many, and without a gap T-junctions.
+    for (n, gap, from) in [(7, 0.0, -0.1), (7, 0.004, -0.1), (5, 0.004, 0.1), (1, 0.0, 0.2)] {
+        let surface = surface(&halves(n, gap, 0.0));
+        let scale = 1.0 / surface.mesh().world_from_mesh.scale;
+        let at =
+            |x: f64| surface.nearest((DVec3::new(x, 0.0, 0.13) * scale).as_vec3(), f32::INFINITY).unwrap();
+        let (center, radius) = (at(from), (0.5 * scale) as f32);
+        let beyond = at(-from);
+        assert!(n == 1 || Region::grow(&surface, center, radius).get(beyond.triangle).is_none());
+        let region = Region::grow_across(&surface, center, radius, (0.01 * scale) as f32);
+        assert!(region.get(beyond.triangle).is_some(), "{n} {gap}");
+        let origin = surface.position(center);
+        for_each_point(&surface, &region, |_, distance, p| {
+            let straight = p.distance(origin) as f32;
+            let is_far = straight > radius && distance > radius - 1e-4;
+            assert!(
+                is_far || (distance - straight).abs() < 4e-3 * radius,
+                "{n} {gap}: {distance} {straight}"
+            );
+        });
+        // A gap that is wider ends it.
+        let region = Region::grow_across(&surface, center, radius, (0.5 * gap * scale) as f32);
+        assert_eq!(region.get(beyond.triangle).is_some(), gap == 0.0);
+    }
+}
+
+#[test]
+fn gaps_are_crossed_around_corners_and_not_onto_the_back() {
+    for (degrees, is_reached) in [(0.0f64, true), (90.0, true), (-90.0, true), (178.0, false)] {
+        let surface = surface(&halves(4, 0.004, degrees.to_radians()));
+        let scale = (1.0 / surface.mesh().world_from_mesh.scale) as f32;
+        // The left half begins with the first vertex.
+        let center = SurfacePoint { triangle: 0, lambda: Vec3::new(0.4, 0.3, 0.3) };
+        let region = Region::grow_across(&surface, center, 0.6 * scale, 0.02 * scale);
+        let right = |t: &fantex_paint::RegionTriangle| t.triangle >= 18 && t.distance(Vec3::X) < 0.6 * scale;
+        assert_eq!(region.triangles.iter().any(right), is_reached, "{degrees}");
+    }
+}
+
 /// Where two triangles meet they agree; where the region ends, the brush has ended before.
 fn check_continuity(mesh: &Mesh, start: u32, radius: f32) {
     let surface = surface(mesh);

@@ -85,6 +85,7 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
         opacity: 1.0,
         channels: vec![ChannelPaint { channel: 0, color: PaintColor::Constant(color) }],
         stencil: None,
+        sight: None,
     };
     let surface = Arc::clone(painter.surface());
     let start = surface.nearest(Vec3::X, f32::INFINITY).unwrap();

@@ -46,6 +46,113 @@ fn swipe(stencil: &str, camera: &str) -> String {
     )
 }
 
+/// A stroke over the rim of a thin plate: white over black, seen from above.
+fn rim(more: &str) -> String {
+    format!(
+        r#"{{ "brush": {{ "size": {{ "world": 0.8 }}, "hardness": 1 }}, {more}
+            "channels": [{{ "kind": "base_color", "color": {{ "linear": [1, 0, 0, 1] }} }}],
+            "samples": [{{ "at": {{ "position": [0.87, 0.001, -0.42] }} }}, {{ "at": {{ "position": [0.88, 0.001, 0.43] }} }}] }}"#
+    )
+}
+
+#[test]
+fn only_what_is_seen_is_painted() {
+    // Thinner than a texel: what is hidden is behind something that is nearly as near.
+    let mesh = plate(20, 0.002);
+    let above = r#""projection": { "eye": [0, 3, 0], "target": [0, 0, 0], "up": [0, 0, -1], "lens": { "parallel": 3.0 } }, "only_seen": 80,"#;
+    for (more, is_behind) in [("", true), (above, false)] {
+        let baked = Baked::new(&mesh, &cover(&mesh, 64, 40_000), BakeFormat::Float);
+        let painter = certified(&baked, &rim(more));
+        let cache = baked.cache();
+        let redness = |origin: Vec3, direction: Vec3| {
+            let point = painter.surface().hit(origin, direction).unwrap();
+            sample(&cache, 0, 0, point.triangle as usize, point.lambda).0.x
+        };
+        for (x, z) in [(0.8, 0.0), (0.9, 0.3), (0.75, -0.2)] {
+            let (front, back) =
+                (redness(Vec3::new(x, 1.0, z), Vec3::NEG_Y), redness(Vec3::new(x, -1.0, z), Vec3::Y));
+            assert!(front > 0.97, "{more} {x} {z}: {front}");
+            assert_eq!(back > 0.97, is_behind, "{more} {x} {z}: {back}");
+            assert!(is_behind || back < 0.5, "{x} {z}: {back}");
+        }
+        // What is logged paints the same.
+        let again = Baked::new(&mesh, &cover(&mesh, 64, 40_000), BakeFormat::Float);
+        let mut replayed = again.painter();
+        StrokeLog::of(painter.editor().asset()).unwrap().replay(&mut replayed).unwrap();
+        assert!(contents(&replayed) == contents(&painter));
+    }
+}
+
+#[test]
+fn what_is_turned_away_too_far_is_not_painted_and_mirrored_strokes_are_seen_mirrored() {
+    let baked = ball(200_000, BakeFormat::Float);
+    let camera = CAMERA.replace("[0, 0, 5]", "[5, 0, 0]");
+    let text = format!(
+        r#"{{ "brush": {{ "size": {{ "world": 1.9 }}, "hardness": 1 }}, {camera}, "only_seen": 45, "symmetry": {{ "mirror": {{ "axis": 0 }} }},
+            "channels": [{{ "kind": "base_color", "color": {{ "linear": [1, 0, 0, 1] }} }}],
+            "samples": [{{ "at": {{ "position": [1, 0, 0] }} }}] }}"#
+    );
+    let painter = certified(&baked, &text);
+    let (before, after) = (ball(200_000, BakeFormat::Float).cache(), baked.cache());
+    for side in [1.0, -1.0] {
+        let at = |degrees: f32| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let p = Vec3::new(side * cos, sin, 0.0);
+            (color_at(&after, &painter, p), color_at(&before, &painter, p))
+        };
+        let (painted, was) = at(20.0);
+        assert!(painted.distance(Vec4::new(1.0, 0.0, 0.0, 1.0)) < 0.02, "{side}: {painted} {was}");
+        let (fading, was) = at(42.0);
+        assert!(fading.distance(was) > 0.02 && fading.y > 0.02, "it fades out: {fading} {was}");
+        let (stays, was) = at(49.0);
+        assert!(stays.distance(was) < 0.01, "{stays} {was}");
+    }
+    for (wrong, says) in [("\"only_seen\": 0", "above 0"), ("\"only_seen\": 91", "at most 90")] {
+        let file = strokes(&text.replace("\"only_seen\": 45", wrong));
+        let told = replay(&mut baked.painter(), &file, baked.folder.path()).unwrap_err().to_string();
+        assert!(told.contains(says), "{told}");
+    }
+    let file = strokes(&text.replace(&camera, "\"line\": false"));
+    let told = replay(&mut baked.painter(), &file, baked.folder.path()).unwrap_err().to_string();
+    assert!(told.contains("there is no camera"), "{told}");
+}
+
+#[test]
+fn strokes_go_on_beyond_gaps() {
+    // Two tiles of a floor, a hair apart.
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for x in [-1.0, 0.004] {
+        let first = positions.len() as u32;
+        positions.extend(
+            [[0.0, -0.5], [0.996, -0.5], [0.0, 0.5], [0.996, 0.5]]
+                .map(|[dx, z]| glam::DVec3::new(x + dx, 0.0, z)),
+        );
+        triangles.extend([[0, 2, 1], [1, 2, 3]].map(|t: [u32; 3]| t.map(|v| first + v)));
+    }
+    let mesh = crate::mesh_of(positions, triangles);
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 40_000), BakeFormat::Float);
+    // From one tile to the other between two samples: with dabs all the way, and whole on both sides.
+    let text = r#"{ "brush": { "size": { "world": 0.2 }, "hardness": 1, "across_gaps": true },
+        "channels": [{ "kind": "base_color", "color": { "linear": [1, 0, 0, 1] } }],
+        "samples": [{ "at": { "position": [-0.6, 0, 0] } }, { "at": { "position": [0.6, 0, 0] } }] }"#;
+    let share = |baked: &Baked| {
+        let (cache, surface) = (baked.cache(), baked.painter().surface().clone());
+        let is_red = |x: f32, z: f32| {
+            let point = surface.hit(Vec3::new(x, 1.0, z), Vec3::NEG_Y).unwrap();
+            sample(&cache, 0, 0, point.triangle as usize, point.lambda).0.x > 0.97
+        };
+        let xs = (-55i8..=55).filter(|x| *x != 0).map(|x| f32::from(x) / 100.0);
+        let all: Vec<bool> = xs.flat_map(|x| [-0.08, 0.0, 0.08].map(|z| is_red(x, z))).collect();
+        all.iter().filter(|red| **red).count() as f32 / all.len() as f32
+    };
+    certified(&baked, text);
+    assert_eq!(share(&baked), 1.0);
+    let without = Baked::new(&mesh, &cover(&mesh, 64, 40_000), BakeFormat::Float);
+    certified(&without, &text.replace("\"across_gaps\": true", "\"across_gaps\": false"));
+    assert!(share(&without) < 0.5, "{}", share(&without));
+}
+
 #[test]
 fn a_stroke_is_laid_on_through_its_stencil() {
     let baked = ball(200_000, BakeFormat::Float);

@@ -1,6 +1,6 @@
 //! A look as a scene, and its pictures.
 
-use fantex_base::Result;
+use fantex_base::{Aabb, Result};
 use fantex_look::Key;
 use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable};
 use fantex_look::problem;
@@ -9,6 +9,7 @@ use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Lights, RenderOptions, Rendering, Scene,
     SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
 };
+use fantex_scene::world_bounds;
 use fantex_texture::Filter;
 use fantex_texture::environment::EnvironmentMap;
 use glam::DVec3;
@@ -94,6 +95,31 @@ impl<'a> LookScene<'a> {
     /// As those of [`render`](Self::render).
     pub fn render_from(&self, camera: &Camera, time: f32) -> Result<Rendering> {
         self.with_scene(time, |scene| self.render_scene(scene, camera, self.options(time)))
+    }
+
+    /// A quick picture, for whoever looks around: of another size, and with other samples, than the look says.
+    ///
+    /// # Errors
+    /// As those of [`render`](Self::render).
+    pub fn render_sized(
+        &self,
+        camera: &Camera,
+        time: f32,
+        [width, height]: [u32; 2],
+        samples: u32,
+    ) -> Result<Rendering> {
+        let options = RenderOptions { width, height, samples, ..self.options(time) };
+        self.with_scene(time, |scene| self.render_scene(scene, camera, options))
+    }
+
+    /// The look's camera for a picture of so many pixels, and the box that holds the whole scene; world space.
+    ///
+    /// # Errors
+    /// Objects are flattened.
+    pub fn view(&self, [width, height]: [u32; 2]) -> Result<(Camera, Aabb<DVec3>)> {
+        let time = self.times()[0];
+        let options = RenderOptions { width, height, ..self.options(time) };
+        self.with_scene(time, |scene| Ok((self.camera(scene, &options), world_bounds(scene.mesh()))))
     }
 
     /// Cameras that stand evenly around the whole scene, as those of [`Camera::orbit`]. `aspect` is width / height.

@@ -51,6 +51,16 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if paint.tool == PaintTool::Blur {
         percent(ui, "Reach", &mut paint.blur_radius, "How far around is averaged, in diameters");
     }
+    let brush = &mut paint.brush;
+    let tip =
+        "Dabs go on beyond gaps that are small beside them, as where triangles do not meet at their corners";
+    row(ui, "Across gaps", |ui| ui.checkbox(&mut brush.across_gaps, "").on_hover_text(tip));
+    let tip = "Nothing that is hidden or turned away: on thin parts paint does not reach the back";
+    row(ui, "Only what I see", |ui| ui.checkbox(&mut brush.only_seen, "").on_hover_text(tip));
+    if brush.only_seen {
+        let tip = "Surfaces turned away from you by more stay as they are";
+        number("Up to", "°", 0, tip).show(ui, &mut brush.seen_degrees, 10.0..=90.0);
+    }
     let mut asks_stamp = false;
     let open = ui.collapsing("Stroke", |ui| {
         let brush = &mut paint.brush;

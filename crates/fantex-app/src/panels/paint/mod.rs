@@ -91,7 +91,7 @@ fn tool_strip(ui: &mut Ui, viewer: &mut Viewer) {
         ui.painter().rect_filled(rect, CornerRadius::same(5), fill);
         let color = if is_on { theme::STRONG } else { theme::TEXT };
         tool_icon(ui.painter(), Rect::from_center_size(rect.center(), vec2(20.0, 20.0)), tool, color);
-        let keys = keys_of(&Command::Paint(PaintCommand::Tool(tool))).unwrap_or_default();
+        let keys = keys_of(true, &Command::Paint(PaintCommand::Tool(tool))).unwrap_or_default();
         let name = format!("{label} tool");
         response.widget_info(|| {
             eframe::egui::WidgetInfo::selected(eframe::egui::Role::Button, true, is_on, &name)
@@ -268,7 +268,7 @@ pub(crate) fn history(ui: &mut Ui, viewer: &mut Viewer) {
         let first = if snapshot.older > 0 {
             format!("{} older steps", snapshot.older)
         } else {
-            "As it was opened first".to_owned()
+            "Original".to_owned()
         };
         let is_first = snapshot.done.is_empty();
         if line(ui, is_first, RichText::new(first).color(theme::FAINT)).clicked() {

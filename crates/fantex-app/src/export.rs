@@ -1,0 +1,170 @@
+//! An asset for other programs: a model with texture coordinates, and the pictures that a program wants.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex::bake::Progress;
+use fantex::base::{Error, Result};
+use fantex::export::{ChannelMap, Depth, ExportOptions, export_channel, export_model};
+use fantex::store::Asset;
+use fantex::texture::{ColorSpace, Image, Samples};
+use serde::Deserialize;
+
+/// For which program.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Preset {
+    /// One file with everything inside.
+    #[default]
+    Gltf,
+    /// A model and pictures beside it.
+    Blender,
+    /// Colour, normal (-y), and occlusion, roughness and metallic in one.
+    Unreal,
+    /// Colour, normal, metallic with smoothness, occlusion.
+    Unity,
+}
+
+impl Preset {
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Gltf, "glTF (one .glb)"),
+        (Self::Blender, "Blender (.gltf and pictures)"),
+        (Self::Unreal, "Unreal (.glb and pictures)"),
+        (Self::Unity, "Unity (.glb and pictures)"),
+    ];
+
+    pub fn extension(self) -> &'static str {
+        if self == Self::Blender { "gltf" } else { "glb" }
+    }
+
+    /// Whether the program expects normals whose y points downwards.
+    pub fn points_down(self) -> bool {
+        self == Self::Unreal
+    }
+
+    /// Ends of names, and what the pictures hold.
+    fn pictures(self) -> &'static [(&'static str, Map)] {
+        use ChannelMap as C;
+        match self {
+            Self::Gltf | Self::Blender => &[],
+            Self::Unreal => &[
+                ("BaseColor", Map::Channel(C::BaseColor)),
+                ("Normal", Map::Channel(C::Normal)),
+                ("ORM", Map::Channel(C::OcclusionRoughnessMetallic)),
+                ("Emissive", Map::Channel(C::Emission)),
+                ("Height", Map::Channel(C::Displacement)),
+            ],
+            Self::Unity => &[
+                ("BaseMap", Map::Channel(C::BaseColor)),
+                ("Normal", Map::Channel(C::Normal)),
+                ("MetallicSmoothness", Map::MetallicSmoothness),
+                ("Occlusion", Map::Channel(C::Occlusion)),
+                ("Emission", Map::Channel(C::Emission)),
+                ("Height", Map::Channel(C::Displacement)),
+            ],
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Map {
+    Channel(ChannelMap),
+    /// Metallic in the colour, and 1 - roughness in alpha.
+    MetallicSmoothness,
+}
+
+impl Map {
+    /// One that it needs.
+    fn channel(self) -> ChannelMap {
+        match self {
+            Self::Channel(channel) => channel,
+            Self::MetallicSmoothness => ChannelMap::Metallic,
+        }
+    }
+}
+
+/// What is exported.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ExportSettings {
+    pub preset: Preset,
+    /// Columns and rows of the pictures; as the asset's density wants by default.
+    pub side: Option<u32>,
+    /// The green of normal maps is turned over: y points downwards.
+    pub points_down: bool,
+}
+
+/// Writes an asset as a preset wants it; files that are there are replaced. Returns what was written.
+///
+/// # Errors
+/// The asset cannot be read, or a file not be written.
+pub fn export(
+    asset: &Path,
+    output: &Path,
+    settings: &ExportSettings,
+    progress: &dyn Progress,
+) -> Result<Vec<PathBuf>> {
+    let asset = Arc::new(Asset::open(asset)?);
+    let options = ExportOptions { side: settings.side, force: true, ..ExportOptions::default() };
+    let mut files: Vec<PathBuf> = Vec::new();
+    let summary = export_model(&asset, output, &options, progress)?;
+    // All lie as in the model.
+    let options = ExportOptions { side: summary.sides.first().copied().or(settings.side), ..options };
+    files.extend(summary.files.into_iter().map(|(path, _)| path));
+    for (name, map) in settings.preset.pictures() {
+        if asset.channel_of_kind(map.channel().channel()).is_none() {
+            continue;
+        }
+        let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+        let path = output.with_file_name(format!("{stem}_{name}.png"));
+        let write =
+            |map, path: &Path| export_channel(&asset, map, Depth::Eight, path, &options, progress).map(drop);
+        match map {
+            Map::Channel(channel) => {
+                write(*channel, &path)?;
+                if *channel == ChannelMap::Normal && settings.points_down {
+                    turned_over(Image::load(&path)?).save(&path)?;
+                }
+            }
+            Map::MetallicSmoothness => {
+                let folder = tempfile_beside(&path);
+                let pair = [ChannelMap::Metallic, ChannelMap::Roughness].map(|map| {
+                    write(map, &folder)?;
+                    Image::load(&folder)
+                });
+                std::fs::remove_file(&folder).map_err(|source| Error::writing(&folder, source))?;
+                let [metallic, roughness] = pair;
+                metallic_smoothness(&metallic?, &roughness?).save(&path)?;
+            }
+        }
+        files.push(path);
+    }
+    Ok(files)
+}
+
+/// A name for a moment.
+fn tempfile_beside(path: &Path) -> PathBuf {
+    path.with_extension("part.png")
+}
+
+/// With the green of 8-bit texels turned over.
+fn turned_over(mut image: Image) -> Image {
+    let channels = image.channels as usize;
+    if let Samples::U8(samples) = &mut image.samples {
+        samples.chunks_exact_mut(channels).for_each(|texel| texel[1] = 255 - texel[1]);
+    }
+    image
+}
+
+fn metallic_smoothness(metallic: &Image, roughness: &Image) -> Image {
+    let samples = |image: &Image| -> Vec<u8> {
+        let channels = image.channels as usize;
+        match &image.samples {
+            Samples::U8(samples) => samples.chunks_exact(channels).map(|texel| texel[0]).collect(),
+            _ => Vec::new(),
+        }
+    };
+    let texels = samples(metallic).into_iter().zip(samples(roughness));
+    let samples = Samples::U8(texels.flat_map(|(m, r)| [m, m, m, 255 - r]).collect());
+    let Image { width, height, .. } = *metallic;
+    Image { width, height, channels: 4, space: ColorSpace::Linear, samples }
+}

@@ -1,0 +1,173 @@
+//! What is asked before a model is painted on, and before an asset is exported.
+
+use std::path::Path;
+
+use eframe::egui::{Align2, Area, Id, Order, Rect, RichText, Ui, vec2};
+use fantex::store::ChannelKind;
+
+use super::bar::short_place;
+use super::scene::card;
+use super::widgets::{choice, hint, row};
+use crate::document::{Answer, Question, grouped};
+use crate::export::{ExportSettings, Preset};
+use crate::theme;
+use crate::viewer::{Asked, Viewer};
+
+/// Millions of texels to choose from.
+const MILLIONS: [u64; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
+
+pub(super) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let Some(asked) = &mut viewer.asked else { return };
+    let area = Area::new(Id::unique("asked")).order(Order::Middle).fixed_pos(rect.center());
+    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+        card()
+            .show(ui, |ui| {
+                ui.set_width(380.0f32.min(rect.width() - 40.0));
+                ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
+                question(ui, asked)
+            })
+            .inner
+    });
+    if let Some(answer) = shown.inner {
+        viewer.answer(answer);
+    }
+}
+
+/// What is exported, and how far that is.
+pub(super) fn exporting(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let Some(exporting) = &mut viewer.exporting else { return };
+    let is_asked = exporting.is_asked();
+    if !is_asked {
+        ui.ctx().request_repaint_after_secs(0.1);
+    }
+    let (mut settings, share) = (exporting.settings.clone(), exporting.share());
+    let area = Area::new(Id::unique("exporting")).order(Order::Middle).fixed_pos(rect.center());
+    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+        card()
+            .show(ui, |ui| {
+                ui.set_width(380.0f32.min(rect.width() - 40.0));
+                ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
+                if is_asked {
+                    return export_choices(ui, &mut settings);
+                }
+                ui.horizontal(|ui| {
+                    ui.label(format!("Writing … {:.0} %", share * 100.0));
+                    ui.button("Cancel").clicked().then_some(false)
+                })
+                .inner
+            })
+            .inner
+    });
+    exporting.settings = settings.clone();
+    match shown.inner {
+        Some(true) => viewer.choose_export(settings),
+        Some(false) => viewer.command(crate::command::Command::Cancel),
+        None => {}
+    }
+}
+
+/// Whether it is exported, once that is said.
+fn export_choices(ui: &mut Ui, settings: &mut ExportSettings) -> Option<bool> {
+    ui.label(RichText::new("Export").heading().color(theme::STRONG));
+    let before = settings.preset;
+    row(ui, "For", |ui| choice(ui, "export preset", &mut settings.preset, &Preset::ALL));
+    if settings.preset != before {
+        settings.points_down = settings.preset.points_down();
+    }
+    let mut sides = vec![(None, "as dense as the asset".to_owned())];
+    sides.extend([512u32, 1024, 2048, 4096, 8192].map(|n| (Some(n), format!("{n} x {n}"))));
+    row(ui, "Pictures", |ui| choice(ui, "export side", &mut settings.side, &sides));
+    let has_normals = matches!(settings.preset, Preset::Unreal | Preset::Unity);
+    ui.add_enabled_ui(has_normals, |ui| {
+        let tip = "As DirectX has it: the green of the normal map is turned over";
+        ui.checkbox(&mut settings.points_down, "Normals with -Y").on_hover_text(tip)
+    });
+    hint(ui, "Layers are exported as they are seen.");
+    ui.horizontal(|ui| {
+        let is_chosen = ui.button("Choose a file …").clicked().then_some(true);
+        is_chosen.or(ui.button("Cancel").clicked().then_some(false))
+    })
+    .inner
+}
+
+fn name(path: &Path) -> String {
+    short_place(&path.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// The answer, once there is one: none to leave it.
+fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
+    let new = &mut asked.new;
+    let model = short_place(&asked.place.name());
+    let title = |ui: &mut Ui, text: String| ui.label(RichText::new(text).heading().color(theme::STRONG));
+    let mut answer = None;
+    match &asked.question {
+        Question::New { asset, channels, texels } => {
+            title(ui, format!("Paint on {model}"));
+            hint(
+                ui,
+                &format!("It becomes the asset {} beside it; its own file stays as it is.", name(asset)),
+            );
+            texel_row(ui, &mut new.texels, *texels);
+            let has = |kind| channels.contains(&kind);
+            row(ui, "Channels", |ui| {
+                ui.vertical(|ui| {
+                    let mut always = true;
+                    ui.add_enabled_ui(false, |ui| {
+                        ui.checkbox(&mut always, "Colour, occlusion, roughness, metallic")
+                    });
+                    let mut channel = |kind, value: &mut bool, text| {
+                        let is_known = has(kind);
+                        let mut shown = is_known || *value;
+                        ui.add_enabled_ui(!is_known, |ui| ui.checkbox(&mut shown, text));
+                        *value = shown && !is_known;
+                    };
+                    channel(ChannelKind::Emission, &mut new.emission, "Emission");
+                    channel(ChannelKind::Normal, &mut new.normal, "Normal");
+                    channel(ChannelKind::Displacement, &mut new.height, "Height");
+                })
+                .response
+            });
+            ui.horizontal(|ui| {
+                if ui.button("Make and paint").clicked() {
+                    answer = Some(Some(Answer::New(new.clone())));
+                }
+                if ui.button("Cancel").clicked() {
+                    answer = Some(None);
+                }
+            });
+        }
+        Question::Foreign { asset, triangles: [ours, theirs], texels, strokes } => {
+            title(ui, format!("{} is of another mesh", name(asset)));
+            let [ours, theirs] = [ours, theirs].map(|&count| grouped(count as u64));
+            ui.label(format!(
+                "{model} has {ours} triangles, the mesh that the asset was made of {theirs}, or they lie elsewhere. The \
+                 asset has {} strokes in its log.",
+                grouped(*strokes as u64)
+            ));
+            texel_row(ui, &mut new.texels, Some(*texels));
+            ui.horizontal_wrapped(|ui| {
+                let tip = "Makes a new asset of the model and repeats the strokes at their places; the old one is kept under another name";
+                if ui.button("Repeat the strokes on the new mesh").on_hover_text(tip).clicked() {
+                    let texels = new.texels.or(Some(*texels));
+                    answer = Some(Some(Answer::Replay(crate::paint::NewAsset { texels, ..new.clone() })));
+                }
+                let tip = "The model's new shape is not seen";
+                if ui.button("Paint on the old asset").on_hover_text(tip).clicked() {
+                    answer = Some(Some(Answer::Keep));
+                }
+                if ui.button("Cancel").clicked() {
+                    answer = Some(None);
+                }
+            });
+        }
+    }
+    answer
+}
+
+/// `own`: as many as there are.
+fn texel_row(ui: &mut Ui, texels: &mut Option<u64>, own: Option<u64>) {
+    let first = own.map_or("8 million".into(), |own| format!("{:.1} million, as it has", own as f64 * 1e-6));
+    let mut all = vec![(None, first)];
+    all.extend(MILLIONS.map(|n| (Some(n * 1_000_000), format!("{n} million"))));
+    row(ui, "Texels", |ui| choice(ui, "new texels", texels, &all));
+}

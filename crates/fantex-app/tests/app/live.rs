@@ -1,0 +1,105 @@
+//! Looks that are being worked on, without a window.
+
+use std::time::{Duration, Instant};
+
+use fantex_app::live::LiveLook;
+
+const LOOK: &str = r##"# A ball of marble.
+[picture]
+samples = 4
+
+[textures.stone]
+kind = "marble"
+place = { scale = 0.5 }
+
+[materials.ball]
+base_color = "stone"
+roughness = 0.25
+
+[[object]]
+shape = { kind = "sphere" }
+material = "ball"
+"##;
+
+fn settle(live: &mut LiveLook, seconds: &mut f64) {
+    let started = Instant::now();
+    loop {
+        *seconds += 1.0;
+        if let Some(camera) = live.poll(*seconds) {
+            live.show(&camera, [120, 80]);
+        }
+        if let Some(camera) = live.camera {
+            live.show(&camera, [120, 80]);
+        }
+        if live.is_settled() {
+            return;
+        }
+        assert!(started.elapsed() < Duration::from_secs(120), "no picture: {:?}", live.error);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn open(folder: &std::path::Path) -> (LiveLook, f64) {
+    let path = folder.join("ball.toml");
+    std::fs::write(&path, LOOK).unwrap();
+    let mut live = LiveLook::open(&path, None, || {}).unwrap();
+    // The look's own camera.
+    live.show(&fantex_app::camera::CameraRig::default().camera(), [120, 80]);
+    let mut seconds = 0.0;
+    settle(&mut live, &mut seconds);
+    (live, seconds)
+}
+
+#[test]
+fn a_look_follows_its_file_and_its_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut live, mut seconds) = open(folder.path());
+    let first = live.picture.clone().unwrap();
+    assert_eq!([first.width, first.height], [120, 80]);
+    let keys: Vec<String> = live.numbers.iter().map(|number| number.key.to_string()).collect();
+    assert_eq!(keys, ["picture.samples", "textures.stone.place.scale", "materials.ball.roughness"]);
+    let samples = &live.numbers[0];
+    let range = (samples.value, samples.low, samples.high, samples.is_whole);
+    assert_eq!(range, (4.0, Some(1.0), Some(64.0), true));
+
+    // A number is changed here: the picture is another one, and the file is as it was until that is saved.
+    live.set(1, 0.125);
+    assert!(live.is_changed());
+    settle(&mut live, &mut seconds);
+    assert_ne!(*live.picture.clone().unwrap(), *first);
+    let path = folder.path().join("ball.toml");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), LOOK);
+    live.save().unwrap();
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), LOOK.replace("scale = 0.5", "scale = 0.125"));
+    assert!(!live.is_changed());
+    live.set(2, 0.75);
+    live.discard();
+    assert_eq!((live.is_changed(), live.numbers[2].value), (false, 0.25));
+
+    // The file is changed elsewhere, with a mistake, and mended.
+    let before = live.picture.clone().unwrap();
+    std::fs::write(&path, LOOK.replace("roughness = 0.25", "roughnes = 0.25")).unwrap();
+    settle(&mut live, &mut seconds);
+    let error = live.error.clone().unwrap();
+    assert!(error.contains("ball.toml:11: materials.ball"), "{error}");
+    assert_eq!(*live.picture.clone().unwrap(), *before);
+    std::fs::write(&path, LOOK).unwrap();
+    settle(&mut live, &mut seconds);
+    settle(&mut live, &mut seconds);
+    assert_eq!(live.error, None);
+    assert_eq!(*live.picture.clone().unwrap(), *first, "the same look, the same picture");
+}
+
+#[test]
+fn what_cannot_be_shown_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("none.toml");
+    assert!(LiveLook::open(&path, None, || {}).unwrap_err().to_string().contains("none.toml"));
+    std::fs::write(&path, "[textures.a]\nkind = \"image\"\nimage = \"none.png\"\n[materials.a]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"a\"\n").unwrap();
+    let mut live = LiveLook::open(&path, None, || {}).unwrap();
+    live.show(&fantex_app::camera::CameraRig::default().camera(), [64, 64]);
+    let mut seconds = 0.0;
+    settle(&mut live, &mut seconds);
+    let error = live.error.clone().unwrap();
+    assert!(error.contains("none.toml:") && error.contains("none.png"), "{error}");
+}
