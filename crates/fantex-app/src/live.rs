@@ -172,7 +172,10 @@ impl LiveLook {
                     if text == self.text {
                         self.error = None;
                     }
-                    first = first.or(self.camera.is_none().then_some(camera));
+                    // The look's camera is taken where it is another one, and stays the user's else.
+                    if self.camera != Some(camera) {
+                        first = Some(camera);
+                    }
                     (self.camera, self.scale) = (Some(camera), scale);
                 }
                 Report::Failed(text, reason) if text == self.text => self.error = Some(reason),

@@ -66,7 +66,7 @@ pub enum Lens {
 }
 
 /// From where the surface is seen. Mesh space.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Camera {
     eye: Vec3,
     forward: Vec3,

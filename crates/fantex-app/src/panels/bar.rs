@@ -222,10 +222,12 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer) {
             figures(ui, viewer, width);
             // What is left of the line, in the order in which it is read; the hint is cut where that is too little.
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                let name = viewer
-                    .document
-                    .as_ref()
-                    .map_or("Nothing is open".into(), |document| document.place.name());
+                let look = viewer.live.as_ref().and_then(|live| live.path().file_name());
+                let name = match (look, &viewer.document) {
+                    (Some(name), _) => name.to_string_lossy().into_owned(),
+                    (None, Some(document)) => document.place.name(),
+                    (None, None) => "Nothing is open".into(),
+                };
                 ui.add(Label::new(RichText::new(name).color(theme::TEXT)).truncate());
                 if let Some((text, color)) = path_state(viewer) {
                     ui.separator();

@@ -85,7 +85,7 @@ fn a_model_asks_how_it_becomes_an_asset() {
         Document::open_for_painting(&place, 64 << 20, answer.as_ref(), &OpenProgress::default())
     };
     let Ok(ForPainting::Question(question)) = open(None) else { panic!("nothing is asked") };
-    let channels = vec![ChannelKind::BaseColor, ChannelKind::OcclusionRoughnessMetallic];
+    let channels = [ChannelKind::BaseColor, ChannelKind::OcclusionRoughnessMetallic];
     let Question::New { asset, channels: found, texels: None } = &question else { panic!("{question:?}") };
     assert!(*asset == path && found.iter().all(|kind| channels.contains(kind)), "{question:?}");
     assert!(!path.exists());

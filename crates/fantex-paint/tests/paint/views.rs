@@ -92,7 +92,7 @@ fn what_is_turned_away_too_far_is_not_painted_and_mirrored_strokes_are_seen_mirr
             "channels": [{{ "kind": "base_color", "color": {{ "linear": [1, 0, 0, 1] }} }}],
             "samples": [{{ "at": {{ "position": [1, 0, 0] }} }}] }}"#
     );
-    let painter = certified(&baked, &text);
+    let mut painter = certified(&baked, &text);
     let (before, after) = (ball(200_000, BakeFormat::Float).cache(), baked.cache());
     for side in [1.0, -1.0] {
         let at = |degrees: f32| {
@@ -109,11 +109,11 @@ fn what_is_turned_away_too_far_is_not_painted_and_mirrored_strokes_are_seen_mirr
     }
     for (wrong, says) in [("\"only_seen\": 0", "above 0"), ("\"only_seen\": 91", "at most 90")] {
         let file = strokes(&text.replace("\"only_seen\": 45", wrong));
-        let told = replay(&mut baked.painter(), &file, baked.folder.path()).unwrap_err().to_string();
+        let told = replay(&mut painter, &file, baked.folder.path()).unwrap_err().to_string();
         assert!(told.contains(says), "{told}");
     }
     let file = strokes(&text.replace(&camera, "\"line\": false"));
-    let told = replay(&mut baked.painter(), &file, baked.folder.path()).unwrap_err().to_string();
+    let told = replay(&mut painter, &file, baked.folder.path()).unwrap_err().to_string();
     assert!(told.contains("there is no camera"), "{told}");
 }
 
