@@ -6,13 +6,19 @@ use fantex_base::{Error, Result};
 use serde::Deserialize;
 
 /// The rows of the feature list, by chapter.
-pub const CHAPTERS: [(char, &str, u32); 5] = [
+pub const CHAPTERS: [(char, &str, u32); 6] = [
     ('F', "Fan texturing", 13),
     ('T', "Textures as functions", 10),
     ('M', "Mappings", 8),
     ('L', "What a texture drives", 13),
     ('E', "Environment", 4),
+    ('U', "What users get", 5),
 ];
+
+/// All rows of the feature list, such as `F1`.
+pub fn rows() -> impl Iterator<Item = String> {
+    CHAPTERS.iter().flat_map(|&(letter, _, count)| (1..=count).map(move |n| format!("{letter}{n}")))
+}
 
 /// All entries, in the order of the page.
 #[derive(Debug, Deserialize)]
@@ -41,6 +47,10 @@ pub struct Entry {
     pub look: Option<String>,
     /// Pictures that no look can make: the name of what draws them.
     pub drawn_by: Option<String>,
+    /// Commands, without the program's name. Where there is neither look nor drawing they make the pictures; else they show how to see the same
+    /// on a model of one's own. Paths in `assets/` and `gallery/` are files that come with the program, others lie in a new folder.
+    #[serde(default)]
+    pub commands: Vec<String>,
     /// Side by side; one picture of the look as it is where there is none.
     #[serde(default, rename = "picture")]
     pub pictures: Vec<Variant>,
@@ -56,6 +66,8 @@ pub struct Variant {
     /// New values by key path, such as `textures.photo.filter` or `light.0.strength`.
     #[serde(default)]
     pub set: toml::Table,
+    /// The picture that the entry's commands write.
+    pub file: Option<String>,
 }
 
 impl Catalogue {
@@ -162,10 +174,8 @@ fn no_catalogue(path: &Path, error: &toml::de::Error) -> Error {
     Error::malformed(format!("{} is no catalogue of a gallery: {error}", path.display())).with_path(path)
 }
 
-fn is_row(row: &str) -> bool {
-    CHAPTERS.iter().any(|&(letter, _, count)| {
-        row.strip_prefix(letter).and_then(|n| n.parse::<u32>().ok()).is_some_and(|n| (1..=count).contains(&n))
-    })
+fn is_row(name: &str) -> bool {
+    rows().any(|row| row == name)
 }
 
 #[cfg(test)]
@@ -175,6 +185,6 @@ mod tests {
     #[test]
     fn rows_are_those_of_the_feature_list() {
         assert!(is_row("T10") && is_row("F1") && is_row("E4"));
-        assert!(!is_row("T11") && !is_row("X1") && !is_row("E") && !is_row(""));
+        assert!(!is_row("T11") && !is_row("X1") && !is_row("E") && !is_row("") && is_row("U5"));
     }
 }

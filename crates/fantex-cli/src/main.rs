@@ -6,8 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
-    bake, bench, compare, demo, export, gallery, generate, image, info, paint, render, table, verify, view,
-    warp,
+    bake, bench, compare, demo, export, gallery, generate, image, info, normals, paint, render, table,
+    verify, view, warp,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
@@ -30,6 +30,7 @@ mod commands {
     pub(crate) mod generate;
     pub(crate) mod image;
     pub(crate) mod info;
+    pub(crate) mod normals;
     pub(crate) mod paint;
     pub(crate) mod render;
     pub(crate) mod table;
@@ -119,6 +120,7 @@ pub(crate) enum Command {
     Gallery(gallery::GalleryArgs),
     Generate(generate::GenerateArgs),
     Image(image::ImageArgs),
+    Normals(normals::NormalsArgs),
     Table(table::TableArgs),
     Warp(warp::WarpArgs),
     Paint(paint::PaintArgs),
@@ -140,6 +142,7 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Gallery(args) => gallery::run(args, context),
         Command::Generate(args) => generate::run(args, context),
         Command::Image(args) => image::run(args, context),
+        Command::Normals(args) => normals::run(args, context),
         Command::Table(args) => table::run(args, context),
         Command::Warp(args) => warp::run(args, context),
         Command::Bench(args) => bench::run(args, context),

@@ -2,14 +2,18 @@
 //!
 //! ```text
 //! gallery/gallery.toml --entries--> looks, each with some keys changed --render--> DIR/NAME-1.png ..
-//!                      '----------> drawings of the program -----------/           DIR/index.html
+//!                      |----------> commands of the program ------------|          DIR/index.html
+//!                      '----------> drawings of the program -----------/
 //! ```
 
 mod drawings;
+mod formula;
 
+use std::cell::OnceCell;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use clap::Args;
@@ -32,7 +36,7 @@ use crate::text::counted;
 #[command(after_help = "\
 Example:
   fantex gallery -o gallery-pictures
-  fantex gallery -o some wood T5 L6
+  fantex gallery -o some wood T5 F6
 
 Open index.html in the folder with a browser. Names are those of entries (wood) or of rows of the feature list (T5).")]
 pub(crate) struct GalleryArgs {
@@ -73,7 +77,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names)?;
     context.make_folder(output)?;
-    let gallery = Gallery { shipped: &shipped, output, width: *width, context };
+    let gallery = Gallery { shipped: &shipped, output, width: *width, context, terrain: OnceCell::new() };
     let mut finished_entries = Vec::with_capacity(entries.len());
     for (number, entry) in entries.iter().enumerate() {
         context.check_interrupt()?;
@@ -91,6 +95,7 @@ struct Gallery<'a> {
     output: &'a Path,
     width: Option<u32>,
     context: &'a Context,
+    terrain: OnceCell<drawings::Baked>,
 }
 
 impl Gallery<'_> {
@@ -98,7 +103,7 @@ impl Gallery<'_> {
         match (&entry.look, &entry.drawn_by) {
             (Some(look), _) => self.by_look(entry, look),
             (None, Some(drawing)) => self.by_program(entry, drawing),
-            (None, None) => Err(nothing_to_draw(entry)),
+            (None, None) => self.by_commands(entry),
         }
     }
 
@@ -115,7 +120,75 @@ impl Gallery<'_> {
             self.render(&LookFile::parse(&text, &path)?, &self.output.join(&file))?;
             pictures.push(finished(file, variant));
         }
-        Ok(FinishedEntry { entry, pictures, look: Some(text) })
+        Ok(FinishedEntry { entry, pictures, listing: Some(("The look", text)) })
+    }
+
+    /// Runs the entry's commands in a folder of their own and takes the pictures that they write.
+    fn by_commands<'e>(&self, entry: &'e Entry) -> Result<FinishedEntry<'e>> {
+        let folder = Context::temporary_folder()?;
+        let mut transcript = String::new();
+        for command in &entry.commands {
+            self.context.check_interrupt()?;
+            push(&mut transcript, format_args!("$ fantex {command}\n{}", self.run(command, folder.path())?));
+        }
+        let mut pictures = Vec::new();
+        for (index, variant) in entry.pictures.iter().enumerate() {
+            let made = folder.path().join(variant.file.as_deref().ok_or_else(|| nothing_to_draw(entry))?);
+            let file = self.file_name(entry, index);
+            let target = self.output.join(&file);
+            let image = Image::load(&made)?;
+            if self.width.is_some_and(|width| width < image.width) {
+                self.save(&[self.reduced(image)?], 1.0, &target)?;
+            } else {
+                self.context.check_output(&target)?;
+                std::fs::copy(&made, &target).map_err(|error| Error::writing(&target, error))?;
+            }
+            pictures.push(finished(file, variant));
+        }
+        Ok(FinishedEntry { entry, pictures, listing: Some(("The commands", transcript)) })
+    }
+
+    /// Runs this program; what it prints.
+    fn run(&self, command: &str, folder: &Path) -> Result<String> {
+        let failed = |why: String| {
+            Error::unavailable(format!("the gallery's command 'fantex {command}' failed: {why}"))
+        };
+        let program = std::env::current_exe().map_err(|error| failed(error.to_string()))?;
+        let mut run = Command::new(program);
+        run.current_dir(folder).stdin(Stdio::null()).arg("--quiet");
+        run.arg(format!("--memory={}", self.context.memory_bytes));
+        let mut is_size = false;
+        for word in command.split_whitespace() {
+            run.arg(if is_size { self.narrowed(word) } else { self.shipped_path(word)? });
+            is_size = word == "--size";
+        }
+        let output = run.output().map_err(|error| failed(error.to_string()))?;
+        if !output.status.success() {
+            return Err(failed(String::from_utf8_lossy(&output.stderr).trim().to_owned()));
+        }
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+
+    /// A picture's size in the width that is wanted.
+    fn narrowed(&self, size: &str) -> String {
+        match (self.width, crate::scene::size(size)) {
+            (Some(width), Ok([w, h])) => format!("{width}x{}", (width * h / w).max(1)),
+            _ => size.to_owned(),
+        }
+    }
+
+    /// Names of shipped files become paths.
+    fn shipped_path(&self, word: &str) -> Result<String> {
+        let start = ["assets/", "gallery/"].into_iter().find_map(|folder| {
+            let start = word.find(folder)?;
+            (start == 0 || word[..start].ends_with('=')).then_some(start)
+        });
+        let Some(start) = start else { return Ok(word.to_owned()) };
+        let (before, name) = word.split_at(start);
+        let path = self.shipped.file("");
+        let path = std::path::absolute(if path.as_os_str().is_empty() { Path::new(".") } else { &path });
+        let path = path.map_err(|error| Error::reading(Path::new(name), error))?;
+        Ok(format!("{before}{}", path.join(name).display()))
     }
 
     /// One picture, or an animated one.
@@ -152,7 +225,10 @@ impl Gallery<'_> {
             self.save(&[image], 1.0, &self.output.join(&file))?;
             pictures.push(finished(file, &Variant { caption, ..Variant::default() }));
         }
-        Ok(FinishedEntry { entry, pictures, look: None })
+        let commands: String = entry.commands.iter().map(|c| format!("$ fantex {c}\n")).collect();
+        let listing = drawings::code_of(drawing)
+            .map_or(("To see the same", commands), |code| ("The program", code.to_owned()));
+        Ok(FinishedEntry { entry, pictures, listing: Some(listing) })
     }
 
     fn file_name(&self, entry: &Entry, index: usize) -> String {
@@ -188,8 +264,8 @@ fn nothing_to_draw(entry: &Entry) -> Error {
 struct FinishedEntry<'e> {
     entry: &'e Entry,
     pictures: Vec<FinishedPicture>,
-    /// The text of the look that made them, if one did.
-    look: Option<String>,
+    /// What made them, or how to see the same: a heading and its text.
+    listing: Option<(&'static str, String)>,
 }
 
 struct FinishedPicture {
@@ -206,6 +282,7 @@ h1{font-weight:600}h2{margin-top:3rem;border-bottom:1px solid #ccc}h3{margin:2.2
 nav a{margin-right:1rem}.row{font:600 .75rem system-ui;background:#246;color:#fff;border-radius:.3rem;padding:.1rem .4rem;margin-right:.3rem}
 .pictures{display:flex;flex-wrap:wrap;gap:.8rem}figure{margin:0;flex:1 1 15rem;max-width:40rem}
 img{width:100%;height:auto;display:block;border-radius:.3rem;background:#ddd}figcaption{font-size:.9rem;color:#444}
+math{margin:.3rem 2rem .3rem 0;font-size:1.1rem}
 pre{background:#eee;padding:.6rem .8rem;border-radius:.3rem;overflow-x:auto;font-size:.85rem}
 @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}figcaption{color:#aaa}pre{background:#262626}a{color:#8bf}}";
 
@@ -215,7 +292,7 @@ fn html_page(finished_entries: &[FinishedEntry]) -> String {
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>fantex: the gallery</title>\n<style>{STYLE}</style>\n<h1>fantex: the gallery</h1>\n\
-         <p>Every technique of the toolbox, each made by the look beneath its pictures. A look is a TOML file: \
+         <p>Every technique of the toolbox, with the look or the commands that made its pictures. A look is a TOML file: \
          <code>fantex render LOOK.toml -o picture.png</code> renders it, \
          <code>fantex bake MODEL --look LOOK.toml -o asset.fan</code> puts it into seamless tiles.</p>\n<nav>"
     );
@@ -247,7 +324,8 @@ fn section(html: &mut String, finished_entry: &FinishedEntry) {
         push(html, format_args!("<span class=\"row\">{}</span>", escaped(row)));
     }
     push(html, format_args!("{}</h3>\n<p>{}</p>\n", escaped(title), escaped(idea)));
-    push(html, format_args!("<pre>{}</pre>\n<div class=\"pictures\">\n", escaped(formula.trim())));
+    formula.lines().filter(|line| !line.is_empty()).for_each(|line| html.push_str(&formula::mathml(line)));
+    html.push_str("<div class=\"pictures\">\n");
     for FinishedPicture { file, caption, .. } in &finished_entry.pictures {
         let alternative = if caption.is_empty() { title } else { caption };
         push(
@@ -262,8 +340,8 @@ fn section(html: &mut String, finished_entry: &FinishedEntry) {
         );
     }
     html.push_str("</div>\n");
-    if let Some(look) = &finished_entry.look {
-        push(html, format_args!("<details><summary>The look</summary>\n<pre>{}</pre>\n", escaped(look)));
+    if let Some((heading, text)) = &finished_entry.listing {
+        push(html, format_args!("<details><summary>{heading}</summary>\n<pre>{}</pre>\n", escaped(text)));
         for FinishedPicture { caption, changes, .. } in
             finished_entry.pictures.iter().filter(|p| !p.changes.is_empty())
         {
@@ -310,6 +388,7 @@ mod tests {
             formula: "c = mean".to_owned(),
             look: Some("filters.toml".to_owned()),
             drawn_by: None,
+            commands: Vec::new(),
             pictures: Vec::new(),
         };
         let picture = |caption: &str| FinishedPicture {
@@ -318,7 +397,8 @@ mod tests {
             changes: "filter = \"nearest\"".to_owned(),
         };
         let pictures = vec![picture("nearest"), picture("bilinear")];
-        let html = html_page(&[FinishedEntry { entry: &entry, pictures, look: Some("[camera]".to_owned()) }]);
+        let listing = Some(("The look", "[camera]".to_owned()));
+        let html = html_page(&[FinishedEntry { entry: &entry, pictures, listing }]);
         assert!(html.contains("<h2 id=\"T\">") && !html.contains("<h2 id=\"M\">"));
         assert!(html.contains("Near &amp; far.") && html.contains("src=\"bilinear.png\""));
         assert_eq!(html.matches("filter = &quot;nearest&quot;").count(), 2);

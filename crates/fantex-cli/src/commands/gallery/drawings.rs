@@ -1,7 +1,10 @@
-//! Pictures that no look can make: of covers, of maps between images, of surroundings unfolded, of baked light.
+//! Pictures that no look can make: of covers, of maps between images, of surroundings unfolded, of baked light, of streaming.
 
-use fantex::Result;
+mod library;
+mod streaming;
+
 use fantex::scene::world_bounds;
+use fantex::{Error, Result};
 use std::sync::Arc;
 
 use fantex::bake::{
@@ -11,37 +14,61 @@ use fantex::bake::{
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::{Mesh, SurfacePoint};
 use fantex::render::{
-    Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface, RenderOptions, Shading,
-    Surface, render,
+    Camera, FilterOptions, FlatShading, FlatSurface, Lights, RenderOptions, Shading, render,
 };
 use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::environment::{EnvironmentForm, EnvironmentLayout, EnvironmentMap};
 use fantex::texture::warp::{
     AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
 };
-use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, SampleOptions, Wrap};
+use fantex::texture::{AlphaUse, ColorSpace, Depth, Image, ImageTexture, SampleOptions, Wrap};
 use glam::{DVec2, DVec3, Vec3};
 
 use super::Gallery;
 use crate::context::Context;
-use crate::cover_pictures::cover_pictures;
+use crate::cover_pictures::{cover_pictures, group_colors};
 use crate::scene::open_model;
 
-pub(super) type Drawn = Result<Vec<(String, Image)>>;
+/// Captions and pictures.
+pub(super) type Pictures = Result<Vec<(String, Image)>>;
 
 /// What draws an entry's pictures.
-pub(super) fn by_name(name: &str) -> Option<fn(&Gallery<'_>) -> Drawn> {
+pub(super) fn by_name(name: &str) -> Option<fn(&Gallery<'_>) -> Pictures> {
     match name {
         "cover" => Some(cover),
-        "seamless" => Some(seamless),
+        "pyramid" => Some(pyramid),
+        "gouraud" => Some(gouraud),
         "warps" => Some(warps),
         "environments" => Some(environments),
         "light-map" => Some(light_map),
+        "evaluation" => Some(evaluation),
+        "arrival" => Some(streaming::arrival),
+        "levels" => Some(streaming::levels),
+        "reads" => Some(streaming::reads),
+        "pools" => Some(streaming::pools),
+        "library" => Some(library_picture),
         _ => None,
     }
 }
 
+/// The program that drew an entry's pictures, where that is what it shows.
+pub(super) fn code_of(name: &str) -> Option<&'static str> {
+    (name == "library").then_some(include_str!("drawings/library.rs"))
+}
+
 impl Gallery<'_> {
+    /// The baked mountain, made when it is first asked for.
+    fn terrain(&self) -> Result<&Baked> {
+        if self.terrain.get().is_none() {
+            let folder = Context::temporary_folder()?;
+            let path = folder.path().join("terrain.fan");
+            streaming::bake_terrain(self, &path)?;
+            let cache = PageCache::new(Arc::new(Asset::open(&path)?), self.context.memory_bytes as usize);
+            return Ok(self.terrain.get_or_init(|| Baked { cache, _folder: folder }));
+        }
+        self.terrain.get().ok_or_else(|| Error::invalid("no terrain"))
+    }
+
     fn options(&self, [width, height]: [u32; 2]) -> RenderOptions {
         let [width, height] = match self.width {
             Some(w) => [w, w * height / width],
@@ -51,7 +78,7 @@ impl Gallery<'_> {
     }
 
     /// A picture no wider than wanted.
-    fn reduced(&self, image: Image) -> Result<Image> {
+    pub(super) fn reduced(&self, image: Image) -> Result<Image> {
         let Some(width) = self.width.filter(|&w| w < image.width) else { return Ok(image) };
         let size = [width, (width * image.height / image.width).max(1)];
         let [w, h] = size.map(f64::from);
@@ -64,7 +91,7 @@ impl Gallery<'_> {
 }
 
 /// The three figures that explain a cover.
-fn cover(gallery: &Gallery<'_>) -> Drawn {
+fn cover(gallery: &Gallery<'_>) -> Pictures {
     let mesh = open_model(&gallery.shipped.file("assets/models/spot.obj"))?;
     let options =
         CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
@@ -77,30 +104,7 @@ fn cover(gallery: &Gallery<'_>) -> Drawn {
         .collect()
 }
 
-/// A model with its texture coordinates, and baked into fan tiles.
-fn seamless(gallery: &Gallery<'_>) -> Drawn {
-    let mesh = open_model(&gallery.shipped.file("assets/WaterBottle/WaterBottle.gltf"))?;
-    let (cover, _) = build_cover(
-        &mesh,
-        &CoverOptions { budget: TexelBudget::Total(2_000_000), ..CoverOptions::default() },
-    )?;
-    let options = gallery.options([480, 480]);
-    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.0);
-    let lights = Lights::behind(&camera);
-    let picture = |surface: &dyn Surface| -> Result<Image> {
-        Ok(render(&mesh, surface, &camera, &lights, &options)?.picture.to_srgb_image())
-    };
-    let cache = baked(&mesh, &cover, &LookSource::of_model(&mesh)?, gallery)?;
-    Ok(vec![
-        (
-            "texture coordinates".to_owned(),
-            picture(&LookSurface::of_model(&mesh, FilterOptions::default())?)?,
-        ),
-        ("fan tiles".to_owned(), picture(&FanSurface::of_asset(&cache.cache, FilterOptions::default()))?),
-    ])
-}
-
-struct Baked {
+pub(super) struct Baked {
     cache: PageCache,
     _folder: tempfile::TempDir,
 }
@@ -119,10 +123,10 @@ fn baked(
 }
 
 /// An image through maps of the plane.
-fn warps(gallery: &Gallery<'_>) -> Drawn {
-    let photo = Image::load(gallery.shipped.file("assets/images/rocket.jpg"))?;
+fn warps(gallery: &Gallery<'_>) -> Pictures {
+    let photo = Image::load(gallery.shipped.file("assets/images/uv_checker_bw.png"))?;
     let texture = ImageTexture::new(Arc::new(photo.clone()));
-    let options = gallery.options([400, 320]);
+    let options = gallery.options([960, 768]);
     let size = [options.width, options.height];
     let [w, h] = size.map(f64::from);
     let at = |x: f64, y: f64| DVec2::new(x * w, y * h);
@@ -150,8 +154,94 @@ fn warps(gallery: &Gallery<'_>) -> Drawn {
     Ok(drawn)
 }
 
+/// An image and its levels, each half as long as the one before.
+fn pyramid(gallery: &Gallery<'_>) -> Pictures {
+    let photo = Image::load(gallery.shipped.file("assets/images/coffee.jpg"))?;
+    let mut level = photo.resized(512, 342, AlphaUse::Coverage);
+    let mut levels = vec![level.clone()];
+    while level.width.max(level.height) > 1 {
+        level = level.resized((level.width / 2).max(1), (level.height / 2).max(1), AlphaUse::Coverage);
+        levels.push(level.clone());
+    }
+    let gap = 8;
+    let width = levels.iter().map(|level| level.width + gap).sum::<u32>() + gap;
+    let height = levels[0].height + 2 * gap;
+    let mut texels = vec![[0.9, 0.9, 0.9, 1.0]; (width * height) as usize];
+    let mut left = gap;
+    for level in &levels {
+        for (x, y) in (0..level.height).flat_map(|y| (0..level.width).map(move |x| (x, y))) {
+            texels[((gap + y) * width + left + x) as usize] = level.linear_texel(x, y);
+        }
+        left += level.width + gap;
+    }
+    let picture = Image::from_linear_rgb(width, height, &texels).converted(Depth::U8, ColorSpace::Srgb);
+    Ok(vec![("512 x 342 texels down to one".to_owned(), gallery.reduced(picture)?)])
+}
+
+/// Light of the vertices, interpolated, beside light of the pixels.
+fn gouraud(gallery: &Gallery<'_>) -> Pictures {
+    let mesh = fantex::Mesh::from_model(fantex::mesh::generate::icosphere(2), "ball")?;
+    let options = RenderOptions { shading: Shading::BaseColor, ..gallery.options([960, 720]) };
+    let aspect = f64::from(options.width) / f64::from(options.height);
+    let camera = Camera::framing_mesh(&mesh, DVec3::Z, aspect);
+    let to_light = Vec3::new(-0.35, 0.45, 0.8).normalize();
+    let half = (to_light + Vec3::Z).normalize();
+    let light = |normal: Vec3| {
+        let color = Vec3::new(0.7, 0.2, 0.1) * (0.15 + normal.dot(to_light).max(0.0));
+        color + Vec3::splat(0.8 * normal.dot(half).max(0.0).powi(60))
+    };
+    let picture = |color: &(dyn Fn(SurfacePoint) -> Vec3 + Sync)| -> Result<Image> {
+        let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| color(hit.at));
+        Ok(render(&mesh, &surface, &camera, &Lights::behind(&camera), &options)?.picture.to_srgb_image())
+    };
+    let corners = |at: SurfacePoint| mesh.triangle_positions(at.index()).map(Vec3::normalize);
+    Ok(vec![
+        (
+            "per vertex, interpolated (Gouraud)".to_owned(),
+            picture(&|at| at.interpolate(corners(at).map(light)))?,
+        ),
+        ("per pixel".to_owned(), picture(&|at| light(at.interpolate(corners(at)).normalize()))?),
+    ])
+}
+
+/// How a point's value is found: its place in its triangle, the tiles that answer there, their blend.
+fn evaluation(gallery: &Gallery<'_>) -> Pictures {
+    let mesh = open_model(&gallery.shipped.file("assets/models/suzanne.ply"))?;
+    let options = CoverOptions { budget: TexelBudget::Total(100_000), tile: 0, ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options)?;
+    let colors = group_colors(&cover);
+    let options = gallery.options([960, 720]);
+    let aspect = f64::from(options.width) / f64::from(options.height);
+    let camera =
+        Camera { fov_degrees: 9.0, ..Camera::framing_mesh(&mesh, DVec3::new(0.2, 0.15, 1.0), aspect) };
+    let picture = |color: &(dyn Fn(SurfacePoint) -> Vec3 + Sync)| -> Result<Image> {
+        let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| color(hit.at));
+        Ok(render(&mesh, &surface, &camera, &Lights::behind(&camera), &options)?.picture.to_srgb_image())
+    };
+    let taps = |at: SurfacePoint| cover.taps(&mesh, at);
+    let steps = [Vec3::new(0.1, 0.2, 0.5), Vec3::new(0.8, 0.6, 0.1), Vec3::new(0.8, 0.1, 0.1)];
+    Ok(vec![
+        ("barycentric coordinates as red, green and blue".to_owned(), picture(&|at| at.lambda)?),
+        (
+            "how many tiles are read: one (blue), two (yellow), three (red)".to_owned(),
+            picture(&|at| steps[taps(at).len().clamp(1, 3) - 1])?,
+        ),
+        (
+            "the weighted sum of the tiles".to_owned(),
+            picture(&|at| taps(at).map(|tap| colors[tap.group as usize] * tap.weight).sum())?,
+        ),
+    ])
+}
+
+/// What the program in `library.rs` draws.
+fn library_picture(gallery: &Gallery<'_>) -> Pictures {
+    let folder = Context::temporary_folder()?;
+    let picture = library::draw(folder.path(), &gallery.options([960, 720]))?;
+    Ok(vec![("a function of the surface, baked and rendered".to_owned(), picture)])
+}
+
 /// Surroundings in several forms.
-fn environments(gallery: &Gallery<'_>) -> Drawn {
+fn environments(gallery: &Gallery<'_>) -> Pictures {
     let map = EnvironmentMap::load(gallery.shipped.file("assets/images/forest.exr"))?;
     let side = gallery.width.unwrap_or(640) / 4;
     let forms = [
@@ -167,7 +257,7 @@ fn environments(gallery: &Gallery<'_>) -> Drawn {
 }
 
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
-fn light_map(gallery: &Gallery<'_>) -> Drawn {
+fn light_map(gallery: &Gallery<'_>) -> Pictures {
     let mesh = open_model(&gallery.shipped.file("assets/models/CornellBox.glb"))?;
     let budget = TexelBudget::Total(50_000);
     let options = CoverOptions { budget, cut_creases: true, ..CoverOptions::default() };
@@ -190,15 +280,17 @@ fn light_map(gallery: &Gallery<'_>) -> Drawn {
         up: DVec3::Y,
         fov_degrees: 40.0,
     };
-    let options = gallery.options([400, 400]);
-    let kinds = [
-        ("direct light", LightQuantity::Direct, false),
-        ("ambient occlusion", LightQuantity::AmbientOcclusion, false),
-        ("direct and reflected light", LightQuantity::Full, false),
-        ("times the texture", LightQuantity::Full, true),
+    let options = gallery.options([960, 960]);
+    let kinds: [(_, &[_]); 3] = [
+        (LightQuantity::Direct, &[("direct light", false)]),
+        (LightQuantity::AmbientOcclusion, &[("ambient occlusion", false)]),
+        (
+            LightQuantity::Full,
+            &[("direct and reflected light: the light map", false), ("light map times texture", true)],
+        ),
     ];
     let mut drawn = Vec::new();
-    for (caption, quantity, is_colored) in kinds {
+    for (quantity, pictures) in kinds {
         let is_open = quantity == LightQuantity::AmbientOcclusion;
         let lights = if is_open { Vec::new() } else { vec![lamp] };
         let sky: &dyn Sky = if is_open { &day } else { &night };
@@ -207,14 +299,16 @@ fn light_map(gallery: &Gallery<'_>) -> Drawn {
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, gallery)?;
         let sampler = Sampler::of_cache(&asset.cache, FilterOptions::default());
-        let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
-            let light = sampler.sample_channel(0, hit.at, Footprint::NONE);
-            let color = if is_colored { reflector(hit.at) } else { Vec3::ONE };
-            light.truncate() * color
-        });
-        let options = RenderOptions { shading: Shading::BaseColor, ..options.clone() };
-        let picture = render(&mesh, &surface, &camera, &Lights::behind(&camera), &options)?.picture;
-        drawn.push((caption.to_owned(), picture.to_srgb_image()));
+        for &(caption, is_colored) in pictures {
+            let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
+                let light = sampler.sample_channel(0, hit.at, Footprint::NONE);
+                let color = if is_colored { reflector(hit.at) } else { Vec3::ONE };
+                light.truncate() * color
+            });
+            let options = RenderOptions { shading: Shading::BaseColor, ..options.clone() };
+            let picture = render(&mesh, &surface, &camera, &Lights::behind(&camera), &options)?.picture;
+            drawn.push((caption.to_owned(), picture.to_srgb_image()));
+        }
     }
     Ok(drawn)
 }
