@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
-use crate::flatten::{Laid, unfolded_corners};
+use crate::flatten::Laid;
 use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
 use crate::partition::Item;
 use crate::surface::{Ring, Surface};
@@ -63,7 +63,7 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     check(mesh, options)?;
     let started = Instant::now();
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
-    let fans = Fans::of(&mesh.triangles, &vertex_corners);
+    let fans = Fans::by_angle(mesh, &vertex_corners);
     drop(vertex_corners);
     let (fans, creases) = if options.cut_creases { cut_at_creases(mesh, &fans) } else { (fans, Vec::new()) };
     let mut surface = Surface::new(mesh, fans);
@@ -84,7 +84,8 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
         group_fans(&surface, &shapes, items, &density, &limits)
     };
     stats.fans.total = surface.fans.len() as u64;
-    stats.fans.unfolded = grouping.laid.iter().filter(|l| l.layout == Layout::Unfolded).count() as u64;
+    let unfolded = grouping.laid.iter().filter(|laid| laid.layout == Layout::Unfolded);
+    stats.fans.unfolded = unfolded.map(|laid| u64::from(laid.fans)).sum();
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let mean = density.mean(&surface);
     let sized = |scales: Scales| {
@@ -168,7 +169,7 @@ pub struct FanCounts {
     pub total: u64,
     /// Laid flat by projection.
     pub projected: u64,
-    /// Laid flat by unfolding.
+    /// Unfolded about their centres, or unrolled with others across creases.
     pub unfolded: u64,
     /// Fans that no direction sees wholly from the front.
     pub folding: u64,
@@ -351,7 +352,7 @@ fn assemble(
         .zip(&groups)
         .filter(|(laid, _)| laid.layout == Layout::Unfolded)
         .flat_map_iter(|(laid, group)| {
-            unfolded_corners(surface, laid, delta).into_iter().map(|(corner, planar)| UnfoldedCorner {
+            laid.corners.iter().map(|&(corner, planar)| UnfoldedCorner {
                 corner,
                 uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
             })
@@ -363,7 +364,8 @@ fn assemble(
         .with_min_len(1 << 12)
         .map(|t| surface.fans.of_triangle(t).map(|fan| grouping.fan_groups[fan as usize]))
         .collect();
-    Ok(Cover { delta, density, is_creased: false, corner_groups, groups, unfolded })
+    let is_paired_by_angle = surface.fans.has_links_by_angle();
+    Ok(Cover { delta, density, is_creased: false, is_paired_by_angle, corner_groups, groups, unfolded })
 }
 
 /// The tile map that takes the group's rectangle to the tile, half a texel inside.

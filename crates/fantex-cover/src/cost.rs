@@ -57,6 +57,9 @@ impl Region {
 /// Texels that a tile's entries in the file and the atlas are worth.
 const ENTRY: f32 = 64.0;
 
+/// Texels that the coordinates of a corner in an unfolded group are worth.
+const CORNER: f32 = 8.0;
+
 /// The error of a facet per area where it is seen with a cosine.
 #[inline]
 pub(crate) fn error_at(cos: f32) -> f32 {
@@ -68,8 +71,16 @@ pub(crate) fn error_at(cos: f32) -> f32 {
 /// The cost of a patch with an error (in texels, at least its area) that takes up a region (in texels).
 #[inline]
 pub(crate) fn cost(error: f32, region: &Region) -> f32 {
-    let texels = region.texels() + ENTRY;
+    cost_of_texels(error, region.texels() + ENTRY)
+}
+
+fn cost_of_texels(error: f32, texels: f32) -> f32 {
     libm::cbrtf(error * texels * texels)
+}
+
+/// The same of an unfolded patch with coordinates for so many corners.
+pub(crate) fn unfolded_cost(error: f32, region: &Region, corners: usize) -> f32 {
+    cost_of_texels(error, region.texels() + ENTRY + CORNER * corners as f32)
 }
 
 /// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the
@@ -167,10 +178,10 @@ impl Distortion {
         clamped_density((self.error(self.aspect()) / self.area.max(f32::MIN_POSITIVE)).powf(0.25))
     }
 
-    /// The cost of the patch that takes up a region, in texels, at the best aspect.
-    pub(crate) fn cost(&self, region: Region, texels_per_area: f32) -> f32 {
+    /// The cost of the patch that takes up a region, in texels, at the best aspect, with coordinates for so many corners.
+    pub(crate) fn cost(&self, region: Region, texels_per_area: f32, corners: usize) -> f32 {
         let aspect = self.aspect();
-        cost(self.error(aspect) * texels_per_area, &region.scaled(aspect))
+        unfolded_cost(self.error(aspect) * texels_per_area, &region.scaled(aspect), corners)
     }
 }
 

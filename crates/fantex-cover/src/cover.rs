@@ -8,7 +8,8 @@ use glam::{Vec2, Vec3};
 pub enum GroupKind {
     /// Orthogonal projection: the tile map is one affine map of mesh space.
     Projected,
-    /// A single fan, unfolded about its centre: coordinates are stored per corner in [`Cover::unfolded`].
+    /// A fan unfolded about its centre, or several unrolled across creases: coordinates are stored per corner in [`Cover::unfolded`], the same
+    /// at all corners of a triangle that are in the group.
     Unfolded,
 }
 
@@ -36,7 +37,7 @@ impl Frame {
 pub struct Group {
     /// Projected or unfolded.
     pub kind: GroupKind,
-    /// Projection frame. For an unfolded fan `direction` is its mean normal, used only to bring normals into one frame.
+    /// Projection frame. Of an unfolded group `direction` is the mean normal, used only to bring normals into one frame.
     pub frame: Frame,
     /// Tile coordinates per mesh unit along the frame's x and y axis:
     /// `uv = uv_offset + uv_scale * ((p - origin) . x_axis, (p - origin) . y_axis)`.
@@ -47,10 +48,10 @@ pub struct Group {
     pub extent: [u32; 2],
 }
 
-/// Coordinates of one triangle in the tile of an unfolded fan.
+/// Coordinates of one triangle in the tile of an unfolded group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnfoldedCorner {
-    /// Corner index `3 * triangle + k` of the fan's centre vertex.
+    /// Corner index `3 * triangle + k` of a vertex whose fan is in the group.
     pub corner: u32,
     /// Tile coordinates, 0..1, of the triangle's corners 0, 1, 2.
     pub uv: [Vec2; 3],
@@ -65,11 +66,14 @@ pub struct Cover {
     pub density: f32,
     /// Fans end at [creases](fantex_mesh::is_crease), where the texture function jumps: for light, which does.
     pub is_creased: bool,
+    /// Where more than two triangles meet at an edge, the texture function is continuous between those that continue each other
+    /// [by angle](fantex_mesh::continued_by_angle); else only where their vertices tell.
+    pub is_paired_by_angle: bool,
     /// For every triangle the groups of the fans around its corners 0, 1, 2.
     pub corner_groups: Vec<[u32; 3]>,
     /// All groups, ordered along a space-filling curve over the surface.
     pub groups: Vec<Group>,
-    /// Coordinates of unfolded fans, ascending by `corner`.
+    /// Coordinates of unfolded groups, ascending by `corner`.
     pub unfolded: Vec<UnfoldedCorner>,
 }
 

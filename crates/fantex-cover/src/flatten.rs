@@ -12,21 +12,24 @@ use crate::fan_shape::{Layout, unfold};
 use crate::injective::{OverlapFinder, Segment, Wedge, any_crossing};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::Surface;
+use crate::unroll::{FlatCorners, Unroller};
 
 /// A finished group, before its tile is sized. `min` and `region` are mesh units along the frame's axes, relative to the
 /// frame's origin.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Laid {
     pub(crate) frame: Frame,
     pub(crate) min: Vec2,
     pub(crate) region: Region,
     /// Texels per mesh unit along the frame's axes, before a total is met.
     pub(crate) density: Vec2,
-    /// The filter margin of both sides with which the rectangle was chosen, mesh units.
-    pub(crate) pad: f32,
-    /// The first of its fans; the only one unless it is projected.
+    /// The first of its fans.
     pub(crate) fan: u32,
+    /// Number of its fans.
+    pub(crate) fans: u32,
     pub(crate) layout: Layout,
+    /// Those of an unfolded group.
+    pub(crate) corners: FlatCorners,
     /// True for a single fan that no direction sees wholly from the front.
     pub(crate) folds: bool,
 }
@@ -63,6 +66,7 @@ pub(crate) struct Flattener {
     overlaps: OverlapFinder,
     rectangles: RectangleFinder,
     points: Vec<Vec3>,
+    unroller: Unroller,
 }
 
 impl Flattener {
@@ -136,36 +140,49 @@ impl Flattener {
         enclose(&mut self.rectangles, &mut self.points, &projection, cos, limits.pad, outline, facets())
     }
 
-    /// Unfolds a single fan; `None` where that is impossible.
+    /// Unfolds a single fan about its centre; `None` where that is impossible.
     pub(crate) fn unfold(
         &mut self,
         surface: &Surface<'_>,
         fan: u32,
         cone: Cone,
         limits: &FlatLimits,
-    ) -> Option<Flat> {
-        let (rectangle, planar) =
+    ) -> Option<(Flat, FlatCorners)> {
+        let (rectangle, corners) =
             unfolded_rectangle(surface, fan as usize, limits.delta, limits.pad, &mut self.rectangles)?;
         let mut distortion = Distortion::default();
         let (mut area, mut outline) = (0.0, 0.0);
-        if !surface.fans.is_closed(fan as usize)
-            && let Some([center, from, _]) = planar.first()
+        for (i, (corner, (_, by_slot))) in surface.fans.corners(fan as usize).iter().zip(&corners).enumerate()
         {
-            // Half of the first and half of the last edge.
-            outline += center.distance(*from);
-        }
-        for (&corner, triangle) in surface.fans.corners(fan as usize).iter().zip(planar) {
-            let [a, b, c] = surface.fan_triangle(corner);
-            let [u, v, w] = triangle.map(|p| rectangle.turned(p));
+            let [a, b, c] = surface.fan_triangle(*corner);
+            let [u, v, w] = corner.slots().map(|slot| by_slot[slot]);
+            if i == 0 && !surface.fans.is_closed(fan as usize) {
+                // Half of the first and half of the last edge.
+                outline += u.distance(v);
+            }
             area += (v - u).perp_dot(w - u).abs() / 6.0;
             outline += outline_length([u, v, w], [true, false, false]);
-            distortion.add_edges([b - a, c - a], [v - u, w - u], surface.fan_facet(corner).1 / 3.0);
+            distortion.add_edges([b - a, c - a], [v - u, w - u], surface.fan_facet(*corner).1 / 3.0);
         }
         let origin = surface.fan_center(fan as usize);
         let frame = Frame { origin, direction: cone.axis, x_axis: cone.axis.any_orthonormal_vector() };
         let Rectangle { min, size, .. } = rectangle;
         let region = Region { size, area, outline };
-        Some(Flat { frame, min, region, cos: cone.cos, distortion, outline: Box::default() })
+        Some((Flat { frame, min, region, cos: cone.cos, distortion, outline: Box::default() }, corners))
+    }
+
+    /// Lays connected fans flat freely; `None` where that does not succeed.
+    pub(crate) fn unroll(
+        &mut self,
+        surface: &Surface<'_>,
+        fans: &[u32],
+        limits: &FlatLimits,
+    ) -> Option<(Flat, FlatCorners)> {
+        let start = match *fans {
+            [fan] => Some(unfold(surface, fan as usize)?),
+            _ => None,
+        };
+        self.unroller.unroll(surface, fans, start.as_deref(), limits, &mut self.rectangles)
     }
 }
 
@@ -203,44 +220,28 @@ fn best_direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, cone: Cone,
     if cos >= facing { (direction, cos) } else { (cone.axis, cone.cos) }
 }
 
-/// Planar coordinates of an unfolded fan's triangles, see [`unfold`].
-type Unfolded = Vec<[Vec2; 3]>;
-
-/// An unfolded fan in its best-rotated rectangle; the coordinates are not rotated. `None` where it cannot be unfolded.
+/// A fan that is unfolded about its centre in its best-rotated rectangle. `None` where it cannot be unfolded.
 pub(crate) fn unfolded_rectangle(
     surface: &Surface<'_>,
     fan: usize,
     delta: f32,
     pad: f32,
     rectangles: &mut RectangleFinder,
-) -> Option<(Rectangle, Unfolded)> {
+) -> Option<(Rectangle, FlatCorners)> {
     let planar = unfold(surface, fan)?;
     let mut points = Vec::with_capacity(6 * planar.len());
     for triangle in &planar {
         outline_points(*triangle, [true, false, false], delta, true, |p| points.push(p.extend(0.0)));
     }
-    Some((rectangles.smallest(&mut points, pad), planar))
-}
-
-/// The rotated coordinates of an unfolded fan: for every corner at its centre the corner's index and the planar coordinates
-/// of the triangle's corners.
-pub(crate) fn unfolded_corners(surface: &Surface<'_>, laid: &Laid, delta: f32) -> Vec<(u32, [Vec2; 3])> {
-    let fan = laid.fan as usize;
-    let Some((rectangle, planar)) =
-        unfolded_rectangle(surface, fan, delta, laid.pad, &mut RectangleFinder::default())
-    else {
-        return Vec::new();
-    };
-    let corners = surface.fans.corners(fan).iter().zip(planar);
-    corners
-        .map(|(&corner, p)| {
-            let mut by_slot = [Vec2::ZERO; 3];
-            for (slot, p) in corner.slots().into_iter().zip(p) {
-                by_slot[slot] = rectangle.turned(p);
-            }
-            (corner.corner(), by_slot)
-        })
-        .collect()
+    let rectangle = rectangles.smallest(&mut points, pad);
+    let turned = surface.fans.corners(fan).iter().zip(planar).map(|(&corner, places)| {
+        let mut by_slot = [Vec2::ZERO; 3];
+        for (slot, place) in corner.slots().into_iter().zip(places) {
+            by_slot[slot] = rectangle.turned(place);
+        }
+        (corner.corner(), by_slot)
+    });
+    Some((rectangle, turned.collect()))
 }
 
 // The triangles of a group and, among them, those at its border, found in one walk over its fans.
@@ -422,7 +423,7 @@ impl Border {
 }
 
 /// The length of a region's outline in one triangle, for a narrow band. `inside` tells which corners are in the group.
-fn outline_length(corners: [Vec2; 3], inside: [bool; 3]) -> f32 {
+pub(crate) fn outline_length(corners: [Vec2; 3], inside: [bool; 3]) -> f32 {
     // From the middle of each edge that leaves the group to the middle of the triangle.
     let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
     let leaves = |&k: &usize| inside[k] != inside[(k + 1) % 3];

@@ -4,6 +4,7 @@
 //! group is scan-converted into it; texels just off the surface (at boundaries of the mesh) take the nearest triangle within two
 //! texels, whose plane is continued there.
 
+use arrayvec::ArrayVec;
 use glam::{Vec2, Vec3};
 
 /// A rectangle of texels of level 0 of a tile.
@@ -211,41 +212,37 @@ impl Footprints {
         let inside = triangle.inside;
         let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
         let [width, height] = block.extent;
-        let outline = region_outline(triangle.corners, inside, delta);
-        for (i, &from) in outline.iter().enumerate() {
-            let along = outline[(i + 1) % outline.len()] - from;
-            let steps = (along.length() * STEPS_PER_TEXEL).ceil().min(MAX_STEPS);
-            for step in 0..=steps as u32 {
-                let at = from + along * (step as f32 / steps.max(1.0)) - origin;
-                if at.x >= 0.0 && at.y >= 0.0 && (at.x as u32) < width && (at.y as u32) < height {
-                    self.in_region[at.y as usize * width as usize + at.x as usize] = true;
+        for piece in region_pieces(triangle.corners, inside, delta) {
+            for (i, &from) in piece.iter().enumerate() {
+                let along = piece[(i + 1) % piece.len()] - from;
+                let steps = (along.length() * STEPS_PER_TEXEL).ceil().min(MAX_STEPS);
+                for step in 0..=steps as u32 {
+                    let at = from + along * (step as f32 / steps.max(1.0)) - origin;
+                    if at.x >= 0.0 && at.y >= 0.0 && (at.x as u32) < width && (at.y as u32) < height {
+                        self.in_region[at.y as usize * width as usize + at.x as usize] = true;
+                    }
                 }
             }
         }
     }
 }
 
-/// The corners of the group's region in a triangle, in order around it (drawn above `outline_points`).
-pub(crate) fn region_outline(
+/// The group's region in a triangle, as convex polygons: the triangle, or a kite at every corner in the group (`c e_j m e_k`, drawn above
+/// `outline_points`).
+pub(crate) fn region_pieces(
     corners: [Vec2; 3],
     inside: [bool; 3],
     delta: f32,
-) -> arrayvec::ArrayVec<Vec2, 4> {
+) -> impl Iterator<Item = ArrayVec<Vec2, 4>> {
     let (near, far) = (0.5 - 0.5 * delta, 0.5 + 0.5 * delta);
-    let rotated = |k: usize| [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
-    let count = inside.iter().filter(|&&i| i).count();
-    match (count, inside.iter().position(|&i| i == (count == 1))) {
-        (1, Some(k)) => {
-            let [own, next, previous] = rotated(k);
-            let middle = own * ((1.0 - 2.0 * delta) / 3.0) + (next + previous) * ((1.0 + delta) / 3.0);
-            [own, own * near + next * far, middle, own * near + previous * far].into()
-        }
-        (2, Some(k)) => {
-            let [other, next, previous] = rotated(k);
-            [next, previous, previous * near + other * far, next * near + other * far].into()
-        }
-        _ => corners.into_iter().collect(),
-    }
+    let is_whole = inside == [true; 3];
+    let kite = move |k: usize| -> ArrayVec<Vec2, 4> {
+        let [own, next, previous] = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
+        let middle = own * ((1.0 - 2.0 * delta) / 3.0) + (next + previous) * ((1.0 + delta) / 3.0);
+        [own, own * near + next * far, middle, own * near + previous * far].into()
+    };
+    let whole = is_whole.then(|| corners.into_iter().collect());
+    whole.into_iter().chain((0..3).filter(move |&k| inside[k] && !is_whole).map(kite))
 }
 
 /// Steps along an outline are shorter than a texel, so that they miss the corners of texels at most; a look-up there is

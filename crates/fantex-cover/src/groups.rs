@@ -6,13 +6,14 @@ use rayon::prelude::*;
 
 use crate::Frame;
 use crate::build::NominalDensity;
-use crate::cost::Region;
+use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
-use crate::merge::{MergeLimits, choose_unions};
+use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
 use crate::partition::{Connector, Cutting, Item, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
+use crate::unroll::{FlatCorners, MAX_CORNERS};
 
 /// How groups may grow.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +33,8 @@ pub(crate) struct Patch {
     pub(crate) length: u32,
     pub(crate) flat: Flat,
     pub(crate) layout: Layout,
+    /// Where the corners of an unfolded patch lie.
+    corners: FlatCorners,
     /// Nominal texels per mesh unit.
     pub(crate) density: f32,
     /// Smallest facing cosine that one of its fans reaches alone.
@@ -43,7 +46,7 @@ impl Patch {
         &order[self.start as usize..(self.start + self.length) as usize]
     }
 
-    fn laid(&self, order: &[u32], density: &NominalDensity<'_>) -> Laid {
+    fn laid(self, order: &[u32], density: &NominalDensity<'_>) -> Laid {
         let Flat { frame, min, region, distortion, .. } = self.flat;
         let fan = order[self.start as usize];
         let factor = if density.is_total() {
@@ -51,14 +54,20 @@ impl Patch {
         } else {
             distortion.density_for_nominal()
         };
-        let (density, pad) = (distortion.aspect() * factor * self.density, pad(self.density));
-        Laid { frame, min, region, density, pad, fan, layout: self.layout, folds: false }
+        let density = distortion.aspect() * factor * self.density;
+        let Self { layout, corners, length, .. } = self;
+        Laid { frame, min, region, density, fan, fans: length, layout, corners, folds: false }
     }
 
     /// See [`cost`](crate::cost).
     pub(crate) fn cost(&self) -> f32 {
         let region = self.flat.region.scaled(Vec2::splat(self.density));
-        self.flat.distortion.cost(region, self.density * self.density)
+        self.flat.distortion.cost(region, self.density * self.density, self.corners.len())
+    }
+
+    /// Its area.
+    fn texels(&self) -> f32 {
+        self.flat.distortion.area() * self.density * self.density
     }
 }
 
@@ -86,9 +95,26 @@ pub(crate) fn group_fans(
     let ways = if items.len() <= MAX_FANS_FOR_ALL_WAYS { WAYS.as_slice() } else { &WAYS[..1] };
     let (first, others) = ways.split_first().unwrap_or((&WAYS[0], &[]));
     let tried = others.iter().map(|&way| grouped(surface, shapes, items.clone(), density, limits, way));
-    let tried: Vec<(f32, Grouping)> = tried.collect();
+    let tried: Vec<Grouped<'_>> = tried.collect();
     let first = grouped(surface, shapes, items, density, limits, *first);
-    tried.into_iter().fold(first, |best, next| if next.0 < best.0 { next } else { best }).1
+    let Grouped { mut builder, mut patches, .. } =
+        tried.into_iter().fold(first, |best, next| if next.cost < best.cost { next } else { best });
+    if shapes.len() <= MAX_FANS_FOR_UNROLLING {
+        builder.unroll_unions(&mut patches);
+        builder.number_groups(&patches);
+    }
+    let laid = patches.into_iter().map(|patch| patch.laid(&builder.order, density)).collect();
+    Grouping { laid, fan_groups: builder.fan_groups }
+}
+
+/// On meshes with more fans groups are not laid flat freely: that takes a tenth of a millisecond per fan, and scans gain a tenth of a decibel.
+const MAX_FANS_FOR_UNROLLING: usize = 20_000;
+
+/// The groups found in one way, and what they cost.
+struct Grouped<'a> {
+    cost: f32,
+    builder: Builder<'a>,
+    patches: Vec<Patch>,
 }
 
 /// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
@@ -98,15 +124,14 @@ const WAYS: [(f32, f32); 4] = [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINIT
 /// On meshes with more fans only the first way is tried: on scans the others find nothing better, and take four times as long.
 const MAX_FANS_FOR_ALL_WAYS: usize = 8_000;
 
-/// The groups found in one way, and what they cost.
-fn grouped(
-    surface: &Surface<'_>,
-    shapes: &[FanShape],
+fn grouped<'a>(
+    surface: &'a Surface<'a>,
+    shapes: &'a [FanShape],
     mut items: Vec<Item>,
-    density: &NominalDensity<'_>,
-    limits: &GroupLimits,
+    density: &'a NominalDensity<'a>,
+    limits: &'a GroupLimits,
     (tolerance, normals_below): (f32, f32),
-) -> (f32, Grouping) {
+) -> Grouped<'a> {
     let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below };
     let lengths = partition(&mut items, &cutting);
     let mut connector = Connector::new(&surface.fans, shapes);
@@ -129,9 +154,8 @@ fn grouped(
         }
     }
     builder.unfold_lone_fans(&mut patches);
-    let laid = patches.iter().map(|patch| patch.laid(&builder.order, density)).collect();
     let cost = patches.iter().map(Patch::cost).sum();
-    (cost, Grouping { laid, fan_groups: builder.fan_groups })
+    Grouped { cost, builder, patches }
 }
 
 /// Unions are chosen by summaries and then laid flat; so many times.
@@ -217,12 +241,7 @@ impl Builder<'_> {
         }
         let first = fans[0] as usize;
         let density = if area > 0.0 { weighted / area } else { self.density.of_fan(self.surface, first) };
-        let must_part = |&fan: &u32| {
-            let from = self.apart.partition_point(|pair| pair.0 < fan);
-            let mut others = self.apart[from..].iter().take_while(|pair| pair.0 == fan);
-            others.any(|pair| self.fan_groups[pair.1 as usize] == group)
-        };
-        if !self.apart.is_empty() && fans.iter().any(must_part) {
+        if self.must_part(fans, |fan| self.fan_groups[fan as usize] == group) {
             return None;
         }
         let membership = Membership { fan_groups: &self.fan_groups, group };
@@ -232,14 +251,24 @@ impl Builder<'_> {
             facing: facing_limit(self.limits.facing, steepest_fan),
         };
         let shape = &self.shapes[first];
-        let flat = if shape.layout == Layout::Unfolded {
+        let (flat, corners) = if shape.layout == Layout::Unfolded {
             flattener.unfold(self.surface, fans[0], shape.cone, &limits)?
         } else if fans.len() == 1 {
-            flattener.project_fan(self.surface, first, shape.cone, &limits)
+            (flattener.project_fan(self.surface, first, shape.cone, &limits), FlatCorners::default())
         } else {
-            flattener.project(self.surface, fans, membership, &limits)?
+            (flattener.project(self.surface, fans, membership, &limits)?, FlatCorners::default())
         };
-        Some(Patch { start, length, flat, layout: shape.layout, density, steepest_fan })
+        Some(Patch { start, length, flat, layout: shape.layout, corners, density, steepest_fan })
+    }
+
+    /// True where two of the fans must not share a tile.
+    fn must_part(&self, fans: &[u32], is_member: impl Fn(u32) -> bool) -> bool {
+        let parts = |&fan: &u32| {
+            let from = self.apart.partition_point(|pair| pair.0 < fan);
+            let mut others = self.apart[from..].iter().take_while(|pair| pair.0 == fan);
+            others.any(|pair| is_member(pair.1))
+        };
+        !self.apart.is_empty() && fans.iter().any(parts)
     }
 
     /// Cuts a piece in two, and each half into connected components.
@@ -319,20 +348,200 @@ impl Builder<'_> {
             Flattener::default,
             |flattener, patch| {
                 let fan = patch.fans(&self.order)[0];
-                let limits = FlatLimits { delta: self.limits.delta, pad: pad(patch.density), facing: 0.0 };
+                let limits = self.free_limits(patch.density);
                 let cone = self.shapes[fan as usize].cone;
-                let Some(flat) = flattener.unfold(self.surface, fan, cone, &limits) else { return };
-                let unfolded = Patch { flat, layout: Layout::Unfolded, ..patch.clone() };
-                if unfolded.cost() < UNFOLDED_WORTH * patch.cost() {
+                let Some((flat, corners)) = flattener.unfold(self.surface, fan, cone, &limits) else {
+                    return;
+                };
+                let unfolded = Patch { flat, corners, layout: Layout::Unfolded, ..patch.clone() };
+                if unfolded.cost() < patch.cost() {
                     *patch = unfolded;
                 }
             },
         );
     }
+
+    fn free_limits(&self, density: f32) -> FlatLimits {
+        FlatLimits { delta: self.limits.delta, pad: pad(density), facing: 0.0 }
+    }
+
+    /// Lays unions of neighbours flat freely where that costs less.
+    fn unroll_unions(&mut self, patches: &mut Vec<Patch>) {
+        self.number_groups(patches);
+        let neighbours = neighbours(&self.surface.fans, &self.fan_groups, patches.len());
+        let mut unrolling = Unrolling {
+            fans: patches.iter().map(|patch| patch.fans(&self.order).to_vec()).collect(),
+            patches: std::mem::take(patches).into_iter().map(Some).collect(),
+            neighbours,
+            builder: self,
+        };
+        unrolling.run();
+        let Unrolling { patches: unions, fans, .. } = unrolling;
+        let mut order = Vec::with_capacity(self.order.len());
+        for (patch, fans) in unions.into_iter().zip(fans) {
+            if let Some(patch) = patch {
+                patches.push(Patch { start: order.len() as u32, ..patch });
+                order.extend(fans);
+            }
+        }
+        self.order = order;
+    }
 }
 
-/// Unfolding must make a fan's tile cheaper by this factor: its coordinates are stored per corner.
-const UNFOLDED_WORTH: f32 = 0.97;
+/// Patches that are laid flat freely and joined across creases, where no projection sees both sides.
+struct Unrolling<'b> {
+    builder: &'b Builder<'b>,
+    /// `None` for those that have joined another.
+    patches: Vec<Option<Patch>>,
+    /// The fans of each.
+    fans: Vec<Vec<u32>>,
+    /// For every patch `(neighbour, common triangles)`. Those with which it cannot be joined are taken out.
+    neighbours: Vec<Vec<(u32, u32)>>,
+}
+
+/// Rounds of joining unrolled patches; in each a patch joins one other at most.
+const UNROLLED_ROUNDS: usize = 32;
+
+/// What unrolling must at least save.
+const WORTH_UNROLLING: f32 = 0.02;
+
+impl Unrolling<'_> {
+    fn run(&mut self) {
+        let alone: Vec<Option<Patch>> = (0..self.patches.len() as u32)
+            .into_par_iter()
+            .map_init(Flattener::default, |flattener, p| self.unrolled(&[p], flattener))
+            .collect();
+        for (patch, alone) in self.patches.iter_mut().zip(alone).filter(|(_, alone)| alone.is_some()) {
+            *patch = alone;
+        }
+        let mut proposals: Vec<Proposal> = Vec::new();
+        for _ in 0..UNROLLED_ROUNDS {
+            let new = self.propose(&proposals);
+            proposals.extend(new);
+            if proposals.is_empty() {
+                break;
+            }
+            proposals.par_sort_unstable_by(|a, b| b.saved.total_cmp(&a.saved).then(a.pair.cmp(&b.pair)));
+            let mut taken = vec![false; self.patches.len()];
+            let mut waiting = Vec::new();
+            for proposal in proposals {
+                let pair = proposal.pair.map(|p| p as usize);
+                if pair.iter().any(|&p| taken[p]) {
+                    waiting.push(proposal);
+                } else {
+                    pair.iter().for_each(|&p| taken[p] = true);
+                    self.join(pair, proposal.union);
+                }
+            }
+            waiting.retain(|proposal| !proposal.pair.iter().any(|&p| taken[p as usize]));
+            proposals = waiting;
+        }
+    }
+
+    /// The unions that patches without one among `waiting` would choose; those that turn out too dear are not tried again.
+    fn propose(&mut self, waiting: &[Proposal]) -> Vec<Proposal> {
+        let mut waits = vec![false; self.patches.len()];
+        waiting.iter().flat_map(|proposal| proposal.pair).for_each(|p| waits[p as usize] = true);
+        let patches = (0..waits.len() as u32).into_par_iter().filter(|&p| !waits[p as usize]);
+        let mut pairs: Vec<[u32; 2]> = patches.filter_map(|p| self.best_pair(p)).collect();
+        pairs.par_sort_unstable();
+        pairs.dedup();
+        let tried = pairs.par_iter().map_init(Flattener::default, |flattener, &pair| {
+            let union = self.unrolled(&pair, flattener)?;
+            let apart: f32 =
+                pair.iter().filter_map(|&p| self.patches[p as usize].as_ref()).map(Patch::cost).sum();
+            Some(Proposal { saved: apart - union.cost(), pair, union })
+        });
+        let tried: Vec<Option<Proposal>> = tried.collect();
+        for (&[a, b], _) in pairs.iter().zip(&tried).filter(|(_, tried)| tried.is_none()) {
+            self.neighbours[a as usize].retain(|n| n.0 != b);
+            self.neighbours[b as usize].retain(|n| n.0 != a);
+        }
+        tried.into_iter().flatten().collect()
+    }
+
+    /// A patch and the neighbour with which it promises to save most, lower first.
+    fn best_pair(&self, p: u32) -> Option<[u32; 2]> {
+        let patch = self.patches[p as usize].as_ref()?;
+        let mut best: Option<(f32, u32)> = None;
+        for &(other, common) in &self.neighbours[p as usize] {
+            let Some(neighbour) = &self.patches[other as usize] else { continue };
+            let saved = patch.cost() + neighbour.cost() - self.promised_cost(patch, neighbour, common);
+            if saved > 0.0 && best.is_none_or(|(most, _)| saved > most) {
+                best = Some((saved, other));
+            }
+        }
+        best.map(|(_, other)| [p.min(other), p.max(other)])
+    }
+
+    /// The least that two patches can cost as one.
+    fn promised_cost(&self, a: &Patch, b: &Patch, common: u32) -> f32 {
+        let texels = a.texels() + b.texels();
+        let outline_of = |p: &Patch| p.flat.region.scaled(p.flat.distortion.aspect() * p.density).outline;
+        let shared = shared_outline(common, texels, (a.length + b.length) as f32);
+        let convex = 2.0 * (std::f32::consts::PI * texels).sqrt();
+        let outline = (outline_of(a) + outline_of(b) - 2.0 * shared).max(convex);
+        let region = Region { size: Vec2::INFINITY, area: texels, outline };
+        unfolded_cost(texels, &region, corner_count(a) + corner_count(b))
+    }
+
+    /// Patches laid flat freely as one, if that costs less.
+    fn unrolled(&self, parts: &[u32], flattener: &mut Flattener) -> Option<Patch> {
+        let builder = self.builder;
+        let patches = || parts.iter().filter_map(|&p| self.patches[p as usize].as_ref());
+        let fans: Vec<u32> = parts.iter().flat_map(|&p| &self.fans[p as usize]).copied().collect();
+        let corners: usize = fans.iter().map(|&fan| builder.surface.fans.corners(fan as usize).len()).sum();
+        if corners > MAX_CORNERS || builder.must_part(&fans, |fan| fans.contains(&fan)) {
+            return None;
+        }
+        let area: f32 = patches().map(|p| p.flat.distortion.area()).sum();
+        let weighted: f32 = patches().map(|p| p.flat.distortion.area() * p.density).sum();
+        let first = patches().next()?;
+        let density = if area > 0.0 { weighted / area } else { first.density };
+        let (flat, corners) = flattener.unroll(builder.surface, &fans, &builder.free_limits(density))?;
+        let steepest_fan = patches().map(|p| p.steepest_fan).fold(1.0, f32::min);
+        let (length, layout) = (fans.len() as u32, Layout::Unfolded);
+        let union = Patch { start: first.start, length, flat, layout, corners, density, steepest_fan };
+        let fits = (union.flat.region.size * density).max_element() <= builder.limits.extent_texels;
+        let apart: f32 = patches().map(Patch::cost).sum();
+        (fits && union.cost() < (1.0 - WORTH_UNROLLING) * apart).then_some(union)
+    }
+
+    fn join(&mut self, [a, b]: [usize; 2], union: Patch) {
+        let fans = std::mem::take(&mut self.fans[b]);
+        self.fans[a].extend(fans);
+        self.patches[a] = Some(union);
+        self.patches[b] = None;
+        for (other, triangles) in std::mem::take(&mut self.neighbours[b]) {
+            let around = &mut self.neighbours[other as usize];
+            around.retain(|n| n.0 != b as u32);
+            if other as usize == a {
+                continue;
+            }
+            for (at, name) in [(other as usize, a as u32), (a, other)] {
+                match self.neighbours[at].iter_mut().find(|n| n.0 == name) {
+                    Some(n) => n.1 += triangles,
+                    None => self.neighbours[at].push((name, triangles)),
+                }
+            }
+        }
+    }
+}
+
+/// How many corners an unfolded patch has, or would have, nearly.
+fn corner_count(patch: &Patch) -> usize {
+    patch.corners.len().max(SPOKES * patch.length as usize)
+}
+
+/// Triangles around a vertex, nearly.
+const SPOKES: usize = 6;
+
+/// A union of two patches.
+struct Proposal {
+    saved: f32,
+    pair: [u32; 2],
+    union: Patch,
+}
 
 /// The facing cosine that a group must keep: the one asked for, or somewhat less than what its steepest fan reaches alone.
 /// Without the latter no two corners of a box could share a tile.
@@ -413,6 +622,7 @@ impl Layer {
         let FanShape { layout, cone, folds, .. } = FanShape::of(&self.ring, surface, fan as usize);
         let pad = pad(density);
         let (x, y) = cone.axis.any_orthonormal_pair();
+        let mut corners = FlatCorners::default();
         let (rectangle, x_axis) = match layout {
             Layout::Projected => {
                 self.outline(x, y, delta);
@@ -421,13 +631,15 @@ impl Layer {
             }
             Layout::Unfolded => {
                 let unfolded = unfolded_rectangle(surface, fan as usize, delta, pad, &mut self.rectangles);
-                (unfolded.map_or(Rectangle::POINT, |u| u.0), x)
+                let (rectangle, unfolded) = unfolded.unwrap_or((Rectangle::POINT, corners));
+                corners = unfolded;
+                (rectangle, x)
             }
         };
         let frame = Frame { origin: self.ring.center, direction: cone.axis, x_axis };
         let (min, size, density) = (rectangle.min, rectangle.size, Vec2::splat(density));
         let region = Region { size, area: size.x * size.y, outline: 2.0 * (size.x + size.y) };
-        Laid { frame, min, region, density, pad, fan, layout, folds }
+        Laid { frame, min, region, density, fan, fans: 1, layout, corners, folds }
     }
 
     /// The outline of the projected partial fan, counter-clockwise: see `outline_points`.

@@ -27,6 +27,7 @@ mod rectangle;
 mod stats;
 mod stored;
 mod surface;
+mod unroll;
 
 pub use build::*;
 pub use cover::*;

@@ -223,8 +223,7 @@ impl Summary {
     /// A guess: the outlines of both without what they share, but no shorter than a convex region's.
     fn union_region(&self, other: &Summary, direction: Vec3, size: Vec2, common: u32) -> Region {
         let (fans, texels) = ((self.fans + other.fans) as f32, self.texels + other.texels);
-        // In a mesh of equilateral triangles, the line through the middles of edges.
-        let shared = common as f32 * 0.5 * (2.0 / 3.0f32.sqrt() * texels / fans).sqrt();
+        let shared = shared_outline(common, texels, fans);
         let area: f32 =
             [self, other].map(|s| s.region.area * s.direction.dot(direction).max(0.0)).iter().sum();
         let convex = 2.0 * (std::f32::consts::PI * area).sqrt();
@@ -270,6 +269,12 @@ impl Summary {
         let (x, y) = direction.any_orthonormal_pair();
         self.outline.iter().chain(&other.outline).map(move |p| Vec2::new(p.dot(x), p.dot(y)))
     }
+}
+
+/// The length of the outline between patches with so many common triangles, of so many fans: the line through the middles of edges in a mesh of
+/// equilateral triangles.
+pub(crate) fn shared_outline(common: u32, texels: f32, fans: f32) -> f32 {
+    common as f32 * 0.5 * (2.0 / 3.0f32.sqrt() * texels / fans).sqrt()
 }
 
 /// The size of the smallest bounding rectangle among eight rotations.
@@ -351,7 +356,7 @@ impl WideCone {
 }
 
 /// For every group its neighbours with the number of common triangles, ascending.
-fn neighbours(fans: &Fans, fan_groups: &[u32], group_count: usize) -> Vec<Vec<(u32, u32)>> {
+pub(crate) fn neighbours(fans: &Fans, fan_groups: &[u32], group_count: usize) -> Vec<Vec<(u32, u32)>> {
     let mut pairs: Vec<(u32, u32)> = (0..fans.triangle_count())
         .into_par_iter()
         .with_min_len(1 << 12)

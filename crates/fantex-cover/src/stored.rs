@@ -10,8 +10,8 @@ use fantex_mesh::Mesh;
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::footprints::region_outline;
-use crate::{Cover, GroupKind};
+use crate::Cover;
+use crate::footprints::region_pieces;
 
 /// Texels by which a region grows on all sides.
 const GROWTH: f32 = 1.0;
@@ -53,18 +53,19 @@ impl Cover {
         for slot in 0..3 {
             let id = groups[slot];
             let group = &self.groups[id as usize];
-            let unfolded = group.kind == GroupKind::Unfolded;
-            if !unfolded && groups[..slot].contains(&id) {
+            if groups[..slot].contains(&id) {
                 continue;
             }
-            let inside = std::array::from_fn(|k| groups[k] == id && (!unfolded || k == slot));
+            let inside = groups.map(|other| other == id);
             let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
             let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
             let [columns, rows] = group.extent.map(|n| n / BLOCK);
-            for_each_run(&region_outline(corners, inside, self.delta), [columns, rows], |row, from, to| {
-                let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
-                blocks.set(first + u64::from(from), first + u64::from(to));
-            });
+            for piece in region_pieces(corners, inside, self.delta) {
+                for_each_run(&piece, [columns, rows], |row, from, to| {
+                    let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
+                    blocks.set(first + u64::from(from), first + u64::from(to));
+                });
+            }
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Which corners lie at which vertex: the adjacency that fans, normals and the cleaning report are built from.
 
+use std::f64::consts::{PI, TAU};
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 
 use arrayvec::ArrayVec;
 use fantex_base::UnionFind;
+use glam::Vec3;
 use rayon::prelude::*;
 
 const BLOCK: usize = 1 << 14;
@@ -164,13 +166,22 @@ impl Edge<'_> {
 
     /// The half-edges of triangles that [continue](continued) each other.
     pub fn continued(&self) -> ArrayVec<[u32; 2], { MAX_AT_EDGE / 2 }> {
+        self.pairs(continued)
+    }
+
+    /// The half-edges of triangles that continue each other, [by angle](continued_by_angle) where vertices do not tell.
+    pub fn continued_by_angle(&self, positions: &[Vec3]) -> ArrayVec<[u32; 2], { MAX_AT_EDGE / 2 }> {
+        self.pairs(|sides| continued_by_angle(sides, self.vertices(), positions))
+    }
+
+    fn pairs(&self, pair: impl Fn(&[EdgeSide]) -> Pairs) -> ArrayVec<[u32; 2], { MAX_AT_EDGE / 2 }> {
         if self.half_edges.len() > MAX_AT_EDGE {
             return ArrayVec::new();
         }
         let [first, _] = self.vertices();
         let side = |&(_, half_edge): &(u64, u32)| EdgeSide::of_half_edge(self.triangles, half_edge, first);
         let sides: ArrayVec<EdgeSide, MAX_AT_EDGE> = self.half_edges.iter().map(side).collect();
-        continued(&sides).into_iter().map(|pair| pair.map(|i| self.half_edges[i].1)).collect()
+        pair(&sides).into_iter().map(|pair| pair.map(|i| self.half_edges[i].1)).collect()
     }
 }
 
@@ -211,12 +222,15 @@ impl EdgeSide {
 /// Edges of more triangles end all of them.
 pub const MAX_AT_EDGE: usize = 8;
 
+/// Indices of triangles at an edge that continue each other.
+pub type Pairs = ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }>;
+
 /// The pairs of triangles that continue each other at an edge, as ascending indices into `sides`, which are all triangles
 /// there. Each is in one pair at most.
 ///
 /// Two triangles continue each other unless they have the same vertices. Of more, those that run along the edge in opposite
 /// directions are candidates of each other with that exception, and those continue each other that have no other candidate.
-pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }> {
+pub fn continued(sides: &[EdgeSide]) -> Pairs {
     let are_same = |i: usize, j: usize| sides[i].opposite == sides[j].opposite;
     let mut pairs = ArrayVec::new();
     match sides.len() {
@@ -234,6 +248,65 @@ pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }
     }
     pairs
 }
+
+/// The same, where vertices do not tell by the angles of the triangles around an edge between the vertices `ends`, the lower one first, from
+/// which on triangles run forward.
+///
+/// ```text
+///      b   f           Around the edge (seen against its direction) triangles with their fronts to the left of the edge (f) and to
+///       \ /  front      its right (b) take turns, as where two boxes touch: those continue each other whose fronts face each
+///  front x   ...       other, which are seen together.
+///       / \
+///      f   b           Where two sheets cross, forward and backward do not take turns: the straight ones continue each other.
+/// ```
+pub fn continued_by_angle(sides: &[EdgeSide], ends: [u32; 2], positions: &[Vec3]) -> Pairs {
+    let pairs = continued(sides);
+    let n = sides.len();
+    if !pairs.is_empty() || n < 4 || n > MAX_AT_EDGE || !n.is_multiple_of(2) {
+        return pairs;
+    }
+    let at = |v: u32| positions[v as usize].as_dvec3();
+    let origin = at(ends[0]);
+    let Some(axis) = (at(ends[1]) - origin).try_normalize() else { return pairs };
+    let (x, y) = axis.any_orthonormal_pair();
+    let mut around: ArrayVec<(f64, usize), MAX_AT_EDGE> = ArrayVec::new();
+    for (i, side) in sides.iter().enumerate() {
+        let arm = at(side.opposite) - origin;
+        around.push((libm::atan2(arm.dot(y), arm.dot(x)), i));
+    }
+    around.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let turn = |k: usize| {
+        let whole = if k + 1 < n { 0.0 } else { TAU };
+        around[(k + 1) % n].0 + whole - around[k].0
+    };
+    // Triangles that lie on each other have no order.
+    if (0..n).any(|k| !(turn(k) > MIN_TURN)) {
+        return pairs;
+    }
+    let is_forward = |k: usize| sides[around[k % n].1].is_forward;
+    let pair = |k: usize, l: usize| {
+        let [i, j] = [k, l].map(|k| around[k % n].1);
+        [i.min(j), i.max(j)]
+    };
+    let mut found: Pairs = if (0..n).all(|k| is_forward(k) != is_forward(k + 1)) {
+        (0..n).filter(|&k| is_forward(k)).map(|k| pair(k, k + 1)).collect()
+    } else {
+        let is_straight =
+            |k: usize| is_forward(k) != is_forward(k + 2) && (turn(k) + turn(k + 1) - PI).abs() < MAX_BEND;
+        match n == 4 && is_straight(0) && is_straight(1) {
+            true => [pair(0, 2), pair(1, 3)].into_iter().collect(),
+            false => Pairs::new(),
+        }
+    };
+    found.sort_unstable();
+    found
+}
+
+/// Triangles closer to each other around an edge have no order, radians.
+const MIN_TURN: f64 = 1e-5;
+
+/// Sheets that cross bend less than this, radians.
+const MAX_BEND: f64 = PI / 3.0;
 
 // Triangles that are each other's back.
 //

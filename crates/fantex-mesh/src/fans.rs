@@ -14,9 +14,10 @@
 //! ```
 
 use arrayvec::ArrayVec;
+use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::{EdgeSide, MAX_AT_EDGE, VertexCorners, continued};
+use crate::{EdgeSide, MAX_AT_EDGE, Mesh, VertexCorners, continued, continued_by_angle};
 
 /// A fan's corner as the walk around the centre passes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,12 +66,22 @@ pub struct Fans {
     first: Vec<u32>,
     corners: Vec<FanCorner>,
     closed: Vec<bool>,
+    has_links_by_angle: bool,
 }
 
 impl Fans {
     /// Gathers the fans of a mesh with the given vertex-to-corner lists. Linear in the corners for bounded degree,
     /// `O(d log d)` for a vertex of degree `d`.
     pub fn of(triangles: &[[u32; 3]], vertex_corners: &VertexCorners) -> Self {
+        Self::linked(triangles, vertex_corners, None)
+    }
+
+    /// The fans where triangles continue each other [by angle](crate::continued_by_angle), too.
+    pub fn by_angle(mesh: &Mesh, vertex_corners: &VertexCorners) -> Self {
+        Self::linked(&mesh.triangles, vertex_corners, Some(&mesh.positions))
+    }
+
+    fn linked(triangles: &[[u32; 3]], vertex_corners: &VertexCorners, positions: Option<&[Vec3]>) -> Self {
         // A fan's corners are some of its vertex' corners: every run of vertices sorts its own.
         let mut corners: Vec<FanCorner> = vec![FanCorner(0); vertex_corners.corner_count()];
         let mut runs = Vec::with_capacity(vertex_corners.len() / RUN + 1);
@@ -84,14 +95,17 @@ impl Fans {
         let parts: Vec<Part> = runs
             .into_par_iter()
             .map(|(vertices, run)| {
-                let mut part = Part { lengths: Vec::with_capacity(RUN), closed: Vec::with_capacity(RUN) };
-                let mut walker = Walker::default();
+                let (lengths, closed) = (Vec::with_capacity(RUN), Vec::with_capacity(RUN));
+                let mut part = Part { lengths, closed, has_links_by_angle: false };
+                let mut walker = Walker { positions, ..Walker::default() };
                 let mut rest = run;
                 for v in vertices {
+                    walker.center = v as u32;
                     let (corners, tail) = rest.split_at_mut(vertex_corners.at(v).len());
                     walker.walk(triangles, vertex_corners.at(v), corners, &mut part);
                     rest = tail;
                 }
+                part.has_links_by_angle = walker.has_links_by_angle;
                 part
             })
             .collect();
@@ -114,7 +128,8 @@ impl Fans {
             true => triangles.as_flattened().to_vec(),
             false => invert(&first, &corners, corners.len()),
         };
-        Self { corner_fans, first, corners, closed }
+        let has_links_by_angle = parts.iter().any(|part| part.has_links_by_angle);
+        Self { corner_fans, first, corners, closed, has_links_by_angle }
     }
 
     /// The same fans, cut at the spokes that `is_cut` picks by the corners before and after them. A closed fan is cut at two spokes or
@@ -159,7 +174,8 @@ impl Fans {
             Some(*end)
         }));
         let corner_fans = invert(&first, &corners, corners.len());
-        Self { corner_fans, first, corners, closed: part.closed }
+        let has_links_by_angle = self.has_links_by_angle;
+        Self { corner_fans, first, corners, closed: part.closed, has_links_by_angle }
     }
 
     /// Number of fans.
@@ -182,6 +198,11 @@ impl Fans {
     #[inline]
     pub fn is_closed(&self, fan: usize) -> bool {
         self.closed[fan]
+    }
+
+    /// Whether triangles are linked that continue each other by angle only.
+    pub fn has_links_by_angle(&self) -> bool {
+        self.has_links_by_angle
     }
 
     /// Number of triangles of the mesh.
@@ -219,13 +240,18 @@ const RUN: usize = 4096;
 struct Part {
     lengths: Vec<u32>,
     closed: Vec<bool>,
+    has_links_by_angle: bool,
 }
 
 const OPEN: u32 = u32::MAX;
 
 /// Finds the neighbours of each corner around one vertex and walks along them. Keeps its buffers between vertices.
 #[derive(Default)]
-struct Walker {
+struct Walker<'p> {
+    /// Where links go by angle, too.
+    positions: Option<&'p [Vec3]>,
+    has_links_by_angle: bool,
+    center: u32,
     /// Ring vertices of each local corner: `[next, previous]`.
     ring: Vec<[u32; 2]>,
     /// For each local corner and side, the local corner that shares that edge, or `OPEN`.
@@ -241,7 +267,7 @@ type Spoke = (u32, u32, u32);
 /// Up to this degree a quadratic search for neighbours beats sorting.
 const SMALL_DEGREE: usize = 24;
 
-impl Walker {
+impl Walker<'_> {
     /// Writes the corners of a vertex to `out`, fan by fan.
     fn walk(&mut self, triangles: &[[u32; 3]], corners: &[u32], out: &mut [FanCorner], part: &mut Part) {
         if let Some(disc) = Disc::of(triangles, corners) {
@@ -316,12 +342,20 @@ impl Walker {
         if !(2..=MAX_AT_EDGE).contains(&edge.len()) {
             return;
         }
+        let end = edge[0].0;
+        // Forward is from the lower vertex to the higher one.
         let side = |&(_, i, side): &Spoke| EdgeSide {
             opposite: self.ring[i as usize][1 - side as usize],
-            is_forward: side == 0,
+            is_forward: (side == 0) == (self.center < end),
         };
         let sides: ArrayVec<EdgeSide, MAX_AT_EDGE> = edge.iter().map(side).collect();
-        for pair in continued(&sides) {
+        let ends = [self.center.min(end), self.center.max(end)];
+        let mut pairs = continued(&sides);
+        if let Some(positions) = self.positions.filter(|_| pairs.is_empty()) {
+            pairs = continued_by_angle(&sides, ends, positions);
+            self.has_links_by_angle |= !pairs.is_empty();
+        }
+        for pair in pairs {
             let [(_, i, side_i), (_, j, side_j)] = pair.map(|k| edge[k]);
             self.link[i as usize][side_i as usize] = j;
             self.link[j as usize][side_j as usize] = i;

@@ -46,7 +46,7 @@ impl Surface {
 
     /// The same from its parts.
     pub fn new(mesh: Arc<Mesh>, cover: Arc<Cover>) -> Self {
-        let opposite = opposite_edges(&mesh.triangles);
+        let opposite = opposite_edges(&mesh);
         let triangles_of_groups = GroupTriangles::of(&cover);
         let bvh = TriangleBvh::new(&mesh);
         let opposed = OpposedTriangles::of(&mesh.triangles);
@@ -192,10 +192,11 @@ fn is_inside_out(mesh: &Mesh) -> bool {
     balance.length() < 0.05 * area && volume < 0.0
 }
 
-/// Pairs the half-edges of triangles that [continue](fantex_mesh::continued) each other.
-fn opposite_edges(triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut opposite = vec![NONE; 3 * triangles.len()];
-    for [first, second] in Edges::of(triangles).iter().flat_map(|edge| edge.continued()) {
+/// Pairs the half-edges of triangles that [continue](fantex_mesh::continued_by_angle) each other.
+fn opposite_edges(mesh: &Mesh) -> Vec<u32> {
+    let mut opposite = vec![NONE; 3 * mesh.triangles.len()];
+    let edges = Edges::of(&mesh.triangles);
+    for [first, second] in edges.iter().flat_map(|edge| edge.continued_by_angle(&mesh.positions)) {
         opposite[first as usize] = second;
         opposite[second as usize] = first;
     }

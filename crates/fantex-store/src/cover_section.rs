@@ -54,7 +54,7 @@ fn check_group(index: usize, group: &Group) -> Result<()> {
     }
 }
 
-/// Exactly the corners whose group is unfolded have coordinates.
+/// Exactly the corners whose group is unfolded have coordinates, and corners of a triangle in the same group have the same.
 fn check_unfolded(cover: &Cover) -> Result<()> {
     let is_unfolded = |group: u32| cover.groups[group as usize].kind == GroupKind::Unfolded;
     for (i, entry) in cover.unfolded.iter().enumerate() {
@@ -71,6 +71,17 @@ fn check_unfolded(cover: &Cover) -> Result<()> {
         if !entry.uv.iter().all(|uv| uv.is_finite()) {
             return Err(not_finite("unfolded corner", i));
         }
+        let group = |entry: &UnfoldedCorner| {
+            let triangle = entry.corner / 3;
+            (triangle, cover.corner_groups[triangle as usize][entry.corner as usize % 3])
+        };
+        let others = cover.unfolded[i.saturating_sub(2)..i].iter();
+        for other in others.filter(|&other| group(other) == group(entry) && other.uv != entry.uv) {
+            return Err(Error::malformed(format!(
+                "corners {} and {} of a triangle are in one unfolded group, but have different coordinates",
+                other.corner, entry.corner
+            )));
+        }
     }
     let due = cover.corner_groups.iter().flatten().filter(|&&g| is_unfolded(g)).count();
     if due != cover.unfolded.len() {
@@ -86,8 +97,11 @@ fn map_floats(group: &Group) -> [f32; 13] {
     [o.x, o.y, o.z, d.x, d.y, d.z, x.x, x.y, x.z, s.x, s.y, t.x, t.y]
 }
 
-/// Last byte of a section whose fans end at creases; other sections lack it.
+/// Bits of the last byte: fans end at creases.
 const CREASED: u8 = 1;
+
+/// Triangles continue each other by angle.
+const PAIRED_BY_ANGLE: u8 = 2;
 
 pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
     let mut out = ByteWriter::default();
@@ -109,8 +123,9 @@ pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
         let [a, b, c] = u.uv;
         [a.x, a.y, b.x, b.y, c.x, c.y]
     }));
-    if cover.is_creased {
-        out.u8(CREASED);
+    let marks = u8::from(cover.is_creased) * CREASED | u8::from(cover.is_paired_by_angle) * PAIRED_BY_ANGLE;
+    if marks != 0 {
+        out.u8(marks);
     }
     out.bytes
 }
@@ -128,15 +143,16 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
     let maps = input.floats::<13>(groups, "tile map of group")?;
     let corners = input.words::<1>(unfolded, "unfolded corners")?;
     let coordinates = input.floats::<6>(unfolded, "unfolded corner")?;
-    let is_creased = input.remaining() > 0;
-    if is_creased && input.u8("the mark of creases")? != CREASED {
-        return Err(Error::malformed(format!("the cover ends with a byte that is not {CREASED}")));
+    let marks = if input.remaining() > 0 { input.u8("the marks of the cover")? } else { 0 };
+    if marks & !(CREASED | PAIRED_BY_ANGLE) != 0 {
+        return Err(Error::malformed(format!("the cover ends with unknown marks: {marks}")));
     }
     input.end()?;
     let cover = Cover {
         delta,
         density,
-        is_creased,
+        is_creased: marks & CREASED != 0,
+        is_paired_by_angle: marks & PAIRED_BY_ANGLE != 0,
         corner_groups,
         groups: kinds
             .iter()

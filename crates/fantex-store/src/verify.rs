@@ -319,7 +319,10 @@ fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
             continue;
         }
         let vertices = edge.vertices();
-        let pairs = edge.continued();
+        let pairs = match cover.is_paired_by_angle {
+            true => edge.continued_by_angle(&mesh.positions),
+            false => edge.continued(),
+        };
         if pairs.is_empty() {
             let exempt = &mut counts.exempt;
             *if edge.triangle_count() == 2 { &mut exempt.rim } else { &mut exempt.non_manifold } += 1;

@@ -60,8 +60,15 @@ fn stretches_of_opposite_directions_are_the_same() {
 fn every_group_gets_the_triangles_that_name_it_once() {
     let corner_groups = vec![[0, 1, 2], [2, 2, 2], [1, 0, 1], [0, 0, 3]];
     let groups = vec![group(); 4];
-    let cover =
-        Cover { delta: 0.2, density: 1.0, is_creased: false, corner_groups, groups, unfolded: Vec::new() };
+    let cover = Cover {
+        delta: 0.2,
+        density: 1.0,
+        is_creased: false,
+        is_paired_by_angle: false,
+        corner_groups,
+        groups,
+        unfolded: Vec::new(),
+    };
     let triangles = GroupTriangles::of(&cover);
     let rows = [0, 1, 2, 3].map(|g| triangles.of_group(g));
     assert_eq!(rows, [[0, 2, 3].as_slice(), &[0, 2], &[0, 1], &[3]]);
@@ -75,8 +82,15 @@ fn taps_are_the_weighted_tiles_of_the_corners() {
     let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
     let groups = vec![group(); 3];
     let corner_groups = vec![[2, 0, 1]];
-    let cover =
-        Cover { delta: 0.25, density: 1.0, is_creased: false, corner_groups, groups, unfolded: Vec::new() };
+    let cover = Cover {
+        delta: 0.25,
+        density: 1.0,
+        is_creased: false,
+        is_paired_by_angle: false,
+        corner_groups,
+        groups,
+        unfolded: Vec::new(),
+    };
     for lambda in [Vec3::X, Vec3::splat(1.0 / 3.0), Vec3::new(0.1, 0.4, 0.5)] {
         let point = SurfacePoint { triangle: 0, lambda };
         assert!(cover.taps(&mesh, point).eq(cover.triangle_tiles(&mesh, 0).taps(lambda)));

@@ -167,6 +167,39 @@ fn where_too_many_meet_nothing_continues() {
     assert!(middle.continued().is_empty());
 }
 
+/// Triangles at one edge along z from vertex 0 to vertex 1, by the degrees at which they stand and whether they run forward.
+fn by_angle(around: &[(f32, bool)]) -> Vec<[usize; 2]> {
+    let mut positions = vec![Vec3::ZERO, Vec3::Z];
+    let mut sides = Vec::new();
+    for &(degrees, is_forward) in around {
+        sides.push(EdgeSide { opposite: positions.len() as u32, is_forward });
+        positions.push(Vec2::from_angle(degrees.to_radians()).extend(0.3));
+    }
+    let found = continued_by_angle(&sides, [0, 1], &positions);
+    // Seen from the other end all is the same.
+    let turned: Vec<EdgeSide> =
+        sides.iter().map(|side| EdgeSide { is_forward: !side.is_forward, ..*side }).collect();
+    assert_eq!(found, continued_by_angle(&turned, [1, 0], &positions));
+    found.to_vec()
+}
+
+#[test]
+fn at_edges_of_several_triangles_angles_tell_what_continues() {
+    // A forward triangle's front is to the left, where angles grow: two boxes that touch.
+    assert_eq!(by_angle(&[(90.0, true), (0.0, false), (180.0, false), (270.0, true)]), [[0, 2], [1, 3]]);
+    assert_eq!(by_angle(&[(90.0, false), (0.0, true), (180.0, true), (270.0, false)]), [[0, 1], [2, 3]]);
+    // Six: three boxes.
+    let three: Vec<(f32, bool)> = (0..6).map(|i| (60.0 * i as f32 + 7.0, i % 2 == 0)).collect();
+    assert_eq!(by_angle(&three), [[0, 1], [2, 3], [4, 5]]);
+    // Two sheets that cross.
+    assert_eq!(by_angle(&[(10.0, true), (100.0, true), (190.0, false), (280.0, false)]), [[0, 2], [1, 3]]);
+    // Too bent, lying on each other, an odd number, all in one direction: nothing is clear.
+    assert!(by_angle(&[(0.0, true), (20.0, true), (40.0, false), (60.0, false)]).is_empty());
+    assert!(by_angle(&[(0.0, true), (0.0, false), (90.0, true), (180.0, false)]).is_empty());
+    assert!(by_angle(&[(0.0, true), (90.0, false), (180.0, true)]).is_empty());
+    assert!(by_angle(&[(0.0, true), (90.0, true), (180.0, true), (270.0, true)]).is_empty());
+}
+
 fn pairs(sides: &[(u32, bool)]) -> Vec<[usize; 2]> {
     let sides: Vec<EdgeSide> =
         sides.iter().map(|&(opposite, is_forward)| EdgeSide { opposite, is_forward }).collect();

@@ -116,7 +116,15 @@ pub(crate) fn fan_cover(mesh: &Mesh, extent: impl Fn(usize) -> [u32; 2]) -> Cove
         }
     }
     let corner_groups = mesh.triangles.clone();
-    Cover { delta: 0.25, density: 100.0, is_creased: false, corner_groups, groups, unfolded }
+    Cover {
+        delta: 0.25,
+        density: 100.0,
+        is_creased: false,
+        is_paired_by_angle: false,
+        corner_groups,
+        groups,
+        unfolded,
+    }
 }
 
 /// The channels of a painted model in block formats.

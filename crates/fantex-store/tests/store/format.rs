@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use fantex_base::ErrorKind;
-use fantex_mesh::{Material, Mesh, ToonInterpolation, ToonScale};
+use fantex_cover::{Cover, CoverOptions, build_cover};
+use fantex_mesh::{CleanOptions, Material, Mesh, ToonInterpolation, ToonScale, clean, generate};
 use fantex_store::{
     Asset, AssetWriter, ByteSource, Channel, CreateOptions, PageId, Quality, TexelSlice, decode, encode,
 };
@@ -421,6 +422,25 @@ fn contents_against_the_rules_are_refused() {
         assert!(matches!(error.kind(), ErrorKind::Malformed | ErrorKind::TooLarge), "change {i}: {error}");
     }
     assert!(folder_is_empty(folder.path()));
+}
+
+/// A triangle with several corners in a group that is unrolled over creases lies in one place of its tile.
+#[test]
+fn unrolled_corners_must_agree() {
+    let (mesh, _) = clean(generate::cube(2), &CleanOptions::default()).unwrap();
+    let (mut cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+    let groups = |cover: &Cover, i: usize| {
+        let corner = cover.unfolded[i].corner as usize;
+        (corner / 3, cover.corner_groups[corner / 3][corner % 3])
+    };
+    let twin = (1..cover.unfolded.len()).find(|&i| groups(&cover, i) == groups(&cover, i - 1)).unwrap();
+    assert_eq!(cover.unfolded[twin].uv, cover.unfolded[twin - 1].uv);
+    cover.unfolded[twin].uv[1].x += 0.01;
+    let path = tempfile::tempdir().unwrap().path().join("a.fan");
+    let result = AssetWriter::create(&path, &CreateOptions::default(), &mesh, &cover, &plain_channels());
+    let error = result.unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Malformed);
+    assert!(error.to_string().contains("in one unfolded group"), "{error}");
 }
 
 /// Bytes in memory that remember what was asked for.

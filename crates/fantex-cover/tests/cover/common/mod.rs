@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use fantex_cover::{Cover, CoverOptions, CoverStats, GroupKind, Tap, TexelBudget, build_cover};
 use fantex_mesh::{
-    EdgeSide, Fans, Material, Mesh, Model, SurfacePoint, VertexCorners, continued, generate, interpolate,
+    EdgeSide, Fans, Material, Mesh, Model, SurfacePoint, VertexCorners, continued_by_angle, generate,
+    interpolate,
 };
 pub(crate) use fantex_test::{cleaned, data_folder, loaded};
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -85,8 +86,39 @@ pub(crate) fn generated() -> Vec<(&'static str, Mesh)> {
         ("folded saddle", saddle(10, 1.2, 1.4)),
         ("twins", cleaned(model(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2], [0, 2, 1]]))),
         ("leaf", leaf()),
+        ("boxes that touch along an edge", touching_boxes()),
+        ("crossing sheets", crossing_sheets()),
         ("triangle", cleaned(model(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2]]))),
     ]
+}
+
+/// Two cubes with an edge in common.
+pub(crate) fn touching_boxes() -> Mesh {
+    let mut boxes = generate::cube(3);
+    let own = boxes.positions.clone();
+    let (low, high) =
+        own.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    let size = high - low;
+    let count = own.len() as u32;
+    boxes.positions.extend(own.iter().map(|p| *p + DVec3::new(size.x, size.y, 0.0)));
+    boxes.triangles.extend_from_within(..);
+    let half = boxes.triangles.len() / 2;
+    boxes.triangles[half..].iter_mut().for_each(|t| *t = t.map(|v| v + count));
+    cleaned(model(boxes.positions, boxes.triangles))
+}
+
+/// Two squares that cross in a line of edges.
+fn crossing_sheets() -> Mesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for axis in [DVec3::X, DVec3::Z] {
+        for (i, j) in [(-1, 0), (0, 0), (-1, 1), (0, 1)] {
+            let corner = |a: i32, b: i32| axis * f64::from(i + a) + DVec3::Y * f64::from(j + b);
+            let base = positions.len() as u32;
+            positions.extend([corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)]);
+            triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+        }
+    }
+    cleaned(model(positions, triangles))
 }
 
 pub(crate) fn options(tile: u32, budget: TexelBudget) -> CoverOptions {
@@ -94,7 +126,7 @@ pub(crate) fn options(tile: u32, budget: TexelBudget) -> CoverOptions {
 }
 
 pub(crate) fn fans_of(mesh: &Mesh) -> Fans {
-    Fans::of(&mesh.triangles, &VertexCorners::of(&mesh.triangles, mesh.positions.len()))
+    Fans::by_angle(mesh, &VertexCorners::of(&mesh.triangles, mesh.positions.len()))
 }
 
 /// Builds a cover and checks all that must hold for any.
@@ -220,16 +252,17 @@ fn continued_edges(mesh: &Mesh) -> Vec<[Side; 2]> {
             edges.entry((triangle[i], triangle[j])).or_default().push((t, i, j));
         }
     }
-    let pairs = |sides: Vec<Side>| {
+    let pairs = |(ends, sides): ((u32, u32), Vec<Side>)| {
         let side = |&(t, i, j): &Side| EdgeSide {
             opposite: mesh.triangles[t][3 - i - j],
             is_forward: j == (i + 1) % 3,
         };
-        continued(&sides.iter().map(side).collect::<Vec<_>>())
+        let at_edge: Vec<EdgeSide> = sides.iter().map(side).collect();
+        continued_by_angle(&at_edge, ends.into(), &mesh.positions)
             .into_iter()
             .map(move |pair| pair.map(|k| sides[k]))
     };
-    edges.into_values().flat_map(pairs).collect()
+    edges.into_iter().flat_map(pairs).collect()
 }
 
 /// What the texture function reads at a point on an edge: group, weight and tile coordinates, ascending by group.
