@@ -4,8 +4,8 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use fantex_base::ErrorKind;
-use fantex_cover::{Cover, CoverOptions, build_cover};
+use fantex_base::{ErrorKind, Random};
+use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, Material, Mesh, ToonInterpolation, ToonScale, clean, generate};
 use fantex_store::{
     Asset, AssetWriter, ByteSource, Channel, CreateOptions, PageId, Quality, TexelSlice, decode, encode,
@@ -427,8 +427,12 @@ fn contents_against_the_rules_are_refused() {
 /// A triangle with several corners in a group that is unrolled over creases lies in one place of its tile.
 #[test]
 fn unrolled_corners_must_agree() {
-    let (mesh, _) = clean(generate::cube(2), &CleanOptions::default()).unwrap();
-    let (mut cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+    let mut crumpled = generate::icosphere(2);
+    let mut random = Random::new(3);
+    crumpled.positions.iter_mut().for_each(|p| *p *= 0.7 + 0.6 * random.unit());
+    let (mesh, _) = clean(crumpled, &CleanOptions::default()).unwrap();
+    let options = CoverOptions { budget: TexelBudget::Total(1 << 16), ..CoverOptions::default() };
+    let (mut cover, _) = build_cover(&mesh, &options).unwrap();
     let groups = |cover: &Cover, i: usize| {
         let corner = cover.unfolded[i].corner as usize;
         (corner / 3, cover.corner_groups[corner / 3][corner % 3])
