@@ -684,3 +684,27 @@ fn images_are_warped_and_scaled() {
     assert!((info["range"].as_f64().unwrap() - 100.0 / 99.0).abs() < 0.2, "{info}");
     fails(2, &["--power-of-two"], &[&"image", &image, &"-o", &at("no.png")]);
 }
+
+/// The normals of a model on itself are the flat map; relative to the model's axes they are not.
+#[test]
+fn normals_become_a_map_of_the_coarse_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = |name: &str, space: &str| {
+        let path = folder.path().join(name);
+        let info =
+            json(&[&"normals", &bottle(), &bottle(), &"-o", &path, &"--size", &"48x48", &"--space", &space]);
+        assert!(info["width"] == 48 && info["missed_share"].as_f64().unwrap() < 0.01, "{info:#}");
+        pixels(&path).2
+    };
+    let is_flat = |texel: &&[u8]| texel[0].abs_diff(128) < 4 && texel[1].abs_diff(128) < 4 && texel[2] > 250;
+    let [tangent, object] = [map("tangent.png", "tangent"), map("object.png", "object")];
+    let flat = |texels: &[u8]| texels.chunks(3).filter(is_flat).count();
+    assert!(
+        flat(&tangent) > 2200 && flat(&object) < 1200,
+        "{} and {} of 2304",
+        flat(&tangent),
+        flat(&object)
+    );
+    let plain = write(folder.path(), "cube.ply", COLORED_PLY);
+    fails(2, &["texture coordinates"], &[&"normals", &plain, &bottle(), &"-o", &folder.path().join("n.png")]);
+}
