@@ -1,5 +1,8 @@
 //! Models, images and volumes that the gallery shows. Where they come from stands in `LICENSES.md`.
 
+/// Licences of all that the programs are made of, as they print them.
+pub const NOTICES: &str = include_str!("NOTICES.txt");
+
 /// Path in the workspace and content of every file.
 pub const FILES: &[(&str, &[u8])] = fantex_base::files![
     "assets/":

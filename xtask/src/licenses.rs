@@ -12,6 +12,9 @@ use crate::shell::{self, Failure, capture, cargo_command, root, succeeds};
 /// The crates whose programs are shipped.
 const PROGRAMS: [&str; 2] = ["fantex-cli", "fantex-app"];
 
+/// What programs carry and print.
+const NOTICES: &str = "assets/NOTICES.txt";
+
 /// Beginnings of the names of files with licences and notices.
 const NAMES: [&str; 6] = ["license", "licence", "copying", "notice", "unlicense", "ofl"];
 
@@ -30,6 +33,11 @@ pub(crate) fn check() -> Result<(), Failure> {
     if !refused.is_empty() {
         return Err(Failure(format!("licences that deny.toml does not allow: {}", refused.join(", "))));
     }
+    if fs::read_to_string(root().join(NOTICES)).unwrap_or_default() != notices(&packages)? {
+        return Err(Failure(format!(
+            "{NOTICES} is not that of Cargo.lock; write it anew: cargo xtask notices"
+        )));
+    }
     if succeeds(&mut cargo_command(&["deny", "--version"])) {
         return shell::cargo(&["deny", "check", "licenses", "bans", "sources"]);
     }
@@ -37,12 +45,17 @@ pub(crate) fn check() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes the notices of all crates in the programs, each text once.
-pub(crate) fn write_notices(file: &str) -> Result<(), Failure> {
+/// Writes the notices that programs carry.
+pub(crate) fn write_notices() -> Result<(), Failure> {
+    let text = notices(&packages()?)?;
+    fs::write(root().join(NOTICES), text).map_err(|e| Failure(format!("cannot write {NOTICES}: {e}")))
+}
+
+/// The notices of all crates in the programs, each text once.
+fn notices(packages: &[Package]) -> Result<String, Failure> {
     let mut crates_of_text: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     let mut without = Vec::new();
-    let packages = packages()?;
-    for package in &packages {
+    for package in packages {
         let name = format!("{} {} ({})", package.name, package.version, package.license);
         let texts = texts_below(Path::new(&package.folder), 2);
         if texts.is_empty() {
@@ -68,14 +81,7 @@ pub(crate) fn write_notices(file: &str) -> Result<(), Failure> {
             "under the licence named; their packages hold no text of it",
         );
     }
-    fs::write(file, &notices).map_err(|e| Failure(format!("cannot write {file}: {e}")))?;
-    eprintln!(
-        "{file}: {} crates, {} texts, {} without one",
-        packages.len(),
-        crates_of_text.len(),
-        without.len()
-    );
-    Ok(())
+    Ok(notices)
 }
 
 fn section(notices: &mut String, heading: &str, text: &str) {

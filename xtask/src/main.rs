@@ -19,7 +19,7 @@ usage: cargo xtask CHORE
   lint                       formatting, clippy, direction of the crates, sizes of files, documentation, packages
   test [--slow]              all tests and examples; --slow adds those that are ignored because they take long
   fuzz [SECONDS] [SEED]      attacks every reader with damaged files, each for so long (600); says the seed of what it finds
-  notices FILE               the licences of all that is in the programs, to be shipped with them
+  notices                    writes the licences of all that is in the programs to assets/NOTICES.txt, which they print
   bench                      figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
   demo                       the tour of the README
   schema                     writes docs/look.schema.json and the tables of docs/look.md
@@ -41,7 +41,7 @@ fn main() -> ExitCode {
         ["goldens", program] => goldens::run(Some(program)),
         ["compare-binaries", old, new] => compare_binaries::run(old, new, ""),
         ["compare-binaries", old, new, "--only", name] => compare_binaries::run(old, new, name),
-        ["notices", file] => licenses::write_notices(file),
+        ["notices"] => licenses::write_notices(),
         ["fuzz"] => test::fuzz("600", "1"),
         ["fuzz", seconds] => test::fuzz(seconds, "1"),
         ["fuzz", seconds, seed] => test::fuzz(seconds, seed),

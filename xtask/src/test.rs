@@ -38,10 +38,9 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     result.and(documentation).and(examples)
 }
 
-/// The attacks of `fantex-bench`, for so many seconds each.
+/// The attacks of `fantex-bench`, for so many seconds each, with the checks of builds for development.
 pub(crate) fn fuzz(seconds: &str, seed: &str) -> Result<(), Failure> {
-    let arguments =
-        ["test", "--release", "-p", "fantex-bench", "--test", "attack", "--", "--ignored", "--nocapture"];
+    let arguments = ["test", "-p", "fantex-bench", "--test", "attack", "--", "--ignored", "--nocapture"];
     let mut command = cargo_command(&arguments);
     run_command(command.env("FANTEX_FUZZ_SECONDS", seconds).env("FANTEX_FUZZ_SEED", seed))
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Mesh, creaseless_normals, shading_normals};
 use fantex_store::{AssetWriter, CreateOptions, Quality};
@@ -112,7 +112,7 @@ fn batch_texels(options: &BakeOptions, channels: usize) -> u64 {
         crate::BakeFormat::Float => ENCODED_BYTES_PER_FLOAT_TEXEL,
         _ => ENCODED_BYTES_PER_TEXEL,
     };
-    let fitting = options.memory_bytes / 2 / (per_texel * channels as u64);
+    let fitting = input::share_of_cache(options.memory_bytes) / 2 / (per_texel * channels as u64);
     fitting.clamp(*BATCH_TEXELS.start(), *BATCH_TEXELS.end())
 }
 

@@ -85,24 +85,44 @@ fn remove_stale(folder: &Path) {
 /// Makes a finished file durable and gives it its name; only with `force` over another.
 ///
 /// # Errors
-/// [`exists`], or the system refuses: then the file is gone, and what was at `path` is as it was.
+/// [`exists`], or the system refuses: then the file is gone, and what was at `path` is as it was. Where only the folder cannot be
+/// made durable, the new file is there.
 pub fn persist(file: TempPath, path: &Path, force: bool) -> Result<()> {
-    let failed = |error| Error::writing(path, error);
-    let temporary = file.to_path_buf();
-    input::check_output(path)?;
-    OpenOptions::new().write(true).open(&file).and_then(|file| file.sync_all()).map_err(failed)?;
-    let named = if force { file.persist(path) } else { file.persist_noclobber(path) };
-    named.map_err(|error| match error.error.kind() {
-        io::ErrorKind::AlreadyExists => exists(path),
-        _ => failed(error.error),
-    })?;
-    forget(&temporary);
-    // The name is durable once the folder is.
-    if cfg!(unix) {
-        File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(failed)
-    } else {
-        Ok(())
+    persist_all(vec![(file, path.to_owned())], force)
+}
+
+/// As [`persist`], for files that belong together: all are durable before the first one gets its name.
+///
+/// # Errors
+/// As [`persist`]. Where one cannot be named after others were, those that were new are gone.
+pub fn persist_all(files: Vec<(TempPath, PathBuf)>, force: bool) -> Result<()> {
+    let failed = |path: &Path, error| Error::writing(path, error);
+    for (file, path) in &files {
+        input::check_output(path)?;
+        let synced = OpenOptions::new().write(true).open(file).and_then(|file| file.sync_all());
+        synced.map_err(|error| failed(path, error))?;
     }
+    let mut named: Vec<PathBuf> = Vec::with_capacity(files.len());
+    for (file, path) in files {
+        let temporary = file.to_path_buf();
+        let result = if force { file.persist(&path) } else { file.persist_noclobber(&path) };
+        if let Err(error) = result {
+            if !force {
+                named.iter().for_each(|path| std::fs::remove_file(path).unwrap_or_default());
+            }
+            return Err(match error.error.kind() {
+                io::ErrorKind::AlreadyExists => exists(&path),
+                _ => failed(&path, error.error),
+            });
+        }
+        forget(&temporary);
+        named.push(path);
+    }
+    // Names are durable once their folders are.
+    named.dedup_by(|a, b| folder_of(a) == folder_of(b));
+    let sync = |path: &PathBuf| File::open(folder_of(path)).and_then(|folder| folder.sync_all());
+    let sync = |path: &PathBuf| sync(path).map_err(|error| failed(path, error));
+    if cfg!(unix) { named.iter().try_for_each(sync) } else { Ok(()) }
 }
 
 /// Writes a file whole or not at all.

@@ -1,52 +1,137 @@
 //! Files that others made: how they are opened, which other files they may name, how much memory their contents may take.
 //!
-//! Memory is one budget of the process for all that is read whole: images, volumes, tables, meshes. It is checked before
-//! anything is allocated; caches have budgets of their own.
+//! [`ReadLimits`] are a value: a program makes one, or one for each of several tasks. They hold for what is called within
+//! [`ReadLimits::run`], on the thread that calls; elsewhere those of the process hold ([`ReadLimits::make_default`]). They are not an
+//! argument of every loader because decoders stand at the end of long chains of calls (a look names a texture, that an asset,
+//! that an image), in closures of other crates too. Where fantex itself reads on other threads, those inherit the limits.
+//!
+//! Memory is one budget for all that is read whole: images, volumes, tables, meshes. It is checked before anything is
+//! allocated; caches have budgets of their own, which shrink by what inputs hold ([`share_of_cache`]).
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::HashSet;
 use std::fmt::Display;
 use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, Once, PoisonError};
 
 use crate::{Error, Result};
 
-static BUDGET: AtomicU64 = AtomicU64::new(8 << 30);
-static HELD: AtomicU64 = AtomicU64::new(0);
-static MAY_LEAVE_FOLDER: AtomicBool = AtomicBool::new(false);
-/// Files that were opened, by device and number, where they are protected.
-static OPENED: Mutex<Option<HashSet<[u64; 2]>>> = Mutex::new(None);
-
-/// Sets how many bytes all that is read whole may take together; 8 GiB at first.
-pub fn set_memory(bytes: u64) {
-    BUDGET.store(bytes, Relaxed);
+/// What [`ReadLimits`] allow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Bytes that all that is read whole may take together.
+    pub memory_bytes: u64,
+    /// Whether files may name others that lie outside their folders. Without that, opening what somebody else made reads nothing
+    /// but what came with it.
+    pub allow_outside: bool,
+    /// Whether no file that was [opened](open) can be overwritten, whatever name is given for it: for programs that end when
+    /// their work is done.
+    pub protect_inputs: bool,
 }
 
-/// Bytes of the budget that nothing holds.
-pub fn memory_left() -> u64 {
-    BUDGET.load(Relaxed).saturating_sub(HELD.load(Relaxed))
+impl Default for ReadOptions {
+    /// 8 GiB, nothing outside, inputs may be overwritten.
+    fn default() -> Self {
+        Self { memory_bytes: 8 << 30, allow_outside: false, protect_inputs: false }
+    }
 }
 
-/// Memory that counts against the budget as long as this or a clone of it lives.
+/// Limits for files that others made, with one budget of memory. Clones share the budget.
+#[derive(Clone, Debug)]
+pub struct ReadLimits(Arc<Limits>);
+
+#[derive(Debug)]
+struct Limits {
+    options: ReadOptions,
+    held: AtomicU64,
+    /// Files that were opened, by device and number, where they are protected.
+    opened: Mutex<HashSet<[u64; 2]>>,
+}
+
+/// Those of the process, made when they are first asked for.
+static DEFAULT: Mutex<Option<ReadLimits>> = Mutex::new(None);
+
+thread_local! {
+    static CURRENT: RefCell<Option<ReadLimits>> = const { RefCell::new(None) };
+}
+
+impl ReadLimits {
+    /// Limits with a budget of their own.
+    pub fn new(options: ReadOptions) -> Self {
+        Self(Arc::new(Limits { options, held: AtomicU64::new(0), opened: Mutex::default() }))
+    }
+
+    /// Those that hold here and now: of the innermost [`run`](Self::run) on this thread, else of the process.
+    pub fn current() -> Self {
+        let process = || locked(&DEFAULT).get_or_insert_with(|| Self::new(ReadOptions::default())).clone();
+        CURRENT.with_borrow(Clone::clone).unwrap_or_else(process)
+    }
+
+    /// Makes these the limits of the process, which hold on all threads outside [`run`](Self::run).
+    pub fn make_default(&self) {
+        *locked(&DEFAULT) = Some(self.clone());
+    }
+
+    /// Does work within these limits, on this thread. Work that is given to other threads takes a clone along.
+    pub fn run<T>(&self, work: impl FnOnce() -> T) -> T {
+        /// Puts back what was, also when the work panics.
+        struct Outer(Option<ReadLimits>);
+        impl Drop for Outer {
+            fn drop(&mut self) {
+                CURRENT.set(self.0.take());
+            }
+        }
+        let _outer = Outer(CURRENT.replace(Some(self.clone())));
+        work()
+    }
+
+    /// What is allowed.
+    pub fn options(&self) -> &ReadOptions {
+        &self.0.options
+    }
+
+    /// Bytes of the budget that nothing holds.
+    pub fn memory_left(&self) -> u64 {
+        self.0.options.memory_bytes.saturating_sub(self.0.held.load(Relaxed))
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Memory that counts against a budget as long as this or a clone of it lives.
 #[derive(Clone, Debug)]
 pub struct Held(#[expect(dead_code, reason = "what matters is when it is dropped")] Arc<Counted>);
 
 #[derive(Debug)]
-struct Counted(u64);
+struct Counted(u64, ReadLimits);
 
 impl Drop for Counted {
     fn drop(&mut self) {
-        HELD.fetch_sub(self.0, Relaxed);
+        self.1.0.held.fetch_sub(self.0, Relaxed);
     }
+}
+
+/// Bytes of the current budget that nothing holds.
+pub fn memory_left() -> u64 {
+    ReadLimits::current().memory_left()
+}
+
+/// What a cache may take that could do with so many bytes: what inputs have left of the current budget, and a quarter of the
+/// wish in any case. Caches do not count against the budget.
+pub fn share_of_cache(bytes: u64) -> u64 {
+    bytes.min(memory_left()).max(bytes / 4)
 }
 
 /// Counts memory that is there already.
 pub fn hold(bytes: u64) -> Held {
-    HELD.fetch_add(bytes, Relaxed);
-    Held(Arc::new(Counted(bytes)))
+    let limits = ReadLimits::current();
+    limits.0.held.fetch_add(bytes, Relaxed);
+    Held(Arc::new(Counted(bytes, limits)))
 }
 
 /// Counts memory that will be allocated; `what` begins the sentence where there is not enough.
@@ -54,8 +139,13 @@ pub fn hold(bytes: u64) -> Held {
 /// # Errors
 /// The budget does not allow it ([`too_large`]).
 pub fn reserve(what: impl Display, bytes: u64) -> Result<Held> {
-    let left = memory_left();
-    if bytes > left { Err(too_large(what, bytes, left)) } else { Ok(hold(bytes)) }
+    let limits = ReadLimits::current();
+    let (held, most) = (&limits.0.held, limits.options().memory_bytes);
+    let add = |held: u64| held.checked_add(bytes).filter(|&sum| sum <= most);
+    match held.fetch_update(Relaxed, Relaxed, add) {
+        Ok(_) => Ok(Held(Arc::new(Counted(bytes, limits)))),
+        Err(held) => Err(too_large(what, bytes, most.saturating_sub(held))),
+    }
 }
 
 /// What would take more memory than it may.
@@ -77,8 +167,9 @@ pub fn open(path: &Path) -> io::Result<File> {
     let metadata = std::fs::metadata(path)?;
     if metadata.is_file() {
         let file = File::open(path)?;
-        if let Some(opened) = &mut *OPENED.lock().unwrap_or_else(PoisonError::into_inner) {
-            opened.extend(identity(&file.metadata()?));
+        let limits = ReadLimits::current();
+        if limits.options().protect_inputs {
+            locked(&limits.0.opened).extend(identity(&file.metadata()?));
         }
         return Ok(file);
     }
@@ -87,19 +178,13 @@ pub fn open(path: &Path) -> io::Result<File> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, kind))
 }
 
-/// From now on no file that was [opened](open) can be overwritten, whatever name is given for it: for programs that end when
-/// their work is done.
-pub fn protect() {
-    OPENED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
-}
-
 /// Refuses to overwrite a file that is read, by any of its names.
 ///
 /// # Errors
-/// It was opened, and inputs are [protected](protect).
+/// It was opened, and inputs are [protected](ReadOptions::protect_inputs).
 pub fn check_output(path: &Path) -> Result<()> {
-    let opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
-    let is_read = |id| opened.as_ref().is_some_and(|opened| opened.contains(&id));
+    let limits = ReadLimits::current();
+    let is_read = |id| locked(&limits.0.opened).contains(&id);
     if !std::fs::metadata(path).is_ok_and(|found| identity(&found).is_some_and(is_read)) {
         return Ok(());
     }
@@ -148,19 +233,13 @@ pub fn read_text(path: &Path) -> Result<String> {
     })
 }
 
-/// Lets files name others that lie outside their folder. Without that, opening what somebody else made reads nothing but what
-/// came with it.
-pub fn allow_outside(is_allowed: bool) {
-    MAY_LEAVE_FOLDER.store(is_allowed, Relaxed);
-}
-
 /// Refuses a path that `owner` names and that leads out of its folder, unless that is allowed. Symbolic links in the folder are
 /// followed: whoever made them has access to the computer.
 ///
 /// # Errors
 /// It leads out of the folder.
 pub fn check_inside(owner: &Path, named: &Path) -> Result<()> {
-    if MAY_LEAVE_FOLDER.load(Relaxed) {
+    if ReadLimits::current().options().allow_outside {
         return Ok(());
     }
     let absolute = |path: &Path| lexical(&std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));

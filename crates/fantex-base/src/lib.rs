@@ -25,6 +25,7 @@ pub mod union_find;
 
 pub use aabb::Aabb;
 pub use error::{Error, ErrorKind, Place, Result};
+pub use input::{ReadLimits, ReadOptions};
 pub use random::{Random, mix64};
 pub use text::{counted, grouped, numbered};
 pub use union_find::UnionFind;

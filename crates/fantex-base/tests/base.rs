@@ -6,9 +6,12 @@ use std::error::Error as _;
 use std::io;
 use std::path::Path;
 
+use fantex_base::files::write_whole;
 use fantex_base::random::nth_random;
 use fantex_base::srgb::*;
-use fantex_base::{Aabb, Error, ErrorKind, Place, Random, UnionFind, counted, grouped};
+use fantex_base::{
+    Aabb, Error, ErrorKind, Place, Random, ReadLimits, ReadOptions, UnionFind, counted, grouped, input,
+};
 use glam::{Vec2, Vec3};
 
 #[test]
@@ -146,4 +149,39 @@ fn sets_are_named_by_their_smallest_element() {
     assert!(sets.union(3, 1));
     assert!(!sets.union(1, 5));
     assert_eq!([0, 1, 2, 3, 4, 5].map(|e| sets.find(e)), [0, 1, 2, 1, 4, 1]);
+}
+
+#[test]
+fn limits_hold_for_the_work_that_is_done_within_them() {
+    let limits = |memory_bytes, allow_outside| {
+        ReadLimits::new(ReadOptions { memory_bytes, allow_outside, ..ReadOptions::default() })
+    };
+    let (small, large) = (limits(100, false), limits(1000, true));
+    let outside = || input::check_inside(Path::new("folder/a.obj"), Path::new("../b.mtl"));
+    let held = large.run(|| {
+        // Within others, for as long as the work takes, even if it panics.
+        assert!(small.run(|| input::reserve("a", 101)).is_err());
+        assert!(small.run(outside).is_err());
+        assert!(std::panic::catch_unwind(|| small.run(|| panic!("on purpose"))).is_err());
+        outside().unwrap();
+        input::reserve("a", 900).unwrap()
+    });
+    assert_eq!((small.memory_left(), large.memory_left()), (100, 100));
+    let other = large.clone();
+    std::thread::spawn(move || assert!(other.run(|| input::reserve("a", 101)).is_err())).join().unwrap();
+    // Gone elsewhere, it is still given back to where it was taken.
+    small.run(|| drop(held));
+    assert_eq!((small.memory_left(), large.memory_left()), (100, 1000));
+}
+
+#[test]
+fn what_is_read_within_limits_is_protected_by_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a");
+    std::fs::write(&path, "text").unwrap();
+    let protecting = ReadLimits::new(ReadOptions { protect_inputs: true, ..ReadOptions::default() });
+    assert_eq!(protecting.run(|| input::read_text(&path)).unwrap(), "text");
+    input::check_output(&path).unwrap();
+    let refused = protecting.run(|| write_whole(&path, true, |_| Ok(())));
+    assert_eq!(refused.is_err(), cfg!(unix));
 }

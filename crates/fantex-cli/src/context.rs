@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use fantex::bake::Progress;
 use fantex::base::files::{exists, folder_of, remove_temporaries};
-use fantex::base::input;
+use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::look::ResolveOptions;
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -44,9 +44,12 @@ impl Context {
                 Error::unavailable(format!("cannot start the threads that were asked for: {error}"))
             })?;
         }
-        input::set_memory(common.memory.unwrap_or(4 << 30));
-        input::allow_outside(common.allow_outside);
-        input::protect();
+        let options = ReadOptions {
+            memory_bytes: common.memory.unwrap_or(4 << 30),
+            allow_outside: common.allow_outside,
+            protect_inputs: true,
+        };
+        ReadLimits::new(options).make_default();
         Ok(Self {
             force: common.force,
             memory_bytes: common.memory.unwrap_or(1 << 30),

@@ -6,8 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
-    bake, bench, compare, demo, export, gallery, generate, image, info, normals, paint, render, table,
-    verify, view, warp,
+    bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, render,
+    table, verify, view, warp,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
@@ -31,6 +31,7 @@ mod commands {
     pub(crate) mod image;
     pub(crate) mod info;
     pub(crate) mod normals;
+    pub(crate) mod notices;
     pub(crate) mod paint;
     pub(crate) mod render;
     pub(crate) mod table;
@@ -90,8 +91,8 @@ pub(crate) struct CommonArgs {
     /// Number of threads; all processors by default
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Memory for texels in caches and under way, and as much for all that is read whole (images, volumes, tables, models),
-    /// e.g. 512M or 4G [default: 1G, and 4G for what is read whole]
+    /// Memory for all that is read whole (images, volumes, tables, models) and for texels in caches and under way, e.g. 512M
+    /// or 4G; up to 192 MiB are used beside it [default: 4G, of which texels take 1G]
     #[arg(long, global = true, value_name = "SIZE", value_parser = bytes)]
     pub(crate) memory: Option<u64>,
     /// Let models, looks in assets and stroke files name files outside their folders
@@ -127,6 +128,7 @@ pub(crate) enum Command {
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),
     View(view::ViewArgs),
+    Notices(notices::NoticesArgs),
 }
 
 fn run(command: &Command, context: &Context) -> Result<ExitCode> {
@@ -147,6 +149,7 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Warp(args) => warp::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
+        Command::Notices(_) => notices::run(context),
     }?;
     Ok(ExitCode::SUCCESS)
 }

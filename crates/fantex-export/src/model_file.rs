@@ -7,7 +7,7 @@ use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fantex_base::files::{exists, persist, temporary_file};
+use fantex_base::files::{exists, persist_all, temporary_file};
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -384,25 +384,15 @@ impl Outputs {
     /// Makes all files durable, then gives them their names, in the order in which they were made. Returns these with
     /// lengths in bytes.
     pub(crate) fn commit(self) -> Result<Vec<(PathBuf, u64)>> {
-        let mut lengths = Vec::with_capacity(self.files.len());
-        for (file, path) in &self.files {
-            // By name: a writer may have put another file there.
-            let synced = File::open(file.path()).and_then(|f| f.sync_all().and_then(|()| f.metadata()));
-            let metadata = synced.map_err(|source| Error::writing(path, source))?;
-            lengths.push(metadata.len());
-        }
-        let mut named: Vec<PathBuf> = Vec::with_capacity(self.files.len());
-        for (file, path) in self.files {
-            if let Err(error) = persist(file.into_temp_path(), &path, self.force) {
-                // Only what was new is taken back; what was replaced is gone.
-                if !self.force {
-                    named.iter().for_each(|path| drop(std::fs::remove_file(path)));
-                }
-                return Err(error);
-            }
-            named.push(path);
-        }
-        Ok(named.into_iter().zip(lengths).collect())
+        // By name: a writer may have put another file there.
+        let length = |(file, path): &(NamedTempFile, PathBuf)| {
+            let found = std::fs::metadata(file.path()).map_err(|source| Error::writing(path, source))?;
+            Ok((path.clone(), found.len()))
+        };
+        let written = self.files.iter().map(length).collect::<Result<_>>()?;
+        let files = self.files.into_iter().map(|(file, path)| (file.into_temp_path(), path));
+        persist_all(files.collect(), self.force)?;
+        Ok(written)
     }
 }
 

@@ -46,6 +46,7 @@ pub(crate) enum ReferenceKind {
     Texture,
     Material,
     Object,
+    File,
 }
 
 #[derive(Debug)]
@@ -239,6 +240,7 @@ impl<'s> Checker<'s> {
             Some("texture" | "color-or-texture") => ReferenceKind::Texture,
             Some("material") => ReferenceKind::Material,
             Some("object") => ReferenceKind::Object,
+            Some("file") => ReferenceKind::File,
             _ => return Ok(()),
         };
         let name = if kind == ReferenceKind::Texture { split_channel(text).0 } else { text };

@@ -27,6 +27,7 @@ pub struct LookFile {
     look: Look,
     path: PathBuf,
     text: String,
+    texture_files: Vec<PathBuf>,
 }
 
 impl LookFile {
@@ -54,7 +55,8 @@ impl LookFile {
     /// # Errors
     /// The text is no TOML or no look.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
-        let file = Self { look: Look::default(), path: path.into(), text: text.into() };
+        let mut file =
+            Self { look: Look::default(), path: path.into(), text: text.into(), texture_files: Vec::new() };
         let document = DeTable::parse(text).map_err(|error| {
             let span = error.span().unwrap_or(0..0);
             let sentence = format!("this is no TOML: {}", error.message().trim().replace('\n', ", "));
@@ -65,12 +67,15 @@ impl LookFile {
         let look = serde_json::from_value(json_of_table(document.get_ref()))
             .map_err(|error| file.error(&Key::default(), problem::refused(error)))?;
         check_names(&look, &checker.references).map_err(|m| file.mistake(m))?;
+        let is_file = |r: &&Reference| r.kind == ReferenceKind::File && r.key.member_of("textures").is_some();
+        file.texture_files =
+            checker.references.iter().filter(is_file).map(|r| r.name.clone().into()).collect();
         Ok(Self { look, ..file })
     }
 
     /// A look that was made by a program and is known to keep the rules, as if it had been read from a file.
     pub fn of_look(look: Look, path: &Path) -> Self {
-        Self { look, path: path.into(), text: String::new() }
+        Self { look, path: path.into(), text: String::new(), texture_files: Vec::new() }
     }
 
     /// The text.
@@ -99,26 +104,8 @@ impl LookFile {
     }
 
     /// The files that the textures mention, as they are named.
-    pub fn texture_files(&self) -> Vec<PathBuf> {
-        fn collect(value: &Value, files: &mut Vec<PathBuf>) {
-            match value {
-                Value::Object(members) => members.iter().for_each(|(name, value)| {
-                    let named = match value {
-                        Value::Array(list) => list.as_slice(),
-                        value => std::slice::from_ref(value),
-                    };
-                    if ["image", "images", "faces", "meta_image", "raw", "slices"].contains(&name.as_str()) {
-                        files.extend(named.iter().filter_map(Value::as_str).map(PathBuf::from));
-                    }
-                    collect(value, files);
-                }),
-                Value::Array(list) => list.iter().for_each(|value| collect(value, files)),
-                _ => {}
-            }
-        }
-        let mut files = Vec::new();
-        collect(&serde_json::to_value(&self.look.textures).unwrap_or_default(), &mut files);
-        files
+    pub fn texture_files(&self) -> &[PathBuf] {
+        &self.texture_files
     }
 
     /// A file that the look mentions, relative to the look's folder.
@@ -311,6 +298,7 @@ fn check_defined(look: &Look, objects: &BTreeSet<&str>, reference: &Reference) -
         ReferenceKind::Texture => look.textures.contains_key(name),
         ReferenceKind::Material => look.materials.contains_key(name),
         ReferenceKind::Object => objects.contains(name),
+        ReferenceKind::File => true,
     };
     if is_known {
         return Ok(());
@@ -318,7 +306,7 @@ fn check_defined(look: &Look, objects: &BTreeSet<&str>, reference: &Reference) -
     let (what, known): (_, Vec<&str>) = match reference.kind {
         ReferenceKind::Texture => ("texture", look.textures.keys().map(String::as_str).collect()),
         ReferenceKind::Material => ("material", look.materials.keys().map(String::as_str).collect()),
-        ReferenceKind::Object => ("object", objects.iter().copied().collect()),
+        ReferenceKind::Object | ReferenceKind::File => ("object", objects.iter().copied().collect()),
     };
     Err(mistake(reference, problem::undefined(what, &reference.name, known)))
 }

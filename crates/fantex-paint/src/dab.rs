@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::Arc;
 
+use fantex_mesh::interpolate;
 use fantex_texture::Image;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -220,7 +221,7 @@ impl Chart {
     /// Where a point of the region's triangle number `index` lies.
     #[inline]
     pub(crate) fn at(&self, index: usize, lambda: Vec3) -> Option<Vec2> {
-        self.corners[index].map(|[a, b, c]| a * lambda.x + b * lambda.y + c * lambda.z)
+        self.corners[index].map(|corners| interpolate(corners, lambda))
     }
 
     /// Corners of the region's triangle number `index`.

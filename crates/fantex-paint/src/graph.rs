@@ -162,7 +162,7 @@ pub(crate) fn kept_folder(asset: &Path, folder: &Path) -> PathBuf {
 /// Refuses a look that an asset keeps if it names files beyond those folders: whoever made the asset must not choose what is read.
 ///
 /// # Errors
-/// It names one, and that is not [allowed](input::allow_outside).
+/// It names one, and that is not [allowed](input::ReadOptions::allow_outside).
 pub(crate) fn check_files(graph: &TextureGraph, asset: &Path) -> Result<()> {
     // What is no look is refused where it is used.
     let Ok(file) = LookFile::parse(&graph.look, &graph.folder.join("look.toml")) else { return Ok(()) };
@@ -172,7 +172,7 @@ pub(crate) fn check_files(graph: &TextureGraph, asset: &Path) -> Result<()> {
         input::check_inside(&owner, &graph.folder.join(name)).map_err(|_| {
             let (asset, name) = (asset.display(), graph.folder.join(name));
             Error::invalid(format!(
-                "{asset} has a layer that shows {}, which does not lie with the asset; copy it there, or allow such files \
+                "{asset} has a layer or a stroke that shows {}, which does not lie with the asset; copy it there, or allow such files \
                  (--allow-outside)",
                 name.display()
             ))
@@ -216,6 +216,18 @@ mod tests {
             assert!(
                 sentence.contains("a.fan has a layer") && sentence.contains("--allow-outside"),
                 "{sentence}"
+            );
+        }
+        for mentions in [
+            "kind = \"asset\"\nasset = \"/far/x.fan\"",
+            "kind = \"volume\"\nslices = [\"../../x.png\"]",
+            "kind = \"cube\"\nimage = \"/dev/zero\"",
+        ] {
+            let graph =
+                TextureGraph { look: format!("[textures.a]\n{mentions}\n"), folder: root.join("assets") };
+            assert!(
+                check_files(&graph, &asset).unwrap_err().to_string().contains("--allow-outside"),
+                "{mentions}"
             );
         }
         let look = "[textures.a]\nkind = \"color\"\ncolor = [1.0, 0.0, 0.0]\n".to_owned();

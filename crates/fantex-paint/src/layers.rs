@@ -134,11 +134,7 @@ impl Layers {
             Error::damaged(sentence).with_path(path)
         })?;
         find_folders(&mut layers.stack, path);
-        for layer in &layers.stack {
-            if let LayerContent::Graph(fill) = &layer.content {
-                check_files(&fill.graph, path)?;
-            }
-        }
+        check_stack(&layers.stack, path)?;
         Ok(layers)
     }
 
@@ -160,6 +156,17 @@ impl Layers {
         self.stack.push(layer);
         self.next_id - 1
     }
+}
+
+/// Refuses layers whose looks name files that do not lie with the asset: it could not be opened with them.
+///
+/// # Errors
+/// There is one, and that is not allowed.
+pub(crate) fn check_stack(stack: &[Layer], asset: &Path) -> Result<()> {
+    stack.iter().try_for_each(|layer| match &layer.content {
+        LayerContent::Graph(fill) => check_files(&fill.graph, asset),
+        _ => Ok(()),
+    })
 }
 
 /// Folders of looks as an asset keeps them.
@@ -339,12 +346,13 @@ impl Painter {
         if before == self.layers {
             return Ok(());
         }
-        if let Err(error) = self.fills.update(&self.surface, &self.layers) {
+        let path = self.editor.asset().path().to_owned();
+        let checked = check_stack(&self.layers.stack, &path);
+        if let Err(error) = checked.and_then(|()| self.fills.update(&self.surface, &self.layers)) {
             self.layers = before;
             return Err(error);
         }
         self.begin_step(label);
-        let path = self.editor.asset().path().to_owned();
         let list = self.layers.encoded(&path)?;
         self.attach(INDEX, list)?;
         let mut stack = self.layers.stack.clone();

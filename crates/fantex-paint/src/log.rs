@@ -19,14 +19,14 @@ use fantex_texture::Image;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::error::{malformed, temporary};
-use crate::graph::{found_folder, kept_folder};
-use crate::layers::find_folders;
+use crate::graph::{check_files, found_folder, kept_folder};
+use crate::layers::{check_stack, find_folders};
 use crate::replay::{place_on, prepare_fill};
 use crate::stroke::mesh_length;
 use crate::{
     Brush, ChannelSettings, ColorSettings, Dab, DabSettings, FillArea, LookSettings, Paint, PaintColor,
-    Painter, ReplaySummary, Size, Stamp, StrokeFile, StrokeSettings, Surface, SurfacePoint, Tool,
-    ToolSettings, Where, replay,
+    Painter, ReplaySummary, Size, Stamp, StrokeFile, StrokeSettings, Surface, SurfacePoint, TextureGraph,
+    Tool, ToolSettings, Where, replay,
 };
 
 pub(crate) const PREFIX: &str = "strokes/";
@@ -53,14 +53,20 @@ pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, Fill
     let bytes = editor.attachment(&stroke_name(number)).ok()??;
     let mut stroke: StrokeSettings =
         serde_json::from_slice(&bytes).ok().filter(|s: &StrokeSettings| !s.unrecorded)?;
-    check_logged(&stroke, editor.asset().path()).ok()?;
-    find_looks(&mut stroke, editor.asset().path());
+    find_looks(&mut stroke, editor.asset().path()).ok()?;
     let folder = tempfile::tempdir().ok()?;
     for name in editor.attachment_names().iter().filter(|name| name.starts_with(FILES)) {
         let contents = editor.attachment(name).ok()??;
-        save_file(folder.path(), Path::new(name.strip_prefix(PREFIX)?), &contents).ok()?;
+        save_file(folder.path(), kept_file(name)?, &contents).ok()?;
     }
     prepare_fill(painter, &stroke, folder.path()).ok()?
+}
+
+/// A file of the log, from its attachment's name. None for names that no log has: they would choose where it is written.
+fn kept_file(attachment: &str) -> Option<&Path> {
+    let name = attachment.strip_prefix(FILES)?;
+    let is_plain = !name.contains(['/', '\\', ':']) && Path::new(name).file_name() == Some(name.as_ref());
+    is_plain.then(|| Path::new(&attachment[PREFIX.len()..]))
 }
 
 fn save_file(folder: &Path, path: &Path, contents: &[u8]) -> std::io::Result<()> {
@@ -93,14 +99,15 @@ impl StrokeLog {
         let names = asset.attachment_names().map_err(|_| damaged())?;
         let (mut strokes, mut files) = (Vec::new(), Vec::new());
         for name in names {
-            let Some(rest) = name.strip_prefix(PREFIX) else { continue };
+            if !name.starts_with(PREFIX) {
+                continue;
+            }
             let bytes = asset.attachment(name).ok().flatten().ok_or_else(damaged)?;
             if name.starts_with(FILES) {
-                files.push((PathBuf::from(rest), bytes));
+                files.push((kept_file(name).ok_or_else(damaged)?.to_owned(), bytes));
             } else {
                 let mut stroke: StrokeSettings = serde_json::from_slice(&bytes).map_err(|_| damaged())?;
-                check_logged(&stroke, asset.path())?;
-                find_looks(&mut stroke, asset.path());
+                find_looks(&mut stroke, asset.path())?;
                 strokes.push(stroke);
             }
         }
@@ -114,7 +121,12 @@ impl StrokeLog {
     pub fn save(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let text = serde_json::to_string_pretty(&self.strokes).map_err(malformed)?;
-        self.save_files(folder).map_err(|source| Error::writing(path, source))?;
+        for (name, bytes) in &self.files {
+            let path = folder.join(name);
+            let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+            made.map_err(|source| Error::writing(&path, source))?;
+            write_whole(&path, true, |out| out.write_all(bytes))?;
+        }
         write_whole(path, true, |out| out.write_all(text.as_bytes()))
     }
 
@@ -124,12 +136,9 @@ impl StrokeLog {
     /// As [`replay`], and where no temporary folder can be made for the files.
     pub fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary> {
         let folder = tempfile::tempdir().map_err(temporary)?;
-        self.save_files(folder.path()).map_err(temporary)?;
+        let saved = self.files.iter().try_for_each(|(path, bytes)| save_file(folder.path(), path, bytes));
+        saved.map_err(temporary)?;
         replay(painter, &self.strokes, folder.path())
-    }
-
-    fn save_files(&self, folder: &Path) -> std::io::Result<()> {
-        self.files.iter().try_for_each(|(path, bytes)| save_file(folder, path, bytes))
     }
 }
 
@@ -226,8 +235,8 @@ impl Portable {
     }
 }
 
-/// Refuses a stroke of an asset's log that mentions files other than the log's own, or than those that lie with the asset.
-fn check_logged(stroke: &StrokeSettings, asset: &Path) -> Result<()> {
+/// Refuses a stroke of a file, or of an asset's log, that mentions files outside the folder of that.
+pub(crate) fn check_named(stroke: &StrokeSettings, owner: &Path) -> Result<()> {
     let stencil = stroke.stencil.as_ref().map(|stencil| &stencil.image);
     let decal = stroke.decal.as_ref().and_then(|decal| decal.shape.as_ref());
     let font = stroke.text.as_ref().and_then(|text| text.font.as_ref());
@@ -238,24 +247,32 @@ fn check_logged(stroke: &StrokeSettings, asset: &Path) -> Result<()> {
         _ => None,
     });
     let named = [stroke.brush.stamp.as_ref(), stencil, decal, font].into_iter().flatten().chain(colors);
-    named.into_iter().try_for_each(|path| input::check_inside(asset, path))
+    named.into_iter().try_for_each(|path| input::check_inside(owner, path))
 }
 
-/// Folders of looks that are kept in an asset, absolute.
-fn find_looks(stroke: &mut StrokeSettings, asset: &Path) {
+/// Makes the folders of looks that are kept in an asset absolute.
+///
+/// # Errors
+/// The stroke mentions files that do not lie with the asset, and that is not allowed.
+fn find_looks(stroke: &mut StrokeSettings, asset: &Path) -> Result<()> {
+    check_named(stroke, asset)?;
     let fill = stroke.layer.as_mut().and_then(|layer| layer.fill.as_mut());
     let of_colors = stroke.channels.iter_mut().filter_map(|channel| match &mut channel.color {
         ColorSettings::Texture { look, .. } => Some(look),
         _ => None,
     });
     for look in of_colors.chain(fill.map(|fill| &mut fill.look)) {
-        if let LookSettings::Inline { folder, .. } = look {
-            *folder = found_folder(asset, folder);
-        }
+        let LookSettings::Inline { text, folder } = look else {
+            let sentence = format!("the log of {} names the file of a look", asset.display());
+            return Err(Error::malformed(sentence));
+        };
+        *folder = found_folder(asset, folder);
+        check_files(&TextureGraph { look: text.clone(), folder: folder.clone() }, asset)?;
     }
-    if let Some(layers) = &mut stroke.set_layers {
+    stroke.set_layers.as_mut().map_or(Ok(()), |layers| {
         find_folders(layers, asset);
-    }
+        check_stack(layers, asset)
+    })
 }
 
 /// Puts a recording into such terms.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 use fantex_base::{Error, Result};
 use fantex_cover::TexelTriangle;
+use fantex_mesh::interpolate;
 use fantex_texture::Image;
 use fantex_texture::filter::halved_level;
 use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
@@ -193,7 +194,7 @@ impl<'a> PlacedDecal<'a> {
     /// Side of a texel in coordinates of the picture.
     fn texel_width(&self, triangle: &TexelTriangle, index: usize) -> f32 {
         let Some([a, b, c]) = self.chart.triangle(index) else { return 0.0 };
-        let step = |l: Vec3| (a * l.x + b * l.y + c * l.z).length_squared();
+        let step = |lambda: Vec3| interpolate([a, b, c], lambda).length_squared();
         (0.5 * (step(triangle.steps[0]) + step(triangle.steps[1]))).sqrt() * self.scale.y
     }
 }

@@ -25,6 +25,7 @@ use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec3};
 
 use crate::error::malformed;
+use crate::log::check_named;
 use crate::stroke::mesh_length;
 use crate::stroke_file::color_of;
 use crate::{
@@ -56,7 +57,7 @@ impl StrokeFile {
     /// Reads a stroke file.
     ///
     /// # Errors
-    /// The file cannot be read, or is no stroke file of this version.
+    /// The file cannot be read, is no stroke file of this version, or names files outside its folder.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = input::read(path)?;
         let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
@@ -66,7 +67,11 @@ impl StrokeFile {
         let version = file.version;
         let sentence =
             || format!("this program replays stroke files of version 1; the file has version {version}");
-        (version == 1).then_some(file).ok_or_else(|| Error::unsupported(sentence()))
+        if version != 1 {
+            return Err(Error::unsupported(sentence()));
+        }
+        file.strokes.iter().try_for_each(|stroke| check_named(stroke, path))?;
+        Ok(file)
     }
 }
 

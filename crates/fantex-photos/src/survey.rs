@@ -4,8 +4,8 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, corner_normals};
+use fantex_base::{Error, ReadLimits, Result};
+use fantex_mesh::{Mesh, corner_normals, interpolate};
 use fantex_texture::Image;
 use glam::{DVec2, UVec3, Vec3};
 use half::f16;
@@ -129,11 +129,12 @@ pub(crate) fn survey(
     let mut views = Vec::with_capacity(photographs.len());
     let total = photographs.iter().map(pixels).sum();
     let reading = Reading { mesh, probes: &probes, store, options, progress, done: AtomicU64::new(0), total };
+    let limits = ReadLimits::current();
     for (first, batch) in batches(photographs, options.memory_bytes / 2) {
         let read: Vec<Option<Surveyed>> = batch
             .par_iter()
             .enumerate()
-            .map(|(i, photograph)| reading.survey((first + i) as u32, photograph))
+            .map(|(i, photograph)| limits.run(|| reading.survey((first + i) as u32, photograph)))
             .collect::<Result<_>>()?;
         for surveyed in read {
             let Some(Surveyed { view, weights, seen }) = surveyed else {
@@ -495,11 +496,10 @@ impl Probes {
             vertices.map(|(&position, &normal)| Spot { position, normal, face: None }).collect();
         let mut triangles = Vec::with_capacity(SPREAD);
         for (triangle, lambda) in spread_points(mesh, SPREAD) {
-            let blend = |v: [Vec3; 3]| v[0] * lambda.x + v[1] * lambda.y + v[2] * lambda.z;
             let corners = mesh.triangles[triangle].map(|v| normals[v as usize]);
             spots.push(Spot {
-                position: blend(mesh.triangle_positions(triangle)),
-                normal: blend(corners).normalize_or_zero(),
+                position: interpolate(mesh.triangle_positions(triangle), lambda),
+                normal: interpolate(corners, lambda).normalize_or_zero(),
                 face: Some(face_normal(mesh, triangle)),
             });
             triangles.push(triangle as u32);

@@ -13,7 +13,7 @@ use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::srgb::{linear_from_srgb8_table, unit_from_u8_table};
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_texture::filter::TexelGrid;
 use glam::Vec2;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -129,6 +129,7 @@ impl PageCache {
     }
 
     fn over(asset: Arc<Asset>, snapshot: Option<EditorSnapshot>, budget_bytes: usize) -> Self {
+        let budget_bytes = input::share_of_cache(budget_bytes as u64) as usize;
         let clusters = cache_of(budget_bytes / 4, CLUSTER_BYTES);
         let pages = cache_of(budget_bytes - budget_bytes / 4, PAGE_BYTES);
         Self { shared: Arc::new(Shared { asset, snapshot, clusters, pages, damage: Mutex::default() }) }

@@ -36,6 +36,9 @@ pub struct FileSource {
 
 impl FileSource {
     /// Opens a file for reading.
+    ///
+    /// # Errors
+    /// The system's, or it is no regular file.
     pub fn open(path: &Path) -> io::Result<Self> {
         Ok(Self::from_file(path, Arc::new(fantex_base::input::open(path)?)))
     }
@@ -82,18 +85,27 @@ fn read_some_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<usize>
 }
 
 /// Reads as many bytes as there is room for, from an offset on.
+///
+/// # Errors
+/// The system's; of kind [`UnexpectedEof`](io::ErrorKind::UnexpectedEof) where the file ends before.
 #[cfg(unix)]
 pub fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
 }
 
 /// Writes all bytes at an offset; the file grows as needed.
+///
+/// # Errors
+/// The system's.
 #[cfg(unix)]
 pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
 }
 
 /// Reads as many bytes as there is room for, from an offset on.
+///
+/// # Errors
+/// The system's; of kind [`UnexpectedEof`](io::ErrorKind::UnexpectedEof) where the file ends before.
 #[cfg(windows)]
 pub fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
     while !bytes.is_empty() {
@@ -109,6 +121,9 @@ pub fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::
 }
 
 /// Writes all bytes at an offset; the file grows as needed.
+///
+/// # Errors
+/// The system's.
 #[cfg(windows)]
 pub fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
     while !bytes.is_empty() {

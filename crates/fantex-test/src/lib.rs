@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
+pub mod fan_file;
+
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};

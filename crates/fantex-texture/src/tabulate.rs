@@ -1,6 +1,6 @@
 //! Tabulation: a function becomes a discrete texture, for a chosen domain and density of samples.
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use rayon::prelude::*;
 
 use crate::Image;
@@ -47,6 +47,9 @@ impl Tabulation {
             );
             return Err(Error::too_large(message));
         }
+        // With the levels that are made of it.
+        let what = format_args!("a table of {x} x {y} x {z} texels");
+        let _held = input::reserve(what, needed.saturating_add(needed / 3))?;
         let [width, height, _] = size.map(|n| n as usize);
         let mut texels = vec![[0.0; 4]; count as usize];
         texels.par_chunks_mut(width).enumerate().for_each(|(row, texels)| {

@@ -69,6 +69,9 @@
 //! anything that gives a material at one. All work runs on the current rayon pool, and its results do not depend on the
 //! number of threads.
 //!
+//! Files that others made are read within [`ReadLimits`]: how much memory they may take, and which other files they may name. They hold
+//! for the process, or for what is called within [`ReadLimits::run`], so that each of several assets can have its own.
+//!
 //! `examples/` holds short programs: sampling, baking a closure, drawing into a host's frame, streaming without a GPU, painting,
 //! unwrapping.
 
@@ -97,7 +100,7 @@ pub use {
 };
 pub use {
     fantex_bake::{BakeFormat, Fit, NoProgress, Progress},
-    fantex_base::{Error, ErrorKind, Result},
+    fantex_base::{Error, ErrorKind, ReadLimits, ReadOptions, Result},
     fantex_mesh::SurfacePoint,
     fantex_store::{ChannelKind, Footprint, Quality, Sampler},
     fantex_texture::MappingKind,

@@ -4,6 +4,7 @@
 //! then, the window's own contents included. So the window ends and another one, with another device, goes on with the
 //! `Workspace`.
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, channel};
@@ -38,6 +39,11 @@ const REOPENING: (u32, u64) = (5, 1);
 
 /// Runs the viewer until its window is closed.
 pub fn run(arguments: Arguments) -> ExitCode {
+    if arguments.notices {
+        // A reader that has closed standard output wants no more.
+        drop(std::io::stdout().write_all(fantex_assets::NOTICES.as_bytes()));
+        return ExitCode::SUCCESS;
+    }
     let session = match arguments.session.as_deref().map(Session::load).transpose() {
         Ok(session) => session,
         Err(error) => return failed(&error),
@@ -529,6 +535,9 @@ pub struct Arguments {
     /// Let models and layers name files outside their folders
     #[arg(long)]
     pub allow_outside: bool,
+    /// Print the licences of all that fantex is made of
+    #[arg(long)]
+    pub notices: bool,
     /// Steps that drive the viewer by itself (see docs/viewer.md); ends with exit code 1 where one fails
     #[arg(long, value_name = "JSON")]
     pub session: Option<PathBuf>,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use eframe::egui;
 use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
-use fantex::base::{Error, ErrorKind, Result};
+use fantex::base::{Error, ErrorKind, ReadLimits, ReadOptions, Result};
 use fantex::texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
@@ -85,7 +85,8 @@ impl Workspace {
         viewer.paints = start.arguments.paint;
         viewer.look_model.clone_from(&start.arguments.on);
         viewer.asks = start.session.is_none();
-        fantex::base::input::allow_outside(start.arguments.allow_outside);
+        let allow_outside = start.arguments.allow_outside;
+        ReadLimits::new(ReadOptions { allow_outside, ..ReadOptions::default() }).make_default();
         viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         Self {

@@ -10,11 +10,15 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use fantex::base::{Random, input};
+use fantex::base::{Random, ReadLimits, ReadOptions};
 use fantex::look::{LookFile, LookImages, ResolveOptions, Resolver};
+use fantex::paint::{PaintOptions, Painter, StrokeLog, replay};
+use fantex::store::{VerifyOptions, verify_asset};
 use fantex::texture::environment::EnvironmentMap;
 use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, Volume};
+use fantex::{Baker, Footprint, Source};
 use fantex_mesh::{CleanOptions, LoadOptions, clean, generate, load_bytes};
+use fantex_test::fan_file::crafted;
 use fantex_test::{cleaned, rounds, workspace};
 
 /// Counts what is allocated.
@@ -92,14 +96,24 @@ fn damage(bytes: &[u8], is_text: bool, random: &mut Random) -> Vec<u8> {
 
 /// Gives a reader damaged copies of files: `cases` of each where no time is given.
 fn attack(files: &[(String, Vec<u8>)], cases: u64, read: impl Fn(&str, &[u8])) {
-    // The budget and what is counted are those of the process.
+    let is_text = |bytes: &[u8]| std::str::from_utf8(bytes).is_ok();
+    attack_by(|bytes, random| damage(bytes, is_text(bytes), random), files, cases, read);
+}
+
+fn attack_by(
+    damage: impl Fn(&[u8], &mut Random) -> Vec<u8>,
+    files: &[(String, Vec<u8>)],
+    cases: u64,
+    read: impl Fn(&str, &[u8]),
+) {
+    // What is counted is the process's memory.
     static ALONE: Mutex<()> = Mutex::new(());
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-    input::set_memory(BUDGET as u64);
+    let options = ReadOptions { memory_bytes: BUDGET as u64, ..ReadOptions::default() };
+    ReadLimits::new(options).make_default();
     for seed in rounds(cases) {
         for (number, (name, bytes)) in (0..).zip(files) {
-            let is_text = std::str::from_utf8(bytes).is_ok();
-            let damaged = damage(bytes, is_text, &mut Random::of_seeds([seed, number]));
+            let damaged = damage(bytes, &mut Random::of_seeds([seed, number]));
             let before = LIVE.load(Relaxed);
             PEAK.store(before, Relaxed);
             let started = Instant::now();
@@ -232,5 +246,67 @@ fn stroke_files_are_refused_or_read() {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         drop(fantex::paint::StrokeFile::load(&path));
+    });
+}
+
+/// A painted asset: texels, layers with a look, history, a log with a stamp.
+fn painted() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.fan");
+    let mesh = fantex::Mesh::from_model(generate::icosphere(2), "ball").unwrap();
+    Baker::new(&mesh).source(Source::solid("clouds")).texels(8000).write(&path).unwrap();
+    let texels: Vec<[f32; 4]> = (0..64).map(|i| [i as f32 / 64.0; 4]).collect();
+    Image::from_linear_rgba(8, 8, &texels).save(folder.path().join("a.png")).unwrap();
+    let strokes = r##"{ "version": 1, "strokes": [
+        { "layer": { "name": "wood", "fill": { "look": { "inline": { "text": "[textures.a]\nkind = 'wood'\n" } },
+            "textures": [{ "kind": "base_color", "texture": "a" }] } } },
+        { "brush": { "size": { "world": 0.8 }, "stamp": "a.png" },
+            "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }],
+            "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] } }] }] }"##;
+    let strokes = serde_json::from_str(strokes).unwrap();
+    let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+    replay(&mut painter, &strokes, folder.path()).unwrap();
+    painter.commit().unwrap();
+    drop(painter);
+    std::fs::read(&path).unwrap()
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn assets_with_right_checksums_are_refused_or_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let inside = folder.path().join("one/two");
+    std::fs::create_dir_all(&inside).unwrap();
+    let craft = |bytes: &[u8], random: &mut Random| {
+        let seed = random.below(u64::MAX);
+        let change =
+            |raw: &[u8]| damage(raw, std::str::from_utf8(raw).is_ok(), &mut Random::of_seeds([seed, 0]));
+        crafted(bytes, &mut |n| random.below(n), change)
+    };
+    attack_by(craft, &[("a.fan".to_owned(), painted())], 3000, |name, bytes| {
+        let path = inside.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let Ok(asset) = fantex::Asset::open(&path) else { return };
+        drop(verify_asset(asset.shared(), &VerifyOptions { memory_bytes: 1 << 20 }));
+        let sampler = asset.sampler(1 << 20);
+        let points = [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]].map(|p| asset.nearest_point(p));
+        for (point, channel) in points.into_iter().flatten().zip(asset.channels()) {
+            if let Ok(value) = sampler.sample(channel.kind, point, Footprint::NONE) {
+                assert!(value.is_finite(), "{value}");
+            }
+        }
+        if let Ok(log) = StrokeLog::of(&asset) {
+            drop(log.save(&inside.join("log.json")));
+        }
+        drop((sampler, asset));
+        if let Ok(mut painter) = Painter::open(&path, &PaintOptions { memory_bytes: 8 << 20, history: true })
+        {
+            drop(painter.undo());
+            drop(painter.undo());
+            drop(painter.redo());
+            drop(painter.commit());
+        }
+        let beside = |folder: &Path| folder.read_dir().unwrap().count();
+        assert_eq!([beside(folder.path()), beside(&folder.path().join("one"))], [1, 1], "files elsewhere");
     });
 }

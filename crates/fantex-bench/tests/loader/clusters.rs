@@ -223,7 +223,7 @@ fn urgent_pages_come_first() {
     let baked = baked(BakeFormat::Bc7);
     let options =
         ClusterLoaderOptions { merge_bytes: 0, worker_threads: 1, ..ClusterLoaderOptions::default() };
-    let mut loader = slow_loader(&baked, 1, Duration::from_millis(5), &options);
+    let mut loader = slow_loader(&baked, 1, Duration::from_millis(60), &options);
     let pages = one_page_per_cluster(&baked);
     assert!(pages.len() >= 8, "{} clusters", pages.len());
     for &page in &pages {
@@ -249,7 +249,7 @@ fn urgent_pages_come_first() {
 fn cancelled_clusters_are_not_read() {
     let baked = baked(BakeFormat::Bc7);
     let options = ClusterLoaderOptions { merge_bytes: 0, ..ClusterLoaderOptions::default() };
-    let mut loader = slow_loader(&baked, 1, Duration::from_millis(20), &options);
+    let mut loader = slow_loader(&baked, 1, Duration::from_millis(200), &options);
     let pages = one_page_per_cluster(&baked);
     for &page in &pages {
         loader.request(page, 0.0);
@@ -314,8 +314,11 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
         loader.request(page, (i % 7) as f32);
     }
     let begin = Instant::now();
-    while begin.elapsed() < Duration::from_millis(400) {
+    let mut ready = 0;
+    while begin.elapsed() < Duration::from_millis(400) || ready < 500 << 10 {
         let now = loader.statistics();
+        ready = now.ready_bytes;
+        assert!(begin.elapsed() < Duration::from_secs(60), "{now:?}");
         assert!(now.in_flight_bytes <= (400 << 10) + (300 << 10), "{now:?}");
         assert!(now.cache_bytes <= 600 << 10 && now.stored_cache_bytes <= 300 << 10, "{now:?}");
         // A batch per worker, and its last page.
@@ -323,7 +326,6 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
         assert!(now.ready_bytes <= (500 << 10) + 2 * ((256 << 10) + parcel_bytes), "{now:?}");
         std::thread::yield_now();
     }
-    assert!(loader.statistics().ready_bytes >= 500 << 10);
     assert_eq!(wait_for_all(&mut loader, 1 << 18).len(), pages.len());
 }
 
@@ -366,7 +368,7 @@ fn dropping_a_busy_loader_ends_its_threads() {
             }
         }
         // A joined thread may still be listed for a moment.
-        let deadline = Instant::now() + Duration::from_secs(10);
+        let deadline = Instant::now() + Duration::from_secs(60);
         while thread_count() > before {
             assert!(Instant::now() < deadline, "{} threads, {before} before", thread_count());
             std::thread::sleep(Duration::from_millis(1));

@@ -6,6 +6,10 @@ mod bad_input;
 mod export_and_paint;
 mod hostile;
 mod looks;
+#[cfg(target_os = "linux")]
+mod memory;
+#[cfg(target_os = "linux")]
+mod outputs;
 mod photographs;
 mod round_trip;
 
@@ -21,6 +25,12 @@ fn fantex() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fantex"));
     command.current_dir(workspace());
     command
+}
+
+/// What cargo has made of an example of this package, beside the program.
+#[cfg(target_os = "linux")]
+fn example(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_BIN_EXE_fantex")).with_file_name("examples").join(file)
 }
 
 /// The model that comes with the repository.

@@ -220,7 +220,7 @@ impl Resolver<'_> {
             let position = center + (Vec3::from_array(at) - 0.5) * extent;
             input.evaluate(&solid_point(position, voxel)).to_array()
         });
-        let samples = Samples::F32(self.accept(&key.name("size"), texels)?.as_flattened().to_vec());
+        let samples = Samples::F32(self.accept(&key.name("size"), texels)?.into_flattened());
         let volume = self.accept(&key.name("size"), Volume::new(size, 4, ColorSpace::Linear, samples))?;
         let filter = if table.smooth { VolumeFilter::Mipmapped } else { VolumeFilter::Nearest };
         let options = VolumeOptions { wrap: [Wrap::Clamp; 3], filter };

@@ -381,7 +381,7 @@ fn relative_path(written: &str) -> Option<PathBuf> {
 /// in case only.
 ///
 /// # Errors
-/// It leads out of the file's folder, and that is not [allowed](input::allow_outside).
+/// It leads out of the file's folder, and that is not [allowed](input::ReadOptions::allow_outside).
 fn locate(owner: &Path, relative: &Path) -> Result<PathBuf> {
     input::check_inside(owner, relative)?;
     Ok(located(owner.parent().unwrap_or(Path::new("")), relative))

@@ -4,12 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
+use fantex_base::ErrorKind;
 use fantex_mesh::{Mesh, generate};
 use fantex_paint::{
     BlendMode, ChannelPaint, Layer, Paint, PaintColor, Painter, StrokeFile, StrokeLog, Target, Tool, dabs_of,
     replay,
 };
-use fantex_store::{Asset, PageCache, VerifyOptions, verify};
+use fantex_store::{Asset, AssetEditor, EditOptions, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
@@ -337,4 +338,21 @@ fn a_painted_bunny_takes_its_paint_along() {
     let denser = compare(&baked, &mesh, 64, 1 << 20);
     let covered = compare(&baked, &mesh, 96, 1 << 19);
     assert!(denser.0 < 0.01 && covered.0 < 0.01, "{denser:?} {covered:?}");
+}
+
+#[test]
+fn a_log_does_not_choose_where_its_files_are_written() {
+    let baked = ball(2_000, BakeFormat::Rgba8);
+    let out = baked.folder.path().join("deep/out");
+    std::fs::create_dir_all(&out).unwrap();
+    for name in ["../../up.txt", "..", "", "a/b.txt", "/tmp/fantex-absolute.txt", "c:x"] {
+        let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        editor.attach(&format!("strokes/files/{name}"), b"text".to_vec()).unwrap();
+        editor.commit().unwrap();
+        let log = StrokeLog::of(editor.asset());
+        assert!(log.is_err_and(|error| error.kind() == ErrorKind::Damaged), "{name}");
+        editor.detach(&format!("strokes/files/{name}"));
+        editor.commit().unwrap();
+    }
+    log_of(&baked.path).save(&out.join("log.json")).unwrap();
 }

@@ -9,8 +9,8 @@ use fantex_base::{Error, ErrorKind};
 use fantex_store::{
     Asset, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, verify_asset,
 };
+use fantex_test::fan_file::{seal, section, set_word, with_section};
 use glam::Vec2;
-use xxhash_rust::xxh3::xxh3_64;
 
 use crate::common::{Dice, block_channels, fan_cover, pages, tetrahedron, write};
 
@@ -117,46 +117,6 @@ fn flipped_bits_are_noticed_or_harmless() {
     }
     // Most of so small a file is padding up to multiples of 4096.
     assert!(refused > 0 && reported > 0 && harmless > 0, "{refused} {reported} {harmless}");
-}
-
-fn word(bytes: &[u8], at: usize) -> u64 {
-    u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
-}
-
-fn set_word(bytes: &mut [u8], at: usize, value: u64) {
-    bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
-}
-
-/// Makes the checksums of both header slots right.
-fn seal(bytes: &mut [u8]) {
-    for slot in [0, 4096] {
-        let checksum = xxh3_64(&bytes[slot..slot + 248]);
-        set_word(bytes, slot + 248, checksum);
-    }
-}
-
-/// A section's bytes, unpacked. Sections: 0 channels, 1 cover, 2 mesh, 3 directory.
-fn section(bytes: &[u8], index: usize) -> Vec<u8> {
-    let (offset, length) = (word(bytes, 32 + 32 * index) as usize, word(bytes, 40 + 32 * index) as usize);
-    zstd::decode_all(&bytes[offset..offset + length]).unwrap()
-}
-
-/// The file with another section, appended at its end, and all checksums right.
-fn with_section(bytes: &[u8], index: usize, raw: &[u8]) -> Vec<u8> {
-    let mut changed = bytes.to_vec();
-    let stored = zstd::encode_all(raw, 1).unwrap();
-    let offset = changed.len() as u64;
-    changed.extend_from_slice(&stored);
-    let file_length = changed.len() as u64;
-    for slot in [0, 4096] {
-        set_word(&mut changed, slot + 24, file_length);
-        let record = [offset, stored.len() as u64, raw.len() as u64, xxh3_64(&stored)];
-        for (k, value) in record.into_iter().enumerate() {
-            set_word(&mut changed, slot + 32 + 32 * index + 8 * k, value);
-        }
-    }
-    seal(&mut changed);
-    changed
 }
 
 #[test]
