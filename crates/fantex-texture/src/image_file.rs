@@ -124,10 +124,11 @@ impl Image {
             return Err(unknown());
         }
         let decoded = input::guarded(|| {
-            if format == ImageFormat::Tiff
-                && let Some(image) = decode_numbers(bytes, label, limits)?
-            {
-                return Ok(image);
+            if format == ImageFormat::Tiff {
+                check_tiff(bytes, label)?;
+                if let Some(image) = decode_numbers(bytes, label, limits)? {
+                    return Ok(image);
+                }
             }
             Ok(from_dynamic(decode_dynamic(bytes, label, format, limits)?, default_space))
         });
@@ -285,6 +286,44 @@ fn check_exr(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<()> {
             .saturating_mul(pixel_bytes)
             .saturating_mul(threads.min(header.chunk_count as u64 + 1));
         reserve(label, parts.saturating_add(area(window).saturating_mul(pixel_bytes)), limits)?;
+    }
+    Ok(())
+}
+
+/// Refuses TIFF files with a field of more values than the file has bytes for: the decoder makes room for all before it reads one. Fields of the
+/// first picture only, which is the one that is read.
+fn check_tiff(bytes: &[u8], label: &str) -> Result<()> {
+    let is_little = bytes.starts_with(b"II");
+    let number = |at: usize, length: usize| -> Option<u64> {
+        let mut digits: Vec<u8> = bytes.get(at..at.checked_add(length)?)?.to_vec();
+        if is_little {
+            digits.reverse();
+        }
+        Some(digits.into_iter().fold(0, |sum, digit| sum << 8 | u64::from(digit)))
+    };
+    let is_big = number(2, 2) == Some(43);
+    // Lengths of the place of the directory, the number of fields, a field, and its number of values.
+    let (place, many, field, count) = if is_big { (8, 8, 20, 8) } else { (4, 2, 12, 4) };
+    let Some(directory) = number(if is_big { 8 } else { 4 }, place) else { return Ok(()) };
+    let Ok(directory) = usize::try_from(directory) else { return Ok(()) };
+    // What is cut short is reported by the decoder.
+    let Some(fields) = number(directory, many) else { return Ok(()) };
+    for i in 0..fields.min(bytes.len() as u64 / field as u64) as usize {
+        let at = directory + many + i * field;
+        let (Some(tag), Some(kind), Some(values)) = (number(at, 2), number(at + 2, 2), number(at + 4, count))
+        else {
+            return Ok(());
+        };
+        let value_bytes: u64 = match kind {
+            3 | 8 => 2,
+            4 | 9 | 11 | 13 => 4,
+            5 | 10 | 12 | 16 | 17 | 18 => 8,
+            _ => 1,
+        };
+        if values.saturating_mul(value_bytes) > bytes.len() as u64 {
+            let cause = format!("its field {tag} claims {values} values in {} bytes", bytes.len());
+            return Err(not_readable(label, ImageFormat::Tiff, &cause));
+        }
     }
     Ok(())
 }

@@ -9,13 +9,14 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, Fit, SineSource, fidelity};
+use fantex::base::input;
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::mesh::{CleanOptions, LoadOptions, Model, SurfacePoint, clean, load};
 use fantex::render::{FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, Footprint, PageCache, Sampler};
-use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
+use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
 use fantex::{Mesh, Result};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -248,7 +249,17 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     const SAMPLES: u64 = 4_000_000;
     let bench = Bench::open(args, context)?;
     let baked = bench.bake(BakeFormat::Rgba8, context)?;
-    let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
+    let side = (baked.texels as f64).sqrt() as u32;
+    let image_bytes = u64::from(side) * u64::from(side) * 4;
+    // With its levels, which are made one from the other.
+    let held = input::reserve("an image of as many texels", 2 * image_bytes)?;
+    let texels = [64, 128, 192, 255].repeat(image_bytes as usize / 4);
+    let samples = Samples::U8(texels);
+    let image = Image { width: side, height: side, channels: 4, space: ColorSpace::Linear, samples };
+    let texture = ImageTexture::new(Arc::new(image));
+    drop(held);
+    let cache_bytes = input::share_of_cache(context.memory_bytes) as usize;
+    let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), cache_bytes);
     let bilinear = FilterOptions { filter: Filter::Bilinear, ..FilterOptions::default() };
     let sampler = Sampler::of_cache(&cache, bilinear);
     let triangles = bench.mesh.triangles.len() as u64;
@@ -275,9 +286,6 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
         Ok(())
     })?;
 
-    let side = (baked.texels as f64).sqrt() as u32;
-    let texels = vec![[0.25_f32, 0.5, 0.75, 1.0]; side as usize * side as usize];
-    let texture = ImageTexture::new(Arc::new(Image::from_linear_rgba(side, side, &texels)));
     let options = SampleOptions { filter: Filter::Bilinear, ..SampleOptions::default() };
     let plain = || {
         (0..SAMPLES as usize)
