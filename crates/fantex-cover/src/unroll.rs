@@ -293,7 +293,8 @@ impl Unroller {
         let radius = (area / PI).sqrt();
         places.fill(DVec2::ZERO);
         for (point, at) in around {
-            places[point] = radius * DVec2::from_angle(TAU * at / length);
+            let (sin, cos) = libm::sincos(TAU * at / length);
+            places[point] = radius * DVec2::new(cos, sin);
             is_free[point] = false;
         }
         let mut degrees = vec![0.0; places.len()];

@@ -165,8 +165,8 @@ fn missing_and_broken_files_on_the_command_line_are_failures() {
     let whole = save_asset(folder.path());
     std::fs::write(folder.path().join("cut.fan"), &std::fs::read(&whole).unwrap()[..5000]).unwrap();
     std::fs::write(folder.path().join("text.obj"), "no model at all").unwrap();
-    std::fs::write(folder.path().join("a.toml"), "").unwrap();
-    for name in ["none.glb", "none.fan", "cut.fan", "text.obj", "a.toml", "."] {
+    std::fs::write(folder.path().join("a.txt"), "").unwrap();
+    for name in ["none.glb", "none.fan", "cut.fan", "text.obj", "a.txt", "."] {
         for arguments in [&[name][..], &["--paint", name]] {
             let output = display.run(folder.path(), arguments, r#"{"wait_frames":100000}"#);
             let told = String::from_utf8_lossy(&output.stderr);
