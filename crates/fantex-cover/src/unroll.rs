@@ -354,7 +354,7 @@ impl Unroller {
             let moved = |step: f64| -> Vec<DVec2> {
                 places.iter().zip(&direction).map(|(&place, &way)| place + step * way).collect()
             };
-            let tried = steps.map(|step| moved(step)).map(|places| (self::energy(pieces, &places), places));
+            let tried = steps.map(moved).map(|places| (self::energy(pieces, &places), places));
             let Some((next, moved)) = tried.into_iter().find(|tried| tried.0 < energy) else { return };
             *places = moved;
             let gain = energy - next;
@@ -375,7 +375,8 @@ impl Unroller {
         for (i, piece) in pieces.iter().enumerate() {
             let at = piece.points.map(|p| places[p as usize]);
             let doubled = piece.rest[1].perp_dot(piece.rest[2]);
-            if !((at[1] - at[0]).perp_dot(at[2] - at[0]) > MIN_AREA * doubled) {
+            let is_upright = (at[1] - at[0]).perp_dot(at[2] - at[0]) > MIN_AREA * doubled;
+            if !is_upright {
                 return false;
             }
             let flat = at.map(|p| p.as_vec2());

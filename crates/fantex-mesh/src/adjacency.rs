@@ -262,7 +262,7 @@ pub fn continued(sides: &[EdgeSide]) -> Pairs {
 pub fn continued_by_angle(sides: &[EdgeSide], ends: [u32; 2], positions: &[Vec3]) -> Pairs {
     let pairs = continued(sides);
     let n = sides.len();
-    if !pairs.is_empty() || n < 4 || n > MAX_AT_EDGE || !n.is_multiple_of(2) {
+    if !pairs.is_empty() || !(4..=MAX_AT_EDGE).contains(&n) || !n.is_multiple_of(2) {
         return pairs;
     }
     let at = |v: u32| positions[v as usize].as_dvec3();
@@ -280,7 +280,7 @@ pub fn continued_by_angle(sides: &[EdgeSide], ends: [u32; 2], positions: &[Vec3]
         around[(k + 1) % n].0 + whole - around[k].0
     };
     // Triangles that lie on each other have no order.
-    if (0..n).any(|k| !(turn(k) > MIN_TURN)) {
+    if !(0..n).all(|k| turn(k) > MIN_TURN) {
         return pairs;
     }
     let is_forward = |k: usize| sides[around[k % n].1].is_forward;

@@ -75,8 +75,8 @@ fn check_unfolded(cover: &Cover) -> Result<()> {
             let triangle = entry.corner / 3;
             (triangle, cover.corner_groups[triangle as usize][entry.corner as usize % 3])
         };
-        let others = cover.unfolded[i.saturating_sub(2)..i].iter();
-        for other in others.filter(|&other| group(other) == group(entry) && other.uv != entry.uv) {
+        let mut others = cover.unfolded[i.saturating_sub(2)..i].iter();
+        if let Some(other) = others.find(|&other| group(other) == group(entry) && other.uv != entry.uv) {
             return Err(Error::malformed(format!(
                 "corners {} and {} of a triangle are in one unfolded group, but have different coordinates",
                 other.corner, entry.corner
@@ -123,7 +123,8 @@ pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
         let [a, b, c] = u.uv;
         [a.x, a.y, b.x, b.y, c.x, c.y]
     }));
-    let marks = u8::from(cover.is_creased) * CREASED | u8::from(cover.is_paired_by_angle) * PAIRED_BY_ANGLE;
+    let mark = |is_set: bool, bit: u8| if is_set { bit } else { 0 };
+    let marks = mark(cover.is_creased, CREASED) | mark(cover.is_paired_by_angle, PAIRED_BY_ANGLE);
     if marks != 0 {
         out.u8(marks);
     }
