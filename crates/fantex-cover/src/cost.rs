@@ -71,16 +71,13 @@ pub(crate) fn error_at(cos: f32) -> f32 {
 /// The cost of a patch with an error (in texels, at least its area) that takes up a region (in texels).
 #[inline]
 pub(crate) fn cost(error: f32, region: &Region) -> f32 {
-    cost_of_texels(error, region.texels() + ENTRY)
-}
-
-fn cost_of_texels(error: f32, texels: f32) -> f32 {
-    libm::cbrtf(error * texels * texels)
+    unfolded_cost(error, region, 0)
 }
 
 /// The same of an unfolded patch with coordinates for so many corners.
 pub(crate) fn unfolded_cost(error: f32, region: &Region, corners: usize) -> f32 {
-    cost_of_texels(error, region.texels() + ENTRY + CORNER * corners as f32)
+    let texels = region.texels() + ENTRY + CORNER * corners as f32;
+    libm::cbrtf(error * texels * texels)
 }
 
 /// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the

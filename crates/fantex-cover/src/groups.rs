@@ -65,7 +65,7 @@ impl Patch {
         self.flat.distortion.cost(region, self.density * self.density, self.corners.len())
     }
 
-    /// Its area.
+    /// Its area in nominal texels.
     fn texels(&self) -> f32 {
         self.flat.distortion.area() * self.density * self.density
     }
@@ -107,7 +107,7 @@ pub(crate) fn group_fans(
     Grouping { laid, fan_groups: builder.fan_groups }
 }
 
-/// On meshes with more fans groups are not laid flat freely: that takes a tenth of a millisecond per fan, and scans gain a tenth of a decibel.
+/// On meshes with more fans groups are not laid flat freely: covers would take twice the time, and scans gain a tenth of a decibel.
 const MAX_FANS_FOR_UNROLLING: usize = 20_000;
 
 /// The groups found in one way, and what they cost.
