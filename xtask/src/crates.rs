@@ -30,6 +30,7 @@ const CRATES: &str = "
     fantex-gallery | the looks of the gallery |
     fantex-cli     | the command line | fantex assets bottle gallery
     fantex-app     | the window: viewer and painter | fantex assets
+    fantex-python  | the Python package | fantex assets
     fantex-bench   | benchmarks, simulators and faulty disks; not shipped | *
     fantex-test    | test data and meshes for tests of several crates; not shipped | mesh
     xtask          | development chores; not shipped |";

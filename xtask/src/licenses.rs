@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::shell::{self, Failure, capture, cargo_command, root, succeeds};
 
 /// The crates whose programs are shipped.
-const PROGRAMS: [&str; 2] = ["fantex-cli", "fantex-app"];
+const PROGRAMS: [&str; 3] = ["fantex-cli", "fantex-app", "fantex-python"];
 
 /// What programs carry and print.
 const NOTICES: &str = "assets/NOTICES.txt";

@@ -6,6 +6,7 @@ mod crates;
 mod goldens;
 mod licenses;
 mod lint;
+mod python;
 mod shell;
 mod test;
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::python;
 use crate::shell::{Failure, capture, cargo_command, data_folder, root, run as run_command, succeeds};
 
 /// Examples of the library. All of them end by themselves without arguments.
@@ -34,8 +35,9 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     let result = run_cargo(&arguments, &list);
     let documentation = run_cargo(&["test", "--workspace", "--doc", "--quiet"], &list);
     let examples = run_examples(&list);
+    let python = python::run(&list, slow);
     eprintln!("{}", summary(&std::fs::read_to_string(&list).unwrap_or_default(), slow));
-    result.and(documentation).and(examples)
+    result.and(documentation).and(examples).and(python)
 }
 
 /// The attacks of `fantex-bench`, for so many seconds each, with the checks of builds for development.
@@ -48,11 +50,16 @@ pub(crate) fn fuzz(seconds: &str, seed: &str) -> Result<(), Failure> {
 /// Examples are built as the tests are, with the features that the workspace's programs ask for; so nothing is compiled twice.
 fn run_examples(list: &Path) -> Result<(), Failure> {
     run_cargo(&["build", "--workspace", "--examples"], list)?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let target = target_folder();
     EXAMPLES.iter().try_for_each(|example| {
         eprintln!("> {example}");
         run_command(Command::new(target.join("debug/examples").join(example)).current_dir(root()))
     })
+}
+
+/// Where cargo builds.
+pub(crate) fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 /// One line on what was left out, by reason.
@@ -75,7 +82,7 @@ fn summary(skipped: &str, slow: bool) -> String {
 }
 
 /// Runs cargo; tests learn where the real models and images are, and where to say what they leave out.
-fn run_cargo(arguments: &[&str], list: &Path) -> Result<(), Failure> {
+pub(crate) fn run_cargo(arguments: &[&str], list: &Path) -> Result<(), Failure> {
     eprintln!("> cargo {}", arguments.join(" "));
     let mut command: Command = cargo_command(arguments);
     command.env("FANTEX_SKIPPED", list);

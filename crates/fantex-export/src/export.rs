@@ -48,7 +48,7 @@ pub struct ExportSummary {
 }
 
 /// What a glTF material can show, in the order of the pictures.
-const MODEL_MAPS: [ChannelMap; 4] =
+pub(crate) const MODEL_MAPS: [ChannelMap; 4] =
     [ChannelMap::BaseColor, ChannelMap::OcclusionRoughnessMetallic, ChannelMap::Normal, ChannelMap::Emission];
 
 /// Writes an asset as a model with texture coordinates: `.glb` with its pictures inside, or `.gltf` with a `.bin` and PNG
@@ -183,16 +183,20 @@ pub fn export_channel(
     Ok(summary)
 }
 
-struct Job<'a> {
-    cache: PageCache,
+pub(crate) struct Job<'a> {
+    pub(crate) cache: PageCache,
     options: &'a ExportOptions<'a>,
-    layout: Layout,
+    pub(crate) layout: Layout,
     /// Unit normals, one per corner.
     normals: Vec<Vec3>,
 }
 
 impl<'a> Job<'a> {
-    fn new(asset: &Arc<Asset>, options: &'a ExportOptions<'a>, progress: &dyn Progress) -> Result<Self> {
+    pub(crate) fn new(
+        asset: &Arc<Asset>,
+        options: &'a ExportOptions<'a>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let (mesh, cover) = (asset.mesh(), asset.cover());
         let (side, largest_side) = (options.side, options.largest_side);
         let with_uv = |uv| model_uv(mesh, uv, cover.density, side, largest_side);
@@ -210,7 +214,7 @@ impl<'a> Job<'a> {
     }
 
     /// Tangents of the layout's coordinates, one per corner; none where no map needs them.
-    fn tangents(&self, maps: &[Map]) -> Vec<Vec4> {
+    pub(crate) fn tangents(&self, maps: &[Map]) -> Vec<Vec4> {
         if maps.iter().all(|m| m.kind != ChannelMap::Normal) {
             return Vec::new();
         }
@@ -246,7 +250,7 @@ impl<'a> Job<'a> {
         Ok((Box::new(Both(png, ktx2)), file))
     }
 
-    fn run(
+    pub(crate) fn run(
         &self,
         maps: &[Map],
         tangents: &[Vec4],
@@ -300,7 +304,7 @@ impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
 }
 
 /// What values must be divided by to lie in 0..1: the largest number of a channel that holds floats of emitted light.
-fn scale_of(cache: &PageCache, map: &Map) -> f32 {
+pub(crate) fn scale_of(cache: &PageCache, map: &Map) -> f32 {
     let asset = cache.asset();
     let channel = &asset.channels()[map.channel];
     if map.kind != ChannelMap::Emission || channel.format != TexelFormat::Rgba32F {

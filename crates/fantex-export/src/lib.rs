@@ -10,6 +10,7 @@
 //! Texels hold the texture function at their point of the surface, in linear light; where the picture is coarser than the
 //! tiles, its mean over the texel. Padding is described in `layout.rs`.
 
+mod atlas;
 mod charts;
 mod export;
 mod layout;
@@ -18,6 +19,7 @@ mod pictures;
 mod texels;
 mod unwrap;
 
+pub use atlas::*;
 pub use export::*;
 pub use pictures::Depth;
-pub use unwrap::{UnwrapOptions, Unwrapped, unwrap_mesh};
+pub use unwrap::*;

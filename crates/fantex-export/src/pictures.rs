@@ -157,7 +157,7 @@ impl RowSink for PngSink {
     }
 }
 
-fn samples(values: &[[f32; 4]], map: &Map, depth: Depth) -> Vec<u8> {
+pub(crate) fn samples(values: &[[f32; 4]], map: &Map, depth: Depth) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(values.len() * map.components.count() * 2);
     let mut put = |value: f32, is_color: bool| match (depth, is_color && map.is_srgb) {
         (Depth::Eight, true) => bytes.push(srgb8_from_linear(value)),

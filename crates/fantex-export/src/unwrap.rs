@@ -1,13 +1,15 @@
 //! Texture coordinates for a mesh, without an asset.
 
-use fantex_bake::NoProgress;
-use fantex_base::{Error, Result};
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::Mesh;
-use glam::Vec2;
+use std::collections::HashMap;
 
-use crate::ExportOptions;
+use fantex_bake::{NoProgress, Progress};
+use fantex_base::{Error, ErrorKind, Result};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_mesh::{CleanOptions, CornerOrigins, Mesh, Model, clean_traced};
+use glam::{DVec3, Vec2};
+
 use crate::layout::{AtlasRequest, atlas};
+use crate::{ExportOptions, MAX_SIDE};
 
 /// How a mesh is unwrapped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,10 +28,12 @@ impl Default for UnwrapOptions {
 }
 
 /// Texture coordinates of a mesh.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unwrapped {
     /// Of each triangle's corners, 0..1, origin top left, v downwards.
     pub uv: Vec<[Vec2; 3]>,
+    /// Columns and rows of the picture.
+    pub side: u32,
     /// Pieces.
     pub charts: usize,
     /// Texels around every piece that are its own.
@@ -41,14 +45,147 @@ pub struct Unwrapped {
 /// # Errors
 /// An option is out of its range, or there are too many charts for the picture.
 pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
+    unwrap_with(mesh, options, &NoProgress).map_err(|error| error.context("cannot unwrap the mesh"))
+}
+
+fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) -> Result<Unwrapped> {
     let UnwrapOptions { side, padding } = *options;
-    let refused = |error: Error| error.context("cannot unwrap the mesh");
-    ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check().map_err(refused)?;
+    ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()?;
     let texels = f64::from(side) * f64::from(side);
     let budget = TexelBudget::Total(texels as u64);
     let (cover, _) = build_cover(mesh, &CoverOptions { budget, ..CoverOptions::default() })?;
     let texels_per_unit = (texels / mesh.area()).sqrt() as f32;
     let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
-    let layout = atlas(mesh, &cover, &request, &NoProgress).map_err(refused)?;
-    Ok(Unwrapped { uv: layout.uv, charts: layout.charts, padding: layout.padding })
+    let layout = atlas(mesh, &cover, &request, progress)?;
+    Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
+}
+
+/// A mesh whose vertices are split where texture coordinates differ: one coordinate for each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SplitMesh {
+    /// The vertex that each was before.
+    pub vertices: Vec<u32>,
+    /// Indices into `vertices`, as many triangles as before, in their order.
+    pub triangles: Vec<[u32; 3]>,
+    /// Of each vertex, 0..1, origin top left, v downwards.
+    pub uv: Vec<Vec2>,
+}
+
+impl SplitMesh {
+    /// Splits the vertices of triangles; `uv`: of each triangle's corners.
+    pub fn new(triangles: &[[u32; 3]], uv: &[[Vec2; 3]]) -> Self {
+        let mut split = Self::default();
+        let mut known = HashMap::new();
+        split.triangles = triangles
+            .iter()
+            .zip(uv)
+            .map(|(vertices, uv)| [0, 1, 2].map(|k| split.vertex(vertices[k], uv[k], &mut known)))
+            .collect();
+        split
+    }
+
+    fn vertex(&mut self, vertex: u32, uv: Vec2, known: &mut HashMap<(u32, [u32; 2]), u32>) -> u32 {
+        *known.entry((vertex, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
+            self.vertices.push(vertex);
+            self.uv.push(uv);
+            (self.vertices.len() - 1) as u32
+        })
+    }
+}
+
+/// Unwraps triangles as they come: repeated, without area, with positions that are no numbers. Each gets coordinates: one that repeats
+/// another has the other's, one without area lies in a point. Where there are more pieces than the square holds, it grows up to
+/// [`MAX_SIDE`] texels. `side` is that of the square in the end.
+///
+/// # Errors
+/// An index or an option is out of its range, there are more pieces than the largest square holds, or `progress` asked to stop.
+pub fn unwrap_triangles(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    options: &UnwrapOptions,
+    progress: &dyn Progress,
+) -> Result<(SplitMesh, Unwrapped)> {
+    let refused = |error: Error| error.context("cannot unwrap the mesh");
+    let wrong = |(_, t): &(usize, &[u32; 3])| t.iter().any(|&v| v as usize >= positions.len());
+    if let Some((i, t)) = triangles.iter().enumerate().find(wrong) {
+        let count = positions.len();
+        let message = format!("triangle {i} has the vertices {t:?}, but there are {count} positions");
+        return Err(refused(Error::invalid(message)));
+    }
+    let model = Model {
+        name: "the mesh".to_owned(),
+        positions: positions.to_vec(),
+        triangles: triangles.to_vec(),
+        ..Model::default()
+    };
+    let mut corners = vec![[Vec2::ZERO; 3]; triangles.len()];
+    let (mesh, _, origins) = match clean_traced(model, &CleanOptions::default()) {
+        Ok(cleaned) => cleaned,
+        // Nothing has an area.
+        Err(error) if error.kind() == ErrorKind::Malformed => {
+            return Ok((SplitMesh::new(triangles, &corners), Unwrapped::default()));
+        }
+        Err(error) => return Err(refused(error)),
+    };
+    let mut options = *options;
+    let unwrapped = loop {
+        match unwrap_with(&mesh, &options, progress) {
+            Err(error) if error.kind() == ErrorKind::TooLarge && options.side < MAX_SIDE => options.side *= 2,
+            result => break result.map_err(refused)?,
+        }
+    };
+    let mut is_laid = vec![false; triangles.len()];
+    for (t, uv) in unwrapped.uv.iter().enumerate() {
+        let source = origins.triangle(t);
+        (0..3).for_each(|k| corners[source][origins.corner(t, k)] = uv[k]);
+        is_laid[source] = true;
+    }
+    lay_rest(triangles, &mesh, &origins, &is_laid, &mut corners);
+    Ok((SplitMesh::new(triangles, &corners), unwrapped))
+}
+
+/// Coordinates of the triangles that cleaning has dropped.
+fn lay_rest(
+    triangles: &[[u32; 3]],
+    mesh: &Mesh,
+    origins: &CornerOrigins,
+    is_laid: &[bool],
+    corners: &mut [[Vec2; 3]],
+) {
+    if is_laid.iter().all(|&laid| laid) {
+        return;
+    }
+    // Where a vertex of the input is in the mesh, one of its coordinates, and which triangle has three such vertices in their order.
+    let mut of_vertex: HashMap<u32, (u32, Vec2)> = HashMap::new();
+    let mut of_triangle: HashMap<[u32; 3], usize> = HashMap::new();
+    for (t, vertices) in mesh.triangles.iter().enumerate() {
+        let source = origins.triangle(t);
+        for (k, &vertex) in vertices.iter().enumerate() {
+            let corner = origins.corner(t, k);
+            of_vertex.entry(triangles[source][corner]).or_insert((vertex, corners[source][corner]));
+        }
+        let welded = triangles[source].map(|v| of_vertex[&v].0);
+        of_triangle.entry(rotated(welded).0).or_insert(source);
+    }
+    for (i, t) in triangles.iter().enumerate().filter(|&(i, _)| !is_laid[i]) {
+        let known = t.map(|v| of_vertex.get(&v).copied());
+        if let [Some((a, _)), Some((b, _)), Some((c, _))] = known {
+            let (key, turn) = rotated([a, b, c]);
+            if let Some(&twin) = of_triangle.get(&key) {
+                let twin_turn = rotated(triangles[twin].map(|v| of_vertex[&v].0)).1;
+                corners[i] = [0, 1, 2].map(|k| corners[twin][(k + 3 - turn + twin_turn) % 3]);
+                continue;
+            }
+        }
+        corners[i] = [known.into_iter().flatten().next().map_or(Vec2::ZERO, |(_, uv)| uv); 3];
+    }
+}
+
+/// A triangle that begins with its smallest vertex, and which corner that was.
+fn rotated([a, b, c]: [u32; 3]) -> ([u32; 3], usize) {
+    match a.min(b).min(c) {
+        least if least == a => ([a, b, c], 0),
+        least if least == b => ([b, c, a], 1),
+        _ => ([c, a, b], 2),
+    }
 }

@@ -180,11 +180,16 @@ impl Image {
     /// The extension names no format, the format has no room for the channels, or the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        let bytes = self.encode_for(path)?;
+        let bytes = self.encoded(path)?;
         write_whole(path, true, |out| out.write_all(&bytes))
     }
 
-    fn encode_for(&self, path: &Path) -> Result<Vec<u8>> {
+    /// The bytes that [`save`](Self::save) would write to such a path.
+    ///
+    /// # Errors
+    /// The extension names no format, or the format has no room for the channels.
+    pub fn encoded(&self, path: impl AsRef<Path>) -> Result<Vec<u8>> {
+        let path = path.as_ref();
         let format = ImageFormat::from_path(path).ok().filter(|format| READABLE.contains(format));
         let unknown = || {
             let known = "use .png, .jpg, .tif, .webp, .hdr or .exr";

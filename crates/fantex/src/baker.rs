@@ -41,6 +41,7 @@ enum Kind<'a> {
         path: PathBuf,
         cage: Option<f64>,
     },
+    Loaded(&'a Mesh, Option<f64>),
     #[cfg(feature = "photos")]
     Photos(PhotoSet),
     Function(Box<dyn Fn(&TexelPoint) -> Vec4 + Sync + 'a>),
@@ -90,6 +91,11 @@ impl<'a> Source<'a> {
     /// As [`mesh`](Self::mesh), looking for its surface no farther than `cage` world units.
     pub fn mesh_within(path: impl Into<PathBuf>, cage: f64) -> Self {
         Self(Kind::Mesh { path: path.into(), cage: Some(cage) })
+    }
+
+    /// As [`mesh`](Self::mesh), of a model in memory; `cage` as in [`mesh_within`](Self::mesh_within).
+    pub fn loaded_mesh(mesh: &'a Mesh, cage: Option<f64>) -> Self {
+        Self(Kind::Loaded(mesh, cage))
     }
 
     /// Photographs with cameras.
@@ -151,7 +157,9 @@ impl Kind<'_> {
                 Box::new(SolidSource::new(mesh, solid))
             }
             Self::Function(color) => Box::new(FunctionSource(color.as_ref())),
-            Self::Custom(_) | Self::Look(_) | Self::Mesh { .. } => return Err(only_baked()),
+            Self::Custom(_) | Self::Look(_) | Self::Mesh { .. } | Self::Loaded(..) => {
+                return Err(only_baked());
+            }
             #[cfg(feature = "photos")]
             Self::Photos(_) => return Err(only_baked()),
         })
@@ -171,6 +179,7 @@ impl fmt::Debug for Source<'_> {
             Kind::Solid(name) => write!(f, "solid {name}"),
             Kind::Look(path) => write!(f, "look {}", path.display()),
             Kind::Mesh { path, .. } => write!(f, "mesh {}", path.display()),
+            Kind::Loaded(mesh, _) => write!(f, "mesh {}", mesh.path().display()),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => write!(f, "photographs {}", photos.path.display()),
             Kind::Function(_) => f.write_str("function"),
@@ -346,7 +355,8 @@ impl<'a> Baker<'a> {
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, path))?
             }
-            Kind::Mesh { path: detailed, cage } => self.transfer(detailed, *cage, path),
+            Kind::Mesh { path: detailed, cage } => self.transfer(&Mesh::load(detailed)?, *cage, path),
+            Kind::Loaded(detailed, cage) => self.transfer(detailed, *cage, path),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => self.photographs(photos, path),
             Kind::Custom(source) => self.bake(model, *source, None, path),
@@ -422,24 +432,23 @@ impl<'a> Baker<'a> {
     }
 
     /// Bakes another model's look and shape, and says how well the two fit.
-    fn transfer(&self, detailed: &Path, cage: Option<f64>, path: &Path) -> Result<Baked> {
+    fn transfer(&self, detailed: &Mesh, cage: Option<f64>, path: &Path) -> Result<Baked> {
         let mesh = self.refined();
         let mesh = without_textures(&mesh);
-        let detailed = Mesh::load(detailed)?;
         let mut notes: Vec<String> =
             detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
         let (materials, vertices);
         let colors: Option<&dyn fantex_bake::Source> = if detailed.has_materials() {
-            materials = LookSource::of_model(&detailed)?;
+            materials = LookSource::of_model(detailed)?;
             Some(&materials)
         } else if detailed.has_vertex_colors() {
-            vertices = VertexColorSource::new(&detailed)?;
+            vertices = VertexColorSource::new(detailed)?;
             Some(&vertices)
         } else {
             None
         };
         let options = TransferOptions { cage, ..TransferOptions::default() };
-        let source = TransferSource::new(&mesh, &detailed, colors, &options)?;
+        let source = TransferSource::new(&mesh, detailed, colors, &options)?;
         let baked = self.bake(&mesh, &source, None, path)?;
         let report = source.report();
         // Single points at rims say nothing.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use fantex_base::Result;
-use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Model, clean, load};
+use fantex_mesh::{CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load};
 use glam::{Vec3, Vec4};
 
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
@@ -16,6 +16,7 @@ pub struct Mesh {
     mesh: fantex_mesh::Mesh,
     path: PathBuf,
     report: CleanReport,
+    origins: CornerOrigins,
     notes: Vec<String>,
     load_time: Duration,
     clean_time: Duration,
@@ -42,12 +43,13 @@ impl Mesh {
     pub fn from_model(model: Model, path: impl AsRef<Path>) -> Result<Self> {
         let started = Instant::now();
         let mut notes = model.notes.clone();
-        let (mesh, report) = clean(model, &CleanOptions::default())?;
+        let (mesh, report, origins) = clean_traced(model, &CleanOptions::default())?;
         notes.extend(report.lines());
         Ok(Self {
             mesh,
             path: path.as_ref().into(),
             report,
+            origins,
             notes,
             load_time: Duration::ZERO,
             clean_time: started.elapsed(),
@@ -66,6 +68,11 @@ impl Mesh {
     /// What cleaning did, and the topology of the result.
     pub fn report(&self) -> &CleanReport {
         &self.report
+    }
+
+    /// Which corner of the model each corner was.
+    pub fn origins(&self) -> &CornerOrigins {
+        &self.origins
     }
 
     /// What the loader noticed and what cleaning did, a sentence each.

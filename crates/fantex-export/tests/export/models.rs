@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fantex_bake::{BakeFormat, NoProgress, Progress};
 use fantex_base::ErrorKind;
 use fantex_export::{
-    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_channel, export_model, unwrap_mesh,
+    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_atlas, export_channel, export_model, unwrap_mesh,
+    unwrap_triangles,
 };
 use fantex_mesh::generate::{cube, icosphere, torus};
 use fantex_mesh::{AlphaMode, Mesh};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 
@@ -374,4 +375,50 @@ fn every_corner_lies_in_the_picture_and_no_triangle_is_flat() {
         assert!(corners.iter().all(|uv| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all()));
         assert!((corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs() > 1e-7);
     }
+}
+
+#[test]
+fn triangles_are_unwrapped_as_they_come() {
+    let model = torus(16, 8);
+    let mut triangles = model.triangles.clone();
+    // Without area, repeated, repeated in another order of corners; positions that are no numbers.
+    triangles.extend([
+        [1, 1, 2],
+        triangles[5],
+        [triangles[6][1], triangles[6][2], triangles[6][0]],
+        [0, 1, 128],
+    ]);
+    let mut positions = model.positions.clone();
+    positions.push(DVec3::NAN);
+    let options = UnwrapOptions { side: 16, padding: None };
+    let (mesh, unwrapped) = unwrap_triangles(&positions, &triangles, &options, &NoProgress).unwrap();
+    assert!(unwrapped.side >= 16 && unwrapped.charts > 1);
+    assert_eq!(mesh.triangles.len(), triangles.len());
+    let corner = |t: usize, k: usize| {
+        let vertex = mesh.triangles[t][k] as usize;
+        assert_eq!(mesh.vertices[vertex], triangles[t][k]);
+        mesh.uv[vertex]
+    };
+    let laid: Vec<[Vec2; 3]> = (0..triangles.len()).map(|t| [0, 1, 2].map(|k| corner(t, k))).collect();
+    let [flat, same, turned, unusable] = laid[256..] else { panic!("{} triangles", laid.len()) };
+    assert!(flat[0] == flat[1] && flat[1] == flat[2] && unusable[0] == unusable[2]);
+    assert_eq!(same, laid[5]);
+    assert_eq!(turned, [laid[6][1], laid[6][2], laid[6][0]]);
+    let error = unwrap_triangles(&positions, &[[0, 1, 999]], &options, &NoProgress).unwrap_err();
+    assert!(error.to_string().contains("triangle 0 has the vertices [0, 1, 999]"), "{error}");
+}
+
+#[test]
+fn an_atlas_in_memory_is_the_one_in_files() {
+    let baked = baked_bottle(1 << 14);
+    let options = ExportOptions { side: Some(128), ..ExportOptions::default() };
+    let atlas = export_atlas(&baked.asset, &options, &NoProgress).unwrap();
+    export_model(&baked.asset, &baked.path("out.gltf"), &options, &NoProgress).unwrap();
+    assert!(atlas.pictures.len() >= 3);
+    for picture in &atlas.pictures {
+        let file = Image::load(baked.path(&format!("out-{}.png", picture.map.name()))).unwrap();
+        let fantex_texture::Samples::U8(samples) = file.samples else { panic!("{}", picture.map.name()) };
+        assert!(samples == picture.samples, "{}", picture.map.name());
+    }
+    assert_eq!(atlas.mesh.triangles.len(), baked.asset.mesh().triangles.len());
 }

@@ -37,7 +37,16 @@ pub struct CleanOptions {
 ///
 /// # Errors
 /// Where no triangle is left, a count exceeds 32-bit indices, or the model contradicts itself.
-pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport)> {
+pub fn clean(model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport)> {
+    let (mesh, report, _) = clean_traced(model, options)?;
+    Ok((mesh, report))
+}
+
+/// As [`clean`], and says which corner of the model each corner of the mesh was.
+///
+/// # Errors
+/// As [`clean`].
+pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport, CornerOrigins)> {
     check(&model)?;
     let mut surface = Surface::new(&mut model);
     let mut report = CleanReport {
@@ -105,9 +114,34 @@ pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanRep
         let corners = VertexCorners::of(&surface.triangles, positions.len());
         report.topology = Topology::of(&surface.triangles, &corners);
     }
-    let mut mesh = surface.into_mesh(model, positions, &turned, world_from_mesh);
+    let sources = surface.sources.take();
+    let mut mesh = surface.into_mesh(model, positions, (sources.as_deref(), &turned), world_from_mesh);
     report.corner_values_non_finite = replace_unusable(&mut mesh.corners);
-    Ok((mesh, report))
+    Ok((mesh, report, CornerOrigins { sources, turned }))
+}
+
+/// Which corner of a model each corner of the cleaned mesh was. Triangles keep their order; some are left out, some turned.
+#[derive(Clone, Debug, Default)]
+pub struct CornerOrigins {
+    /// Index of each triangle in the model; `None` where none was dropped.
+    sources: Option<Vec<u32>>,
+    /// Triangles whose corners 1 and 2 have changed places; empty: none.
+    turned: Vec<bool>,
+}
+
+impl CornerOrigins {
+    /// The triangle of the model that a triangle of the mesh was.
+    pub fn triangle(&self, triangle: usize) -> usize {
+        self.sources.as_ref().map_or(triangle, |sources| sources[triangle] as usize)
+    }
+
+    /// The corner (0, 1, 2) of that triangle that a corner of the mesh's triangle was.
+    pub fn corner(&self, triangle: usize, corner: usize) -> usize {
+        match self.turned.get(triangle) {
+            Some(true) => [0, 2, 1][corner],
+            _ => corner,
+        }
+    }
 }
 
 /// All used positions in mesh space; unused ones are zero.
@@ -196,15 +230,14 @@ impl Surface {
         flagged.map(|(t, _)| t.swap(1, 2)).count() as u64
     }
 
-    /// Joins everything to a mesh; `turned` flags the triangles that were turned (empty: none).
+    /// Joins everything to a mesh; `sources` and `turned` as in [`CornerOrigins`].
     fn into_mesh(
         self,
         model: Model,
         positions: Vec<Vec3>,
-        turned: &[bool],
+        (sources, turned): (Option<&[u32]>, &[bool]),
         world_from_mesh: WorldFromMesh,
     ) -> Mesh {
-        let sources = self.sources.as_deref();
         let triangle_materials = match sources {
             Some(sources) if !model.triangle_materials.is_empty() => {
                 sources.iter().map(|&s| model.triangle_materials[s as usize]).collect()

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use fantex_base::ErrorKind;
 use fantex_mesh::generate::{book, cube, grid, icosphere, torus};
-use fantex_mesh::{CleanOptions, CleanReport, Mesh, Model, Topology, clean};
+use fantex_mesh::{CleanOptions, CleanReport, Mesh, Model, Topology, clean, clean_traced};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 
@@ -589,4 +589,25 @@ fn a_triangle_has_area_unless_it_is_exactly_a_line() {
     let (a, c) = (Vec3::new(0.1, 0.3, 0.7), Vec3::new(0.2, 0.6, 1.4) * 0.7);
     let b = 0.5 * (a + c);
     assert!(is_kept([a, Vec3::new(b.x, b.y, b.z.next_up()), c]) || is_kept([a, b, c]));
+}
+
+#[test]
+fn every_corner_knows_where_it_came_from() {
+    // Every other triangle is turned round, some are repeated, some have no area.
+    let mut model = torus(12, 8);
+    let triangles = model.triangles.clone();
+    let repeated = triangles.iter().step_by(5).copied();
+    model.triangles = [[3, 3, 9]].into_iter().chain(triangles.iter().copied()).chain(repeated).collect();
+    (1..model.triangles.len()).step_by(2).for_each(|t| model.triangles[t].swap(0, 1));
+    model.corners.colors =
+        (0..3 * model.triangles.len()).map(|corner| Vec4::splat(corner as f32 / 4096.0)).collect();
+    let colors = model.corners.colors.clone();
+    let (mesh, report, origins) = clean_traced(model, &CleanOptions::default()).unwrap();
+    assert!(report.triangles_flipped > 10 && report.triangles_degenerate == 1, "{report:?}");
+    for t in 0..mesh.triangles.len() {
+        for k in 0..3 {
+            let source = 3 * origins.triangle(t) + origins.corner(t, k);
+            assert_eq!(mesh.corners.colors[3 * t + k], colors[source]);
+        }
+    }
 }

@@ -1,0 +1,55 @@
+"""Seamless textures on any mesh, without UV coordinates.
+
+A mesh is covered by parts of its own triangle fans; each is laid flat into a tile of texels, and the tiles are blended where
+they meet. The *texture function* that comes out is continuous everywhere, whatever the mesh looks like:
+
+>>> import fantex
+>>> asset = fantex.bake("scan.ply", "scan.fan", texels=16e6)    # the model's own textures or colours
+>>> colors = asset.sample([[0.1, 0.2, 0.3]])                    # at the nearest point of the surface
+>>> asset.render(size=(960, 540)).save("scan.png")
+>>> asset.export("scan.glb", resolution=4096)                   # for programs that want UV coordinates
+
+Conventions: positions are in the units of the model's file, y or z up as it says. Faces are triangles, counter-clockwise seen
+from outside. Colours are linear RGBA as floats, or sRGB as ``uint8``. Texture coordinates have v upwards, so that row 0 of a
+picture lies at v = 1.
+"""
+
+from __future__ import annotations
+
+from ._asset import Asset, Atlas, Camera, Picture, open
+from ._bake import (
+    Source,
+    bake,
+    image,
+    look,
+    mesh,
+    own_materials,
+    photos,
+    solid,
+    vertex_colors,
+)
+from ._mesh import Mesh, parametrize
+from ._native import NOTICES, SOLIDS, Error, __version__
+
+__all__ = [
+    "NOTICES",
+    "SOLIDS",
+    "Asset",
+    "Atlas",
+    "Camera",
+    "Error",
+    "Mesh",
+    "Picture",
+    "Source",
+    "__version__",
+    "bake",
+    "image",
+    "look",
+    "mesh",
+    "open",
+    "own_materials",
+    "parametrize",
+    "photos",
+    "solid",
+    "vertex_colors",
+]

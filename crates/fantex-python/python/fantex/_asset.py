@@ -1,0 +1,309 @@
+"""Assets: files with a mesh and its texture."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import dataclass
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Union
+
+import numpy as np
+
+from . import _native
+from ._mesh import Progress, _array
+
+MIB = 1 << 20
+
+
+class Picture(np.ndarray):
+    """A picture, ``(h, w, c)`` uint8 with row 0 on top, that shows itself in a notebook."""
+
+    def to_png(self) -> bytes:
+        """The bytes of a PNG file."""
+        array = np.asarray(self)
+        return _native.encode_png(np.ascontiguousarray(array[:, :, None] if array.ndim == 2 else array))
+
+    def save(self, path: Union[str, os.PathLike]) -> None:
+        """Writes a PNG file."""
+        data = self.to_png()
+        with _builtin_open(path, "wb") as file:
+            file.write(data)
+
+    def _repr_png_(self) -> Optional[bytes]:
+        is_picture = self.dtype == np.uint8 and self.ndim in (2, 3) and self.size > 0
+        return self.to_png() if is_picture and (self.ndim == 2 or self.shape[2] <= 4) else None
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera in the world: place, what it looks at, what is up, vertical opening angle in degrees."""
+
+    eye: Sequence[float]
+    target: Sequence[float] = (0.0, 0.0, 0.0)
+    up: Sequence[float] = (0.0, 1.0, 0.0)
+    fov: float = 35.0
+
+
+class Atlas(NamedTuple):
+    """A mesh with ordinary texture coordinates and its pictures."""
+
+    #: ``(k,)`` uint32: which vertex of the asset each vertex is.
+    vmapping: np.ndarray
+    #: ``(m, 3)`` uint32, rows as in the asset's faces.
+    faces: np.ndarray
+    #: ``(k, 2)`` float32, v upwards.
+    uvs: np.ndarray
+    #: By name: ``base-color``, ``orm`` (occlusion, roughness, metallic), ``normal`` (tangent space, +y up), ``emission``.
+    images: Dict[str, Picture]
+
+
+class Asset:
+    """A baked asset, open for reading. Any number of threads may use it."""
+
+    def __init__(self, place: Union[str, os.PathLike], *, memory: float = 256 * MIB) -> None:
+        self._place = os.fspath(place)
+        self._memory = int(memory)
+        self._native = _native.Asset(self._place, self._memory)
+        #: What the bake said, where it was baked right here: texels, tiles, bytes, seconds, notes.
+        self.baked: Optional[dict] = None
+
+    @property
+    def place(self) -> str:
+        """Path or URL."""
+        return self._place
+
+    @property
+    def positions(self) -> np.ndarray:
+        """``(n, 3)`` float64, world units, of the cleaned mesh."""
+        return self._native.positions
+
+    @property
+    def faces(self) -> np.ndarray:
+        """``(m, 3)`` uint32 of the cleaned mesh."""
+        return self._native.faces
+
+    @property
+    def channels(self) -> List[str]:
+        """Names of the channels, such as ``base-color``."""
+        return self._native.channels
+
+    @property
+    def info(self) -> dict:
+        """Texels per channel, tiles, detail levels and bytes of the file."""
+        return dict(zip(("texels", "tiles", "levels", "bytes"), self._native.figures()))
+
+    def nearest(self, points: Any) -> tuple:
+        """The nearest points of the surface to points ``(n, 3)`` of the world.
+
+        Returns:
+            ``face`` ``(n,)`` uint32, ``barycentric`` ``(n, 3)`` float32, ``position`` ``(n, 3)`` float64. Points that are not
+            finite get NaN, and the face 2**32 - 1.
+        """
+        return self._native.nearest(_array(points, np.float64, "points", 3))
+
+    def sample(
+        self,
+        points: Any = None,
+        *,
+        channel: str = "base-color",
+        face: Any = None,
+        barycentric: Any = None,
+        footprint: Any = None,
+        srgb: bool = False,
+    ) -> np.ndarray:
+        """Values of the texture function.
+
+        Args:
+            points: ``(n, 3)`` or ``(3,)`` positions; the value at the nearest point of the surface is taken.
+            channel: one of :attr:`channels`.
+            face: ``(n,)`` faces, with ``barycentric`` ``(n, 3)``, instead of points.
+            footprint: width of the square that a sample stands for, world units: a number or ``(n,)``. Without it the finest
+                texels are interpolated.
+            srgb: give colours as ``uint8`` in sRGB.
+
+        Returns:
+            ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z. NaN for points that are not finite. One row
+            alone, without the first axis, for one point.
+        """
+        is_single = False
+        if points is not None:
+            if face is not None or barycentric is not None:
+                raise ValueError("give points, or face and barycentric, not both")
+            points = np.asarray(points, np.float64)
+            is_single = points.ndim == 1
+            face, barycentric, _ = self.nearest(points[None] if is_single else points)
+        elif face is None or barycentric is None:
+            raise ValueError("give points, or face and barycentric")
+        else:
+            is_single = np.ndim(face) == 0
+            face, barycentric = np.atleast_1d(np.asarray(face)), np.atleast_2d(np.asarray(barycentric))
+        face = _array(face, np.int64, "face")
+        barycentric = _array(barycentric, np.float32, "barycentric", 3)
+        if footprint is not None:
+            footprint = np.atleast_1d(_array(footprint, np.float64, "footprint"))
+        nowhere = face == 0xFFFF_FFFF
+        if nowhere.any():
+            face, barycentric = face.copy(), barycentric.copy()
+            face[nowhere], barycentric[nowhere] = 0, (1, 0, 0)
+        values = self._native.sample(channel, face, barycentric, footprint)
+        values[nowhere] = np.nan
+        if srgb:
+            values = _srgb8(values)
+        return values[0] if is_single else values
+
+    def normals(self, face: Any, barycentric: Any) -> np.ndarray:
+        """Unit vertex normals ``(n, 3)`` float32 at points of the surface."""
+        face = _array(face, np.int64, "face")
+        return self._native.normals(face, _array(barycentric, np.float32, "barycentric", 3))
+
+    def render(
+        self,
+        size: Sequence[int] = (960, 540),
+        camera: Optional[Camera] = None,
+        *,
+        samples: int = 8,
+        light: Optional[Sequence[float]] = None,
+        environment: Union[str, os.PathLike, None] = None,
+        transparent: bool = False,
+    ) -> Picture:
+        """A picture of the asset, made on the CPU.
+
+        Args:
+            size: columns and rows.
+            camera: from where; all of it from the front, the right and above by default.
+            samples: per pixel, 1 to 64.
+            light: direction to the sun, world axes; over the camera's left shoulder by default.
+            environment: picture of the surroundings (``.hdr``, ``.exr``) that lights the scene.
+            transparent: nothing behind the model, alpha 0.
+
+        Returns:
+            ``(rows, columns, 4)`` uint8, sRGB.
+        """
+        view = None
+        if camera is not None:
+            view = ([*map(float, camera.eye)], [*map(float, camera.target)], [*map(float, camera.up)], float(camera.fov))
+        width, height = (int(side) for side in size)
+        light = None if light is None else [*map(float, light)]
+        environment = None if environment is None else os.fspath(environment)
+        picture = self._native.render([width, height], view, samples, light, environment, transparent)
+        return picture.view(Picture)
+
+    def _repr_png_(self) -> Optional[bytes]:
+        return self.render(size=(640, 480)).to_png()
+
+    def atlas(
+        self,
+        resolution: Optional[int] = None,
+        *,
+        padding: Optional[int] = None,
+        memory: float = 1 << 30,
+        progress: Optional[Progress] = None,
+    ) -> Atlas:
+        """The asset for programs with ordinary texture coordinates, in memory.
+
+        Args:
+            resolution: side of the pictures, a power of two; by default as many texels as the asset has, up to 8192.
+            padding: texels around each piece that are its own, a power of two.
+            memory: bytes that texels may take.
+            progress: called with ``(done, total)`` texels.
+        """
+        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, int(memory), progress)
+        return Atlas(vmapping, faces, uvs, {name: image.view(Picture) for name, image in images})
+
+    def export(
+        self,
+        path: Union[str, os.PathLike],
+        *,
+        resolution: Optional[int] = None,
+        padding: Optional[int] = None,
+        uv: str = "atlas",
+        ktx2: bool = False,
+        overwrite: bool = False,
+        memory: float = 1 << 30,
+        progress: Optional[Progress] = None,
+    ) -> List[str]:
+        """Writes a model with texture coordinates: ``.glb`` with its pictures inside, or ``.gltf`` with files beside it.
+
+        Args:
+            uv: ``"atlas"``, a packing of its own, or ``"source"``, the coordinates of the model that was baked.
+            ktx2: write the pictures as KTX2 files, too.
+            overwrite: replace existing files.
+
+        Returns:
+            The paths of all files.
+        """
+        if uv not in ("atlas", "source"):
+            raise ValueError(f"uv is 'atlas' or 'source', not {uv!r}")
+        files = self._native.export(
+            os.fspath(path), resolution, padding, uv == "source", ktx2, overwrite, int(memory), progress
+        )
+        return [os.fspath(file) for file in files]
+
+    def to_trimesh(self, resolution: Optional[int] = None) -> Any:
+        """A ``trimesh.Trimesh`` with an atlas; needs trimesh and Pillow."""
+        import trimesh
+        from PIL import Image
+
+        vmapping, faces, uvs, images = self.atlas(resolution)
+        maps = {"base-color": "baseColorTexture", "orm": "metallicRoughnessTexture", "normal": "normalTexture"}
+        textures = {maps[name]: Image.fromarray(np.asarray(image)) for name, image in images.items() if name in maps}
+        material = trimesh.visual.material.PBRMaterial(**textures)
+        if "metallicRoughnessTexture" not in textures:
+            material.metallicFactor, material.roughnessFactor = 0.0, 1.0
+        visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
+        return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
+
+    def verify(self) -> dict:
+        """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ..."""
+        return self._native.verify(self._memory)
+
+    def paint(self, strokes: Any, *, history: bool = True) -> dict:
+        """Paints on the file: all strokes or none, and opens it anew.
+
+        Args:
+            strokes: what a stroke file holds: its path, its dictionary, or the list of its strokes.
+            history: keep what undoes them.
+
+        Returns:
+            Numbers of strokes, dabs and changed pages.
+        """
+        if isinstance(strokes, (str, os.PathLike)):
+            path = os.fspath(strokes)
+            painted = _native.paint(self._place, path, os.path.dirname(path) or ".", history, self._memory)
+        else:
+            if not isinstance(strokes, dict):
+                strokes = {"version": 1, "strokes": list(strokes)}
+            with tempfile.TemporaryDirectory() as folder:
+                path = os.path.join(folder, "strokes.json")
+                with _builtin_open(path, "w", encoding="utf-8") as file:
+                    json.dump(strokes, file)
+                painted = _native.paint(self._place, path, os.getcwd(), history, self._memory)
+        self._native = _native.Asset(self._place, self._memory)
+        return dict(zip(("strokes", "dabs", "pages"), painted))
+
+    def __repr__(self) -> str:
+        figures = self.info
+        return (
+            f"fantex.Asset({self._place!r}: {figures['texels']} texels in {figures['tiles']} tiles, "
+            f"{', '.join(self.channels)})"
+        )
+
+
+def _srgb8(values: np.ndarray) -> np.ndarray:
+    """Linear RGBA as sRGB bytes."""
+    table = np.asarray(_native.LINEAR_FROM_SRGB8, np.float32)
+    between = (table[1:] + table[:-1]) / 2
+    values = np.nan_to_num(values)
+    result = np.empty(values.shape, np.uint8)
+    result[:, :3] = np.searchsorted(between, values[:, :3])
+    result[:, 3] = np.clip(values[:, 3], 0, 1) * 255 + 0.5
+    return result
+
+
+_builtin_open = open
+
+
+def open(place: Union[str, os.PathLike], *, memory: float = 256 * MIB) -> Asset:
+    """Opens an asset: a path, or an ``http://`` or ``https://`` address. Decoded tiles take at most ``memory`` bytes."""
+    return Asset(place, memory=memory)

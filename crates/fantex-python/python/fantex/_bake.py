@@ -1,0 +1,163 @@
+"""Bakes: a mesh and a source become an asset."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Callable, Dict, Optional, Tuple, Union
+
+import numpy as np
+
+from . import _native
+from ._asset import Asset
+from ._mesh import Mesh, Progress, _linear_rgba, _plain
+
+Path = Union[str, os.PathLike]
+Function = Callable[[np.ndarray, np.ndarray], Any]
+
+
+class Source:
+    """What is baked: see :func:`own_materials`, :func:`vertex_colors`, :func:`solid`, :func:`image`, :func:`mesh`,
+    :func:`photos`, :func:`look`."""
+
+    def __init__(self, name: str, /, **parts: Any) -> None:
+        self._name = name
+        self._parts = {key: value for key, value in parts.items() if value is not None}
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{key}={value!r}" for key, value in self._parts.items())
+        return f"fantex.Source({self._name}{': ' if parts else ''}{parts})"
+
+
+def own_materials() -> Source:
+    """The model's own materials: colours, textures and all other channels."""
+    return Source("uv")
+
+
+def vertex_colors() -> Source:
+    """The mesh's vertex colours."""
+    return Source("vertex_colors")
+
+
+def solid(name: str) -> Source:
+    """A recipe that is defined everywhere in space, one of :data:`SOLIDS`: ``"marble"``, ``"wood"`` ..."""
+    return Source("solid", name=name)
+
+
+def image(path: Path, mapping: str = "triplanar") -> Source:
+    """An image laid over the mesh: ``planar``, ``box``, ``cylinder``, ``sphere`` or ``triplanar``."""
+    return Source("image", path=os.fspath(path), mapping=mapping)
+
+
+def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
+    """Another, more detailed mesh: its materials or colours, and its normals. ``cage``: how far its surface is looked for, world
+    units; measured where it is not given."""
+    return Source("mesh", mesh=Mesh.of(other), cage=cage)
+
+
+def photos(
+    path: Path,
+    *,
+    images: Optional[Path] = None,
+    original_frame: bool = False,
+    keep_exposure: bool = False,
+    unseen: Optional[Tuple[float, float, float]] = None,
+) -> Source:
+    """Photographs with cameras: a sparse model of COLMAP, a folder with one, or a ``transforms.json``.
+
+    Args:
+        images: where the photographs are, if not beside it.
+        original_frame: take a ``transforms.json`` in the coordinates from before nerfstudio has moved them.
+        keep_exposure: do not bring the photographs to one exposure.
+        unseen: linear colour of what no photograph sees; its surroundings' colours by default.
+    """
+    return Source(
+        "photos",
+        path=os.fspath(path),
+        images=None if images is None else os.fspath(images),
+        original_frame=original_frame,
+        keep_exposure=keep_exposure,
+        unseen=unseen,
+    )
+
+
+def look(path: Path) -> Source:
+    """The materials of a look (``.toml``)."""
+    return Source("look", path=os.fspath(path))
+
+
+def bake(
+    mesh: Any,
+    path: Path,
+    *,
+    texels: Optional[float] = None,
+    density: Optional[float] = None,
+    match: bool = False,
+    source: Union[Source, Function, None] = None,
+    tile: Optional[int] = None,
+    longest_edge: Optional[int] = None,
+    format: str = "bc7",
+    fit: str = "sharp",
+    quality: str = "ultra-fast",
+    overwrite: bool = False,
+    memory: float = 1 << 30,
+    seed: int = 1,
+    progress: Optional[Progress] = None,
+) -> Asset:
+    """Bakes a source onto a mesh, and opens the result.
+
+    Args:
+        mesh: a path, ``(positions, faces)``, a :class:`Mesh`, or a mesh of trimesh or Open3D.
+        path: the asset to write, ``.fan``. It appears at the end, whole, or not at all.
+        texels: in all; 4 million where nothing else says how many.
+        density: texels per world unit of length, instead.
+        match: every triangle gets the density of its texture or photograph, instead.
+        source: one of this package's sources, or a function of ``points`` ``(n, 3)`` float64 in the world and ``normals``
+            ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``: linear floats or sRGB ``uint8``. It is called from
+            several threads, with blocks of points. By default the model's own materials or colours.
+        tile: longest side of a tile in texels; 0 gives every fan its own.
+        longest_edge: cut triangles until their edges are at most so many texels long.
+        format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
+        fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
+        quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``.
+        overwrite: replace an existing file.
+        memory: bytes that texels in flight, images and photographs may take.
+        seed: of recipes.
+        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+
+    Raises:
+        ValueError: an argument is out of its range, or the mesh has nothing to bake.
+        FileNotFoundError, FileExistsError, OSError: as their names say.
+        Error: a file is damaged or unsupported, or a limit would be exceeded.
+        KeyboardInterrupt: Ctrl-C; nothing is left of the file.
+    """
+    options: Dict[str, Any] = {
+        "texels": None if texels is None else int(texels),
+        "density": density,
+        "match": match,
+        "tile": tile,
+        "longest_edge": longest_edge,
+        "format": format,
+        "fit": fit,
+        "quality": quality,
+        "overwrite": overwrite,
+        "memory": int(memory),
+        "seed": seed,
+    }
+    parts: Any = None
+    if isinstance(source, Source):
+        parts = dict(source._parts)
+        options["cage"] = parts.pop("cage", None)
+        if "mesh" in parts:
+            parts["mesh"] = parts["mesh"]._native
+        parts = (source._name, parts)
+    elif callable(source):
+        function = source
+        parts = lambda points, normals: _linear_rgba(  # noqa: E731
+            _plain(function(points, normals)), len(points), "the source's result"
+        )
+    elif source is not None:
+        raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
+    figures = _native.bake(Mesh.of(mesh)._native, os.fspath(path), parts, options, progress)
+    asset = Asset(path)
+    asset.baked = figures
+    return asset

@@ -1,0 +1,235 @@
+"""Meshes from files and from arrays of other packages."""
+
+from __future__ import annotations
+
+import io
+import os
+from typing import Any, Callable, Optional, Union
+
+import numpy as np
+
+from . import _native
+
+Progress = Callable[[int, int], Any]
+
+
+def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) -> np.ndarray:
+    """A contiguous array; copied only where type or layout ask for it. Takes lists, numpy, torch (CPU), Open3D's vectors."""
+    if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
+        values = values.detach() if hasattr(values, "detach") else values
+        try:
+            values = np.from_dlpack(values)
+        except (BufferError, RuntimeError, TypeError) as error:
+            raise TypeError(f"{name} cannot be read from this device; move it to the CPU first") from error
+    array = np.asarray(values)
+    kind = np.dtype(dtype).kind
+    if array.size == 0:
+        return np.zeros((0,) if columns is None else (0, columns), dtype)
+    if array.dtype.kind not in ("iub" if kind == "i" else "fiub"):
+        wanted = "integers" if kind == "i" else "numbers"
+        raise TypeError(f"{name} holds {array.dtype}, not {wanted}")
+    if columns is not None and (array.ndim != 2 or array.shape[1] != columns):
+        raise ValueError(f"{name} has the shape {array.shape}; expected (n, {columns})")
+    return np.ascontiguousarray(array, dtype)
+
+
+def _linear_rgba(colors: Any, count: int, name: str) -> np.ndarray:
+    """Colours as linear RGBA: ``uint8`` is sRGB, floats are linear; grey, RGB or RGBA, or one colour for all."""
+    colors = np.asarray(colors)
+    if colors.ndim == 1:
+        # One grey per point, or one colour.
+        colors = colors[:, None] if len(colors) == count and count not in (3, 4) else colors[None, :]
+    if colors.ndim != 2 or colors.shape[1] not in (1, 3, 4) or len(colors) not in (1, count):
+        raise ValueError(f"{name} has the shape {np.shape(colors)}; expected ({count}, 3) or ({count}, 4)")
+    rgba = np.ones((count, 4), np.float32)
+    if colors.dtype == np.uint8:
+        table = np.asarray(_native.LINEAR_FROM_SRGB8, np.float32)
+        rgba[:, :3] = table[colors[:, :3]]
+        if colors.shape[1] == 4:
+            rgba[:, 3] = colors[:, 3] / np.float32(255)
+    elif colors.dtype.kind in "fiub":
+        rgba[:, :3] = colors[:, :3]
+        if colors.shape[1] == 4:
+            rgba[:, 3] = colors[:, 3]
+    else:
+        raise TypeError(f"{name} holds {colors.dtype}, not numbers")
+    return rgba
+
+
+def _encoded(picture: Any) -> bytes:
+    """A picture as the bytes of a file: encoded already, a path, a PIL image, or an array (h, w, c)."""
+    if isinstance(picture, (bytes, bytearray)):
+        return bytes(picture)
+    if isinstance(picture, (str, os.PathLike)):
+        with io.open(picture, "rb") as file:
+            return file.read()
+    array = np.asarray(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
+    if array.ndim == 2:
+        array = array[:, :, None]
+    if array.dtype.kind == "f":
+        array = (np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
+    if array.dtype != np.uint8 or array.ndim != 3:
+        raise TypeError(f"a picture is (h, w, c) uint8 or float, not {array.shape} {array.dtype}")
+    return _native.encode_png(np.ascontiguousarray(array))
+
+
+class Mesh:
+    """A triangle mesh, loaded and cleaned: welded, without repeated triangles and without such that have no area.
+
+    Args:
+        positions: ``(n, 3)``, world units.
+        faces: ``(m, 3)`` vertex indices, counter-clockwise seen from outside.
+        colors: ``(n, 3)`` or ``(n, 4)`` per vertex: linear floats or sRGB ``uint8``.
+        normals: ``(n, 3)`` per vertex.
+        uv: ``(n, 2)`` per vertex, v upwards.
+        image: the base colour that ``uv`` refers to: ``(h, w, c)``, a PIL image, a path, or a file's bytes.
+
+    Arrays may be numpy's, lists, torch tensors on the CPU or anything with DLPack or the buffer protocol.
+    """
+
+    def __init__(
+        self,
+        positions: Any,
+        faces: Any,
+        *,
+        colors: Any = None,
+        normals: Any = None,
+        uv: Any = None,
+        image: Any = None,
+    ) -> None:
+        positions = _array(positions, np.float64, "positions", 3)
+        faces = _array(faces, np.int64, "faces", 3)
+        if colors is not None:
+            colors = _linear_rgba(_plain(colors), len(positions), "colors")
+        if normals is not None:
+            normals = _array(normals, np.float32, "normals", 3)
+        if uv is not None:
+            uv = _array(uv, np.float32, "uv", 2)
+        if image is not None and uv is None:
+            raise ValueError("image needs uv, the coordinates that lay it over the mesh")
+        encoded = None if image is None else _encoded(image)
+        self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded)
+
+    @classmethod
+    def load(cls, path: Union[str, os.PathLike]) -> "Mesh":
+        """Reads a model (``.glb .gltf .obj .ply .stl``)."""
+        return cls._of(_native.Mesh.load(os.fspath(path)))
+
+    @classmethod
+    def _of(cls, native: Any) -> "Mesh":
+        mesh = cls.__new__(cls)
+        mesh._native = native
+        return mesh
+
+    @classmethod
+    def of(cls, mesh: Any) -> "Mesh":
+        """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
+        ``faces``."""
+        if isinstance(mesh, Mesh):
+            return mesh
+        if isinstance(mesh, (str, os.PathLike)):
+            return cls.load(mesh)
+        if isinstance(mesh, tuple):
+            if len(mesh) not in (2, 3):
+                raise TypeError("a mesh in a tuple is (positions, faces) or (positions, faces, colors)")
+            return cls(mesh[0], mesh[1], colors=mesh[2] if len(mesh) == 3 else None)
+        if hasattr(mesh, "dump") and hasattr(mesh, "geometry"):
+            # A scene of trimesh.
+            mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.dump(concatenate=True)
+        if hasattr(mesh, "vertices") and hasattr(mesh, "has_vertex_colors"):
+            # Of Open3D.
+            colors = np.asarray(mesh.vertex_colors) if mesh.has_vertex_colors() else None
+            return cls(mesh.vertices, mesh.triangles, colors=None if colors is None else _srgb_floats(colors))
+        if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+            return cls(mesh.vertices, mesh.faces, **_visual(mesh))
+        raise TypeError(
+            f"{type(mesh).__name__} is no mesh: give a path, (positions, faces), or an object with vertices and faces"
+        )
+
+    @property
+    def positions(self) -> np.ndarray:
+        """``(n, 3)`` float64, world units."""
+        return self._native.positions
+
+    @property
+    def faces(self) -> np.ndarray:
+        """``(m, 3)`` uint32."""
+        return self._native.faces
+
+    @property
+    def source_faces(self) -> np.ndarray:
+        """``(m,)`` uint32: which face of the input each face was. Cleaning leaves out some."""
+        return self._native.source_faces
+
+    @property
+    def notes(self) -> list:
+        """What loading noticed and what cleaning did, a sentence each."""
+        return self._native.notes
+
+    def __repr__(self) -> str:
+        return f"fantex.Mesh({len(self.positions)} positions, {len(self.faces)} faces)"
+
+
+def _plain(values: Any) -> np.ndarray:
+    """An array of whatever type."""
+    if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
+        return np.from_dlpack(values.detach() if hasattr(values, "detach") else values)
+    return np.asarray(values)
+
+
+def _srgb_floats(colors: np.ndarray) -> np.ndarray:
+    """Open3D's vertex colours: floats that are sRGB-encoded."""
+    return (np.clip(colors, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def _visual(mesh: Any) -> dict:
+    """Colours, or coordinates and a picture, of a mesh of trimesh."""
+    visual = getattr(mesh, "visual", None)
+    uv = getattr(visual, "uv", None)
+    material = getattr(visual, "material", None)
+    picture = getattr(material, "baseColorTexture", None)
+    picture = getattr(material, "image", None) if picture is None else picture
+    if uv is not None and picture is not None:
+        return {"uv": uv, "image": picture}
+    if getattr(visual, "kind", None) in ("vertex", "face"):
+        return {"colors": np.asarray(visual.vertex_colors)}
+    return {}
+
+
+class Unwrapping(tuple):
+    """``(vmapping, faces, uvs)``, and ``charts``, the number of pieces."""
+
+    charts: int
+    side: int
+
+
+def parametrize(
+    positions: Any,
+    faces: Any,
+    normals: Any = None,
+    *,
+    resolution: int = 2048,
+    padding: Optional[int] = None,
+    progress: Optional[Progress] = None,
+) -> Unwrapping:
+    """Texture coordinates for any mesh, in the place of ``xatlas.parametrize``.
+
+    Args:
+        positions: ``(n, 3)`` floats.
+        faces: ``(m, 3)`` vertex indices.
+        normals: taken for compatibility; charts do not depend on them.
+        resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
+        padding: texels around each piece that are its own, a power of two.
+        progress: called with ``(done, total)``.
+
+    Returns:
+        ``vmapping`` ``(k,)`` uint32, the vertex of ``positions`` that each new vertex was; ``faces`` ``(m, 3)`` uint32 of new
+        vertices, in the order of the input; ``uvs`` ``(k, 2)`` float32 in 0..1. Use ``positions[vmapping]``. No face is left
+        out: repeated ones share coordinates, those without area lie in a point.
+    """
+    positions = _array(positions, np.float64, "positions", 3)
+    faces = _array(faces, np.int64, "faces", 3)
+    vmapping, faces, uvs, charts, side = _native.parametrize(positions, faces, resolution, padding, progress)
+    result = Unwrapping((vmapping, faces, uvs))
+    result.charts, result.side = charts, side
+    return result

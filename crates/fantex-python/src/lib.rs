@@ -1,0 +1,36 @@
+//! What the Python package `fantex` is written on: the front door with arrays of numbers in and out.
+//!
+//! Functions here are strict about types and shapes; `python/fantex` turns what users have into them. Long work runs on a thread of its
+//! own, without the interpreter's lock, while the calling thread answers signals and tells of progress (`watch.rs`).
+
+mod arrays;
+mod asset;
+mod bake;
+mod mesh;
+mod watch;
+
+#[pyo3::pymodule]
+mod _native {
+    #[pymodule_export]
+    use crate::asset::{Asset, encode_png, paint};
+    #[pymodule_export]
+    use crate::bake::bake;
+    #[pymodule_export]
+    use crate::mesh::{Mesh, parametrize};
+    #[pymodule_export]
+    use crate::watch::Error;
+
+    /// The version of fantex.
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "Python's name for it")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_init]
+    fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        use pyo3::types::PyModuleMethods;
+        module.add("NOTICES", fantex_assets::NOTICES)?;
+        module.add("SOLIDS", fantex::texture::SOLID_NAMES.to_vec())?;
+        let table = fantex::texture::color::linear_from_srgb8_table();
+        module.add("LINEAR_FROM_SRGB8", table.to_vec())
+    }
+}

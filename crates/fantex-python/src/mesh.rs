@@ -1,0 +1,164 @@
+//! Meshes: from files, from arrays, and their unwrapping.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex::export::{UnwrapOptions, unwrap_triangles};
+use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
+use fantex::mesh::{CornerAttributes, ImageSource, Material, Model, TextureRef, WrapMode};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::arrays::{array, rows, triangles};
+use crate::watch::watched;
+
+/// A mesh, loaded and cleaned.
+#[pyclass(frozen, module = "fantex")]
+pub(crate) struct Mesh(pub(crate) Arc<fantex::Mesh>);
+
+#[pymethods]
+impl Mesh {
+    /// Reads a model file.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        watched(py, None, |_| fantex::Mesh::load(&path)).map(|mesh| Self(Arc::new(mesh)))
+    }
+
+    /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image.
+    #[staticmethod]
+    #[pyo3(signature = (positions, faces, colors=None, normals=None, uv=None, image=None))]
+    fn of_arrays(
+        py: Python<'_>,
+        positions: PyReadonlyArray2<'_, f64>,
+        faces: PyReadonlyArray2<'_, i64>,
+        colors: Option<PyReadonlyArray2<'_, f32>>,
+        normals: Option<PyReadonlyArray2<'_, f32>>,
+        uv: Option<PyReadonlyArray2<'_, f32>>,
+        image: Option<Vec<u8>>,
+    ) -> PyResult<Self> {
+        let positions = rows::<3, f64>(&positions, "positions")?;
+        let faces = triangles(&faces, positions.len())?;
+        let count = positions.len();
+        let colors = per_corner::<4, Vec4>(colors, "colors", &faces, count)?;
+        let normals = per_corner::<3, Vec3>(normals, "normals", &faces, count)?;
+        let mut uv = per_corner::<2, Vec2>(uv, "uv", &faces, count)?;
+        uv.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+        let corners = CornerAttributes {
+            normals: normals.into_iter().map(Vec3::normalize_or_zero).collect(),
+            uv_sets: if uv.is_empty() { Vec::new() } else { vec![uv] },
+            colors,
+            tangents: Vec::new(),
+        };
+        let mut model = Model {
+            name: "the mesh".to_owned(),
+            positions: positions.into_iter().map(DVec3::from).collect(),
+            triangles: faces,
+            corners,
+            ..Model::default()
+        };
+        if let Some(bytes) = image {
+            let texture = TextureRef {
+                image: 0,
+                uv_set: 0,
+                uv_transform: Mat3::IDENTITY,
+                wrap: [WrapMode::Repeat; 2],
+                nearest: false,
+            };
+            let label = "the image of the mesh".to_owned();
+            model.images = vec![ImageSource::Embedded { label, bytes: bytes.into() }];
+            model.materials = vec![Material { base_color_texture: Some(texture), ..Material::default() }];
+        }
+        watched(py, None, |_| fantex::Mesh::from_model(model, "the mesh")).map(|mesh| Self(Arc::new(mesh)))
+    }
+
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        world_positions(py, &self.0)
+    }
+
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        array(py, &self.0.triangles)
+    }
+
+    #[getter]
+    fn source_faces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let sources: Vec<u32> =
+            (0..self.0.triangles.len()).map(|t| self.0.origins().triangle(t) as u32).collect();
+        sources.to_pyarray(py)
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.0.notes().to_vec()
+    }
+
+    #[getter]
+    fn has_materials(&self) -> bool {
+        self.0.has_materials()
+    }
+
+    #[getter]
+    fn has_colors(&self) -> bool {
+        self.0.has_vertex_colors()
+    }
+}
+
+/// Values per vertex as values per corner; empty where there are none.
+fn per_corner<const N: usize, T: From<[f32; N]> + Copy>(
+    values: Option<PyReadonlyArray2<'_, f32>>,
+    name: &str,
+    faces: &[[u32; 3]],
+    vertices: usize,
+) -> PyResult<Vec<T>> {
+    let Some(values) = values else { return Ok(Vec::new()) };
+    let values = rows::<N, f32>(&values, name)?;
+    if values.len() != vertices {
+        let count = values.len();
+        return Err(PyValueError::new_err(format!(
+            "{name} has {count} rows, but there are {vertices} positions"
+        )));
+    }
+    Ok(faces.as_flattened().iter().map(|&v| T::from(values[v as usize])).collect())
+}
+
+/// Positions of a mesh in the world.
+pub(crate) fn world_positions<'py>(
+    py: Python<'py>,
+    mesh: &fantex::mesh::Mesh,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let world: Vec<[f64; 3]> =
+        mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p).to_array()).collect();
+    array(py, &world)
+}
+
+type Unwrapping<'py> =
+    (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>, usize, u32);
+
+/// Unwraps triangles: vertex mapping, faces, texture coordinates with v upwards, number of charts, side of the square.
+#[pyfunction]
+#[pyo3(signature = (positions, faces, side, padding, progress))]
+pub(crate) fn parametrize<'py>(
+    py: Python<'py>,
+    positions: PyReadonlyArray2<'py, f64>,
+    faces: PyReadonlyArray2<'py, i64>,
+    side: u32,
+    padding: Option<u32>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Unwrapping<'py>> {
+    let positions: Vec<DVec3> =
+        rows::<3, f64>(&positions, "positions")?.into_iter().map(DVec3::from).collect();
+    let faces = triangles(&faces, positions.len())?;
+    let options = UnwrapOptions { side, padding };
+    let (mesh, unwrapped) =
+        watched(py, progress.as_ref(), |watch| unwrap_triangles(&positions, &faces, &options, watch))?;
+    let uv: Vec<[f32; 2]> = mesh.uv.iter().map(upwards).collect();
+    let (vertices, faces) = (mesh.vertices.to_pyarray(py), array(py, &mesh.triangles)?);
+    Ok((vertices, faces, array(py, &uv)?, unwrapped.charts, unwrapped.side))
+}
+
+/// Texture coordinates with v upwards, as OBJ files, Blender and trimesh have them.
+pub(crate) fn upwards(uv: &Vec2) -> [f32; 2] {
+    [uv.x, 1.0 - uv.y]
+}

@@ -1,0 +1,114 @@
+//! Long work beside the interpreter, and errors on their way to Python.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use fantex::{ErrorKind, Progress};
+use pyo3::exceptions::{
+    PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyRuntimeError,
+    PyValueError,
+};
+use pyo3::prelude::*;
+
+pyo3::create_exception!(
+    fantex,
+    Error,
+    PyException,
+    "What cannot be done: a damaged or unsupported file, a limit, a missing channel."
+);
+
+/// The exception that stands for an error. Its text is the command line's.
+pub(crate) fn exception(error: fantex::Error) -> PyErr {
+    let text = error.to_string();
+    match error.kind() {
+        ErrorKind::NotFound if error.path().is_some() => PyFileNotFoundError::new_err(text),
+        ErrorKind::AlreadyExists => PyFileExistsError::new_err(text),
+        ErrorKind::Io => match io_kind(&error) {
+            Some(io::ErrorKind::NotFound) => PyFileNotFoundError::new_err(text),
+            _ => PyOSError::new_err(text),
+        },
+        ErrorKind::InvalidArgument => PyValueError::new_err(text),
+        ErrorKind::Cancelled => PyKeyboardInterrupt::new_err(text),
+        _ => Error::new_err(text),
+    }
+}
+
+fn io_kind(error: &fantex::Error) -> Option<io::ErrorKind> {
+    let source = std::error::Error::source(error)?;
+    source.downcast_ref::<io::Error>().map(io::Error::kind)
+}
+
+/// Progress of work on another thread, and the wish that it end.
+#[derive(Default)]
+pub(crate) struct Watch {
+    done: AtomicU64,
+    total: AtomicU64,
+    is_cancelled: AtomicBool,
+    /// Why.
+    failure: Mutex<Option<PyErr>>,
+}
+
+impl Watch {
+    /// Ends the work; the first reason counts.
+    pub(crate) fn fail(&self, reason: PyErr) {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(reason);
+        self.is_cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Progress for Watch {
+    fn report(&self, done: u64, total: u64) {
+        self.total.store(total, Ordering::Relaxed);
+        self.done.fetch_max(done, Ordering::Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled.load(Ordering::Relaxed)
+    }
+}
+
+/// How often signals are looked for.
+const PERIOD: Duration = Duration::from_millis(50);
+
+/// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then, and
+/// ends the work on Ctrl-C or when that raises.
+pub(crate) fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Watch) -> fantex::Result<T> + Send,
+) -> PyResult<T> {
+    let watch = Watch::default();
+    let caller = thread::current();
+    let result = thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            let result = work(&watch);
+            caller.unpark();
+            result
+        });
+        let mut told = (0, 0);
+        while !worker.is_finished() {
+            py.detach(|| thread::park_timeout(PERIOD));
+            if let Err(signal) = py.check_signals() {
+                watch.fail(signal);
+            }
+            let state = (watch.done.load(Ordering::Relaxed), watch.total.load(Ordering::Relaxed));
+            if let Some(progress) = progress.filter(|_| state != told && !watch.is_cancelled()) {
+                told = state;
+                if let Err(raised) = progress.call1(state) {
+                    watch.fail(raised);
+                }
+            }
+        }
+        py.detach(|| worker.join())
+    });
+    if let Some(reason) = watch.failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(reason);
+    }
+    match result {
+        Ok(result) => result.map_err(exception),
+        Err(_) => Err(PyRuntimeError::new_err("fantex failed inside; please report it, with what you did")),
+    }
+}

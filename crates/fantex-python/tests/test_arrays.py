@@ -1,0 +1,100 @@
+"""Meshes and numbers as users have them."""
+
+import numpy as np
+import pytest
+
+import fantex
+
+
+def test_any_number_type_and_layout(sphere):
+    positions, faces = sphere
+    plain = fantex.Mesh(positions, faces)
+    for p, f in [
+        (positions.astype(np.float32), faces.astype(np.uint32)),
+        (np.asfortranarray(positions), faces.astype(np.uint8, casting="unsafe").astype(np.int16) * 0 + faces),
+        (positions.tolist(), faces.tolist()),
+        (positions[::1][:, ::1], faces.astype(np.int32)),
+    ]:
+        mesh = fantex.Mesh(p, f)
+        assert mesh.faces.shape == plain.faces.shape and mesh.faces.dtype == np.uint32
+        np.testing.assert_allclose(mesh.positions, plain.positions, atol=1e-6)
+
+
+def test_what_is_no_mesh_is_named(sphere):
+    positions, faces = sphere
+    with pytest.raises(ValueError, match=r"positions has the shape .*expected \(n, 3\)"):
+        fantex.Mesh(positions[:, :2], faces)
+    with pytest.raises(TypeError, match="faces holds float64, not integers"):
+        fantex.Mesh(positions, faces.astype(float))
+    with pytest.raises(ValueError, match="face 0 has the vertices .* but there are 10 positions"):
+        fantex.Mesh(positions[:10], faces[50:])
+    with pytest.raises(ValueError, match="face 1 has the vertices"):
+        fantex.Mesh(positions, [[0, 48, 49], [0, -1, 49]])
+    with pytest.raises(fantex.Error, match="nothing is left"):
+        fantex.Mesh(positions, [[0, 0, 1]])
+    with pytest.raises(TypeError, match="int is no mesh"):
+        fantex.Mesh.of(3)
+    with pytest.raises(FileNotFoundError):
+        fantex.Mesh.load("nowhere.ply")
+
+
+def test_cleaning_says_which_faces_are_left(sphere):
+    positions, faces = sphere
+    dirty = np.concatenate([[[0, 0, 5]], faces, faces[:3]])
+    mesh = fantex.Mesh(positions, dirty)
+    # The poles' triangles have no area, either.
+    corners = positions[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert mesh.source_faces.tolist() == (np.flatnonzero(area > 1e-12) + 1).tolist()
+    assert any("without area" in note or "no area" in note for note in mesh.notes), mesh.notes
+
+
+def test_meshes_of_trimesh(tmp_path, sphere):
+    trimesh = pytest.importorskip("trimesh")
+    positions, faces = sphere
+    colors = np.random.default_rng(1).integers(0, 256, (len(positions), 4), np.uint8)
+    colors[:, 3] = 255
+    mesh = trimesh.Trimesh(positions, faces, vertex_colors=colors, process=False)
+    asset = fantex.bake(mesh, tmp_path / "a.fan", texels=300_000)
+    # At vertices that are no poles the colour is the vertex's.
+    inner = slice(48, len(positions) - 48)
+    sampled = asset.sample(positions[inner], srgb=True)
+    assert np.abs(sampled[:, :3].astype(int) - colors[inner, :3]).mean() < 12
+    scene = trimesh.Scene([mesh])
+    assert len(fantex.Mesh.of(scene).faces) == len(fantex.Mesh.of(mesh).faces)
+
+
+def test_textures_of_trimesh_come_along(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    image = pytest.importorskip("PIL.Image")
+    positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    uv = positions[:, :2]
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    pixels[:32, :32] = (255, 0, 0)  # top left
+    pixels[32:, 32:] = (0, 255, 0)  # bottom right
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image.fromarray(pixels))
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    square = trimesh.Trimesh(positions, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+    asset = fantex.bake(square, tmp_path / "a.fan", texels=40_000)
+    top_left, bottom_right, top_right = asset.sample([[0.25, 0.75, 0], [0.75, 0.25, 0], [0.75, 0.75, 0]])
+    np.testing.assert_allclose(top_left[:3], (1, 0, 0), atol=0.02)
+    np.testing.assert_allclose(bottom_right[:3], (0, 1, 0), atol=0.02)
+    np.testing.assert_allclose(top_right[:3], 0, atol=0.02)
+
+
+def test_torch_tensors_and_other_dlpack(sphere):
+    class Tensor:
+        """What has DLPack and nothing else."""
+
+        def __init__(self, array):
+            self.array = array
+
+        def __dlpack__(self, **options):
+            return self.array.__dlpack__(**options)
+
+        def __dlpack_device__(self):
+            return self.array.__dlpack_device__()
+
+    positions, faces = sphere
+    mesh = fantex.Mesh(Tensor(positions), Tensor(faces))
+    assert len(mesh.positions) > 1000

@@ -1,0 +1,243 @@
+"""From meshes to assets and out again."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import fantex
+from conftest import grid_sphere, pattern
+
+
+def test_samples_are_the_source(waves, sphere):
+    positions, faces = sphere
+    random = np.random.default_rng(7)
+    face = random.integers(0, len(waves.faces), 4000)
+    barycentric = random.dirichlet((1, 1, 1), 4000)
+    points = (waves.positions[waves.faces[face]] * barycentric[:, :, None]).sum(1)
+    sampled = waves.sample(face=face, barycentric=barycentric)
+    assert sampled.shape == (4000, 4) and sampled.dtype == np.float32
+    assert np.abs(sampled[:, :3] - pattern(points)).max() < 2e-3
+    # Points beside the surface get the value of the nearest point.
+    nearby = waves.sample(points * 1.01)
+    assert np.abs(nearby - sampled).max() < 0.02
+    found, weights, places = waves.nearest(points)
+    np.testing.assert_allclose(places, points, atol=1e-6)
+    again = (waves.positions[waves.faces[found]] * weights[:, :, None]).sum(1)
+    np.testing.assert_allclose(again, points, atol=1e-6)
+
+
+def test_one_point_and_no_point(waves):
+    one = waves.sample([0, 0, 1])
+    assert one.shape == (4,)
+    np.testing.assert_allclose(one[:3], pattern([[0, 0, 1]])[0], atol=0.01)
+    values = waves.sample([[0, 0, 1], [np.nan, 0, 0]])
+    assert np.isnan(values[1]).all() and not np.isnan(values[0]).any()
+    assert waves.sample([0, 0, 1], srgb=True).dtype == np.uint8
+
+
+def test_footprints_average(waves):
+    coarse = waves.sample([[0, 0, 1]], footprint=2.0)
+    fine = waves.sample([[0, 0, 1]])
+    assert np.abs(coarse - fine).max() > 0.02
+
+
+def test_wrong_questions(waves):
+    with pytest.raises(KeyError, match="no channel .*roughness.*it has base-color"):
+        waves.sample([[0, 0, 1]], channel="roughness")
+    with pytest.raises(IndexError, match="there is no face 99999999"):
+        waves.sample(face=[99999999], barycentric=[[1, 0, 0]])
+    with pytest.raises(ValueError, match="points, or face and barycentric"):
+        waves.sample()
+    with pytest.raises(FileNotFoundError):
+        fantex.open("nowhere.fan")
+
+
+def test_functions_in_python(tmp_path, sphere):
+    # sRGB bytes, alone and with alpha.
+    asset = fantex.bake(
+        sphere,
+        tmp_path / "a.fan",
+        texels=20_000,
+        source=lambda points, normals: (np.clip(normals * 0.5 + 0.5, 0, 1) * 255).astype(np.uint8),
+    )
+    assert np.abs(asset.sample([0, 1, 0], srgb=True)[:3].astype(int) - (128, 255, 128)).max() < 6
+
+    def broken(points, normals):
+        raise RuntimeError("no idea")
+
+    with pytest.raises(RuntimeError, match="no idea"):
+        fantex.bake(sphere, tmp_path / "b.fan", texels=20_000, source=broken)
+    with pytest.raises(ValueError, match="the source's result has the shape"):
+        fantex.bake(sphere, tmp_path / "b.fan", texels=20_000, source=lambda p, n: np.zeros((7, 3)))
+    assert not (tmp_path / "b.fan").exists()
+    with pytest.raises(FileExistsError):
+        fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=pattern)
+
+
+def test_progress_may_end_a_bake(tmp_path, sphere):
+    seen = []
+
+    def progress(done, total):
+        seen.append((done, total))
+        if len(seen) == 2:
+            raise StopIteration("enough")
+
+    slow = lambda points, normals: (time.sleep(0.002), pattern(points))[1]
+    with pytest.raises(StopIteration, match="enough"):
+        fantex.bake(sphere, tmp_path / "a.fan", texels=30_000_000, source=slow, progress=progress)
+    assert not os.listdir(tmp_path)
+    assert seen[0][1] > 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_ctrl_c_ends_a_bake(tmp_path):
+    script = (
+        "import fantex, sys, time\n"
+        "import numpy as np\n"
+        f"sys.path.insert(0, {os.path.dirname(__file__)!r})\n"
+        "from conftest import grid_sphere\n"
+        "def slow(points, normals):\n"
+        "    print('go', flush=True)\n"
+        "    time.sleep(0.01)\n"
+        "    return np.zeros((len(points), 3))\n"
+        "try:\n"
+        f"    fantex.bake(grid_sphere(), {str(tmp_path / 'a.fan')!r}, texels=1e9, source=slow)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "go\n"
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=120)[0]
+    assert rest.splitlines()[-1] == "interrupted"
+    assert not os.listdir(tmp_path)
+
+
+def test_the_lock_is_released(tmp_path, sphere):
+    """Another thread goes on while a bake runs."""
+    ticks, done = [0], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    try:
+        before = ticks[0]
+        fantex.bake(sphere, tmp_path / "a.fan", texels=2_000_000, source=fantex.solid("marble"))
+        assert ticks[0] - before > 5
+    finally:
+        done.set()
+        thread.join()
+
+
+def test_own_materials_pictures_and_exports(tmp_path, bottle):
+    asset = fantex.bake(bottle, tmp_path / "bottle.fan", texels=150_000)
+    assert asset.channels[0] == "base-color" and "normal" in asset.channels
+    assert asset.baked["texels"] > 100_000
+    picture = asset.render(size=(160, 120), samples=2)
+    assert picture.shape == (120, 160, 4) and picture.dtype == np.uint8
+    assert picture.std() > 10
+    assert picture._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
+    center = asset.positions.mean(0)
+    size = np.ptp(asset.positions, axis=0).max()
+    front = fantex.Camera(center + (0, 0, 2 * size), center)
+    clear = asset.render(size=(80, 80), camera=front, samples=2, transparent=True)
+    assert clear[0, 0, 3] == 0 and clear[40, 40, 3] == 255
+
+    atlas = asset.atlas(resolution=256)
+    np.testing.assert_array_equal(atlas.vmapping[atlas.faces], asset.faces)
+    assert atlas.images["base-color"].shape[:2] == (256, 256)
+    # Texels of the atlas are those of the asset.
+    random = np.random.default_rng(1)
+    face = random.integers(0, len(asset.faces), 3000)
+    barycentric = random.dirichlet((4, 4, 4), 3000)
+    uv = (atlas.uvs[atlas.faces[face]] * barycentric[:, :, None]).sum(1)
+    x, y = (uv[:, 0] * 256).astype(int).clip(0, 255), ((1 - uv[:, 1]) * 256).astype(int).clip(0, 255)
+    looked_up = atlas.images["base-color"][y, x, :3].astype(int)
+    sampled = asset.sample(face=face, barycentric=barycentric, srgb=True)[:, :3].astype(int)
+    assert np.median(np.abs(looked_up - sampled)) <= 4
+
+    files = asset.export(tmp_path / "bottle.glb", resolution=256)
+    assert files == [str(tmp_path / "bottle.glb")]
+    with pytest.raises(FileExistsError):
+        asset.export(tmp_path / "bottle.glb", resolution=256)
+    report = asset.verify()
+    assert report["ok"] and report["largest_jump"] <= report["bound"]
+
+
+def test_to_trimesh(tmp_path, bottle):
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    asset = fantex.bake(bottle, tmp_path / "bottle.fan", texels=60_000)
+    mesh = asset.to_trimesh(256)
+    mesh.export(tmp_path / "out.glb")
+    back = trimesh.load(tmp_path / "out.glb", force="mesh")
+    assert len(back.faces) == len(asset.faces)
+    # The picture lies as trimesh thinks it does: a bake of the result shows the same colours.
+    again = fantex.bake(tmp_path / "out.glb", tmp_path / "again.fan", texels=60_000)
+    points = asset.positions[asset.faces[::7]].mean(1)
+    difference = again.sample(points)[:, :3] - asset.sample(points)[:, :3]
+    assert np.median(np.abs(difference)) < 0.03
+
+
+def test_a_mesh_onto_another(tmp_path, sphere):
+    fine = grid_sphere(80, 160)
+    colors = pattern(fine[0])
+    coarse = fantex.bake(
+        sphere, tmp_path / "a.fan", texels=200_000, source=fantex.mesh((*fine, colors)), format="float"
+    )
+    assert "normal" in coarse.channels
+    points = fine[0][2000:9000:13]
+    assert np.abs(coarse.sample(points)[:, :3] - pattern(points)).max() < 0.03
+    face, barycentric, _ = coarse.nearest(points)
+    bent = coarse.sample(face=face, barycentric=barycentric, channel="normal")[:, :3]
+    assert (bent * points).sum(1).min() > 0.995
+    smooth = coarse.normals(face, barycentric)
+    assert (smooth * points).sum(1).min() > 0.98
+
+
+def test_strokes(tmp_path, sphere):
+    asset = fantex.bake(sphere, tmp_path / "a.fan", texels=100_000, source=lambda p, n: np.ones_like(p))
+    stroke = {
+        "brush": {"size": {"texels": 40}, "hardness": 0.5},
+        "channels": [{"kind": "base_color", "color": {"srgb": [1, 0, 0]}}],
+        "samples": [{"at": {"position": [0, 0, 1]}}, {"at": {"position": [0.3, 0, 0.95]}}],
+    }
+    painted = asset.paint([stroke])
+    assert painted["strokes"] == 1 and painted["dabs"] > 1
+    assert asset.sample([0, 0, 1])[1] < 0.2
+    assert asset.sample([0, 0, -1])[1] > 0.95
+    path = tmp_path / "strokes.json"
+    path.write_text(json.dumps({"version": 1, "strokes": [stroke]}))
+    assert asset.paint(path)["strokes"] == 1
+    with pytest.raises((ValueError, fantex.Error), match="sampels"):
+        asset.paint([{**stroke, "sampels": []}])
+
+
+def test_wrong_words(tmp_path, sphere):
+    with pytest.raises(ValueError, match='format "bc9" is none of bc7, bc1, rgba8, float'):
+        fantex.bake(sphere, tmp_path / "a.fan", format="bc9", source=fantex.solid("wood"))
+    with pytest.raises(fantex.Error, match="cheese"):
+        fantex.bake(sphere, tmp_path / "a.fan", source=fantex.solid("cheese"))
+    with pytest.raises(ValueError, match="neither textures nor colours"):
+        fantex.bake(sphere, tmp_path / "a.fan")
+    with pytest.raises(TypeError, match="not str"):
+        fantex.bake(sphere, tmp_path / "a.fan", source="vertex")
+
+
+def test_real_scan(tmp_path, data):
+    mesh = fantex.Mesh.load(next((data / "meshes" / "bunny").glob("*.ply")))
+    asset = fantex.bake(mesh, tmp_path / "bunny.fan", texels=500_000, source=fantex.solid("marble"))
+    assert asset.verify()["ok"]
+    vmapping, faces, uvs = fantex.parametrize(mesh.positions, mesh.faces)
+    np.testing.assert_array_equal(vmapping[faces], mesh.faces)
