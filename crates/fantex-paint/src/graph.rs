@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::composite::shade;
 use crate::layers::Layers;
+use crate::mask_source::Measured;
 use crate::texel_page::{Rect, TexelPage};
-use crate::{LayerContent, Surface};
+use crate::{LayerContent, MaskMeasure, MaskSource, Surface};
 
 /// A look's text, and the folder that the files it mentions are relative to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -82,11 +83,24 @@ type Textures = Vec<Option<Arc<dyn Texture>>>;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FillTextures {
     layers: BTreeMap<u64, (GraphFill, Textures)>,
+    /// What masks are made from.
+    masks: BTreeMap<u64, (MaskMeasure, Arc<Measured>)>,
 }
 
 impl FillTextures {
     /// Makes what is missing and drops what is no longer shown.
     pub(crate) fn update(&mut self, surface: &Surface, layers: &Layers) -> Result<()> {
+        let masks = std::mem::take(&mut self.masks);
+        for layer in &layers.stack {
+            let Some(MaskSource { by, .. }) = layer.mask_source else { continue };
+            // Layers that were copied share it.
+            let measured = masks.values().chain(self.masks.values()).find(|(known, _)| *known == by);
+            let measured = match measured {
+                Some((_, measured)) => Arc::clone(measured),
+                None => Arc::new(Measured::new(surface, by)),
+            };
+            self.masks.insert(layer.id(), (by, measured));
+        }
         let mut known = std::mem::take(&mut self.layers);
         for layer in layers.stack.iter().filter(|layer| layer.visible && layer.opacity > 0.0) {
             let LayerContent::Graph(fill) = &layer.content else { continue };
@@ -109,6 +123,11 @@ impl FillTextures {
             self.layers.insert(layer.id(), (fill.clone(), made));
         }
         Ok(())
+    }
+
+    /// What a layer's mask is made from.
+    pub(crate) fn measured(&self, layer: u64) -> Option<&Measured> {
+        self.masks.get(&layer).map(|(_, measured)| &**measured)
     }
 
     /// Values in a rectangle of a page, per channel and texel (transparent elsewhere); `is_hidden` says where none are needed.

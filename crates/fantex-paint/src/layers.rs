@@ -22,7 +22,7 @@ use half::f16;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::composite::{PaintContext, composite, copy_blocks, replace_blocks};
+use crate::composite::{PaintContext, composite, copy_blocks, position_steps, replace_blocks};
 use crate::error::encoded;
 use crate::graph::{FillTextures, check_files, found_folder, kept_folder};
 use crate::history::PageStep;
@@ -30,7 +30,7 @@ use crate::painter::Changes;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
 use crate::work::{FlattenWork, Work};
-use crate::{BlendMode, GraphFill, Painter, StrokeSettings, Surface};
+use crate::{BlendMode, GraphFill, LayerMove, MaskSource, Painter, StrokeSettings, Surface};
 
 pub(crate) const INDEX: &str = "layers/index";
 
@@ -50,7 +50,7 @@ pub enum LayerContent {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Layer {
     /// Names its pages; never used twice.
-    id: u64,
+    pub(crate) id: u64,
     /// What the user calls it.
     pub name: String,
     /// Shown at all.
@@ -65,6 +65,12 @@ pub struct Layer {
     pub content: LayerContent,
     /// Outside of what was painted on its mask: 1 shows the layer, 0 hides it. None: no mask.
     pub mask: Option<f32>,
+    /// Makes the mask outside of what was painted on it, in place of that number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask_source: Option<MaskSource>,
+    /// The mask shows where it hid, and hides where it showed.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mask_inverted: bool,
 }
 
 impl Layer {
@@ -79,6 +85,8 @@ impl Layer {
             channels: Vec::new(),
             content: LayerContent::Painted,
             mask: None,
+            mask_source: None,
+            mask_inverted: false,
         }
     }
 
@@ -96,6 +104,15 @@ impl Layer {
     /// Its number, which stays as long as it lives.
     pub fn id(&self) -> u64 {
         self.id
+    }
+
+    /// True where it shows something that was not painted.
+    pub(crate) fn is_everywhere(&self) -> bool {
+        !matches!(self.content, LayerContent::Painted)
+            && self.mask.is_none_or(|outside| {
+                let outside = if self.mask_inverted { 1.0 - outside } else { outside };
+                self.mask_source.is_some() || outside > 0.0
+            })
     }
 
     pub(crate) fn shows(&self, channel: usize) -> bool {
@@ -188,7 +205,7 @@ fn change_folders(stack: &mut [Layer], change: impl Fn(&Path) -> PathBuf) {
 }
 
 /// What the names of the attachments that hold something begin with.
-fn prefix(target: Target) -> String {
+pub(crate) fn prefix(target: Target) -> String {
     match target {
         Target::Base => "layers/base/".to_owned(),
         Target::Layer(layer) => format!("layers/{layer:010}/page/"),
@@ -202,7 +219,7 @@ pub(crate) fn page_name(target: Target, id: PageId) -> String {
 }
 
 /// The page that a name stands for, after its prefix.
-fn page_of_suffix(suffix: &str) -> Option<PageId> {
+pub(crate) fn page_of_suffix(suffix: &str) -> Option<PageId> {
     let mut numbers = suffix.split('/').map(|number| number.parse::<u32>().ok());
     let (group, y, x) = (numbers.next()??, numbers.next()??, numbers.next()??);
     numbers.next().is_none().then_some(PageId { group, level: 0, page: [x, y] })
@@ -222,10 +239,10 @@ pub(crate) fn base_mean_name(group: u32) -> String {
 // Pages of layers as bytes: half floats, so that neither darkness nor light beyond 1 is lost.
 
 /// Bytes of a texel's RGBA.
-const TEXEL_BYTES: usize = 8;
+pub(crate) const TEXEL_BYTES: usize = 8;
 
 /// Values of all channels: `values[channel][texel]`, straight linear RGBA. Channel after channel.
-fn encode_values(values: &[Vec<Vec4>]) -> Vec<u8> {
+pub(crate) fn encode_values(values: &[Vec<Vec4>]) -> Vec<u8> {
     let halves = values.iter().flatten().flat_map(|v| v.to_array()).map(half_of);
     halves.flat_map(f16::to_le_bytes).collect()
 }
@@ -242,17 +259,23 @@ fn decode_values(bytes: &[u8], channels: usize, texels: usize) -> Vec<Vec<Vec4>>
         .collect()
 }
 
-/// One number per texel.
+/// One number per texel; no number where nothing was painted.
 fn encode_mask(mask: &[f32]) -> Vec<u8> {
-    mask.iter().flat_map(|&x| half_of(x).to_le_bytes()).collect()
+    let half = |x: f32| if x.is_nan() { f16::NAN } else { half_of(x) };
+    mask.iter().flat_map(|&x| half(x).to_le_bytes()).collect()
 }
 
-/// Inverse of [`encode_mask`]; a page of another length is `outside` everywhere.
-fn decode_mask(bytes: &[u8], texels: usize, outside: f32) -> Vec<f32> {
+/// Inverse of [`encode_mask`]; on a page of another length nothing was painted.
+fn decode_mask(bytes: &[u8], texels: usize) -> Vec<f32> {
     if bytes.len() != 2 * texels {
-        return vec![outside; texels];
+        return vec![f32::NAN; texels];
     }
-    bytes.chunks_exact(2).map(|b| float_of([b[0], b[1]])).collect()
+    bytes.chunks_exact(2).map(|b| mask_of([b[0], b[1]])).collect()
+}
+
+/// A texel of a mask; NaN where nothing was painted.
+fn mask_of(bytes: [u8; 2]) -> f32 {
+    if f16::from_le_bytes(bytes).is_nan() { f32::NAN } else { float_of(bytes) }
 }
 
 fn half_of(x: f32) -> f16 {
@@ -260,7 +283,7 @@ fn half_of(x: f32) -> f16 {
     f16::from_f32(if x.is_nan() { 0.0 } else { x.clamp(-limit, limit) })
 }
 
-fn float_of(bytes: [u8; 2]) -> f32 {
+pub(crate) fn float_of(bytes: [u8; 2]) -> f32 {
     let x = f16::from_le_bytes(bytes).to_f32();
     if x.is_finite() { x } else { 0.0 }
 }
@@ -289,7 +312,7 @@ impl Painter {
     /// As [`add_layer`](Self::add_layer).
     pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64> {
         let mut number = 0;
-        self.change_layers("add layer", |layers| {
+        self.change_layers("add layer", &[], |layers| {
             number = layers.add(layer);
             let place = layers.stack.iter().position(|layer| Some(layer.id()) == above);
             if let Some(place) = place
@@ -316,7 +339,7 @@ impl Painter {
     /// # Errors
     /// As [`add_layer`](Self::add_layer).
     pub fn start_edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
-        self.change_layers(label, |layers| {
+        self.change_layers(label, &[], |layers| {
             let known: BTreeSet<u64> = layers.stack.iter().map(Layer::id).collect();
             change(&mut layers.stack);
             let mut seen = BTreeSet::new();
@@ -324,12 +347,13 @@ impl Painter {
         })
     }
 
-    /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays.
+    /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays; what
+    /// is copied and merged comes first.
     ///
     /// # Errors
     /// As [`add_layer`](Self::add_layer).
-    pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<()> {
-        self.change_layers(label, |layers| {
+    pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>, moves: &[LayerMove]) -> Result<()> {
+        self.change_layers(label, moves, |layers| {
             let mut seen = BTreeSet::new();
             layers.stack = stack.into_iter().filter(|layer| seen.insert(layer.id())).collect();
             let next = layers.stack.iter().map(|layer| layer.id() + 1).max().unwrap_or(0);
@@ -338,7 +362,12 @@ impl Painter {
         self.finish_work()
     }
 
-    fn change_layers(&mut self, label: &str, change: impl FnOnce(&mut Layers)) -> Result<()> {
+    pub(crate) fn change_layers(
+        &mut self,
+        label: &str,
+        moves: &[LayerMove],
+        change: impl FnOnce(&mut Layers),
+    ) -> Result<()> {
         self.finish_work()?;
         self.end()?;
         let before = self.layers.clone();
@@ -353,12 +382,16 @@ impl Painter {
             return Err(error);
         }
         self.begin_step(label);
+        moves.iter().try_for_each(|&step| self.move_painted(&before, step))?;
+        self.forget_masks(&before)?;
         let list = self.layers.encoded(&path)?;
         self.attach(INDEX, list)?;
         let mut stack = self.layers.stack.clone();
         keep_folders(&mut stack, &path);
-        let set_layers = Some(stack);
-        self.log(&StrokeSettings { label: label.to_owned(), set_layers, ..StrokeSettings::default() })?;
+        let (label_now, set_layers, layer_moves) = (label.to_owned(), Some(stack), moves.to_vec());
+        let settings =
+            StrokeSettings { label: label_now, set_layers, layer_moves, ..StrokeSettings::default() };
+        self.log(&settings)?;
         let pages = self.pages_to_flatten(&before.stack);
         self.work = Some(Work::Flatten(FlattenWork::new(label, before.stack, &pages)));
         Ok(())
@@ -396,10 +429,7 @@ impl Painter {
 
     /// Pages on which some layer shows or has shown something, ascending.
     pub(crate) fn pages_to_flatten(&self, before: &[Layer]) -> Vec<PageId> {
-        let everywhere = |layer: &Layer| {
-            !matches!(layer.content, LayerContent::Painted) && layer.mask.is_none_or(|outside| outside > 0.0)
-        };
-        if self.layers.stack.iter().chain(before).any(everywhere) {
+        if self.layers.stack.iter().chain(before).any(Layer::is_everywhere) {
             return self.all_pages();
         }
         let names = self.editor.attachment_names();
@@ -412,7 +442,7 @@ impl Painter {
         pages.into_iter().collect()
     }
 
-    fn has_page(&self, id: PageId) -> bool {
+    pub(crate) fn has_page(&self, id: PageId) -> bool {
         let group = self.editor.asset().cover().groups.get(id.group as usize);
         group.is_some_and(|group| group.extent.iter().zip(id.page).all(|(&n, page)| page < n.div_ceil(PAGE)))
     }
@@ -526,13 +556,7 @@ impl<'a> LayerStack<'a> {
                     }
                 }
             };
-            let mask = match layer.mask {
-                Some(outside) => {
-                    let bytes = self.attachment(&page_name(Target::Mask(layer.id()), self.id))?;
-                    decode_mask(&bytes.unwrap_or_default(), texels, outside)
-                }
-                None => Vec::new(),
-            };
+            let mask = self.mask(layer)?;
             let mut page = LayerPage { layer, values, mask };
             if matches!(layer.content, LayerContent::Graph(_)) {
                 let is_hidden = |texel: usize| page.mask.get(texel).is_some_and(|shown| *shown <= 0.0);
@@ -541,6 +565,54 @@ impl<'a> LayerStack<'a> {
             pages.push(page);
         }
         Ok(pages)
+    }
+}
+
+impl LayerStack<'_> {
+    /// How far a layer is shown at each texel of the rectangle; empty without a mask.
+    pub(crate) fn mask(&self, layer: &Layer) -> Result<Vec<f32>> {
+        let Some(outside) = layer.mask else { return Ok(Vec::new()) };
+        let bytes = self.attachment(&page_name(Target::Mask(layer.id()), self.id))?.unwrap_or_default();
+        let mut mask = decode_mask(&bytes, self.map.block.texel_count());
+        for place in self.rect.texels() {
+            let value = &mut mask[self.map.texel(place)];
+            if value.is_nan() {
+                *value = self.unpainted_mask(layer, outside, place);
+            }
+            if layer.mask_inverted {
+                *value = 1.0 - *value;
+            }
+        }
+        Ok(mask)
+    }
+
+    /// A mask where nothing was painted on it, before it is inverted.
+    fn unpainted_mask(&self, layer: &Layer, outside: f32, place: [u32; 2]) -> f32 {
+        match (layer.mask_source, self.fills.measured(layer.id())) {
+            (Some(source), Some(measured)) if self.map.is_valid(self.map.texel(place)) => {
+                let width = position_steps(self.surface, self.map.triangle(place));
+                let width = width[0].length().max(width[1].length());
+                source.mask(measured.at(self.surface, self.map.point(place).clamped(), width))
+            }
+            _ => outside,
+        }
+    }
+
+    /// One layer over another, per channel and texel, on nothing; modes of blending are those of the upper one.
+    pub(crate) fn merged(&self) -> Result<Vec<Vec<Vec4>>> {
+        let texels = self.map.block.texel_count();
+        let pages = self.pages(texels)?;
+        let mut merged = vec![vec![Vec4::ZERO; texels]; self.editor.asset().channels().len()];
+        for (channel, values) in merged.iter_mut().enumerate() {
+            for (texel, value) in values.iter_mut().enumerate() {
+                for page in pages.iter().filter(|page| page.layer.shows(channel)) {
+                    let share =
+                        page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
+                    *value = page.layer.blend.compose(*value, page.source(channel, texel), share);
+                }
+            }
+        }
+        Ok(merged)
     }
 }
 
@@ -639,12 +711,17 @@ impl LayeredPage<'_> {
     }
 
     fn painted_mask(&self, before: &[u8], layer: Option<&Layer>) -> Vec<u8> {
-        let outside = layer.and_then(|layer| layer.mask).unwrap_or(1.0);
-        let mut mask = decode_mask(before, self.page.coverage.len(), outside);
+        let mut mask = decode_mask(before, self.page.coverage.len());
+        let Some(layer) = layer else { return encode_mask(&mask) };
+        let outside = layer.mask.unwrap_or(1.0);
         self.for_each_covered(|texel, place| {
+            if mask[texel].is_nan() {
+                mask[texel] = self.stack.unpainted_mask(layer, outside, place);
+            }
             if let Some(color) = self.context.color(self.stack.map, self.page, place, 0) {
                 // Luminance (ITU-R BT.709).
-                let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
+                let seen = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
+                let goal = if layer.mask_inverted { 1.0 - seen } else { seen };
                 let share = self.page.covered(texel) * self.context.paint.opacity.clamp(0.0, 1.0);
                 mask[texel] += (goal - mask[texel]) * share;
             }

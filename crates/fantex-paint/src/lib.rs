@@ -19,7 +19,8 @@
 //! | `levels` | coarser levels, at once or beside the painting |
 //! | `painter` | the [`Painter`]: an open stroke, and how it ends |
 //! | `room` | what a full disk means for changes in memory |
-//! | `layers` | layers over the base, flattened into the asset's texels |
+//! | `layers`, `layer_moves` | layers over the base, flattened into the asset's texels; copies, merges, what layers hold |
+//! | `mask_source` | masks from the shape of the model |
 //! | `history` | undo and redo, kept in the asset |
 //! | `stroke_file`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
 //! | `work` | long jobs on large assets, in slices |
@@ -34,9 +35,11 @@ mod error;
 mod fill;
 mod graph;
 mod history;
+mod layer_moves;
 mod layers;
 mod levels;
 mod log;
+mod mask_source;
 mod open_edges;
 mod paint;
 mod painter;
@@ -58,8 +61,10 @@ pub use fantex_mesh::SurfacePoint;
 pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_with};
 pub use graph::{GraphFill, TextureGraph};
 pub use history::{History, HistoryStep};
+pub use layer_moves::LayerMove;
 pub use layers::{Layer, LayerContent, Target};
 pub use log::StrokeLog;
+pub use mask_source::{MaskMeasure, MaskSource};
 pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
 pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};

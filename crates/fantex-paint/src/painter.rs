@@ -728,6 +728,14 @@ impl Painter {
         self.relieve()
     }
 
+    /// Drops an attachment of the layers and enters that into the history.
+    pub(crate) fn detach(&mut self, name: &str) -> Result<()> {
+        let before = self.editor.attachment(name)?.unwrap_or_default();
+        self.editor.detach(name);
+        self.remember_attachment(name, before)?;
+        self.relieve()
+    }
+
     fn remember_attachment(&mut self, name: &str, before: Vec<u8>) -> Result<()> {
         if self.options.history {
             let after = self.editor.attachment(name)?.unwrap_or_default();

@@ -108,7 +108,7 @@ fn apply(
     folder: &Path,
 ) -> Result<StrokeSummary> {
     if let Some(layers) = &settings.set_layers {
-        painter.set_layers(&settings.label, layers.clone())?;
+        painter.set_layers(&settings.label, layers.clone(), &settings.layer_moves)?;
         return Ok(StrokeSummary::default());
     }
     let Prepared { paint, stroke, decals, dabs, fill } = prepared;

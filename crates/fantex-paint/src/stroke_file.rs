@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::malformed;
 use crate::replay::Preparation;
 use crate::{
-    BlendMode, Brush, ColorFill, Layer, PaintColor, Picture, ProjectionView, Size, Surface, Symmetry, Tool,
+    BlendMode, Brush, ColorFill, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size, Surface, Symmetry, Tool,
 };
 
 /// A stroke file.
@@ -71,6 +71,9 @@ pub struct StrokeSettings {
     /// Replaces all layers, from the bottom to the top, and paints nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set_layers: Option<Vec<Layer>>,
+    /// What was painted on layers is copied and merged so before they are replaced.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub layer_moves: Vec<LayerMove>,
     /// What was painted could not be recorded: nothing is done but counting.
     pub unrecorded: bool,
 }
@@ -94,6 +97,7 @@ impl Default for StrokeSettings {
             layer: None,
             dabs: Vec::new(),
             set_layers: None,
+            layer_moves: Vec::new(),
             unrecorded: false,
         }
     }

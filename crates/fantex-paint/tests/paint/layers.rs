@@ -7,8 +7,8 @@ use fantex_bake::BakeFormat;
 use fantex_base::ErrorKind;
 use fantex_mesh::{Mesh, generate};
 use fantex_paint::{
-    BlendMode, ChannelPaint, Layer, Paint, PaintColor, Painter, StrokeFile, StrokeLog, Target, Tool, dabs_of,
-    replay,
+    BlendMode, ChannelPaint, Layer, MaskMeasure, MaskSource, Paint, PaintColor, Painter, StrokeFile, StrokeLog,
+    Target, Tool, dabs_of, replay,
 };
 use fantex_store::{Asset, AssetEditor, EditOptions, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -188,6 +188,188 @@ fn the_flattened_value_is_the_formula() {
     assert!((value(&baked) - base).abs().max_element() < 1e-6);
     let refused = painter.begin_on(Target::Layer(77), "x", red(1.0)).unwrap_err();
     assert!(refused.to_string().contains("no layer number 77"), "{refused}");
+}
+
+// Copies, merges, masks that are made.
+
+/// Largest difference of level 0 texels and the share of them that differ by more than a thousandth.
+fn apart(a: &Painter, b: &Painter) -> f32 {
+    let mut most = 0.0f32;
+    let asset = a.editor().asset();
+    for (g, group) in (0u32..).zip(&asset.cover().groups) {
+        for id in fantex_store::group_pages(g, group).filter(|id| id.level == 0) {
+            for channel in 0..asset.channels().len() {
+                let [a, b] = [a, b].map(|painter| painter.editor().read_page(channel, id).unwrap().rgba);
+                let texels = a.iter().flatten().zip(b.iter().flatten());
+                most = texels.fold(most, |most, (a, b)| most.max((a - b).abs()));
+            }
+        }
+    }
+    most
+}
+
+#[test]
+fn layers_are_copied_and_merged() {
+    let baked = ball(60_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let lower = painter.add_layer(Layer::painted("lower")).unwrap();
+    paint_on(&mut painter, Target::Layer(lower), red(0.7), &LINE);
+    let fill = painter.add_layer(Layer::fill("upper", &[Vec4::new(0.0, 0.4, 0.1, 1.0)])).unwrap();
+    paint_on(&mut painter, Target::Mask(fill), white(), &[Vec3::Y, Vec3::new(0.6, 0.6, 0.5), Vec3::X]);
+    painter.edit_layers("fade", |layers| layers[1].opacity = 0.6).unwrap();
+    let seen = contents(&painter);
+    painter.commit().unwrap();
+    let copy = baked.folder.path().join("copy.fan");
+    std::fs::copy(&baked.path, &copy).unwrap();
+    let before = Painter::open(&copy, &Default::default()).unwrap();
+
+    // A copy over the original shows more of it, and the same alone.
+    let twin = painter.duplicate_layer(fill).unwrap();
+    assert_eq!((painter.layers()[2].id(), painter.layers()[2].name.as_str()), (twin, "upper copy"));
+    assert!(contents(&painter) != seen);
+    painter.edit_layers("hide", |layers| layers[1].visible = false).unwrap();
+    assert_eq!(apart(&painter, &before), 0.0);
+    // A stroke on the copy's mask leaves the original's alone.
+    paint_on(&mut painter, Target::Mask(twin), white(), &[Vec3::NEG_X]);
+    painter.edit_layers("swap", |layers| (layers[1].visible, layers[2].visible) = (true, false)).unwrap();
+    assert_eq!(apart(&painter, &before), 0.0);
+    (0..4).for_each(|_| assert!(painter.undo().unwrap()));
+    assert!(contents(&painter) == seen && painter.layers().len() == 2);
+
+    painter.merge_layer_down(fill).unwrap();
+    assert_eq!(painter.layers().len(), 1);
+    let merged = &painter.layers()[0];
+    assert_eq!((merged.id(), merged.opacity, merged.mask), (lower, 1.0, None));
+    // Half floats.
+    let difference = apart(&painter, &before);
+    assert!(difference < 2e-3, "{difference}");
+    painter.commit().unwrap();
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    assert!(painter.undo().unwrap());
+    assert!(contents(&painter) == seen && painter.layers().len() == 2);
+    assert!(painter.redo().unwrap());
+    let after = contents(&painter);
+    painter.commit().unwrap();
+
+    // The log says how, on the same bake and on another one.
+    let log = log_of(&baked.path);
+    let again = ball(60_000, BakeFormat::Float);
+    let mut replayed = again.painter();
+    log.replay(&mut replayed).unwrap();
+    assert_eq!(replayed.layers(), painter.layers());
+    assert!(apart(&replayed, &painter) < 2e-3);
+    replayed.commit().unwrap();
+    assert!(verify(&again.path, &VerifyOptions::default()).unwrap().ok);
+    assert!(contents(&painter) == after);
+
+    let refused = painter.merge_layer_down(lower).unwrap_err().to_string();
+    assert!(refused.contains("below the layer \"lower\" is none"), "{refused}");
+    let mut hidden = Layer::painted("over");
+    hidden.visible = false;
+    let over = painter.add_layer(hidden).unwrap();
+    let refused = painter.merge_layer_down(over).unwrap_err().to_string();
+    assert!(refused.contains("\"over\" is hidden"), "{refused}");
+    assert!(painter.duplicate_layer(99).unwrap_err().to_string().contains("no layer number 99"));
+}
+
+#[test]
+fn masks_are_inverted_painted_over_what_makes_them_and_forgotten() {
+    let baked = ball(60_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let id = painter.add_layer(Layer::fill("snow", &[Vec4::ONE, Vec4::ONE])).unwrap();
+    let slope = MaskSource { by: MaskMeasure::Slope { axis: 1 }, from: 0.5, to: 0.25 };
+    painter.edit_layers("mask", |layers| layers[0].mask_source = Some(slope)).unwrap();
+    let places = [Vec3::Y, Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, 0.3, 0.0), Vec3::NEG_Y, Vec3::X];
+    let shown = |painter: &mut Painter| -> Vec<f32> {
+        let surface = Arc::clone(painter.surface());
+        let points = places.map(|p| surface.nearest(p.normalize(), f32::INFINITY).unwrap());
+        painter.held_at(Target::Mask(id), 0, &points).unwrap().into_iter().map(|v| v.x).collect()
+    };
+    // By hand: smoothstep of the angle to the axis over pi.
+    let by_hand = |p: Vec3| {
+        let s = ((0.5 - p.normalize().y.acos() / std::f32::consts::PI) / 0.25).clamp(0.0, 1.0);
+        s * s * (3.0 - 2.0 * s)
+    };
+    let made = shown(&mut painter);
+    for (place, value) in places.iter().zip(&made) {
+        assert!((value - by_hand(*place)).abs() < 0.05, "{place} {value} {}", by_hand(*place));
+    }
+    painter.edit_layers("invert", |layers| layers[0].mask_inverted = true).unwrap();
+    let inverted = shown(&mut painter);
+    assert!(made.iter().zip(&inverted).all(|(a, b)| (a + b - 1.0).abs() < 1e-3));
+    // White shows, inverted or not.
+    paint_on(&mut painter, Target::Mask(id), white(), &[Vec3::Y]);
+    let painted = shown(&mut painter);
+    assert!((painted[0] - 1.0).abs() < 1e-3 && painted[3] == inverted[3], "{painted:?}");
+    // What was painted stays where the source changes, and nothing else.
+    let noise = MaskMeasure::Noise { scale: 0.1, seed: 3 }.source();
+    painter.edit_layers("noise", |layers| layers[0].mask_source = Some(noise)).unwrap();
+    assert!((shown(&mut painter)[0] - 1.0).abs() < 1e-3);
+    // A page of the mask at any level has the mean of the texels below.
+    let page = fantex_store::PageId { group: 0, level: 0, page: [0, 0] };
+    let mean = |values: Vec<f32>| values.iter().sum::<f32>() / values.len() as f32;
+    let [fine, coarse] = [0, 1].map(|level| fantex_store::PageId { level, ..page });
+    let [fine, coarse] = [fine, coarse].map(|page| mean(painter.mask_on_page(id, page).unwrap()));
+    assert!((fine - coarse).abs() < 0.05, "{fine} {coarse}");
+    // Log, journal and history know all of it.
+    painter.commit().unwrap();
+    let seen = contents(&painter);
+    let again = ball(60_000, BakeFormat::Float);
+    let mut replayed = again.painter();
+    log_of(&baked.path).replay(&mut replayed).unwrap();
+    assert!(contents(&replayed) == seen);
+    // A mask that is removed is forgotten; undo brings it back.
+    painter
+        .edit_layers("remove", |layers| {
+            (layers[0].mask, layers[0].mask_source, layers[0].mask_inverted) = (None, None, false);
+        })
+        .unwrap();
+    painter.edit_layers("black", |layers| layers[0].mask = Some(0.0)).unwrap();
+    assert_eq!(shown(&mut painter), [0.0; 5]);
+    assert!(painter.undo().unwrap() && painter.undo().unwrap());
+    assert!(contents(&painter) == seen);
+    drop(painter);
+    let mut painter = baked.painter();
+    assert!((shown(&mut painter)[0] - 1.0).abs() < 1e-3, "also after a restart");
+    while painter.undo().unwrap() {}
+    assert!(contents(&painter) == contents(&ball(60_000, BakeFormat::Float).painter()));
+}
+
+/// Edges, height and slope of a box; what lies in the hole of a ring is hidden more than what lies outside.
+#[test]
+fn measures_know_edges_and_hollows() {
+    let mesh = cleaned(generate::cube(2));
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 60_000), BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let id = painter.add_layer(Layer::fill("edges", &[Vec4::ONE])).unwrap();
+    let mut measure = |by: MaskMeasure, at: Vec3| {
+        let source = MaskSource { by, from: 0.0, to: 1.0 };
+        painter.edit_layers("mask", |layers| layers[0].mask_source = Some(source)).unwrap();
+        let half = painter.surface().mesh().bounds().max.x;
+        let point = painter.surface().nearest(at * half, f32::INFINITY).unwrap();
+        painter.held_at(Target::Mask(id), 0, &[point]).unwrap()[0].x
+    };
+    let smooth = |s: f32| s * s * (3.0 - 2.0 * s);
+    let curvature = MaskMeasure::Curvature { radius: 0.05 };
+    let flat = measure(curvature, Vec3::new(1.0, 0.1, 0.2));
+    let edge = measure(curvature, Vec3::new(1.0, 0.99, 0.2));
+    let corner = measure(curvature, Vec3::new(1.0, 0.99, 0.99));
+    assert!((flat - 0.5).abs() < 0.01 && edge > flat + 0.1 && corner > edge + 0.05, "{flat} {edge} {corner}");
+    assert!(measure(MaskMeasure::Occlusion { radius: 0.2 }, Vec3::X) < 0.01);
+    let low = measure(MaskMeasure::Height { axis: 1 }, Vec3::new(1.0, -0.5, 0.1));
+    assert!((low - smooth(0.25)).abs() < 0.02, "{low}");
+    assert!((measure(MaskMeasure::Slope { axis: 1 }, Vec3::new(0.3, 1.0, 0.1)) - 0.0).abs() < 0.01);
+    assert!((measure(MaskMeasure::Slope { axis: 1 }, Vec3::new(1.0, 0.3, 0.1)) - 0.5).abs() < 0.01);
+    let ring = cleaned(generate::torus(48, 24));
+    let baked = Baked::new(&ring, &cover(&ring, 64, 60_000), BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let id = painter.add_layer(Layer::fill("dirt", &[Vec4::ONE])).unwrap();
+    let by = MaskMeasure::Occlusion { radius: 0.5 };
+    let source = Some(MaskSource { by, from: 0.0, to: 1.0 });
+    painter.edit_layers("mask", |layers| layers[0].mask_source = source).unwrap();
+    let points = [Vec3::ZERO, 9.0 * Vec3::X].map(|p| painter.surface().nearest(p, f32::INFINITY).unwrap());
+    let held = painter.held_at(Target::Mask(id), 0, &points).unwrap();
+    assert!(held[0].x > held[1].x + 0.05 && held[1].x < 0.01, "{held:?}");
 }
 
 // The log of strokes: paint outlives resolution, cover and mesh.

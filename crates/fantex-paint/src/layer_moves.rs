@@ -1,0 +1,326 @@
+//! What was painted on layers goes to others: copies, merges, masks that are dropped; and what single layers hold, for pictures of them.
+
+use std::collections::BTreeSet;
+
+use fantex_base::{Error, Result};
+use fantex_store::{PAGE, PageId, page_extent, page_origin};
+use glam::Vec4;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::composite::texels_around;
+use crate::layers::{
+    LayerStack, Layers, TEXEL_BYTES, base_bytes, base_name, encode_values, float_of, page_name,
+    page_of_suffix, prefix,
+};
+use crate::levels::{fine_rect, pages_of};
+use crate::texel_page::Rect;
+use crate::{BlendMode, Layer, LayerContent, Painter, SurfacePoint, Target};
+
+/// What was painted on a layer, mask included, goes to another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum LayerMove {
+    /// From a layer's number to that of a new one.
+    Copy([u64; 2]),
+    /// From a layer's number, as it is shown, over what another one shows, to that one: both as they were before the step.
+    Merge([u64; 2]),
+}
+
+/// Pages that are merged at a time.
+const BATCH: usize = 16;
+
+impl Painter {
+    /// Puts a copy of a layer above it, with what was painted on it and its mask; returns the copy's number.
+    ///
+    /// # Errors
+    /// There is no such layer, or the asset cannot be read or changed.
+    pub fn duplicate_layer(&mut self, id: u64) -> Result<u64> {
+        let copy = self.start_duplicate_layer(id)?;
+        self.finish_work()?;
+        Ok(copy)
+    }
+
+    /// The same; what it shows is left to [`work_on`](Self::work_on).
+    ///
+    /// # Errors
+    /// As [`duplicate_layer`](Self::duplicate_layer).
+    pub fn start_duplicate_layer(&mut self, id: u64) -> Result<u64> {
+        self.finish_work()?;
+        self.end()?;
+        let original = self.known_layer(id)?.clone();
+        let taken: BTreeSet<String> = self.layers.stack.iter().map(|layer| layer.name.clone()).collect();
+        let first = std::iter::once(format!("{} copy", original.name));
+        let names = first.chain((2..).map(|n| format!("{} copy {n}", original.name)));
+        let name = names.into_iter().find(|name| !taken.contains(name)).unwrap_or_default();
+        let number = self.layers.next_id;
+        self.change_layers("duplicate layer", &[LayerMove::Copy([id, number])], |layers| {
+            let copy = layers.add(Layer { name, ..original });
+            let copied = layers.stack.iter().position(|layer| layer.id() == id);
+            if let (Some(at), Some(layer)) = (copied, layers.stack.pop()) {
+                debug_assert_eq!(layer.id(), copy);
+                layers.stack.insert(at + 1, layer);
+            }
+        })?;
+        Ok(number)
+    }
+
+    /// Makes one layer of a layer and the one below it, which then holds what both show: masks, opacity and channels are applied. The
+    /// picture stays as it is where both blend as `Normal`; other modes of the upper layer act on the lower one alone.
+    ///
+    /// # Errors
+    /// There is no such layer, none below it, one of them is hidden, or the asset cannot be read or changed.
+    pub fn merge_layer_down(&mut self, id: u64) -> Result<()> {
+        self.start_merge_layer_down(id)?;
+        self.finish_work()
+    }
+
+    /// The same; what it shows is left to [`work_on`](Self::work_on).
+    ///
+    /// # Errors
+    /// As [`merge_layer_down`](Self::merge_layer_down).
+    pub fn start_merge_layer_down(&mut self, id: u64) -> Result<()> {
+        self.finish_work()?;
+        self.end()?;
+        let upper = self.known_layer(id)?.clone();
+        let at = self.layers.stack.iter().position(|layer| layer.id() == id).unwrap_or_default();
+        let Some(lower) = at.checked_sub(1).map(|below| self.layers.stack[below].clone()) else {
+            let sentence = format!("below the layer {:?} is none that it could be merged with", upper.name);
+            return Err(Error::invalid(sentence));
+        };
+        if let Some(hidden) = [&upper, &lower].into_iter().find(|layer| !layer.visible) {
+            let name = &hidden.name;
+            let sentence = format!("the layer {name:?} is hidden, and would be lost: show it, then merge");
+            return Err(Error::invalid(sentence));
+        }
+        let to = lower.id();
+        self.change_layers("merge layers", &[LayerMove::Merge([id, to])], |layers| {
+            layers.stack.retain(|layer| layer.id() != id);
+            for layer in layers.stack.iter_mut().filter(|layer| layer.id() == to) {
+                *layer = Layer { id: to, blend: layer.blend, ..Layer::painted(&layer.name) };
+            }
+        })
+    }
+
+    fn known_layer(&self, id: u64) -> Result<&Layer> {
+        let none = || Error::not_found(format!("there is no layer number {id}"));
+        self.layers.find(id).ok_or_else(none)
+    }
+
+    /// Moves what was painted, with the layers as they were before the step.
+    pub(crate) fn move_painted(&mut self, before: &Layers, step: LayerMove) -> Result<()> {
+        match step {
+            LayerMove::Copy([from, to]) => {
+                let parts = [Target::Layer, Target::Mask].map(|part| (prefix(part(from)), prefix(part(to))));
+                for name in self.editor.attachment_names() {
+                    for (from, to) in &parts {
+                        if let Some(page) = name.strip_prefix(from.as_str())
+                            && let Some(contents) = self.editor.attachment(&name)?
+                        {
+                            self.attach(&format!("{to}{page}"), contents)?;
+                        }
+                    }
+                }
+                Ok(())
+            }
+            LayerMove::Merge([upper, lower]) => {
+                let find = |id| {
+                    let none = || Error::not_found(format!("there is no layer number {id} to be merged"));
+                    before.find(id).cloned().ok_or_else(none)
+                };
+                let pair = [Layer { blend: BlendMode::Normal, ..find(lower)? }, find(upper)?];
+                self.merge(&Layers { next_id: 0, stack: pair.to_vec() }, lower)
+            }
+        }
+    }
+
+    fn merge(&mut self, layers: &Layers, to: u64) -> Result<()> {
+        // With the layers as they were: those of the step are known already.
+        let mut fills = self.fills.clone();
+        fills.update(&self.surface, layers)?;
+        let pages = self.pages_of_layers(&layers.stack);
+        for ids in pages.chunks(BATCH) {
+            let maps = self.maps.get(&self.surface, ids, self.options.budget());
+            let (editor, surface, fills) = (&self.editor, &*self.surface, &fills);
+            let merged = ids.par_iter().zip(&maps).map(|(&id, map)| {
+                let rect = Rect::of(map.block.extent);
+                LayerStack { editor, layers, id, surface, map, fills, rect, replaced: None }.merged()
+            });
+            let merged: Vec<Vec<Vec<Vec4>>> = merged.collect::<Result<_>>()?;
+            for (&id, values) in ids.iter().zip(merged) {
+                if values.iter().flatten().any(|value| value.w > 0.0) {
+                    self.attach(&page_name(Target::Layer(to), id), encode_values(&values))?;
+                } else {
+                    self.detach(&page_name(Target::Layer(to), id))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Pages of level 0 on which one of some layers has something, ascending.
+    fn pages_of_layers(&self, stack: &[Layer]) -> Vec<PageId> {
+        if stack.iter().any(Layer::is_everywhere) {
+            return self.all_pages();
+        }
+        let names = self.editor.attachment_names();
+        let mut pages = BTreeSet::new();
+        for prefix in stack.iter().flat_map(|l| [Target::Layer(l.id()), Target::Mask(l.id())]).map(prefix) {
+            let suffixes = names.iter().filter_map(|name| name.strip_prefix(&prefix));
+            pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
+        }
+        pages.into_iter().collect()
+    }
+
+    /// Drops what was painted on masks that are gone.
+    pub(crate) fn forget_masks(&mut self, before: &Layers) -> Result<()> {
+        let is_gone = |layer: &&Layer| {
+            layer.mask.is_some() && self.layers.find(layer.id()).is_some_and(|now| now.mask.is_none())
+        };
+        let gone: Vec<u64> = before.stack.iter().filter(is_gone).map(Layer::id).collect();
+        for prefix in gone.into_iter().map(|id| prefix(Target::Mask(id))) {
+            for name in self.editor.attachment_names() {
+                if name.starts_with(&prefix) {
+                    self.detach(&name)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+// What single layers hold.
+
+impl Painter {
+    /// What a layer (without its mask, opacity and blending), a mask (as a grey) or the base holds in a channel at points: straight
+    /// linear RGBA, of the texel that is nearest.
+    ///
+    /// # Errors
+    /// There is no such channel or layer, or the asset cannot be read.
+    pub fn held_at(&mut self, target: Target, channel: usize, points: &[SurfacePoint]) -> Result<Vec<Vec4>> {
+        self.check_channel(channel)?;
+        let layer = match target {
+            Target::Base => None,
+            Target::Layer(id) | Target::Mask(id) => Some(self.known_layer(id)?.clone()),
+        };
+        self.fills.update(&self.surface, &self.layers)?;
+        let places: Vec<(PageId, [u32; 2])> = points.iter().map(|&point| self.texel_at(point)).collect();
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by_key(|&k| places[k].0);
+        let mut values = vec![Vec4::ZERO; points.len()];
+        for run in order.chunk_by(|&a, &b| places[a].0 == places[b].0) {
+            let id = places[run[0]].0;
+            let texels: Vec<[u32; 2]> = run.iter().map(|&k| places[k].1).collect();
+            let held = match &layer {
+                None => self.base_texels(channel, id, &texels)?,
+                Some(layer) => self.layer_texels(target, layer, channel, id, &texels)?,
+            };
+            run.iter().zip(held).for_each(|(&k, value)| values[k] = value);
+        }
+        Ok(values)
+    }
+
+    /// The texel nearest to a point, within its page: in the tile that counts most there.
+    fn texel_at(&self, point: SurfacePoint) -> (PageId, [u32; 2]) {
+        let cover = self.surface.cover();
+        let taps = cover.taps(self.surface.mesh(), point);
+        let Some(tap) = taps.max_by(|a, b| a.weight.total_cmp(&b.weight)) else {
+            return (PageId { group: 0, level: 0, page: [0; 2] }, [0; 2]);
+        };
+        let extent = cover.groups[tap.group as usize].extent;
+        let (places, f) = texels_around(extent, tap.uv);
+        let [x, y] = places[usize::from(f.x >= 0.5) + 2 * usize::from(f.y >= 0.5)];
+        (PageId { group: tap.group, level: 0, page: [x / PAGE, y / PAGE] }, [x % PAGE, y % PAGE])
+    }
+
+    fn base_texels(&self, channel: usize, id: PageId, texels: &[[u32; 2]]) -> Result<Vec<Vec4>> {
+        let bytes = base_bytes(&self.editor, id, self.editor.attachment(&base_name(id))?)?;
+        let page = self.editor.asset().decode_page_raw(channel, id, &bytes[channel])?;
+        let texel = |&[x, y]: &[u32; 2]| page.rgba[(y * page.extent[0] + x) as usize].into();
+        Ok(texels.iter().map(texel).collect())
+    }
+
+    fn layer_texels(
+        &mut self,
+        target: Target,
+        layer: &Layer,
+        channel: usize,
+        id: PageId,
+        texels: &[[u32; 2]],
+    ) -> Result<Vec<Vec4>> {
+        let extent = self.surface.cover().groups[id.group as usize].extent;
+        let [width, height] = page_extent(extent, id.page).map(|n| n as usize);
+        let number = |&[x, y]: &[u32; 2]| y as usize * width + x as usize;
+        if let (Target::Layer(_), LayerContent::Painted) = (target, &layer.content) {
+            let bytes = self.editor.attachment(&page_name(target, id))?.unwrap_or_default();
+            let value = |place: &[u32; 2]| {
+                let at = TEXEL_BYTES * (channel * width * height + number(place));
+                let halves = bytes.get(at..at + TEXEL_BYTES).unwrap_or(&[0; TEXEL_BYTES]);
+                Vec4::from_array(std::array::from_fn(|k| float_of([halves[2 * k], halves[2 * k + 1]])))
+            };
+            return Ok(texels.iter().map(value).collect());
+        }
+        if let (Target::Layer(_), LayerContent::Fill(colors)) = (target, &layer.content) {
+            let color = colors.get(channel).map_or(Vec4::ZERO, |&color| color.into());
+            return Ok(vec![color; texels.len()]);
+        }
+        let map = self.maps.get(&self.surface, &[id], self.options.budget()).swap_remove(0);
+        let rect_of = |&[x, y]: &[u32; 2]| Rect { low: [x, y], high: [x + 1, y + 1] };
+        let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
+        if let Target::Mask(_) = target {
+            let rect = texels.iter().map(rect_of).fold(Rect::EMPTY, Rect::union);
+            let stack = LayerStack { editor, layers, id, surface, map: &map, fills, rect, replaced: None };
+            let mask = stack.mask(layer)?;
+            let grey = |shown: f32| Vec4::new(shown, shown, shown, 1.0);
+            let value = |place: &[u32; 2]| grey(mask.get(number(place)).copied().unwrap_or(1.0));
+            return Ok(texels.iter().map(value).collect());
+        }
+        let value = |place: &[u32; 2]| {
+            let values = fills.values(surface, layer.id(), &map, rect_of(place), |_| false);
+            let value = values.get(channel).and_then(|values| values.get(number(place)));
+            value.copied().unwrap_or(Vec4::ZERO)
+        };
+        Ok(texels.iter().map(value).collect())
+    }
+
+    /// A layer's mask on a page of any level, row by row: of coarser levels some of the texels below each. 1 without a mask.
+    ///
+    /// # Errors
+    /// There is no such layer, or the asset cannot be read.
+    pub fn mask_on_page(&mut self, id: u64, page: PageId) -> Result<Vec<f32>> {
+        let layer = self.known_layer(id)?.clone();
+        self.fills.update(&self.surface, &self.layers)?;
+        let shape = self.surface.cover().groups[page.group as usize];
+        let (fine, coarse) = (shape.extent, shape.level_extent(page.level));
+        let texels = Rect::of(page_extent(coarse, page.page)).moved(page_origin(page.page));
+        if layer.mask.is_none() {
+            return Ok(vec![1.0; texels.texels().count()]);
+        }
+        let under = fine_rect(texels, fine, coarse);
+        let finest = |place| PageId { level: 0, page: place, ..page };
+        let ids: Vec<PageId> = pages_of(under).map(finest).collect();
+        let maps = self.maps.get(&self.surface, &ids, self.options.budget());
+        let mut masks = std::collections::BTreeMap::new();
+        for (id, map) in ids.into_iter().zip(&maps) {
+            let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
+            let rect = Rect::of(map.block.extent);
+            let stack = LayerStack { editor, layers, id, surface, map, fills, rect, replaced: None };
+            masks.insert(id.page, (map.block.extent[0], stack.mask(&layer)?));
+        }
+        let at = |[x, y]: [u32; 2]| {
+            let (width, mask) = &masks[&[x / PAGE, y / PAGE]];
+            mask[(y % PAGE * width + x % PAGE) as usize]
+        };
+        let mean = |place: [u32; 2]| {
+            const STEPS: u32 = 4;
+            let steps = if page.level == 0 { 1 } else { STEPS };
+            let along = |k: usize, s: u32| {
+                let n = u64::from(place[k] * steps + s) * u64::from(fine[k]);
+                ((n / u64::from(coarse[k] * steps)) as u32).min(fine[k] - 1)
+            };
+            let places = (0..steps).flat_map(|t| (0..steps).map(move |s| [s, t]));
+            places.map(|[s, t]| at([along(0, s), along(1, t)])).sum::<f32>() / (steps * steps) as f32
+        };
+        Ok(texels.texels().map(mean).collect())
+    }
+}
