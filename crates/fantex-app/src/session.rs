@@ -212,8 +212,17 @@ pub enum LayerStep {
     Show(bool),
     /// A mask that shows all (true) or hides all.
     AddMask(bool),
+    /// From the model's shape.
+    MakeMask(fantex::paint::MaskSource),
+    InvertMask,
+    RemoveMask,
+    /// Whether the mask is seen instead of the base colour.
+    SeeMask(bool),
     /// Towards the top (true) or the bottom.
     Move(bool),
+    /// A copy above it.
+    Duplicate,
+    MergeDown,
     Delete,
 }
 

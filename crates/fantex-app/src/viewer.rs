@@ -15,7 +15,7 @@ use crate::camera::{
     Walker, camera_of, load_path, save_path,
 };
 use crate::command::Command;
-use crate::display::DisplaySettings;
+use crate::display::{DisplaySettings, ShadingView};
 use crate::document::{Content, Document};
 use crate::export::Preset;
 use crate::figures::{Graphs, StreamFigures};
@@ -177,6 +177,8 @@ pub struct Viewer {
     pub new_model: Option<Option<SceneModel>>,
     /// The user was told that closing loses something.
     was_warned: bool,
+    /// The shading to go back to when no mask is seen any more.
+    shading_before_mask: Option<ShadingView>,
     /// What was opened has not been framed yet with the panels that it brings.
     is_unframed: bool,
     requests: Vec<Request>,
@@ -323,6 +325,7 @@ impl Viewer {
                 document.content = Content::Asset(asset);
             }
         }
+        self.light_masks();
     }
 
     /// Starts the tree of triangles where it is wanted and not there.

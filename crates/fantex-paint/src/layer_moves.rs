@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 
 use fantex_base::{Error, Result};
-use fantex_store::{PAGE, PageId, page_extent, page_origin};
+use fantex_store::{ChannelKind, PAGE, PageId, page_extent, page_origin};
 use glam::Vec4;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::composite::texels_around;
+use crate::composite::{replace_blocks, texels_around};
 use crate::layers::{
     LayerStack, Layers, TEXEL_BYTES, base_bytes, base_name, encode_values, float_of, page_name,
     page_of_suffix, prefix,
@@ -281,6 +281,24 @@ impl Painter {
             value.copied().unwrap_or(Vec4::ZERO)
         };
         Ok(texels.iter().map(value).collect())
+    }
+
+    /// A page of any level as it would be stored if the base colour (else the first channel) were a layer's mask, as a grey; and
+    /// that channel.
+    ///
+    /// # Errors
+    /// As [`mask_on_page`](Self::mask_on_page).
+    pub fn mask_as_color(&mut self, id: u64, page: PageId) -> Result<(usize, Vec<u8>)> {
+        let mask = self.mask_on_page(id, page)?;
+        let asset = self.editor.asset();
+        let index = asset.channel_of_kind(ChannelKind::BaseColor).unwrap_or(0);
+        let shape = self.surface.cover().groups[page.group as usize];
+        let extent = page_extent(shape.level_extent(page.level), page.page);
+        let values: Vec<Vec4> = mask.into_iter().map(|shown| Vec4::new(shown, shown, shown, 1.0)).collect();
+        let mut bytes = self.editor.read_page_raw(index, page)?;
+        let whole = Rect::of(extent);
+        replace_blocks(&asset.channels()[index], extent, &mut bytes, &values, whole, |_| true)?;
+        Ok((index, bytes))
     }
 
     /// A layer's mask on a page of any level, row by row: of coarser levels some of the texels below each. 1 without a mask.

@@ -121,7 +121,7 @@ impl Layer {
 }
 
 /// What a stroke paints on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Target {
     /// What lies under all layers.
     #[default]

@@ -107,8 +107,8 @@ impl Measured {
                 surface,
                 radius.max(1e-3) * mesh_diagonal,
                 |at, normal, radius, count| {
-                    let [out, within] = [normal, -normal]
-                        .map(|side| hidden(surface, at, side, radius, count, |_| 1.0));
+                    let [out, within] =
+                        [normal, -normal].map(|side| hidden(surface, at, side, radius, count, |_| 1.0));
                     0.5 + 0.5 * (within - out)
                 },
             )),
@@ -245,9 +245,9 @@ impl Lattices {
             }
         }
         let count = (MAX_RAYS / places.len().max(1)).clamp(RAYS[0], RAYS[1]) as u32;
-        let measured = places.par_iter().map(|&place| {
-            measure(surface.position(place).as_vec3(), outer(surface, place), radius, count)
-        });
+        let measured = places
+            .par_iter()
+            .map(|&place| measure(surface.position(place).as_vec3(), outer(surface, place), radius, count));
         let measured: Vec<f32> = measured.collect();
         Self { triangles, values: slots.into_iter().map(|slot| measured[slot as usize]).collect() }
     }

@@ -20,6 +20,7 @@ mod settings;
 mod stencil;
 mod symmetry;
 mod texture;
+mod thumbnails;
 mod worker;
 
 pub use bake::{NewAsset, asset_beside, bake_model, model_texels};
@@ -27,7 +28,7 @@ pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
-pub use painting::{LayerAction, Painting};
+pub use painting::{LayerAction, LayerDrag, Painting};
 pub use settings::{
     ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, StickerKind,
     paint_shortcuts,
@@ -35,4 +36,5 @@ pub use settings::{
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};
 pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice};
+pub use thumbnails::{THUMBNAIL, Thumbnail};
 pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};

@@ -1,13 +1,14 @@
 //! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
 
-use fantex::base::Aabb;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
 use fantex::paint::{
-    BlendMode, GraphFill, Layer, LayerContent, Painter, Sample, Stamp, Surface, SurfacePoint, Target,
-    WorkProgress,
+    BlendMode, GraphFill, Layer, LayerContent, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint,
+    Target, WorkProgress,
 };
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, Channel, ChannelKind};
@@ -18,7 +19,7 @@ use crate::paint::cursor::world_position;
 use crate::paint::{
     ChosenTexture, Cursor, Exchange, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
     Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
-    TextureChoice, Viewpoint,
+    TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::viewer::Wake;
 
@@ -71,6 +72,26 @@ pub struct Painting {
     pub renaming: Option<(u64, String)>,
     /// A layer's opacity while it is being dragged.
     pub fading: Option<(u64, f32)>,
+    /// What a layer's mask is made from while that is being dragged.
+    pub shaping: Option<(u64, MaskSource)>,
+    /// A layer that is being dragged to another place.
+    pub moving: Option<LayerDrag>,
+    /// The layer whose mask is seen instead of the base colour.
+    pub seen_mask: Option<u64>,
+    /// To be painted on as soon as there is such a thing.
+    wanted_target: Option<Target>,
+    /// What layers, masks and the base hold.
+    pub thumbnails: BTreeMap<Target, Thumbnail>,
+}
+
+/// A layer on its way to another place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LayerDrag {
+    pub id: u64,
+    /// All layers as they are to lie, from the bottom to the top.
+    pub order: Vec<u64>,
+    /// Whether another order than the first one was asked for.
+    pub has_moved: bool,
 }
 
 impl Painting {
@@ -106,6 +127,11 @@ impl Painting {
             section: Section::default(),
             renaming: None,
             fading: None,
+            shaping: None,
+            moving: None,
+            seen_mask: None,
+            wanted_target: None,
+            thumbnails: BTreeMap::new(),
         })
     }
 
@@ -234,7 +260,18 @@ impl Painting {
                     if !std::mem::replace(&mut self.has_target, true) {
                         self.target = self.snapshot.layers.last().map_or(Target::Base, own_target);
                     }
+                    if let Some(wanted) = self.wanted_target.take() {
+                        self.target = wanted;
+                    }
                     self.target = valid_target(&self.snapshot, self.target);
+                    let has_mask =
+                        |id: &u64| self.snapshot.layers.iter().any(|l| l.id() == *id && l.mask.is_some());
+                    if self.seen_mask.is_some() && !self.seen_mask.as_ref().is_some_and(has_mask) {
+                        self.see_mask(None);
+                    }
+                }
+                Report::Thumbnail(target, thumbnail) => {
+                    self.thumbnails.insert(target, thumbnail);
                 }
                 Report::Added(id) => self.target = Target::Layer(id),
                 Report::Picked(values) => self.take_picked(&values, settings),
@@ -358,6 +395,21 @@ impl Painting {
         GraphFill { graph, textures }
     }
 
+    /// Shows a layer's mask instead of the base colour, or no mask.
+    pub fn see_mask(&mut self, layer: Option<u64>) {
+        self.seen_mask = layer;
+        self.thread.order(Order::SeeMask(layer));
+    }
+
+    /// Layers as they lie, or as they are to lie while one is dragged; from the bottom to the top.
+    pub fn layers_in_order(&self) -> Vec<Layer> {
+        let mut layers = self.snapshot.layers.clone();
+        if let Some(moving) = &self.moving {
+            layers.sort_by_key(|layer| moving.order.iter().position(|id| *id == layer.id()));
+        }
+        layers
+    }
+
     /// What is done with layers; why not, where it cannot be done.
     ///
     /// # Errors
@@ -404,12 +456,27 @@ impl Painting {
             }
             LayerAction::Move(id, is_up) => thread
                 .order(Order::EditLayers("move layer", Box::new(move |layers| shift(layers, id, is_up)))),
+            LayerAction::MoveTo(order, goes_on) => thread.order(Order::MoveLayers { order, goes_on }),
+            LayerAction::Duplicate(id) => thread.order(Order::DuplicateLayer(id)),
+            LayerAction::MergeDown(id) => thread.order(Order::MergeLayer(id)),
             LayerAction::AddMask(id, shows) => {
                 change(thread, "add mask", id, move |layer| layer.mask = Some(f32::from(u8::from(shows))));
-                // Taken back if there is no such layer; the mask comes with the next state.
-                self.has_target = true;
+                self.wanted_target = Some(Target::Mask(id));
             }
-            LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| layer.mask = None),
+            LayerAction::MakeMask(id, source) => {
+                change(thread, "make mask", id, move |layer| {
+                    layer.mask.get_or_insert(0.0);
+                    layer.mask_source = source;
+                });
+                self.wanted_target = Some(Target::Mask(id));
+            }
+            LayerAction::InvertMask(id) => {
+                change(thread, "invert mask", id, |layer| layer.mask_inverted = !layer.mask_inverted);
+            }
+            LayerAction::SeeMask(id) => self.see_mask(id),
+            LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| {
+                (layer.mask, layer.mask_source, layer.mask_inverted) = (None, None, false);
+            }),
             LayerAction::Channel(id, channel, is_shown) => {
                 change(thread, "layer channels", id, move |layer| {
                     set_channel(layer, channel, is_shown);
@@ -464,8 +531,19 @@ pub enum LayerAction {
     Blend(u64, BlendMode),
     /// One place towards the top (true) or the bottom.
     Move(u64, bool),
+    /// All layers by their numbers, from the bottom to the top; whether a drag goes on.
+    MoveTo(Vec<u64>, bool),
+    /// A copy above it.
+    Duplicate(u64),
+    /// One layer of this one and the one below.
+    MergeDown(u64),
     /// A mask that shows (true) or hides all until it is painted.
     AddMask(u64, bool),
+    /// A mask that is made from the model's shape, or (none) only painted.
+    MakeMask(u64, Option<MaskSource>),
+    InvertMask(u64),
+    /// The mask is seen instead of the base colour; none ends that.
+    SeeMask(Option<u64>),
     RemoveMask(u64),
     /// Shown in a channel of the asset or not.
     Channel(u64, usize, bool),

@@ -16,11 +16,12 @@ use fantex::paint::{
     Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
     SurfacePoint, Symmetry, Target, WorkProgress,
 };
-use fantex::store::{Asset, PageId, is_disk_full};
+use fantex::store::{Asset, PageId, group_pages, is_disk_full};
 use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
 
 use crate::paint::exchange::{page_texels, parcel_texels};
-use crate::paint::{Exchange, Viewpoint};
+use crate::paint::thumbnails::Thumbnails;
+use crate::paint::{Exchange, Thumbnail, Viewpoint};
 use crate::viewer::Wake;
 
 /// Between strokes, changes are committed after this delay.
@@ -40,6 +41,12 @@ const COALESCE_WINDOW: Duration = Duration::from_millis(6);
 
 /// How often to poll for coarser levels.
 const LEVEL_POLL_INTERVAL: Duration = Duration::from_millis(5);
+
+/// Pictures of layers are made when nothing was asked for so long.
+const THUMBNAIL_DELAY: Duration = Duration::from_millis(150);
+
+/// The step of the history in which layers change places.
+const MOVE_LABEL: &str = "move layer";
 
 /// Requested pages that are answered per turn of the loop.
 const MAX_PAGES_PER_TURN: usize = 32;
@@ -85,6 +92,10 @@ impl PaintThread {
             is_stuck: false,
             told_share: None,
             owed: 0,
+            thumbnails: Thumbnails::default(),
+            known_steps: 0,
+            may_be_other: false,
+            seen_mask: None,
             saving: Saving::default(),
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
@@ -164,11 +175,18 @@ struct Worker {
     told_share: Option<u32>,
     /// Orders that are done but for these.
     owed: u64,
+    thumbnails: Thumbnails,
+    /// Steps of the history when the state was last told, and whether what layers hold may be other since.
+    known_steps: usize,
+    may_be_other: bool,
+    /// The layer whose mask is seen instead of the base colour.
+    seen_mask: Option<u64>,
     saving: Saving,
 }
 
 impl Worker {
     fn run(mut self) {
+        self.thumbnails.follow(self.painter.layers(), true);
         self.tell_state();
         if !self.is_working() {
             self.done.fetch_add(1, Relaxed);
@@ -200,10 +218,20 @@ impl Worker {
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
         let is_idle = !self.is_working() && self.waiting.is_empty();
-        let wait = if is_idle { wait } else { Duration::ZERO };
+        let has_thumbnails = self.thumbnails.is_due() && !self.is_drawing() && !self.has_levels_due;
+        let wait = match (is_idle, has_thumbnails) {
+            (false, _) => Duration::ZERO,
+            (true, true) => wait.min(THUMBNAIL_DELAY),
+            (true, false) => wait,
+        };
         let mut next = match self.orders.recv_timeout(wait) {
             Ok(order) => Some(order),
-            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Timeout) => {
+                if is_idle && has_thumbnails {
+                    self.check(Self::make_thumbnail);
+                }
+                None
+            }
             Err(RecvTimeoutError::Disconnected) => return false,
         };
         let begun = Instant::now();
@@ -252,6 +280,13 @@ impl Worker {
                 self.tell_state();
             }
             levels?;
+        }
+        Ok(())
+    }
+
+    fn make_thumbnail(&mut self) -> Result<()> {
+        if let Some((target, thumbnail)) = self.thumbnails.make(&mut self.painter)? {
+            self.tell(Report::Thumbnail(target, thumbnail));
         }
         Ok(())
     }
@@ -315,12 +350,25 @@ impl Worker {
                 self.painter.start_edit_layers(label, change)?;
                 self.tell_state();
             }
+            Order::DuplicateLayer(id) => {
+                let copy = self.painter.start_duplicate_layer(id)?;
+                self.tell(Report::Added(copy));
+                self.tell_state();
+            }
+            Order::MergeLayer(id) => {
+                self.painter.start_merge_layer_down(id)?;
+                self.may_be_other = true;
+                self.tell_state();
+            }
+            Order::MoveLayers { order, goes_on } => self.move_layers(&order, goes_on)?,
+            Order::SeeMask(layer) => self.see_mask(layer),
             Order::Undo => {
                 self.stroke = None;
                 self.painter.start_undo()?;
             }
             Order::Redo => {
                 self.stroke = None;
+                self.may_be_other = true;
                 self.painter.start_redo()?;
             }
             Order::GoTo(count) => self.go_to_step(count)?,
@@ -335,6 +383,35 @@ impl Worker {
         Ok(())
     }
 
+    /// Layers in another order, from the bottom to the top. A drag that goes on is one step of the history.
+    fn move_layers(&mut self, order: &[u64], goes_on: bool) -> Result<()> {
+        let last = self.painter.history().done().last();
+        if goes_on && last.is_some_and(|step| step.label == MOVE_LABEL) {
+            self.painter.undo()?;
+        }
+        self.painter.start_edit_layers(MOVE_LABEL, |layers| {
+            layers.sort_by_key(|layer| order.iter().position(|id| *id == layer.id()).unwrap_or(usize::MAX));
+        })?;
+        self.tell_state();
+        Ok(())
+    }
+
+    fn see_mask(&mut self, layer: Option<u64>) {
+        if std::mem::replace(&mut self.seen_mask, layer) != layer {
+            let cover = self.painter.editor().asset().shared_cover();
+            let pages = (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group));
+            self.exchange.outdate(&pages.collect::<Vec<_>>());
+        }
+    }
+
+    /// The bytes of a page in a channel that looks different for the moment.
+    fn masked(&mut self, page: PageId) -> Result<Option<(usize, Vec<u8>)>> {
+        let has_mask =
+            |id: &u64| self.painter.layers().iter().any(|layer| layer.id() == *id && layer.mask.is_some());
+        let Some(layer) = self.seen_mask.filter(has_mask) else { return Ok(None) };
+        self.painter.mask_as_color(layer, page).map(Some)
+    }
+
     fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<()> {
         let (brush, stamp, symmetry) = (start.brush.clone(), start.stamp.clone(), start.symmetry);
         self.open(start)?;
@@ -345,6 +422,7 @@ impl Worker {
     /// Opens a stroke for the painter.
     fn open(&mut self, start: StrokeStart) -> Result<()> {
         self.stroke = None;
+        self.thumbnails.changed(start.target);
         self.painter.begin_on(start.target, &start.label, start.paint)?;
         // For the log. Where it cannot be told, it is painted all the same.
         self.check(|worker| worker.painter.record(start.recorded, Path::new("")));
@@ -367,8 +445,11 @@ impl Worker {
             self.exchange.outdate(&replaced);
             return Ok(());
         }
-        let (painter, none) = (&self.painter, BTreeMap::new());
-        self.exchange.publish(&replaced, |page| page_texels(painter, page, formats, &none))?;
+        let (formats, exchange) = (formats.to_vec(), Arc::clone(&self.exchange));
+        exchange.publish(&replaced, |page| {
+            let masked = self.masked(page)?.into_iter().collect();
+            page_texels(&self.painter, page, &formats, &masked)
+        })?;
         if shown.is_empty() || self.stroke.is_none() {
             return Ok(());
         }
@@ -376,17 +457,27 @@ impl Worker {
         for page in self.painter.preview(&shown)? {
             coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
         }
-        for (page, bytes) in coarser {
-            self.exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
+        for (page, mut bytes) in coarser {
+            bytes.extend(self.masked(page)?);
+            exchange.publish_preview(page, page_texels(&self.painter, page, &formats, &bytes)?);
         }
         Ok(())
     }
 
     fn answer_pages(&mut self) {
-        let Some(formats) = self.exchange.formats() else { return };
+        let Some(formats) = self.exchange.formats().map(<[_]>::to_vec) else { return };
         let wanted = self.exchange.wanted(MAX_PAGES_PER_TURN);
         for &parcel in &wanted {
-            self.exchange.answer(parcel, parcel_texels(&self.painter, parcel, formats));
+            let cover = self.painter.editor().asset().shared_cover();
+            let shown = match self.seen_mask {
+                None => Ok(BTreeMap::new()),
+                Some(_) => parcel
+                    .pages(&cover)
+                    .filter_map(|page| Some(self.masked(page).transpose()?.map(|masked| (page, masked))))
+                    .collect(),
+            };
+            let texels = shown.and_then(|shown| parcel_texels(&self.painter, parcel, &formats, &shown));
+            self.exchange.answer(parcel, texels);
         }
         if wanted.len() == MAX_PAGES_PER_TURN {
             self.exchange.ask_again();
@@ -450,7 +541,12 @@ impl Worker {
         }
     }
 
-    fn tell_state(&self) {
+    fn tell_state(&mut self) {
+        // What is taken back may be anything.
+        let steps = self.painter.history().done().len();
+        let changed = std::mem::replace(&mut self.known_steps, steps) > steps || self.may_be_other;
+        self.may_be_other = false;
+        self.thumbnails.follow(self.painter.layers(), changed);
         let history = self.painter.history();
         let older = history.done().len().saturating_sub(MAX_LISTED_STEPS);
         let names =
@@ -510,6 +606,15 @@ pub enum Order {
     GiveUp,
     /// Put a layer above another, or on top.
     AddLayer(Box<Layer>, Option<u64>),
+    DuplicateLayer(u64),
+    MergeLayer(u64),
+    /// Layers by their numbers, from the bottom to the top; instead of the last such step where a drag goes on.
+    MoveLayers {
+        order: Vec<u64>,
+        goes_on: bool,
+    },
+    /// Show a layer's mask instead of the base colour, or no longer.
+    SeeMask(Option<u64>),
     EditLayers(&'static str, LayerChange),
     /// Take back steps or do them again until so many are done.
     GoTo(usize),
@@ -531,6 +636,8 @@ pub enum Report {
     State(Box<Snapshot>),
     /// The number of the layer that was added.
     Added(u64),
+    /// A picture of what a layer or a mask holds.
+    Thumbnail(Target, Thumbnail),
     /// Linear values per channel.
     Picked(Vec<Vec4>),
     /// How far something is that takes long; none where nothing does.
@@ -644,7 +751,10 @@ impl Worker {
         let done = self.painter.history().done().len();
         let is_started = match done.cmp(&count) {
             Ordering::Greater => self.painter.start_undo()?,
-            Ordering::Less => self.painter.start_redo()?,
+            Ordering::Less => {
+                self.may_be_other = true;
+                self.painter.start_redo()?
+            }
             Ordering::Equal => false,
         };
         if is_started {
@@ -666,6 +776,7 @@ fn must_wait(order: &Order) -> bool {
             | Order::GiveUp
             | Order::Commit
             | Order::Pick(_)
+            | Order::SeeMask(_)
             | Order::Close
     )
 }

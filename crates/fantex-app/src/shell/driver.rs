@@ -244,6 +244,12 @@ fn layer_step(viewer: &mut Viewer, step: LayerStep) {
         LayerStep::Blend(mode) => LayerAction::Blend(chosen, mode),
         LayerStep::Show(is_shown) => LayerAction::Show(chosen, is_shown),
         LayerStep::AddMask(shows) => LayerAction::AddMask(chosen, shows),
+        LayerStep::MakeMask(source) => LayerAction::MakeMask(chosen, Some(source)),
+        LayerStep::InvertMask => LayerAction::InvertMask(chosen),
+        LayerStep::RemoveMask => LayerAction::RemoveMask(chosen),
+        LayerStep::SeeMask(is_seen) => LayerAction::SeeMask(is_seen.then_some(chosen)),
+        LayerStep::Duplicate => LayerAction::Duplicate(chosen),
+        LayerStep::MergeDown => LayerAction::MergeDown(chosen),
         LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),
         LayerStep::Delete => LayerAction::Delete(chosen),
     };

@@ -8,6 +8,7 @@ use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
+use crate::display::ShadingView;
 use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
@@ -305,6 +306,23 @@ impl Viewer {
             && let Err(reason) = painting.layer_action(action, &self.settings.paint)
         {
             self.notices.warning(reason);
+        }
+        self.light_masks();
+    }
+
+    /// A mask that is seen instead of the base colour is seen without light.
+    pub(crate) fn light_masks(&mut self) {
+        let is_seen = self.painting.as_ref().is_some_and(|painting| painting.seen_mask.is_some());
+        let now = &mut self.settings.display.shading;
+        match (is_seen, self.shading_before_mask) {
+            (true, None) => {
+                self.shading_before_mask = Some(std::mem::replace(now, ShadingView::BaseColor));
+            }
+            (false, Some(before)) => {
+                *now = before;
+                self.shading_before_mask = None;
+            }
+            _ => {}
         }
     }
 

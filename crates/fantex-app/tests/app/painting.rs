@@ -9,7 +9,7 @@ use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
-use fantex::paint::{BlendMode, PaintOptions, Painter, Target};
+use fantex::paint::{BlendMode, MaskMeasure, PaintOptions, Painter, Target};
 use fantex::store::{Asset, PageId, VerifyOptions, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
@@ -162,6 +162,73 @@ fn everything_is_saved_and_verified_and_comes_back() {
     studio.wait();
     assert!(studio.painting.snapshot.layers.is_empty());
     assert_eq!(studio.painting.target, Target::Base);
+}
+
+#[test]
+fn layers_are_dragged_copied_merged_and_seen_in_small() {
+    let mut studio = Studio::open();
+    for _ in 0..3 {
+        studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
+        studio.wait();
+    }
+    studio.stroke();
+    let names = |studio: &Studio| -> Vec<String> {
+        studio.painting.snapshot.layers.iter().map(|layer| layer.name.clone()).collect()
+    };
+    let ids: Vec<u64> = studio.painting.snapshot.layers.iter().map(|layer| layer.id()).collect();
+    let act = |studio: &mut Studio, action: LayerAction| {
+        studio.painting.layer_action(&action, &studio.settings).unwrap();
+        studio.wait();
+    };
+    // A drag past two layers is seen on its way, and is one step.
+    let steps = studio.painting.snapshot.done.len();
+    act(&mut studio, LayerAction::MoveTo(vec![ids[0], ids[2], ids[1]], false));
+    assert_eq!(names(&studio), ["Layer 1", "Layer 3", "Layer 2"]);
+    act(&mut studio, LayerAction::MoveTo(vec![ids[2], ids[0], ids[1]], true));
+    assert_eq!(names(&studio), ["Layer 3", "Layer 1", "Layer 2"]);
+    assert_eq!(studio.painting.snapshot.done.len(), steps + 1);
+    act(&mut studio, LayerAction::Duplicate(ids[2]));
+    assert_eq!(names(&studio), ["Layer 3", "Layer 3 copy", "Layer 1", "Layer 2"]);
+    let copy = studio.painting.snapshot.layers[1].id();
+    assert_eq!(studio.painting.target, Target::Layer(copy), "the copy is chosen");
+    // A mask is chosen when it is made.
+    act(&mut studio, LayerAction::AddMask(copy, true));
+    assert_eq!(studio.painting.target, Target::Mask(copy));
+    act(&mut studio, LayerAction::InvertMask(copy));
+    let slope = MaskMeasure::Slope { axis: 1 }.source();
+    act(&mut studio, LayerAction::MakeMask(ids[0], Some(slope)));
+    assert_eq!(studio.painting.target, Target::Mask(ids[0]));
+    // Pictures come when nothing else is to be done: of the layer that was painted red on, and of the made mask.
+    let started = Instant::now();
+    let wanted = [Target::Base, Target::Layer(ids[2]), Target::Layer(copy), Target::Mask(ids[0])];
+    while !wanted.iter().all(|of| studio.painting.thumbnails.contains_key(of)) {
+        assert!(started.elapsed() < Duration::from_secs(60), "{:?}", studio.painting.thumbnails.keys());
+        std::thread::sleep(Duration::from_millis(20));
+        studio.wait();
+    }
+    let shown = |studio: &Studio, of: Target, is: fn(&[u8; 4]) -> bool| {
+        studio.painting.thumbnails[&of].iter().filter(|pixel| is(pixel)).count()
+    };
+    let is_painted = |[r, g, b, a]: &[u8; 4]| *a == 255 && r.max(g).max(b) - r.min(g).min(b) > 40;
+    assert!(shown(&studio, Target::Layer(ids[2]), is_painted) > 0);
+    assert_eq!(shown(&studio, Target::Layer(ids[1]), is_painted), 0);
+    let white = shown(&studio, Target::Mask(ids[0]), |pixel| pixel[0] > 200);
+    let black = shown(&studio, Target::Mask(ids[0]), |pixel| pixel[0] < 50 && pixel[3] == 255);
+    assert!(white > 50 && black > 50, "{white} {black}");
+    // A mask alone is what the atlas is told.
+    studio.painting.see_mask(Some(ids[0]));
+    studio.wait();
+    let (_, stale) = studio.painting.exchange().take_fresh();
+    assert!(stale.len() > 10, "all is asked for anew");
+    act(&mut studio, LayerAction::RemoveMask(ids[0]));
+    assert_eq!(studio.painting.seen_mask, None, "there is none any more");
+    act(&mut studio, LayerAction::RemoveMask(copy));
+    act(&mut studio, LayerAction::MergeDown(copy));
+    assert_eq!(names(&studio), ["Layer 3", "Layer 1", "Layer 2"]);
+    assert_eq!(crate::errors(&studio.notices), 0);
+    studio.painting.go_to_step(0);
+    studio.wait();
+    assert!(studio.painting.snapshot.layers.is_empty());
 }
 
 #[test]

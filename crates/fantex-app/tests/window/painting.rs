@@ -64,6 +64,47 @@ fn models_become_assets_with_layers_and_panels() {
     assert!(kept.contains("\"erase\"") && kept.contains("\"mirror\""), "{kept}");
 }
 
+/// Masks made from the shape, seen alone; the list of layers with its pictures, and a layer dragged through it.
+#[test]
+fn masks_are_made_and_seen_alone_and_layers_are_dragged() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"three_quarter"},{"wait_sharp":120},
+        {"color":"#20c040"},{"layer":"add_fill_everywhere"},{"wait_painted":60},{"layer":{"rename":"Moss"}},{"wait_painted":60},
+        {"layer":{"make_mask":{"by":{"slope":{"axis":1}},"from":0.5,"to":0.3}}},{"wait_painted":60},
+        {"wait_sharp":60},{"screenshot":{"path":"moss.png"}},
+        {"layer":{"see_mask":true}},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},{"screenshot":{"path":"alone.png"}},
+        {"layer":"invert_mask"},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},{"screenshot":{"path":"inverted.png"}},
+        {"layer":"invert_mask"},{"wait_painted":60},
+        {"layer":{"see_mask":false}},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},{"screenshot":{"path":"again.png"}},
+        {"color":"#d03020"},{"layer":"add"},{"wait_painted":60},{"brush":{"size":80,"hardness":0.9,"flow":1.0}},
+        {"stroke":{"points":[[0.4,0.6],[0.6,0.6]]}},{"wait_painted":60},
+        {"layer":"duplicate"},{"wait_painted":60},{"wait_frames":12},{"wait_sharp":60},
+        {"window_screenshot":{"path":"window.png"}},
+        {"layer":"merge_down"},{"wait_painted":60},{"expect_painting":{"layers":2}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "moss.png", "alone.png") > 0.02);
+    assert!(difference(at, "alone.png", "inverted.png") > 0.05);
+    assert_eq!(difference(at, "moss.png", "again.png"), 0.0);
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+    keep_pictures(at, "layers");
+}
+
+/// Leaves pictures for the eye where `FANTEX_PICTURES` names a folder.
+fn keep_pictures(from: &std::path::Path, name: &str) {
+    let Some(to) = std::env::var_os("FANTEX_PICTURES") else { return };
+    let to = std::path::Path::new(&to).join(name);
+    std::fs::create_dir_all(&to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|end| end == "png") {
+            std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+        }
+    }
+}
+
 #[test]
 fn two_painters_do_not_share_an_asset() {
     let Some(display) = Display::start() else { return };

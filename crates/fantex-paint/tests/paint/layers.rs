@@ -7,8 +7,8 @@ use fantex_bake::BakeFormat;
 use fantex_base::ErrorKind;
 use fantex_mesh::{Mesh, generate};
 use fantex_paint::{
-    BlendMode, ChannelPaint, Layer, MaskMeasure, MaskSource, Paint, PaintColor, Painter, StrokeFile, StrokeLog,
-    Target, Tool, dabs_of, replay,
+    BlendMode, ChannelPaint, Layer, MaskMeasure, MaskSource, Paint, PaintColor, Painter, StrokeFile,
+    StrokeLog, Target, Tool, dabs_of, replay,
 };
 use fantex_store::{Asset, AssetEditor, EditOptions, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;

@@ -1,27 +1,36 @@
 //! The layers, the one on top first, and what can be done with the chosen one.
 
-use eframe::egui::{
-    Align, Button, Color32, CornerRadius, Key, Label, Layout, Response, RichText, Sense, Slider, TextEdit,
-    Ui, UiBuilder, vec2,
-};
-use fantex::paint::{BlendMode, Layer, LayerContent, Target};
+use std::sync::Arc;
 
-use crate::paint::{BLEND_MODES, LayerAction, Painting};
-use crate::panels::widgets::{choice, heading, hint, row};
+use eframe::egui::{
+    Align, Button, Color32, ColorImage, CornerRadius, CursorIcon, Id, Key, Label, Layout, Rect, Response,
+    RichText, Sense, Slider, Stroke, StrokeKind, TextEdit, Ui, UiBuilder, WidgetInfo, accesskit, pos2, vec2,
+};
+use fantex::paint::{BlendMode, Layer, LayerContent, MaskMeasure, MaskSource, Target};
+
+use crate::paint::{BLEND_MODES, LayerAction, LayerDrag, Painting, THUMBNAIL};
+use crate::panels::widgets::{cached_texture, choice, heading, hint, number, row, segments};
 use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::Viewer;
+
+/// Points of a line of the list, and of the pictures in it.
+const ROW: f32 = 34.0;
+const PICTURE: f32 = 28.0;
 
 pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &mut viewer.painting else { return };
     let mut actions = Vec::new();
     heading(ui, "Layers");
     buttons(ui, painting, &mut actions);
-    let layers = painting.snapshot.layers.clone();
+    let layers = painting.layers_in_order();
+    let top = ui.cursor().top();
     for layer in layers.iter().rev() {
         layer_row(ui, painting, layer, &mut actions);
     }
-    base_row(ui, painting.target == Target::Base, &mut actions);
+    let height = (ui.cursor().top() - top) / layers.len().max(1) as f32;
+    drag(ui, painting, &layers, (top, height), &mut actions);
+    base_row(ui, painting, &mut actions);
     if let Some(layer) = painting.layer().cloned() {
         chosen(ui, painting, &layer, &mut actions);
     } else if layers.is_empty() {
@@ -29,6 +38,30 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     for action in actions {
         viewer.layer_action(&action);
+    }
+}
+
+/// Lets the layer that is being dragged change places with those it passes. `place`: where the list begins, and the height of a line.
+fn drag(
+    ui: &Ui,
+    painting: &mut Painting,
+    layers: &[Layer],
+    (top, height): (f32, f32),
+    actions: &mut Vec<LayerAction>,
+) {
+    let Some(moving) = &mut painting.moving else { return };
+    if !ui.input(|i| i.pointer.primary_down()) {
+        painting.moving = None;
+        return;
+    }
+    ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    let Some(at) = ui.input(|i| i.pointer.interact_pos()) else { return };
+    let from_top = (((at.y - top) / height.max(1.0)).max(0.0) as usize).min(layers.len().saturating_sub(1));
+    let mut order: Vec<u64> = layers.iter().map(Layer::id).filter(|id| *id != moving.id).collect();
+    order.insert(order.len() - from_top.min(order.len()), moving.id);
+    if order != moving.order {
+        actions.push(LayerAction::MoveTo(order.clone(), moving.has_moved));
+        (moving.order, moving.has_moved) = (order, true);
     }
 }
 
@@ -73,31 +106,37 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
     });
 }
 
-/// A line of the list: eye, name, mask.
+/// A line of the list: eye, pictures of what the layer and its mask hold, name.
 fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
     let id = layer.id();
     let is_layer = painting.target == Target::Layer(id);
     let is_mask = painting.target == Target::Mask(id);
-    frame_row(ui, is_layer || is_mask, |ui| {
-        let (rect, response) = ui.allocate_exact_size(vec2(20.0, 22.0), Sense::click());
+    let is_moving = painting.moving.as_ref().is_some_and(|moving| moving.id == id);
+    frame_row(ui, is_layer || is_mask, is_moving, |ui| {
+        let (rect, response) = ui.allocate_exact_size(vec2(20.0, PICTURE), Sense::click());
         super::eye(ui.painter(), rect, layer.visible, if layer.visible { theme::TEXT } else { theme::FAINT });
         if response.on_hover_text("Show or hide").clicked() {
             actions.push(LayerAction::Show(id, !layer.visible));
+        }
+        let held = picture(ui, painting, Target::Layer(id), is_layer, "What the layer holds");
+        if held.clicked() {
+            actions.push(LayerAction::Select(Target::Layer(id)));
+        }
+        if layer.mask.is_some() {
+            let tip = "Paint on the mask: white shows, black hides. Alt + click shows the mask alone";
+            let held = picture(ui, painting, Target::Mask(id), is_mask, tip);
+            named(&held, &format!("Mask of {}", layer.name));
+            if held.clicked() {
+                actions.push(LayerAction::Select(Target::Mask(id)));
+                if ui.input(|i| i.modifiers.alt) {
+                    actions.push(LayerAction::SeeMask((painting.seen_mask != Some(id)).then_some(id)));
+                }
+            }
         }
         if rename(ui, painting, layer, actions) {
             return;
         }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            if layer.mask.is_some() {
-                let text = RichText::new("Mask").size(11.0);
-                if ui
-                    .selectable_label(is_mask, text)
-                    .on_hover_text("Paint on the mask: white shows, black hides")
-                    .clicked()
-                {
-                    actions.push(LayerAction::Select(Target::Mask(id)));
-                }
-            }
             let faded =
                 if layer.opacity < 0.995 { format!("{:.0} %", layer.opacity * 100.0) } else { String::new() };
             let mode =
@@ -105,15 +144,88 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
             ui.label(RichText::new(format!("{mode} {faded}").trim()).size(11.0).color(theme::FAINT));
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 let color = if layer.visible { theme::STRONG } else { theme::FAINT };
-                let response = name_label(ui, &layer.name, color).on_hover_text("Double click renames");
+                let response = name_label(ui, &layer.name, color);
                 if response.double_clicked() {
                     painting.renaming = Some((id, layer.name.clone()));
                 } else if response.clicked() {
                     actions.push(LayerAction::Select(Target::Layer(id)));
+                } else if response.drag_started() {
+                    let order = painting.snapshot.layers.iter().map(Layer::id).collect();
+                    painting.moving = Some(LayerDrag { id, order, has_moved: false });
                 }
+                response.context_menu(|ui| menu(ui, painting, layer, actions));
+                response.on_hover_text("Double click renames, dragging moves, right click does more");
             });
         });
     });
+}
+
+/// What can be done with a layer.
+fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
+    let id = layer.id();
+    ui.set_min_width(170.0);
+    if ui.button("Rename").clicked() {
+        painting.renaming = Some((id, layer.name.clone()));
+        ui.close();
+    }
+    let below = painting.snapshot.layers.iter().take_while(|layer| layer.id() != id).last();
+    let can_merge = layer.visible && below.is_some_and(|below| below.visible);
+    let mut rows = vec![
+        (true, "Duplicate", LayerAction::Duplicate(id)),
+        (can_merge, "Merge down", LayerAction::MergeDown(id)),
+        (true, "Delete", LayerAction::Delete(id)),
+    ];
+    if layer.mask.is_none() {
+        rows.push((true, "Add white mask", LayerAction::AddMask(id, true)));
+        rows.push((true, "Add black mask", LayerAction::AddMask(id, false)));
+    } else {
+        let is_seen = painting.seen_mask == Some(id);
+        let text = if is_seen { "See the picture again" } else { "See the mask alone" };
+        rows.push((true, "Invert mask", LayerAction::InvertMask(id)));
+        rows.push((true, text, LayerAction::SeeMask((!is_seen).then_some(id))));
+        rows.push((true, "Remove mask", LayerAction::RemoveMask(id)));
+    }
+    for (is_enabled, text, action) in rows {
+        if matches!(text, "Add white mask" | "Invert mask") {
+            ui.separator();
+        }
+        if ui.add_enabled(is_enabled, Button::new(text)).clicked() {
+            actions.push(action);
+            ui.close();
+        }
+    }
+    ui.menu_button("Mask from", |ui| {
+        for (measure, text, tip) in MEASURES {
+            if ui.button(text).on_hover_text(tip).clicked() {
+                actions.push(LayerAction::MakeMask(id, Some(measure.source())));
+                ui.close();
+            }
+        }
+    });
+}
+
+/// A picture of what a layer or a mask holds.
+fn picture(ui: &mut Ui, painting: &Painting, of: Target, is_chosen: bool, tip: &str) -> Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(PICTURE, PICTURE), Sense::click());
+    ui.painter().rect_filled(rect, CornerRadius::same(3), theme::PANEL);
+    if let Some(known) = painting.thumbnails.get(&of) {
+        // The same picture is the same memory.
+        let key = (of, Arc::as_ptr(known) as usize);
+        let texture = cached_texture(ui, Id::unique(("layer", of)), key, || {
+            let pixels = known.iter().map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a));
+            ColorImage::new([THUMBNAIL; 2], pixels.collect())
+        });
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
+    }
+    let edge = if is_chosen { Stroke::new(1.8, theme::ACCENT) } else { Stroke::new(1.0, theme::LINE) };
+    ui.painter().rect_stroke(rect, CornerRadius::same(3), edge, StrokeKind::Inside);
+    response.on_hover_text(tip)
+}
+
+/// For those who hear the window, and for tests.
+fn named(response: &Response, name: &str) {
+    response.widget_info(|| WidgetInfo::labeled(accesskit::Role::Button, true, name));
 }
 
 /// The name while it is edited. False where it is not.
@@ -135,10 +247,14 @@ fn rename(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     true
 }
 
-fn base_row(ui: &mut Ui, is_chosen: bool, actions: &mut Vec<LayerAction>) {
-    frame_row(ui, is_chosen, |ui| {
+fn base_row(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
+    let is_chosen = painting.target == Target::Base;
+    frame_row(ui, is_chosen, false, |ui| {
         ui.add_space(28.0);
-        if name_label(ui, "Base", theme::STRONG).on_hover_text("What was baked, under all layers").clicked() {
+        let held = picture(ui, painting, Target::Base, is_chosen, "What was baked, under all layers");
+        if name_label(ui, "Base", theme::STRONG).on_hover_text("What was baked, under all layers").clicked()
+            || held.clicked()
+        {
             actions.push(LayerAction::Select(Target::Base));
         }
     });
@@ -146,17 +262,22 @@ fn base_row(ui: &mut Ui, is_chosen: bool, actions: &mut Vec<LayerAction>) {
 
 /// A name that can be clicked, over all the room that is left.
 fn name_label(ui: &mut Ui, name: &str, color: Color32) -> Response {
-    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
+    let (rect, response) =
+        ui.allocate_exact_size(vec2(ui.available_width(), PICTURE), Sense::click_and_drag());
     let label = Label::new(RichText::new(name).color(color)).truncate().selectable(false);
     let layout = Layout::left_to_right(Align::Center);
     ui.scope_builder(UiBuilder::new().max_rect(rect).layout(layout), |ui| ui.add(label));
     response
 }
 
-fn frame_row(ui: &mut Ui, is_chosen: bool, add: impl FnOnce(&mut Ui)) {
-    let size = vec2(ui.available_width(), 26.0);
+fn frame_row(ui: &mut Ui, is_chosen: bool, is_moving: bool, add: impl FnOnce(&mut Ui)) {
+    let size = vec2(ui.available_width(), ROW);
     let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
-    let fill = if is_chosen { Color32::from_rgb(0x2f, 0x46, 0x5c) } else { theme::WELL };
+    let fill = match (is_moving, is_chosen) {
+        (true, _) => Color32::from_rgb(0x3a, 0x5a, 0x78),
+        (_, true) => Color32::from_rgb(0x2f, 0x46, 0x5c),
+        _ => theme::WELL,
+    };
     ui.painter().rect_filled(rect, CornerRadius::same(4), fill);
     let layout = Layout::left_to_right(Align::Center);
     ui.scope_builder(UiBuilder::new().max_rect(rect.shrink2(vec2(6.0, 2.0))).layout(layout), add);
@@ -196,25 +317,7 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
             }
         });
     }
-    ui.horizontal(|ui| {
-        ui.label(RichText::new("Mask").color(theme::FAINT));
-        if layer.mask.is_some() {
-            if ui.small_button("Remove").on_hover_text("The layer is shown everywhere again").clicked() {
-                actions.push(LayerAction::RemoveMask(id));
-            }
-        } else {
-            for (text, shows) in [("Add white", true), ("Add black", false)] {
-                let tip = if shows {
-                    "Shows all until it is painted black"
-                } else {
-                    "Hides all until it is painted white"
-                };
-                if ui.small_button(text).on_hover_text(tip).clicked() {
-                    actions.push(LayerAction::AddMask(id, shows));
-                }
-            }
-        }
-    });
+    mask(ui, painting, layer, actions);
     ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new("Shows in").color(theme::FAINT));
         for (index, channel) in painting.channels.iter().enumerate() {
@@ -224,6 +327,108 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
             }
         }
     });
+}
+
+/// What masks are made from.
+const MEASURES: [(MaskMeasure, &str, &str); 5] = [
+    (MaskMeasure::Curvature { radius: 0.03 }, "Edges", "Edges that stick out, or hollows: by curvature"),
+    (MaskMeasure::Occlusion { radius: 0.1 }, "Hidden places", "Where little light gets to: occlusion"),
+    (MaskMeasure::Height { axis: 1 }, "Height", "By place along an axis"),
+    (MaskMeasure::Slope { axis: 1 }, "Slope", "By the angle to an axis: what lies flat or steep"),
+    (MaskMeasure::Noise { scale: 0.15, seed: 1 }, "Noise", "Patches at random"),
+];
+
+/// The chosen layer's mask: what it is made from, and what is done with it.
+fn mask(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
+    let id = layer.id();
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Mask").color(theme::FAINT));
+        if layer.mask.is_some() {
+            if ui.small_button("Invert").on_hover_text("It hides where it showed").clicked() {
+                actions.push(LayerAction::InvertMask(id));
+            }
+            let is_seen = painting.seen_mask == Some(id);
+            if ui
+                .selectable_label(is_seen, RichText::new("Alone").size(11.0))
+                .on_hover_text("See the mask alone (Alt + click on its picture)")
+                .clicked()
+            {
+                actions.push(LayerAction::SeeMask((!is_seen).then_some(id)));
+            }
+            if ui.small_button("Remove").on_hover_text("The layer is shown everywhere again").clicked() {
+                actions.push(LayerAction::RemoveMask(id));
+            }
+        } else {
+            let choices = [
+                ("Add white", true, "Shows all until it is painted black"),
+                ("Add black", false, "Hides all until it is painted white"),
+            ];
+            for (text, shows, tip) in choices {
+                if ui.small_button(text).on_hover_text(tip).clicked() {
+                    actions.push(LayerAction::AddMask(id, shows));
+                }
+            }
+        }
+        let made = ui.menu_button(RichText::new("From …").size(11.0), |ui| {
+            for (measure, text, tip) in MEASURES {
+                if ui.button(text).on_hover_text(tip).clicked() {
+                    actions.push(LayerAction::MakeMask(id, Some(measure.source())));
+                    ui.close();
+                }
+            }
+            if layer.mask_source.is_some() && ui.button("Only what is painted").clicked() {
+                actions.push(LayerAction::MakeMask(id, None));
+                ui.close();
+            }
+        });
+        made.response.on_hover_text("Makes the mask from the model's shape; what is painted on it stays");
+    });
+    if let Some(source) = layer.mask_source {
+        mask_source(ui, painting, id, source, actions);
+    }
+}
+
+/// Bounds and measure of a mask that is made. A drag is one step of the history.
+fn mask_source(
+    ui: &mut Ui,
+    painting: &mut Painting,
+    id: u64,
+    kept: MaskSource,
+    actions: &mut Vec<LayerAction>,
+) {
+    let mut source = painting.shaping.filter(|(of, _)| *of == id).map_or(kept, |(_, source)| source);
+    let before = source;
+    let name =
+        MEASURES.iter().find(|(by, ..)| std::mem::discriminant(by) == std::mem::discriminant(&source.by));
+    hint(ui, name.map_or("", |(_, _, tip)| tip));
+    number("Black at", "", 2, "Where the mask hides").show(ui, &mut source.from, 0.0..=1.0);
+    number("White at", "", 2, "Where the mask shows").show(ui, &mut source.to, 0.0..=1.0);
+    match &mut source.by {
+        MaskMeasure::Curvature { radius } | MaskMeasure::Occlusion { radius } => {
+            let reach = number("Reach", "", 3, "How far it looks around, in diagonals of the model");
+            reach.logarithmic().show(ui, radius, 0.005..=0.5);
+        }
+        MaskMeasure::Height { axis } | MaskMeasure::Slope { axis } => {
+            row(ui, "Axis", |ui| {
+                ui.horizontal(|ui| segments(ui, axis, &[(0, "X"), (1, "Y"), (2, "Z")])).response
+            });
+        }
+        MaskMeasure::Noise { scale, seed } => {
+            let size = number("Scale", "", 3, "Width of the patches, in diagonals of the model");
+            size.logarithmic().show(ui, scale, 0.005..=1.0);
+            number("Seed", "", 0, "Another seed is another pattern").show(ui, seed, 0..=99);
+        }
+    }
+    if source != before {
+        painting.shaping = Some((id, source));
+    }
+    let is_held = ui.input(|i| i.pointer.any_down()) || ui.ctx().egui_wants_keyboard_input();
+    if let Some((of, source)) = painting.shaping.filter(|_| !is_held) {
+        painting.shaping = None;
+        if of == id && source != kept {
+            actions.push(LayerAction::MakeMask(id, Some(source)));
+        }
+    }
 }
 
 /// What a fill layer shows.
