@@ -21,7 +21,7 @@ const NAMES: [&str; 6] = ["license", "licence", "copying", "notice", "unlicense"
 /// Files with licences of what is shipped but is no crate.
 const OWN: [&str; 4] = ["LICENSE-MIT", "LICENSE-APACHE", "assets/LICENSES.md", "assets/LICENSE-VTKData.txt"];
 
-/// Checks every dependency's licence against `deny.toml`; by `cargo deny`, advisories too, where it is installed.
+/// Checks every dependency's licence against `deny.toml`; by `cargo deny`, sources too, where it is installed.
 pub(crate) fn check() -> Result<(), Failure> {
     eprintln!("> licences of dependencies");
     let (allowed, packages) = (allowed()?, packages()?);

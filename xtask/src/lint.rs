@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::shell::{self, Failure, capture, cargo, cargo_command, root};
-use crate::{crates, licenses};
+use crate::{advisories, crates, licenses};
 
 /// A source file longer than this has more than one subject.
 const MAX_FILE_LINES: usize = 900;
@@ -20,6 +20,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     crates::check_directions()?;
     check_weight()?;
     licenses::check()?;
+    advisories::check()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
     eprintln!("> cargo doc --workspace --no-deps --all-features, warnings denied");

@@ -1,5 +1,6 @@
 //! Development chores: `cargo xtask lint | test | fuzz | notices | bench | demo | schema | goldens | compare-binaries`.
 
+mod advisories;
 mod bench;
 mod compare_binaries;
 mod crates;

@@ -17,6 +17,9 @@ use crate::tile::{BakedTile, ChannelPlan, TileBaker};
 const ENCODED_BYTES_PER_TEXEL: u64 = 6;
 const ENCODED_BYTES_PER_FLOAT_TEXEL: u64 = 22;
 
+/// Bytes that one texel takes while its tile is made, per channel: its value, the fitted one, and both as they are encoded.
+const WORKING_BYTES_PER_TEXEL: u64 = 40;
+
 /// A batch is large enough to keep all threads busy and small enough for progress to move.
 const BATCH_TEXELS: std::ops::RangeInclusive<u64> = 1 << 16..=8 << 20;
 
@@ -59,7 +62,10 @@ pub fn bake(
     let triangles = GroupTriangles::of(cover);
     let normals = shading_normals(mesh);
     let meter = Meter::new(progress, cover.texels());
-    let baker = TileBaker { mesh, cover, source, normals: &normals, plans: &plans, options, meter: &meter };
+    let limits = BatchLimits::new(options, plans.len());
+    let in_work = limits.in_work;
+    let baker =
+        TileBaker { mesh, cover, source, normals: &normals, plans: &plans, options, in_work, meter: &meter };
     let mut summary = BakeSummary {
         texels: cover.stored_texels(mesh),
         channels: channels.iter().map(|c| format!("{:?}", c.kind)).collect(),
@@ -67,7 +73,7 @@ pub fn bake(
     };
     let mut means = Vec::with_capacity(cover.groups.len() * plans.len());
     let (mut bake_time, mut encode_time, mut write_time) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
-    for batch in batches(cover, batch_texels(options, plans.len())) {
+    for batch in batches(cover, limits.texels) {
         let tiles = batch
             .into_par_iter()
             .map(|group| match meter.is_cancelled() {
@@ -106,26 +112,38 @@ pub(crate) fn cancelled() -> Error {
     Error::cancelled("the bake was cancelled; nothing was written")
 }
 
-/// Half of the memory holds encoded tiles that wait for the writer; the rest is for the blocks in work.
-fn batch_texels(options: &BakeOptions, channels: usize) -> u64 {
-    let per_texel = match options.format {
-        crate::BakeFormat::Float => ENCODED_BYTES_PER_FLOAT_TEXEL,
-        _ => ENCODED_BYTES_PER_TEXEL,
-    };
-    let fitting = input::share_of_cache(options.memory_bytes) / 2 / (per_texel * channels as u64);
-    fitting.clamp(*BATCH_TEXELS.start(), *BATCH_TEXELS.end())
+/// What the memory allows at once, in texels.
+struct BatchLimits {
+    /// Of a batch: a quarter of the memory holds those that wait, encoded, for the writer.
+    texels: u64,
+    /// In work. (A thread that waits for a part of its tile begins another tile, so that all of a batch may be.)
+    in_work: u64,
 }
 
-/// Runs of groups with about `texels` texels each.
+impl BatchLimits {
+    fn new(options: &BakeOptions, channels: usize) -> Self {
+        let per_texel = match options.format {
+            BakeFormat::Float => ENCODED_BYTES_PER_FLOAT_TEXEL,
+            _ => ENCODED_BYTES_PER_TEXEL,
+        };
+        let quarter = input::share_of_cache(options.memory_bytes) / 4 / channels as u64;
+        let in_work = 3 * quarter / WORKING_BYTES_PER_TEXEL;
+        let texels = (quarter / per_texel).min(in_work);
+        Self { texels: texels.clamp(*BATCH_TEXELS.start(), *BATCH_TEXELS.end()), in_work }
+    }
+}
+
+/// Runs of groups with at most `texels` texels each, or single groups.
 fn batches(cover: &Cover, texels: u64) -> Vec<std::ops::Range<u32>> {
     let mut batches = Vec::new();
     let (mut start, mut sum) = (0, 0);
     for (group, shape) in (0u32..).zip(&cover.groups) {
-        sum += u64::from(shape.extent[0]) * u64::from(shape.extent[1]);
-        if sum >= texels {
-            batches.push(start..group + 1);
-            (start, sum) = (group + 1, 0);
+        let own = u64::from(shape.extent[0]) * u64::from(shape.extent[1]);
+        if start < group && sum + own > texels {
+            batches.push(start..group);
+            (start, sum) = (group, 0);
         }
+        sum += own;
     }
     let end = cover.groups.len() as u32;
     if start < end {
@@ -272,22 +290,22 @@ mod tests {
         for memory_bytes in [0, 1 << 20, 16 << 20, 1 << 40] {
             for (format, channels) in [(BakeFormat::Bc7, 1), (BakeFormat::Bc7, 4), (BakeFormat::Float, 2)] {
                 let options = BakeOptions { memory_bytes, format, ..BakeOptions::default() };
-                let texels = batch_texels(&options, channels);
+                let BatchLimits { texels, in_work } = BatchLimits::new(&options, channels);
                 let smallest = *BATCH_TEXELS.start();
+                // Those that wait, and those in work, with 40 bytes each.
                 let per_texel = if format == BakeFormat::Float { 22 } else { 6 };
-                let bytes = texels * per_texel * channels as u64;
-                assert!(texels == smallest || bytes <= memory_bytes / 2, "{texels} for {memory_bytes}");
+                let bytes = [texels * per_texel, texels.max(in_work) * 40].map(|n| n * channels as u64);
+                let fits = bytes[0] <= memory_bytes / 4 && bytes[1] <= memory_bytes / 4 * 3;
+                assert!(texels == smallest || fits, "{bytes:?} for {memory_bytes}");
                 let batches = batches(&cover, texels);
                 assert_eq!(batches.first().map(|b| b.start), Some(0));
                 assert_eq!(batches.last().map(|b| b.end), Some(cover.groups.len() as u32));
                 assert!(batches.windows(2).all(|pair| pair[0].end == pair[1].start));
                 for batch in batches {
-                    // All but its last tile fit.
-                    let before: u64 = cover.groups[batch.start as usize..batch.end as usize - 1]
-                        .iter()
-                        .map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1]))
-                        .sum();
-                    assert!(before < texels);
+                    let groups = &cover.groups[batch.start as usize..batch.end as usize];
+                    let sum: u64 =
+                        groups.iter().map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1])).sum();
+                    assert!(groups.len() == 1 || sum <= texels, "{sum} of {texels}");
                 }
             }
         }

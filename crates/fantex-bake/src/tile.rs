@@ -46,6 +46,8 @@ pub(crate) struct TileBaker<'a> {
     pub(crate) normals: &'a [Vec3],
     pub(crate) plans: &'a [ChannelPlan],
     pub(crate) options: &'a BakeOptions,
+    /// Texels that may be in work at once.
+    pub(crate) in_work: u64,
     pub(crate) meter: &'a Meter<'a>,
 }
 
@@ -100,10 +102,12 @@ impl TileBaker<'_> {
         let shared_extent = self.cover.groups[group as usize].level_extent(SHARED_LEVEL);
         let grid = extent.map(|n| n.div_ceil(BLOCK));
         let blocks: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
-        let baked = blocks
-            .par_iter()
-            .map(|&at| self.bake_block(group, extent, shared_extent, triangles, at))
-            .collect::<Result<Vec<_>>>()?;
+        let at_once = (self.in_work / u64::from(BLOCK).pow(2)).max(1) as usize;
+        let mut baked = Vec::with_capacity(blocks.len());
+        for blocks in blocks.chunks(at_once) {
+            let bake = |&at: &[u32; 2]| self.bake_block(group, extent, shared_extent, triangles, at);
+            baked.append(&mut blocks.par_iter().map(bake).collect::<Result<Vec<_>>>()?);
+        }
         let cut_out = self.cut_out(triangles);
         let mut shared = Raster { cut_out, ..self.empty_raster(shared_extent) };
         let known: Vec<f32> = baked.iter().filter_map(|(block, ..)| block.covered).collect();

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 use fantex_base::files::folder_of;
 use fantex_base::{Error, Result};
@@ -113,7 +114,8 @@ pub enum Depth {
 
 pub(crate) struct PngSink {
     path: PathBuf,
-    writer: Option<StreamWriter<'static, File>>,
+    file: CheckedFile,
+    writer: Option<StreamWriter<'static, CheckedFile>>,
     map: Map,
     depth: Depth,
 }
@@ -121,7 +123,8 @@ pub(crate) struct PngSink {
 impl PngSink {
     /// Begins a square picture in `file`; `path` is what errors name.
     pub(crate) fn new(file: File, path: PathBuf, side: u32, map: Map, depth: Depth) -> Result<Self> {
-        let mut encoder = Encoder::new(file, side, side);
+        let file = CheckedFile { file: Arc::new(file), failure: Arc::default() };
+        let mut encoder = Encoder::new(file.clone(), side, side);
         encoder.set_color(match map.components {
             Components::One(_) => ColorType::Grayscale,
             Components::Rgb => ColorType::Rgb,
@@ -134,7 +137,7 @@ impl PngSink {
         // No buffer that would swallow an error when it is dropped.
         let writer = encoder.write_header().and_then(|writer| writer.into_stream_writer_with_size(1 << 20));
         match writer {
-            Ok(writer) => Ok(Self { path, writer: Some(writer), map, depth }),
+            Ok(writer) => Ok(Self { path, file, writer: Some(writer), map, depth }),
             Err(error) => Err(Error::writing(path, error.into())),
         }
     }
@@ -153,7 +156,41 @@ impl RowSink for PngSink {
 
     fn finish(&mut self) -> Result<()> {
         let Some(writer) = self.writer.take() else { return Ok(()) };
-        writer.finish().map_err(|error| Error::writing(&self.path, error.into()))
+        let finished = writer.finish().map_err(io::Error::from).and_then(|()| self.file.check());
+        finished.map_err(|source| Error::writing(&self.path, source))
+    }
+}
+
+/// A file that remembers a failure: the encoder writes its last bytes when it is dropped, where errors are lost.
+#[derive(Clone)]
+struct CheckedFile {
+    file: Arc<File>,
+    /// The system's number of the first error.
+    failure: Arc<OnceLock<Option<i32>>>,
+}
+
+impl CheckedFile {
+    fn check(&self) -> io::Result<()> {
+        match self.failure.get() {
+            None => Ok(()),
+            Some(number) => Err(number
+                .map_or_else(|| io::Error::other("an earlier write failed"), io::Error::from_raw_os_error)),
+        }
+    }
+}
+
+impl Write for CheckedFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = (&*self.file).write(bytes);
+        written.inspect_err(|error| {
+            if error.kind() != io::ErrorKind::Interrupted {
+                self.failure.get_or_init(|| error.raw_os_error());
+            }
+        })
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.check()
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fantex::base::input;
 use fantex::texture::look::{DerivativeTexture, Difference};
 use fantex::texture::{AlphaUse, ColorSpace, Depth, Image, Wrap};
 use fantex::{Error, Result};
@@ -131,19 +132,13 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
         Depth::U16 => FileDepth::Sixteen,
         Depth::F32 => FileDepth::Float,
     };
-    if let Some([width, height]) = args.size {
-        let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
-        if bytes > context.memory_bytes {
-            let sentence = format!(
-                "{width} x {height} texels take {bytes} bytes; give a smaller --size or a larger --memory"
-            );
-            return Err(Error::too_large(sentence));
-        }
-    }
-    let scaled = match args.size {
-        Some([width, height]) => image.resized(width, height, AlphaUse::Coverage),
-        None if args.power_of_two => {
-            let [width, height] = [image.width, image.height].map(nearest_power_of_two);
+    let to_power = args.power_of_two.then(|| [image.width, image.height].map(nearest_power_of_two));
+    let scaled = match args.size.or(to_power) {
+        Some([width, height]) => {
+            // Columns are scaled first, as four floats; then rows, as floats.
+            let texels = u64::from(width) * (4 * u64::from(image.height) + 4 * u64::from(height));
+            let what = format!("scaling to {width} x {height} texels");
+            let _held = input::reserve(what, texels.saturating_mul(size_of::<f32>() as u64))?;
             image.resized(width, height, AlphaUse::Coverage)
         }
         None => image,

@@ -11,36 +11,37 @@ use crate::{bottle, data, fantex, succeeds, write};
 const BESIDE_MIB: u64 = 192;
 
 /// Commands as in `outputs.rs`, and the least budget in MiB that does not refuse them.
-const CASES: [(&str, u64); 30] = [
+const CASES: [(&str, u64); 31] = [
     ("info IN/land.ply", 128),
     ("info IN/bottle.fan", 128),
     ("bake MODEL -o OUT/a.fan --texels 8M", 128),
+    ("bake MODEL -o OUT/a.fan --texels 32M --format rgba8", 128),
     ("bake IN/land.ply -o OUT/a.fan --source solid=landscape --texels 16M", 128),
     ("bake IN/land.ply -o OUT/a.fan --source image=IN/big.png,mapping=sphere --texels 4M", 512),
-    ("bake IN/land.ply -o OUT/a.fan --look IN/tables.toml --texels 1M", 512),
+    ("bake IN/land.ply -o OUT/a.fan --look IN/tables.toml --texels 1M", 128),
     ("bake IN/land.ply -o OUT/a.fan --source mesh=MODEL,cage=0.1 --texels 1M", 128),
     ("verify IN/bottle.fan", 128),
     ("verify IN/land.fan", 128),
-    ("render MODEL -o OUT/a.png --size 1920x1080", 128),
+    ("render MODEL -o OUT/a.png --size 1920x1080", 512),
     ("render IN/land.fan -o OUT/a.png --size 1920x1080", 128),
     ("render IN/bottle.fan -o OUT/a.exr --size 4096x4096", 2048),
-    ("render IN/land.ply --look IN/tables.toml -o OUT/a.png", 512),
+    ("render IN/land.ply --look IN/tables.toml -o OUT/a.png", 128),
     ("compare MODEL IN/bottle.fan --views 1", 128),
     ("export IN/bottle.fan -o OUT/a.glb --size 4096", 128),
     ("export IN/bottle.fan -o OUT/a.ktx2 --channel base-color --size 4096", 128),
-    ("export IN/bottle.fan -o OUT/a.exr --channel base-color --size 4096", 512),
+    ("export IN/bottle.fan -o OUT/a.exr --channel base-color --size 4096", 2048),
     ("export IN/bottle.fan -o OUT/a.png --turntable 2 --size 1024x1024", 128),
     ("generate landscape -o OUT/a.ply --triangles 300k", 128),
     ("generate landscape -o OUT/a.fan --triangles 300k --texels 4M", 128),
     ("generate photographs MODEL -o OUT --count 2 --size 2048x2048", 128),
-    ("image IN/big.png -o OUT/a.png --size 4000x4000", 512),
+    ("image IN/big.png -o OUT/a.png --size 4000x4000", 2048),
     ("warp IN/big.png -o OUT/a.png --map affine --size 3000x3000 --corners 0,0 3000,0 0,3000", 512),
-    ("table IN/tables.toml -o OUT/a.png --size 2048x2048", 512),
-    ("table IN/tables.toml -o OUT/a.exr --depth float --size 2048x2048", 512),
+    ("table IN/tables.toml --texture b -o OUT/a.png --size 2048x2048", 512),
+    ("table IN/tables.toml --texture b -o OUT/a.exr --depth float --size 2048x2048", 512),
     ("gallery wood -o OUT", 128),
     ("paint IN/bottle.fan --replay IN/strokes.json -o OUT/a.fan", 128),
     ("paint IN/land.fan --replay IN/strokes.json -o OUT/a.fan", 128),
-    ("demo -o OUT --triangles 50k --texels 2M", 128),
+    ("demo -o OUT --triangles 50k --texels 2M", 512),
     ("bench sample MODEL", 128),
 ];
 
@@ -48,11 +49,11 @@ const TABLES: &str = "\
 [textures.wood]
 kind = 'wood'
 [textures.a]
-kind = 'tabulation'
+kind = 'table'
 texture = 'wood'
 size = 128
 [textures.b]
-kind = 'tabulation'
+kind = 'table'
 texture = 'a'
 size = 160
 [materials.wood]
@@ -79,7 +80,7 @@ impl Folder {
     /// Exit code, the last line of errors, and the peak of memory in MiB.
     fn measure(&self, arguments: &str, memory: &str) -> (i32, String, u64) {
         let mut command = fantex();
-        command.args(["--force", "--quiet", "--threads", "2", "--memory", memory]);
+        command.args(["--force", "--quiet", "--threads", "8", "--memory", memory]);
         for word in arguments.split(' ') {
             match word.split_once("=IN/").or(word.split_once("=MODEL")) {
                 Some((key, rest)) if word.contains("=IN/") => {

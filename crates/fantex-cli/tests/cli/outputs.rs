@@ -163,6 +163,13 @@ fn no_output_is_lost_where_the_first_write_fails() {
     CASES.iter().for_each(|case| bench.attack(case, 1..2));
 }
 
+/// Encoders of PNG write the end of the file when they are dropped.
+#[test]
+fn no_picture_loses_its_end() {
+    let case = whole("export IN/bottle.fan -o OUT/a.png --channel base-color --size 64");
+    Bench::new().attack(&case, 1..);
+}
+
 #[test]
 #[ignore = "hundreds of runs"]
 fn no_output_is_lost_on_a_disk_that_fails() {
