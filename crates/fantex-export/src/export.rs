@@ -95,6 +95,7 @@ pub fn export_model(
     let geometry = Geometry::new(asset.mesh(), &job.layout, &job.normals, &tangents);
     let document = Document {
         name: &stem,
+        parts: &asset.mesh().parts.names,
         geometry: &geometry,
         layout: &job.layout,
         materials: &asset.mesh().materials,

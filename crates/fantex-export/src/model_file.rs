@@ -1,6 +1,6 @@
 //! The files that are written.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Write};
@@ -22,6 +22,8 @@ use crate::layout::Layout;
 
 pub(crate) struct Document<'a> {
     pub(crate) name: &'a str,
+    /// Names of the parts; without any there is one of the name above.
+    pub(crate) parts: &'a [String],
     pub(crate) geometry: &'a Geometry,
     pub(crate) layout: &'a Layout,
     pub(crate) materials: &'a [Material],
@@ -111,8 +113,7 @@ impl Document<'_> {
                 Place::Beside(_) => json!({ "name": image.name, "uri": uri(&image.name) }),
             })
             .collect();
-        let materials: Vec<Value> =
-            self.geometry.primitives.iter().map(|p| self.material_json(p.material)).collect();
+        let materials: Vec<Value> = self.geometry.materials().map(|m| self.material_json(m)).collect();
         let mut used: Vec<&str> = materials
             .iter()
             .filter_map(|m| m.get("extensions")?.as_object())
@@ -124,7 +125,19 @@ impl Document<'_> {
             Place::Inside(_) => None,
             Place::Beside(name) => Some(uri(name)),
         };
-        let translation = self.geometry.translation;
+        let translation = Some(self.geometry.translation).filter(|&t| t != DVec3::ZERO).map(|t| t.to_array());
+        // A node and a mesh for each part.
+        let parts: Vec<&[(usize, Value)]> = primitives.chunk_by(|a, b| a.0 == b.0).collect();
+        let name =
+            |part: usize| self.parts.get(part).filter(|name| !name.is_empty()).map_or(self.name, |name| name);
+        let node = |(mesh, part): (usize, &&[(usize, Value)])| {
+            object(json!({ "name": name(part[0].0), "mesh": mesh, "translation": translation }))
+        };
+        let nodes: Vec<Value> = parts.iter().enumerate().map(node).collect();
+        let mesh = |part: &&[(usize, Value)]| {
+            let primitives: Vec<&Value> = part.iter().map(|(_, primitive)| primitive).collect();
+            json!({ "name": name(part[0].0), "primitives": primitives })
+        };
         let wrap = if self.layout.repeats { REPEAT } else { CLAMP_TO_EDGE };
         let texture = |source: usize| json!({ "source": source, "sampler": 0 });
         let sampler = json!({
@@ -134,13 +147,9 @@ impl Document<'_> {
         object(json!({
             "asset": { "version": "2.0", "generator": "fantex" },
             "scene": 0,
-            "scenes": [{ "nodes": [0] }],
-            "nodes": [object(json!({
-                "name": self.name,
-                "mesh": 0,
-                "translation": (translation != DVec3::ZERO).then(|| translation.to_array()),
-            }))],
-            "meshes": [{ "name": self.name, "primitives": primitives }],
+            "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
+            "nodes": nodes,
+            "meshes": parts.iter().map(mesh).collect::<Vec<_>>(),
             "materials": materials,
             "buffers": [object(json!({ "byteLength": binary_bytes, "uri": buffer_uri }))],
             "bufferViews": views,
@@ -152,7 +161,8 @@ impl Document<'_> {
         }))
     }
 
-    fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<Value>) {
+    /// Views, accessors, and primitives with their parts.
+    fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<(usize, Value)>) {
         let geometry = self.geometry;
         let names = ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0"];
         let types = ["VEC3", "VEC3", "VEC4", "VEC2"];
@@ -172,7 +182,9 @@ impl Document<'_> {
             "buffer": 0, "byteOffset": offset, "byteLength": sections[4], "target": ELEMENT_ARRAY_BUFFER,
         }));
         let (mut primitives, mut first) = (Vec::new(), 0);
-        for (material, Primitive { vertices, triangles, .. }) in geometry.primitives.iter().enumerate() {
+        let used: Vec<usize> = geometry.materials().collect();
+        for Primitive { part, material, vertices, triangles } in &geometry.primitives {
+            let material = used.binary_search(material).unwrap_or_default();
             let positions = &geometry.positions[vertices.clone()];
             let (low, high) = positions
                 .iter()
@@ -188,9 +200,10 @@ impl Document<'_> {
             }
             accessors[start]["min"] = json!(low.to_array());
             accessors[start]["max"] = json!(high.to_array());
-            primitives.push(json!({
+            let primitive = json!({
                 "attributes": own, "indices": accessors.len(), "material": material, "mode": 4,
-            }));
+            });
+            primitives.push((*part, primitive));
             accessors.push(json!({
                 "bufferView": index_view, "byteOffset": 12 * first, "componentType": UNSIGNED_INT,
                 "count": 3 * triangles.len(), "type": "SCALAR",
@@ -274,15 +287,16 @@ pub(crate) struct Geometry {
     pub(crate) tangents: Vec<Vec4>,
     /// Origin top left.
     pub(crate) uv: Vec<Vec2>,
-    /// One for each material that has triangles. Their vertices follow one another.
+    /// One for each material of each part that has triangles, by part. Their vertices follow one another.
     pub(crate) primitives: Vec<Primitive>,
     /// Zero unless single precision is too coarse for the world's coordinates.
     pub(crate) translation: DVec3,
 }
 
-/// What has one material.
+/// What has one material in one part.
 #[derive(Clone, Debug)]
 pub(crate) struct Primitive {
+    pub(crate) part: usize,
     pub(crate) material: usize,
     pub(crate) vertices: Range<usize>,
     /// Counter-clockwise seen from outside; relative to the first vertex.
@@ -302,9 +316,11 @@ impl Geometry {
             let (n, t) = (normals[corner], uv(corner));
             [n.x, n.y, n.z, t.x, t.y, tangent.x, tangent.y, tangent.z, tangent.w].map(f32::to_bits)
         };
-        let mut of_material: Vec<Vec<usize>> = vec![Vec::new(); mesh.materials.len().max(1)];
-        (0..mesh.triangles.len()).for_each(|t| of_material[mesh.material_of(t)].push(t));
-        for (material, own) in of_material.into_iter().enumerate().filter(|(_, own)| !own.is_empty()) {
+        let mut by_kind: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for t in 0..mesh.triangles.len() {
+            by_kind.entry((mesh.parts.of(t), mesh.material_of(t))).or_default().push(t);
+        }
+        for ((part, material), own) in by_kind {
             let start = geometry.positions.len();
             let mut known: HashMap<(u32, [u32; 9]), u32> = HashMap::new();
             let mut vertex = |corner: usize| {
@@ -319,9 +335,15 @@ impl Geometry {
             };
             let triangles = own.into_iter().map(|t| [0, 1, 2].map(|k| vertex(3 * t + k))).collect();
             let vertices = start..geometry.positions.len();
-            geometry.primitives.push(Primitive { material, vertices, triangles });
+            geometry.primitives.push(Primitive { part, material, vertices, triangles });
         }
         geometry
+    }
+
+    /// Materials that have triangles, ascending.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = usize> {
+        let used: BTreeSet<usize> = self.primitives.iter().map(|primitive| primitive.material).collect();
+        used.into_iter()
     }
 
     pub(crate) fn triangle_count(&self) -> usize {

@@ -92,6 +92,7 @@ pub fn refine(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh
             tangents: refined_tangents(&of.tangents, &pieces),
         },
         triangle_materials: materials_of(mesh, &pieces),
+        parts: mesh.parts.of_sources(pieces.iter().map(|piece| piece.triangle)),
         ..mesh.clone()
     };
     let stays = |(t, piece): (usize, &Piece)| {
@@ -172,6 +173,7 @@ fn model_of(mesh: &Mesh, vertices: Vec<Vertex>, pieces: Vec<Piece>) -> Model {
         triangle_materials: materials_of(mesh, &pieces),
         materials: mesh.materials.clone(),
         images: mesh.images.clone(),
+        parts: mesh.parts.of_sources(pieces.iter().map(|piece| piece.triangle)),
         notes: Vec::new(),
     }
 }

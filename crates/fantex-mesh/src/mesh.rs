@@ -98,6 +98,8 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// Encoded images that the materials refer to.
     pub images: Vec<ImageSource>,
+    /// What the file calls its parts.
+    pub parts: Parts,
     /// Where the mesh lies in the world.
     pub world_from_mesh: WorldFromMesh,
     /// Of a displaced mesh the bounding box, mesh space, of what was displaced. Assets do not keep it.
@@ -143,6 +145,41 @@ impl Mesh {
     }
 }
 
+/// Parts of a model by name: nodes of glTF, objects of OBJ (groups where it has no objects).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// Names as written, maybe empty or the same; none where the file tells no parts apart.
+    pub names: Vec<String>,
+    /// Part of each triangle, index into `names`; empty means part 0 everywhere.
+    pub of_triangle: Vec<u32>,
+}
+
+impl Parts {
+    /// Index into `names` for a triangle; 0 where there are no names.
+    #[inline]
+    pub fn of(&self, triangle: usize) -> usize {
+        self.of_triangle.get(triangle).copied().unwrap_or(0) as usize
+    }
+
+    /// Those of triangles that were made from triangles `sources` of this model.
+    #[must_use]
+    pub fn of_sources(&self, sources: impl Iterator<Item = u32>) -> Self {
+        let of_triangle = match self.of_triangle.is_empty() {
+            true => Vec::new(),
+            false => sources.map(|source| self.of_triangle[source as usize]).collect(),
+        };
+        Self { names: self.names.clone(), of_triangle }
+    }
+
+    /// Leaves out what says nothing: the list of a single part, the name of one that has none.
+    pub(crate) fn simplify(&mut self) {
+        if self.names.len() <= 1 {
+            self.of_triangle.clear();
+            self.names.retain(|name| !name.is_empty());
+        }
+    }
+}
+
 // A model as its file says, before cleaning.
 
 /// Attributes per corner. Corner `3 * t + k` is corner `k` of triangle `t`. Every non-empty array has three entries
@@ -176,6 +213,8 @@ pub struct Model {
     pub materials: Vec<Material>,
     /// Encoded images that the materials refer to.
     pub images: Vec<ImageSource>,
+    /// What the file calls its parts.
+    pub parts: Parts,
     /// What the loader noticed: skipped points and lines, unsupported optional extensions, ...
     pub notes: Vec<String>,
 }

@@ -10,7 +10,9 @@ pub const MAX_TRIANGLES: usize = 1 << 30;
 pub const MAX_UV_SETS: usize = 8;
 /// Materials of a mesh.
 pub const MAX_MATERIALS: usize = 1 << 20;
-/// Bytes of a material's name.
+/// Parts of a mesh.
+pub const MAX_PARTS: usize = 1 << 20;
+/// Bytes of a name of a material or a part.
 pub const MAX_NAME_BYTES: usize = 1 << 12;
 /// Bytes that a section may unpack to, per byte stored, beyond [`SECTION_RATIO_FREE`]: so a small file never claims much
 /// memory. Writers lengthen what packs better (a flat regular grid may) by a skippable frame.

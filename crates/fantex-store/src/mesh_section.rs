@@ -2,18 +2,21 @@
 //! what they were baked into.
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
+use fantex_mesh::{
+    AlphaMode, CornerAttributes, Material, Mesh, Parts, ToonInterpolation, ToonScale, WorldFromMesh,
+};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::bytes::{ByteReader, ByteWriter, below, check_finite, exactly, limit};
 use crate::error::{not_finite, out_of_order, out_of_range, wrong_count};
-use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_TRIANGLES, MAX_UV_SETS};
+use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_PARTS, MAX_TRIANGLES, MAX_UV_SETS};
 
 const HAS_NORMALS: u32 = 1;
 const HAS_COLORS: u32 = 2;
 const HAS_TANGENTS: u32 = 4;
 const HAS_TRIANGLE_MATERIALS: u32 = 8;
-const ALL_FLAGS: u32 = 15;
+const HAS_PARTS: u32 = 16;
+const ALL_FLAGS: u32 = 31;
 
 const DOUBLE_SIDED: u8 = 1;
 const UNLIT: u8 = 2;
@@ -36,7 +39,17 @@ pub(crate) fn check(mesh: &Mesh) -> Result<()> {
         }
     }
     check_attributes(&mesh.corners, 3 * mesh.triangles.len())?;
+    check_parts(&mesh.parts, mesh.triangles.len())?;
     check_materials(mesh)
+}
+
+fn check_parts(parts: &Parts, triangles: usize) -> Result<()> {
+    limit("parts", parts.names.len(), MAX_PARTS)?;
+    exactly("parts of triangles", parts.of_triangle.len(), triangles)?;
+    for (t, &part) in parts.of_triangle.iter().enumerate() {
+        below("part of triangle", t, part, parts.names.len())?;
+    }
+    Ok(())
 }
 
 fn check_attributes(corners: &CornerAttributes, count: usize) -> Result<()> {
@@ -102,7 +115,8 @@ pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
         flag(!corners.normals.is_empty(), HAS_NORMALS)
             | flag(!corners.colors.is_empty(), HAS_COLORS)
             | flag(!corners.tangents.is_empty(), HAS_TANGENTS)
-            | flag(!mesh.triangle_materials.is_empty(), HAS_TRIANGLE_MATERIALS),
+            | flag(!mesh.triangle_materials.is_empty(), HAS_TRIANGLE_MATERIALS)
+            | flag(!mesh.parts.names.is_empty(), HAS_PARTS),
     );
     // A set without coordinates is not stored.
     let uv_sets = corners.uv_sets.iter().filter(|uvs| !uvs.is_empty());
@@ -118,14 +132,32 @@ pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
     uv_sets.for_each(|uvs| out.floats(uvs.iter().map(Vec2::to_array)));
     out.words(mesh.triangle_materials.iter().map(|&m| [m]));
     mesh.materials.iter().for_each(|m| encode_material(m, &mut out));
+    let Parts { names, of_triangle } = &mesh.parts;
+    if !names.is_empty() {
+        out.u32(names.len() as u32);
+        names.iter().for_each(|name| encode_name(name, &mut out));
+        out.u32(u32::from(!of_triangle.is_empty()));
+        out.words(of_triangle.iter().map(|&part| [part]));
+    }
     out.bytes
 }
 
-fn encode_material(m: &Material, out: &mut ByteWriter) {
-    // A longer name is cut.
-    let name = &m.name[..m.name.floor_char_boundary(MAX_NAME_BYTES)];
+/// A longer name is cut.
+fn encode_name(name: &str, out: &mut ByteWriter) {
+    let name = &name[..name.floor_char_boundary(MAX_NAME_BYTES)];
     out.u32(name.len() as u32);
     out.put(name.as_bytes());
+}
+
+fn decode_name(kind: &str, index: usize, input: &mut ByteReader<'_>) -> Result<String> {
+    let length = input.count(MAX_NAME_BYTES, "bytes in a name")?;
+    let name = std::str::from_utf8(input.take(length, "a name")?);
+    name.map(str::to_owned)
+        .map_err(|_| Error::malformed(format!("the name of {kind} {index} is not valid UTF-8")))
+}
+
+fn encode_material(m: &Material, out: &mut ByteWriter) {
+    encode_name(&m.name, out);
     out.f32s(&m.base_color.to_array());
     out.f32s(&[m.metallic, m.roughness, m.normal_scale, m.occlusion_strength]);
     out.f32s(&m.emission.to_array());
@@ -191,6 +223,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh> {
             .collect(),
         materials: (0..materials).map(|i| decode_material(i, &mut input)).collect::<Result<_, _>>()?,
         images: Vec::new(),
+        parts: if flags & HAS_PARTS != 0 { decode_parts(triangles, &mut input)? } else { Parts::default() },
         world_from_mesh,
         undisplaced_bounds: None,
     };
@@ -199,16 +232,22 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh> {
     Ok(mesh)
 }
 
+fn decode_parts(triangles: usize, input: &mut ByteReader<'_>) -> Result<Parts> {
+    let count = input.count(MAX_PARTS, "parts")?;
+    let names = (0..count).map(|i| decode_name("part", i, input)).collect::<Result<_>>()?;
+    let has_list = input.u32("the parts of triangles")?;
+    below("the parts of triangles", 0, has_list, 2)?;
+    let of_triangle = input.words::<1>(has_list as usize * triangles, "parts of triangles")?;
+    Ok(Parts { names, of_triangle: of_triangle.into_iter().map(|[part]| part).collect() })
+}
+
 fn vectors<A, V: From<A>>(arrays: Vec<A>) -> Vec<V> {
     arrays.into_iter().map(V::from).collect()
 }
 
 fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material> {
     let what = "a material";
-    let length = input.count(MAX_NAME_BYTES, "bytes in the name of a material")?;
-    let name = std::str::from_utf8(input.take(length, what)?)
-        .map_err(|_| Error::malformed(format!("the name of material {index} is not valid UTF-8")))?
-        .to_owned();
+    let name = decode_name("material", index, input)?;
     let base_color = Vec4::from(input.f32s(what)?);
     let [metallic, roughness, normal_scale, occlusion_strength] = input.f32s(what)?;
     let emission = Vec3::from(input.f32s(what)?);

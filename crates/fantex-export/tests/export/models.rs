@@ -422,3 +422,36 @@ fn an_atlas_in_memory_is_the_one_in_files() {
     }
     assert_eq!(atlas.mesh.triangles.len(), baked.asset.mesh().triangles.len());
 }
+
+/// Parts come out as nodes with their names and triangles, those without triangles do not; another reader finds them.
+#[test]
+fn parts_keep_their_names() {
+    let mesh = cleaned(icosphere(2));
+    let of_triangle: Vec<u32> = (0..mesh.triangles.len() as u32).map(|t| [0, 2, 3][t as usize % 3]).collect();
+    let names = ["left leg", "empty", "", "B\u{e4}r"].map(String::from).to_vec();
+    let parts = fantex_mesh::Parts { names, of_triangle };
+    let mesh = Mesh {
+        parts,
+        materials: vec![Default::default(); 3],
+        triangle_materials: (0..mesh.triangles.len() as u32).map(|t| 2 * (t / 3 % 2)).collect(),
+        ..mesh
+    };
+    let baked = baked(&mesh, &Waves::color(9.0), 1 << 14, BakeFormat::Rgba8);
+    let path = baked.path("out.glb");
+    export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
+    check_glb(&path);
+    let (document, buffers, _) = gltf_parts(&path);
+    assert_eq!(document.materials().count(), 2);
+    let of_node = |node: gltf::Node| {
+        let mesh = node.mesh().unwrap();
+        assert_eq!(mesh.name(), node.name());
+        let count =
+            |p: gltf::Primitive| p.reader(|_| Some(&buffers[0])).read_indices().unwrap().into_u32().count();
+        (node.name().unwrap().to_owned(), mesh.primitives().map(count).sum::<usize>() / 3)
+    };
+    let found: Vec<_> = document.default_scene().unwrap().nodes().map(of_node).collect();
+    let expected = [("left leg", 107), ("out", 107), ("B\u{e4}r", 106)];
+    assert!(found.iter().map(|(name, count)| (name.as_str(), *count)).eq(expected), "{found:?}");
+    let again = fantex_mesh::load(&path, &Default::default()).unwrap();
+    assert_eq!(again.parts.names, ["left leg", "out", "B\u{e4}r"]);
+}

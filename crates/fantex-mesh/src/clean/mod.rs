@@ -244,6 +244,10 @@ impl Surface {
             }
             _ => model.triangle_materials,
         };
+        let parts = match sources {
+            Some(sources) => model.parts.of_sources(sources.iter().copied()),
+            None => model.parts,
+        };
         let corners = model.corners;
         let corners = CornerAttributes {
             normals: follow(corners.normals, sources, turned),
@@ -259,6 +263,7 @@ impl Surface {
             triangle_materials,
             materials,
             images: model.images,
+            parts,
             world_from_mesh,
             undisplaced_bounds: None,
         }
@@ -413,7 +418,10 @@ fn check(model: &Model) -> Result<()> {
         .chain([("tangents", corners.tangents.len())])
         .chain(corners.uv_sets.iter().map(|set| ("texture coordinates", set.len())))
         .map(|(what, found)| (what, found, 3 * triangles));
-    let per_triangle = [("material indices", model.triangle_materials.len(), triangles)];
+    let per_triangle = [
+        ("material indices", model.triangle_materials.len(), triangles),
+        ("indices of parts", model.parts.of_triangle.len(), triangles),
+    ];
     for (what, found, expected) in per_corner.chain(per_triangle) {
         if found != 0 && found != expected {
             let triangles = counted(triangles, "triangle");

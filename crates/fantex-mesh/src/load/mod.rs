@@ -439,6 +439,7 @@ pub(crate) fn finish(model: &mut Model) {
     if !model.triangle_materials.is_empty() {
         pad(&mut model.triangle_materials, model.triangles.len(), 0);
     }
+    model.parts.simplify();
     if model.materials.is_empty() {
         model.materials.push(crate::Material::default());
     }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::load::mtl::{Library, load_libraries};
 use crate::load::polygon::Triangulator;
 use crate::load::{SourceFile, finish, linear_rgba, pad, parsed, shown};
-use crate::{Material, Model};
+use crate::{Material, Model, Parts};
 
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
     let text = parse(file)?;
@@ -88,7 +88,62 @@ struct ObjText {
     /// Names after `usemtl`, each once; the first is "" for faces before any.
     material_names: Vec<String>,
     libraries: Vec<String>,
+    /// After `o` and after `g`.
+    objects: Sections,
+    groups: Sections,
     notes: Vec<String>,
+}
+
+/// Names that hold for the faces that follow.
+#[derive(Default)]
+struct Sections {
+    /// Each once; the first is "" for faces before any.
+    names: Vec<String>,
+    index_of_name: HashMap<String, u32>,
+    /// First face and name, ascending.
+    starts: Vec<(usize, u32)>,
+}
+
+impl Sections {
+    fn start(&mut self, face: usize, name: &[u8]) {
+        let name = String::from_utf8_lossy(name).into_owned();
+        if self.names.is_empty() {
+            self.names.push(String::new());
+            self.index_of_name.insert(String::new(), 0);
+        }
+        let names = &mut self.names;
+        let index = *self.index_of_name.entry(name).or_insert_with_key(|name| {
+            names.push(name.clone());
+            names.len() as u32 - 1
+        });
+        match self.starts.last_mut() {
+            Some(last) if last.0 == face => last.1 = index,
+            _ => self.starts.push((face, index)),
+        }
+    }
+
+    /// Names that faces have, in their order, and that of each triangle.
+    fn parts(self, faces: &[Face]) -> Parts {
+        let mut parts = Parts::default();
+        if self.names.is_empty() {
+            return parts;
+        }
+        let mut part_of_name = vec![None; self.names.len()];
+        let mut starts = self.starts.into_iter().peekable();
+        let mut name = 0;
+        for (number, face) in faces.iter().enumerate() {
+            while let Some((_, started)) = starts.next_if(|&(first, _)| first <= number) {
+                name = started;
+            }
+            let part = *part_of_name[name as usize].get_or_insert_with(|| {
+                parts.names.push(self.names[name as usize].clone());
+                parts.names.len() as u32 - 1
+            });
+            let triangles = parts.of_triangle.len() + face.corner_count as usize - 2;
+            parts.of_triangle.resize(triangles, part);
+        }
+        parts
+    }
 }
 
 fn parse(file: &SourceFile) -> Result<ObjText> {
@@ -191,8 +246,14 @@ impl<'a> Parser<'a> {
                 self.points_and_lines += 1;
                 Ok(())
             }
-            // Names and smoothing groups: corners carry their own normals, and parts are told apart by material only.
-            b"o" | b"g" | b"s" | b"" => Ok(()),
+            b"o" | b"g" => {
+                let faces = self.text.faces.len();
+                let sections = if keyword == b"o" { &mut self.text.objects } else { &mut self.text.groups };
+                sections.start(faces, arguments);
+                Ok(())
+            }
+            // Smoothing groups: corners carry their own normals.
+            b"s" | b"" => Ok(()),
             _ if keyword[0] == b'#' => Ok(()),
             _ => {
                 self.unknown += 1;
@@ -384,6 +445,8 @@ fn build(file: &SourceFile, mut text: ObjText, library: Library) -> Result<Model
     model.triangles =
         corners.chunks_exact(3).map(|c| [c[0].position, c[1].position, c[2].position]).collect();
     model.positions = text.positions;
+    let sections = if text.objects.names.is_empty() { text.groups } else { text.objects };
+    model.parts = sections.parts(&text.faces);
     assign_materials(&mut model, &text.material_names, triangle_materials, library);
     finish(&mut model);
     Ok(model)

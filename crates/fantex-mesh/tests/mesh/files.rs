@@ -728,3 +728,20 @@ fn hopeless_outlines_still_give_the_right_count() {
     });
     assert_eq!(cut(&pentagram).len(), 3);
 }
+
+/// Objects, or groups where there are none; a name that comes again is the same part; squares are two triangles.
+#[test]
+fn objects_and_groups_are_parts() {
+    let corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    let parts = |faces: &str| {
+        let model = load_text("a.obj", &format!("{corners}{faces}")).unwrap();
+        let names: Vec<String> = model.parts.names.iter().map(|name| name.replace('\u{fffd}', "?")).collect();
+        (names.join("|"), model.parts.of_triangle)
+    };
+    let objects =
+        "f 1 2 3\no none\no two words \ng inner\nf 1 2 3 4\no last\nf 1 3 4\no two words\nf 2 3 4\n";
+    assert_eq!(parts(objects), ("|two words|last".into(), vec![0, 1, 1, 2, 1]));
+    assert_eq!(parts("g a b\nf 1 2 3\ng c\nf 1 3 4\n"), ("a b|c".into(), vec![0, 1]));
+    assert_eq!(parts("o only\nf 1 2 3 4\n"), ("only".into(), vec![]));
+    assert_eq!(parts("f 1 2 3 4\n"), (String::new(), vec![]));
+}

@@ -1,7 +1,7 @@
 //! glTF: hierarchy, primitives, accessors, materials, extensions, and what is refused.
 
 use crate::common::*;
-use fantex_mesh::{AlphaMode, ImageSource, Material, Model, WrapMode};
+use fantex_mesh::{AlphaMode, ImageSource, Material, Model, Parts, WrapMode};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// A right triangle in the xy plane, then its three indices as bytes.
@@ -384,4 +384,90 @@ fn non_finite_positions_are_left_to_cleaning() {
     let model = load_text("a.gltf", &[&text[..start], &data, &text[end..]].concat()).unwrap();
     assert_consistent(&model);
     assert!(model.positions[0].x.is_nan());
+}
+
+#[test]
+fn nodes_give_their_names_to_parts() {
+    let nodes = r#"[{"name":"left","mesh":0},{"mesh":0,"translation":[2,0,0]},{"name":"empty"}]"#;
+    let named = triangle_gltf(nodes, "", "").replace(r#"[{"primitives""#, r#"[{"name":"leg","primitives""#);
+    let model = load_text("a.gltf", &named).unwrap();
+    assert_eq!((model.parts.names, model.parts.of_triangle), (vec!["left".into(), "leg".into()], vec![0, 1]));
+    let single = load_text("a.gltf", &triangle_gltf(r#"[{"name":"left","mesh":0}]"#, "", "")).unwrap();
+    assert_eq!((single.parts.names, single.parts.of_triangle), (vec!["left".into()], vec![]));
+    let unnamed = load_text("a.gltf", &triangle_gltf(r#"[{"mesh":0}]"#, "", "")).unwrap();
+    assert_eq!(unnamed.parts, Parts::default());
+}
+
+/// A triangle with a morph target and a skin of two joints, the second a quarter turn about z at (1, 0, 0), where it was bound unturned.
+fn posed_gltf(nodes: &str, weights: &str) -> String {
+    let mut buffer = floats(&[2., 0., 0., 2., 0., 0., 0., 3., 0.]);
+    buffer.extend(floats(&[0., 0., 1., 0., 0., 2., 0., 0., 3.]));
+    // Joints: the first; both; the second (twice, in two parts).
+    buffer.extend([0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1, 0]);
+    buffer.extend(floats(&[1., 0., 0., 0., 0.5, 0.5, 0., 0., 0.25, 0., 0.75, 0.]));
+    let matrix = |x: f32| [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., x, 0., 0., 1.];
+    buffer.extend(floats(&matrix(0.)));
+    buffer.extend(floats(&matrix(-1.)));
+    let accessor = |offset: usize, kind: u32, count: u32, shape: &str| {
+        format!(
+            r#"{{"bufferView":0,"byteOffset":{offset},"componentType":{kind},"count":{count},"type":"{shape}"}}"#
+        )
+    };
+    let accessors = [
+        (0, 5126, 3, "VEC3"),
+        (36, 5126, 3, "VEC3"),
+        (72, 5121, 3, "VEC4"),
+        (84, 5126, 3, "VEC4"),
+        (132, 5126, 2, "MAT4"),
+    ]
+    .map(|(offset, kind, count, shape)| accessor(offset, kind, count, shape))
+    .join(",");
+    let json = format!(
+        r#""nodes":[{nodes},{{"name":"a"}},{{"name":"b","translation":[1,0,0],"rotation":[0,0,0.70710678118654757,0.70710678118654757]}}],
+        "meshes":[{{"weights":[{weights}],"primitives":[{{"attributes":{{"POSITION":0,"JOINTS_0":2,"WEIGHTS_0":3}},"targets":[{{"POSITION":1}}]}}]}}],
+        "skins":[{{"joints":[1,2],"inverseBindMatrices":4}}],"bufferViews":[{{"buffer":0,"byteLength":260}}],"accessors":[{accessors}]"#
+    );
+    gltf_with_buffer(&json, &buffer)
+}
+
+fn assert_positions(text: &str, expected: [[f64; 3]; 3]) {
+    let model = load_text("a.gltf", text).unwrap();
+    assert_eq!(model.notes, Vec::<String>::new());
+    for (found, expected) in model.positions.iter().zip(expected.map(DVec3::from)) {
+        assert!((*found - expected).length() < 1e-6, "{found} for {expected}");
+    }
+}
+
+#[test]
+fn morph_targets_are_shown_by_their_weights() {
+    let plain = r#"{"mesh":0,"translation":[10,0,0]}"#;
+    assert_positions(&posed_gltf(plain, "0.5"), [[12., 0., 0.5], [12., 0., 1.], [10., 3., 1.5]]);
+    let own = r#"{"mesh":0,"weights":[-2]}"#;
+    assert_positions(&posed_gltf(own, "0.5"), [[2., 0., -2.], [2., 0., -4.], [0., 3., -6.]]);
+    assert_positions(&posed_gltf(r#"{"mesh":0}"#, ""), [[2., 0., 0.], [2., 0., 0.], [0., 3., 0.]]);
+}
+
+/// A point at (2, 0, 0) is, seen from the second joint, at (1, 0, 0), which the quarter turn takes to (0, 1, 0), in the world (1, 1, 0);
+/// (0, 3, 0) comes to (-2, -1, 0). The node's own place has no say.
+#[test]
+fn skins_are_shown_as_their_joints_stand() {
+    let skinned = r#"{"mesh":0,"skin":0,"translation":[10,0,0]}"#;
+    assert_positions(&posed_gltf(skinned, ""), [[2., 0., 0.], [1.5, 0.5, 0.], [-2., -1., 0.]]);
+    // Both at once: targets first.
+    assert_positions(&posed_gltf(skinned, "1"), [[2., 0., 1.], [1.5, 0.5, 2.], [-2., -1., 3.]]);
+    let refused =
+        |text: String, mentions: &[&str]| assert_mentions(&message("a.gltf", text.as_bytes()), mentions);
+    let text = posed_gltf(skinned, "");
+    refused(
+        text.replace(r#""joints":[1,2]"#, r#""joints":[1]"#),
+        &["primitive 0 of mesh 0", "joint 1", "1 joint"],
+    );
+    refused(text.replace(r#""joints":[1,2]"#, r#""joints":[1,2,1]"#), &["skin 0", "3 joints", "2 matrices"]);
+    refused(text.replace(r#""joints":[1,2]"#, r#""joints":[1,7]"#), &["skin 0", "node 7"]);
+    refused(text.replace(r#""skin":0"#, r#""skin":3"#), &["node 0", "skin 3"]);
+    let elsewhere =
+        text.replace(r#""nodes":[{"mesh""#, r#""scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh""#);
+    let model = load_text("a.gltf", &elsewhere).unwrap();
+    assert!(model.notes[0].contains("joints are not in the scene"), "{:?}", model.notes);
+    assert_eq!(model.positions[0], DVec3::new(12.0, 0.0, 0.0));
 }

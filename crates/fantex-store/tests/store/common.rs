@@ -4,7 +4,9 @@ use std::path::Path;
 
 use fantex_base::Random;
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
-use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
+use fantex_mesh::{
+    AlphaMode, CornerAttributes, Material, Mesh, Parts, ToonInterpolation, ToonScale, WorldFromMesh,
+};
 use fantex_store::{
     AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageId, Quality, TexelFormat, TexelSlice,
     WriteSummary, encode, group_pages, page_extent, page_origin,
@@ -49,6 +51,10 @@ pub(crate) fn sheet(n: u32) -> Mesh {
             tangents: corners.iter().map(|_| Vec4::X).collect(),
         },
         triangle_materials: (0..triangles.len() as u32).map(|t| t % 2).collect(),
+        parts: Parts {
+            names: vec!["Krone".into(), String::new(), "Fuß".into()],
+            of_triangle: (0..triangles.len() as u32).map(|t| t % 3).collect(),
+        },
         materials: vec![
             Material {
                 name: "Blätter".into(),

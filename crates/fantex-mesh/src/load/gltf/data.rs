@@ -275,7 +275,8 @@ impl<'a> Reader<'a> {
             "VEC2" => 2,
             "VEC3" => 3,
             "VEC4" => 4,
-            // Matrices serve skins and animations only, which are not read.
+            "MAT4" => 16,
+            // Other matrices serve nothing that is read.
             _ => 0,
         };
         let limits = &document.file.limits;

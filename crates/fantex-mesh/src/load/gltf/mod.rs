@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  container --> JSON --schema--> Root --+--> buffers --> accessors --+
-//!                                        +--> nodes (world transforms) +--> primitives --> Model
+//!                                        +--> nodes (world transforms) +--> primitives (pose) --> Model
 //!                                        +--> materials, images -------+
 //! ```
 //!
@@ -11,11 +11,13 @@
 //! other extension that a file *requires* (compression, most of all) makes it unreadable.
 
 mod data;
+mod pose;
 mod schema;
 
 use data::{Buffers, NO_DATA, Reader, Target, resolve};
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
+use pose::{Placement, morph, world_from_bind};
 use schema::{Accessor, Instancing, Node, Primitive, Root};
 
 use crate::load::{SourceFile, finish, pad};
@@ -45,8 +47,8 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     let buffers = Buffers::load(&root, file, binary)?;
     let document = Document { root: &root, buffers, file };
     load_materials(&document, &mut model)?;
-    let instances = mesh_instances(&document, &mut model.notes)?;
-    load_all(&document, &instances, &mut model)?;
+    let (instances, world_from_node) = mesh_instances(&document, &mut model.notes)?;
+    load_all(&document, &instances, &world_from_node, &mut model)?;
     finish(&mut model);
     Ok(model)
 }
@@ -118,43 +120,50 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
 
 // The node hierarchy: which meshes stand where.
 
-/// Index of a mesh, and where it stands: world from mesh.
-type MeshInstance = (usize, DAffine3);
+/// A mesh at its place.
+struct MeshInstance {
+    node: usize,
+    mesh: usize,
+    world_from_mesh: DAffine3,
+}
 
 /// Walks the default scene depth first, children in their order.
-fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<MeshInstance>> {
+/// Also tells where the nodes stand.
+fn mesh_instances(
+    document: &Document,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<MeshInstance>, Vec<Option<DAffine3>>)> {
     let nodes = &document.root.nodes;
     let roots = scene_roots(document, notes)?;
-    let mut is_reached = vec![false; nodes.len()];
+    let mut reached = vec![None; nodes.len()];
     let mut instances = Vec::new();
     let mut pending: Vec<(usize, DAffine3)> =
         roots.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
-    let mut skinned = 0;
     while let Some((index, world_from_parent)) = pending.pop() {
         let node = get(nodes, index, "node", || "the node hierarchy".to_owned())?;
-        if std::mem::replace(&mut is_reached[index], true) {
+        let world_from_node = world_from_parent * parent_from_node(node);
+        if reached[index].replace(world_from_node).is_some() {
             let sentence = format!("node {index} is reached twice; nodes must form a tree");
             return Err(Error::malformed(sentence));
         }
-        let world_from_node = world_from_parent * parent_from_node(node);
         if let Some(mesh) = node.mesh {
             get(&document.root.meshes, mesh, "mesh", || format!("node {index}"))?;
-            skinned += usize::from(node.skin.is_some());
             match &node.extensions.instancing {
-                None => instances.push((mesh, world_from_node)),
+                None => instances.push(MeshInstance { node: index, mesh, world_from_mesh: world_from_node }),
                 Some(instancing) => {
                     let placed = node_from_instances(document, index, mesh, instancing)?;
-                    let in_world = |node_from_mesh| (mesh, world_from_node * node_from_mesh);
+                    let in_world = |node_from_mesh| MeshInstance {
+                        node: index,
+                        mesh,
+                        world_from_mesh: world_from_node * node_from_mesh,
+                    };
                     instances.extend(placed.into_iter().map(in_world));
                 }
             }
         }
         pending.extend(node.children.iter().rev().map(|&child| (child, world_from_node)));
     }
-    if skinned > 0 {
-        notes.push(format!("read {} as modelled, without skeleton", counted(skinned, "skinned mesh")));
-    }
-    Ok(instances)
+    Ok((instances, reached))
 }
 
 /// Root nodes of the default scene; without scenes all nodes without a parent.
@@ -268,27 +277,59 @@ fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<()>
 /// More sets than this are not read: a set's number must not decide how much is allocated.
 const MAX_UV_SETS: usize = 8;
 
-fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) -> Result<()> {
-    let mut loader = Loader { document, model, default_material: None, skipped: Skipped::default() };
+fn load_all(
+    document: &Document,
+    instances: &[MeshInstance],
+    world_from_node: &[Option<DAffine3>],
+    model: &mut Model,
+) -> Result<()> {
+    let mut loader =
+        Loader { document, model, default_material: None, last_node: None, skipped: Skipped::default() };
     let mut is_loaded = vec![false; document.root.meshes.len()];
-    for (number, world_from_mesh) in instances {
+    // Of skins that were met: world from mesh for each joint.
+    let mut skins: Vec<Option<Option<Vec<DAffine3>>>> = vec![None; document.root.skins.len()];
+    let mut unposed = 0;
+    for MeshInstance { node, mesh: number, world_from_mesh } in instances {
         let said_so_far = (loader.skipped, loader.model.notes.len());
         let mesh = &document.root.meshes[*number];
-        if mesh.weights.iter().any(|&w| w != 0.0) {
-            loader.model.notes.push(format!("the morph targets of mesh {number} were left out"));
+        let shown = &document.root.nodes[*node];
+        let mut pose =
+            Pose { world_from_mesh, joints: &[], weights: shown.weights.as_ref().unwrap_or(&mesh.weights) };
+        if let Some(skin) = shown.skin {
+            get(&document.root.skins, skin, "skin", || format!("node {node}"))?;
+            if skins[skin].is_none() {
+                skins[skin] = Some(world_from_bind(document, skin, world_from_node)?);
+            }
+            let joints = skins[skin].as_ref().and_then(Option::as_deref);
+            unposed += usize::from(joints.is_none());
+            pose.joints = joints.unwrap_or_default();
         }
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let label = format!("primitive {index} of mesh {number}");
-            loader.load(primitive, &label, world_from_mesh)?;
+            loader.load(primitive, &label, &pose)?;
         }
+        loader.name_part(*node, mesh);
         // What is to be said of a mesh is said once, however often it stands in the world.
         if std::mem::replace(&mut is_loaded[*number], true) {
             loader.skipped = said_so_far.0;
             loader.model.notes.truncate(said_so_far.1);
         }
     }
+    if unposed > 0 {
+        let meshes = counted(unposed, "skinned mesh");
+        loader.model.notes.push(format!("read {meshes} as modelled, whose joints are not in the scene"));
+    }
     loader.finish();
     Ok(())
+}
+
+/// How a node shows its mesh.
+struct Pose<'a> {
+    world_from_mesh: &'a DAffine3,
+    /// World from mesh for each joint; none without a skin, else the transform above has no say.
+    joints: &'a [DAffine3],
+    /// Of the morph targets.
+    weights: &'a [f64],
 }
 
 #[derive(Clone, Copy, Default)]
@@ -302,6 +343,8 @@ struct Loader<'a, 'm> {
     model: &'m mut Model,
     /// Index of the material for primitives without one, once needed.
     default_material: Option<u32>,
+    /// The node whose meshes were loaded last: its instances are one part.
+    last_node: Option<usize>,
     skipped: Skipped,
 }
 
@@ -329,7 +372,17 @@ impl Loader<'_, '_> {
         }
     }
 
-    fn load(&mut self, primitive: &Primitive, label: &str, world_from_mesh: &DAffine3) -> Result<()> {
+    /// All triangles that no part has yet are those of a node.
+    fn name_part(&mut self, node: usize, mesh: &schema::Mesh) {
+        let Model { parts, triangles, .. } = &mut *self.model;
+        if self.last_node.replace(node) != Some(node) {
+            let name = &self.document.root.nodes[node].name;
+            parts.names.push(if name.is_empty() { &mesh.name } else { name }.clone());
+        }
+        parts.of_triangle.resize(triangles.len(), parts.names.len() as u32 - 1);
+    }
+
+    fn load(&mut self, primitive: &Primitive, label: &str, pose: &Pose) -> Result<()> {
         let mode = match primitive.mode.unwrap_or(4) {
             0..=3 => {
                 self.skipped.points_or_lines += 1;
@@ -354,19 +407,24 @@ impl Loader<'_, '_> {
         file.check_positions(first_position + positions.count())?;
 
         let triangles = self.read_triangles(primitive, label, mode, positions.count())?;
-        let is_mirrored = world_from_mesh.matrix3.determinant() < 0.0;
+        let placement = match pose.joints {
+            [] => Placement::Rigid(*pose.world_from_mesh),
+            joints => Placement::skinned(self.document, primitive, label, joints, positions.count())?,
+        };
+        let is_mirrored = positions.count() > 0 && placement.at(0).matrix3.determinant() < 0.0;
         let triangles =
             triangles.into_iter().map(|[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] });
         let triangles: Vec<[u32; 3]> = triangles.collect();
         file.check_triangles(self.model.triangles.len() + triangles.len())?;
 
-        let positions: Vec<[f32; 3]> =
+        let mut positions: Vec<[f32; 3]> =
             positions.read_floats("POSITION", "three floats or integers", false)?;
-        let world = |p: &[f32; 3]| world_from_mesh.transform_point3(Vec3::from(*p).as_dvec3());
-        self.model.positions.extend(positions.iter().map(world));
+        morph(self.document, (primitive, label), pose.weights, "POSITION", &mut positions)?;
+        let world = |(i, p): (usize, &[f32; 3])| placement.at(i).transform_point3(Vec3::from(*p).as_dvec3());
+        self.model.positions.extend(positions.iter().enumerate().map(world));
 
         let attributes = Attributes { primitive, label, count: positions.len(), triangles: &triangles };
-        self.append_attributes(&attributes, world_from_mesh, is_mirrored)?;
+        self.append_attributes(&attributes, &placement, pose.weights, is_mirrored)?;
         let offset = first_position as u32;
         self.model.triangles.extend(triangles.iter().map(|t| t.map(|v| v + offset)));
         let material = self.material_of(primitive, label)?;
@@ -420,24 +478,41 @@ impl Loader<'_, '_> {
     fn append_attributes(
         &mut self,
         attributes: &Attributes,
-        world_from_mesh: &DAffine3,
+        placement: &Placement,
+        weights: &[f64],
         is_mirrored: bool,
     ) -> Result<()> {
         let before = 3 * self.model.triangles.len();
         let document = self.document;
         let corners = &mut self.model.corners;
-        if let Some(normals) = attributes.read::<3>(document, "NORMAL", "three floats or integers", false)? {
-            let world = normal_transform(world_from_mesh);
-            let normals: Vec<Vec3> = normals.into_iter().map(|n| turned(&world, Vec3::from(n))).collect();
+        let of = (attributes.primitive, attributes.label);
+        if let Some(mut normals) =
+            attributes.read::<3>(document, "NORMAL", "three floats or integers", false)?
+        {
+            morph(document, of, weights, "NORMAL", &mut normals)?;
+            let normals: Vec<Vec3> = match placement {
+                Placement::Rigid(world_from_mesh) => {
+                    let world = normal_transform(world_from_mesh);
+                    normals.into_iter().map(|n| turned(&world, Vec3::from(n))).collect()
+                }
+                Placement::Skinned(of_vertex) => {
+                    let world = |(n, of): ([f32; 3], &DAffine3)| turned(&normal_transform(of), Vec3::from(n));
+                    normals.into_iter().zip(of_vertex).map(world).collect()
+                }
+            };
             pad(&mut corners.normals, before, Vec3::ZERO);
             attributes.spread(&normals, &mut corners.normals);
         }
-        if let Some(tangents) = attributes.read::<4>(document, "TANGENT", "four floats or integers", false)? {
-            let linear = world_from_mesh.matrix3;
+        if let Some(mut tangents) =
+            attributes.read::<4>(document, "TANGENT", "four floats or integers", false)?
+        {
+            morph(document, of, weights, "TANGENT", &mut tangents)?;
             // The bitangent is w * cross(normal, tangent), and a mirror turns cross products round.
             let sign = if is_mirrored { -1.0 } else { 1.0 };
-            let world = |[x, y, z, w]: [f32; 4]| turned(&linear, Vec3::new(x, y, z)).extend(sign * w);
-            let tangents: Vec<Vec4> = tangents.into_iter().map(world).collect();
+            let world = |(i, [x, y, z, w]): (usize, [f32; 4])| {
+                turned(&placement.at(i).matrix3, Vec3::new(x, y, z)).extend(sign * w)
+            };
+            let tangents: Vec<Vec4> = tangents.into_iter().enumerate().map(world).collect();
             pad(&mut corners.tangents, before, Vec4::ZERO);
             attributes.spread(&tangents, &mut corners.tangents);
         }

@@ -26,6 +26,8 @@ pub(super) struct Root {
     #[serde(default)]
     pub(super) meshes: Vec<Mesh>,
     #[serde(default)]
+    pub(super) skins: Vec<Skin>,
+    #[serde(default)]
     pub(super) accessors: Vec<Accessor>,
     #[serde(default)]
     pub(super) buffer_views: Vec<BufferView>,
@@ -56,6 +58,7 @@ pub(super) struct Scene {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Node {
+    pub(super) name: String,
     pub(super) children: Vec<usize>,
     /// Column-major.
     pub(super) matrix: Option<[f64; 16]>,
@@ -65,7 +68,16 @@ pub(super) struct Node {
     pub(super) scale: Option<[f64; 3]>,
     pub(super) mesh: Option<usize>,
     pub(super) skin: Option<usize>,
+    /// Of the morph targets, instead of the mesh's.
+    pub(super) weights: Option<Vec<f64>>,
     pub(super) extensions: NodeExtensions,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Skin {
+    pub(super) joints: Vec<usize>,
+    pub(super) inverse_bind_matrices: Option<usize>,
 }
 
 #[derive(Default, Deserialize)]
@@ -84,6 +96,7 @@ pub(super) struct Instancing {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Mesh {
+    pub(super) name: String,
     pub(super) primitives: Vec<Primitive>,
     pub(super) weights: Vec<f64>,
 }
@@ -96,6 +109,8 @@ pub(super) struct Primitive {
     pub(super) indices: Option<usize>,
     pub(super) material: Option<usize>,
     pub(super) mode: Option<u64>,
+    /// Morph targets: from semantic to accessor.
+    pub(super) targets: Vec<std::collections::BTreeMap<String, usize>>,
     pub(super) extensions: Map<String, Value>,
 }
 
