@@ -47,7 +47,8 @@ pub(crate) fn composite(
                 && map.is_valid(texel)
                 && let Some(color) = context.color(map, page, place, number)
             {
-                values[texel] = context.paint.apply(values[texel], color, coverage);
+                values[texel] =
+                    painted.keep(values[texel], context.paint.apply(values[texel], color, coverage));
             }
         }
         let channel = &asset.channels()[painted.channel];

@@ -10,8 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::composite::{replace_blocks, texels_around};
 use crate::layers::{
-    LayerStack, Layers, TEXEL_BYTES, base_bytes, base_name, encode_values, float_of, page_name,
-    page_of_suffix, prefix,
+    Held, LayerStack, Layers, TEXEL_BYTES, base_bytes, base_name, float_of, page_name, page_of_suffix, prefix,
 };
 use crate::levels::{fine_rect, pages_of};
 use crate::texel_page::Rect;
@@ -146,10 +145,10 @@ impl Painter {
                 let rect = Rect::of(map.block.extent);
                 LayerStack { editor, layers, id, surface, map, fills, rect, replaced: None }.merged()
             });
-            let merged: Vec<Vec<Vec<Vec4>>> = merged.collect::<Result<_>>()?;
-            for (&id, values) in ids.iter().zip(merged) {
-                if values.iter().flatten().any(|value| value.w > 0.0) {
-                    self.attach(&page_name(Target::Layer(to), id), encode_values(&values))?;
+            let merged: Vec<Held> = merged.collect::<Result<_>>()?;
+            for (&id, held) in ids.iter().zip(merged) {
+                if held.values.iter().flatten().any(|value| value.w > 0.0) {
+                    self.attach(&page_name(Target::Layer(to), id), held.encode())?;
                 } else {
                     self.detach(&page_name(Target::Layer(to), id))?;
                 }
@@ -299,6 +298,14 @@ impl Painter {
         let whole = Rect::of(extent);
         replace_blocks(&asset.channels()[index], extent, &mut bytes, &values, whole, |_| true)?;
         Ok((index, bytes))
+    }
+
+    /// The bytes of a page of any level under all layers, per channel.
+    ///
+    /// # Errors
+    /// There is no such page, or the asset cannot be read.
+    pub fn page_under_layers(&self, page: PageId) -> Result<Vec<Vec<u8>>> {
+        base_bytes(&self.editor, page, self.editor.attachment(&base_name(page))?)
     }
 
     /// A layer's mask on a page of any level, row by row: of coarser levels some of the texels below each. 1 without a mask.

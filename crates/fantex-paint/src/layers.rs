@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  layers/base/PAGE      the page's bytes under all layers     --.     (also of coarser levels: `base_levels.rs`)
-//!  layers/ID/PAGE        straight linear RGBA per channel, f16   |-- flatten --> the page that everybody reads
+//!  layers/ID/page/PAGE   straight linear RGBA per channel, f16   |-- flatten --> the page that everybody reads
 //!  layers/ID/mask/PAGE   one f16 per texel                     --'
 //!  layers/index          what there is, from the bottom to the top
 //! ```
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use fantex_base::{Error, Result};
-use fantex_store::{AssetEditor, PAGE, PageId, page_grid};
+use fantex_store::{AssetEditor, ChannelKind, PAGE, PageId, page_grid};
 use glam::{Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
@@ -30,7 +30,7 @@ use crate::painter::Changes;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
 use crate::work::{FlattenWork, Work};
-use crate::{BlendMode, GraphFill, LayerMove, MaskSource, Painter, StrokeSettings, Surface};
+use crate::{BlendMode, ChannelPaint, GraphFill, LayerMove, MaskSource, Painter, StrokeSettings, Surface};
 
 pub(crate) const INDEX: &str = "layers/index";
 
@@ -241,22 +241,62 @@ pub(crate) fn base_mean_name(group: u32) -> String {
 /// Bytes of a texel's RGBA.
 pub(crate) const TEXEL_BYTES: usize = 8;
 
-/// Values of all channels: `values[channel][texel]`, straight linear RGBA. Channel after channel.
-pub(crate) fn encode_values(values: &[Vec<Vec4>]) -> Vec<u8> {
-    let halves = values.iter().flatten().flat_map(|v| v.to_array()).map(half_of);
-    halves.flat_map(f16::to_le_bytes).collect()
+/// What is painted on a page of a layer.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Held {
+    /// `values[channel][texel]`: straight linear RGBA.
+    pub(crate) values: Vec<Vec<Vec4>>,
+    /// Alphas of occlusion, roughness and metallic per texel, where they are not one; else empty.
+    pub(crate) parts: Vec<Vec3>,
 }
 
-/// Inverse of [`encode_values`]; a page of another length is empty: transparent.
-fn decode_values(bytes: &[u8], channels: usize, texels: usize) -> Vec<Vec<Vec4>> {
-    if bytes.len() != channels * texels * TEXEL_BYTES {
-        return vec![vec![Vec4::ZERO; texels]; channels];
+/// Bytes of a texel's three alphas.
+const PARTS_BYTES: usize = 6;
+
+impl Held {
+    /// Channel after channel, then the alphas of components.
+    pub(crate) fn encode(&self) -> Vec<u8> {
+        let values = self.values.iter().flatten().flat_map(|v| v.to_array());
+        let parts = self.parts.iter().flat_map(|v| v.to_array());
+        values.chain(parts).map(half_of).flat_map(f16::to_le_bytes).collect()
     }
-    let texel = |b: &[u8]| Vec4::from_array(std::array::from_fn(|k| float_of([b[2 * k], b[2 * k + 1]])));
-    bytes
-        .chunks_exact(texels * TEXEL_BYTES)
-        .map(|c| c.chunks_exact(TEXEL_BYTES).map(texel).collect())
-        .collect()
+
+    /// Inverse of [`encode`](Self::encode); a page of another length is empty: transparent.
+    fn decode(bytes: &[u8], channels: usize, texels: usize) -> Self {
+        let all = channels * texels * TEXEL_BYTES;
+        if bytes.len() != all && bytes.len() != all + texels * PARTS_BYTES {
+            return Self { values: vec![vec![Vec4::ZERO; texels]; channels], parts: Vec::new() };
+        }
+        let half = |b: &[u8], k: usize| float_of([b[2 * k], b[2 * k + 1]]);
+        let texel = |b: &[u8]| Vec4::from_array(std::array::from_fn(|k| half(b, k)));
+        let (values, parts) = bytes.split_at(all);
+        let channel = |c: &[u8]| c.chunks_exact(TEXEL_BYTES).map(texel).collect();
+        let part = |b: &[u8]| Vec3::from_array(std::array::from_fn(|k| half(b, k)));
+        Self {
+            values: values.chunks_exact((texels * TEXEL_BYTES).max(1)).map(channel).collect(),
+            parts: parts.chunks_exact(PARTS_BYTES).map(part).collect(),
+        }
+    }
+
+    /// Alphas of a texel's components; `value` is that of the channel that has them.
+    fn alphas(&self, texel: usize, value: Vec4) -> Vec3 {
+        self.parts.get(texel).copied().unwrap_or(Vec3::splat(value.w))
+    }
+}
+
+/// A source over a backdrop whose components have alphas of their own: the colour and its alphas.
+fn compose_parts(
+    mode: BlendMode,
+    (below, alphas_below): (Vec3, Vec3),
+    (over, alphas_over): (Vec3, Vec3),
+    share: f32,
+) -> (Vec3, Vec3) {
+    let (mut color, mut alphas) = (below, alphas_below);
+    for k in 0..3 {
+        let composed = mode.compose(below.extend(alphas_below[k]), over.extend(alphas_over[k]), share);
+        (color[k], alphas[k]) = (composed[k], composed.w);
+    }
+    (color, alphas)
 }
 
 /// One number per texel; no number where nothing was painted.
@@ -477,7 +517,7 @@ pub(crate) struct LayerStack<'a> {
 struct LayerPage<'a> {
     layer: &'a Layer,
     /// Per channel; empty for fills of one colour, and where a graph shows nothing.
-    values: Vec<Vec<Vec4>>,
+    held: Held,
     /// Empty without a mask.
     mask: Vec<f32>,
 }
@@ -486,7 +526,7 @@ impl LayerPage<'_> {
     fn source(&self, channel: usize, texel: usize) -> Vec4 {
         match &self.layer.content {
             LayerContent::Painted | LayerContent::Graph(_) => {
-                let values = self.values.get(channel).and_then(|values| values.get(texel));
+                let values = self.held.values.get(channel).and_then(|values| values.get(texel));
                 values.copied().unwrap_or(Vec4::ZERO)
             }
             LayerContent::Fill(colors) => colors.get(channel).map_or(Vec4::ZERO, |&color| color.into()),
@@ -501,6 +541,7 @@ impl<'a> LayerStack<'a> {
         let (extent, texels) = (self.map.block.extent, self.map.block.texel_count());
         let pages = self.pages(texels)?;
         let mut flat = Vec::with_capacity(asset.channels().len());
+        let parts = asset.channel_of_kind(ChannelKind::OcclusionRoughnessMetallic);
         for (index, (channel, base)) in asset.channels().iter().zip(self.base()?).enumerate() {
             let decoded = asset.decode_page_raw(index, self.id, &base)?;
             let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
@@ -513,7 +554,15 @@ impl<'a> LayerStack<'a> {
                 for page in pages.iter().filter(|page| page.layer.shows(index)) {
                     let share =
                         page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
-                    *value = page.layer.blend.compose(*value, page.source(index, texel), share);
+                    let source = page.source(index, texel);
+                    *value = if Some(index) == parts && !page.held.parts.is_empty() {
+                        let over = (source.truncate(), page.held.alphas(texel, source));
+                        let below = (value.truncate(), Vec3::splat(value.w));
+                        let (color, alphas) = compose_parts(page.layer.blend, below, over, share);
+                        color.extend(alphas.max_element())
+                    } else {
+                        page.layer.blend.compose(*value, source, share)
+                    };
                 }
                 if *value != before {
                     changed[texel] = true;
@@ -547,20 +596,21 @@ impl<'a> LayerStack<'a> {
         let channels = self.editor.asset().channels().len();
         let mut pages = Vec::new();
         for layer in &self.layers.stack {
-            let values = match layer.content {
-                LayerContent::Fill(_) | LayerContent::Graph(_) => Vec::new(),
+            let held = match layer.content {
+                LayerContent::Fill(_) | LayerContent::Graph(_) => Held::default(),
                 LayerContent::Painted => {
                     match self.attachment(&page_name(Target::Layer(layer.id()), self.id))? {
-                        Some(bytes) => decode_values(&bytes, channels, texels),
+                        Some(bytes) => Held::decode(&bytes, channels, texels),
                         None => continue,
                     }
                 }
             };
             let mask = self.mask(layer)?;
-            let mut page = LayerPage { layer, values, mask };
+            let mut page = LayerPage { layer, held, mask };
             if matches!(layer.content, LayerContent::Graph(_)) {
                 let is_hidden = |texel: usize| page.mask.get(texel).is_some_and(|shown| *shown <= 0.0);
-                page.values = self.fills.values(self.surface, layer.id(), self.map, self.rect, is_hidden);
+                page.held.values =
+                    self.fills.values(self.surface, layer.id(), self.map, self.rect, is_hidden);
             }
             pages.push(page);
         }
@@ -599,20 +649,33 @@ impl LayerStack<'_> {
     }
 
     /// One layer over another, per channel and texel, on nothing; modes of blending are those of the upper one.
-    pub(crate) fn merged(&self) -> Result<Vec<Vec<Vec4>>> {
+    pub(crate) fn merged(&self) -> Result<Held> {
         let texels = self.map.block.texel_count();
         let pages = self.pages(texels)?;
-        let mut merged = vec![vec![Vec4::ZERO; texels]; self.editor.asset().channels().len()];
+        let asset = self.editor.asset();
+        let has_parts = pages.iter().any(|page| !page.held.parts.is_empty());
+        let with_parts = asset.channel_of_kind(ChannelKind::OcclusionRoughnessMetallic).filter(|_| has_parts);
+        let mut parts = vec![Vec3::ZERO; if with_parts.is_some() { texels } else { 0 }];
+        let mut merged = vec![vec![Vec4::ZERO; texels]; asset.channels().len()];
         for (channel, values) in merged.iter_mut().enumerate() {
             for (texel, value) in values.iter_mut().enumerate() {
                 for page in pages.iter().filter(|page| page.layer.shows(channel)) {
                     let share =
                         page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
-                    *value = page.layer.blend.compose(*value, page.source(channel, texel), share);
+                    let source = page.source(channel, texel);
+                    if with_parts == Some(channel) {
+                        let over = (source.truncate(), page.held.alphas(texel, source));
+                        let below = (value.truncate(), parts[texel]);
+                        let (color, alphas) = compose_parts(page.layer.blend, below, over, share);
+                        parts[texel] = alphas;
+                        *value = color.extend(alphas.max_element());
+                    } else {
+                        *value = page.layer.blend.compose(*value, source, share);
+                    }
                 }
             }
         }
-        Ok(merged)
+        Ok(Held { values: merged, parts })
     }
 }
 
@@ -698,16 +761,37 @@ impl LayeredPage<'_> {
 
     fn painted_layer(&self, before: &[u8]) -> Vec<u8> {
         let channels = self.stack.editor.asset().channels().len();
-        let mut values = decode_values(before, channels, self.page.coverage.len());
+        let mut held = Held::decode(before, channels, self.page.coverage.len());
+        let asset = self.stack.editor.asset();
+        let with_parts = asset.channel_of_kind(ChannelKind::OcclusionRoughnessMetallic);
+        let is_partial =
+            |painted: &ChannelPaint| painted.components != [true; 3] && Some(painted.channel) == with_parts;
+        if let Some(values) = with_parts.and_then(|channel| held.values.get(channel))
+            && held.parts.is_empty()
+            && self.context.paint.channels.iter().any(is_partial)
+        {
+            held.parts = values.iter().map(|value| Vec3::splat(value.w)).collect();
+        }
         self.for_each_covered(|texel, place| {
             for (number, painted) in self.context.paint.channels.iter().enumerate() {
                 if let Some(color) = self.context.color(self.stack.map, self.page, place, number) {
-                    let value = &mut values[painted.channel][texel];
-                    *value = self.context.paint.apply(*value, color, self.page.covered(texel));
+                    let (paint, covered) = (self.context.paint, self.page.covered(texel));
+                    let value = &mut held.values[painted.channel][texel];
+                    if Some(painted.channel) == with_parts && !held.parts.is_empty() {
+                        let before = value.truncate();
+                        let alphas = &mut held.parts[texel];
+                        for k in (0..3).filter(|&k| painted.components[k]) {
+                            let after = paint.apply(before.extend(alphas[k]), color, covered);
+                            (value[k], alphas[k]) = (after[k], after.w);
+                        }
+                        value.w = alphas.max_element();
+                    } else {
+                        *value = painted.keep(*value, paint.apply(*value, color, covered));
+                    }
                 }
             }
         });
-        encode_values(&values)
+        held.encode()
     }
 
     fn painted_mask(&self, before: &[u8], layer: Option<&Layer>) -> Vec<u8> {

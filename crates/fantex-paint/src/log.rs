@@ -327,7 +327,7 @@ fn settings_of(
             _ => return None,
         };
         let kind = asset.channels()[painted.channel].kind;
-        channels.push(ChannelSettings { kind, color });
+        channels.push(ChannelSettings { kind, color, components: painted.components });
     }
     Some((ToolSettings::of(&paint.tool, surface), channels))
 }

@@ -63,6 +63,24 @@ pub struct ChannelPaint {
     pub channel: usize,
     /// With what.
     pub color: PaintColor,
+    /// Which of red, green and blue change (occlusion, roughness, metallic); where not all do, alpha stays, too.
+    pub components: [bool; 3],
+}
+
+impl ChannelPaint {
+    /// Paints all components.
+    pub fn new(channel: usize, color: PaintColor) -> Self {
+        Self { channel, color, components: [true; 3] }
+    }
+
+    /// A texel after the stroke, with the components that stay as they were.
+    pub(crate) fn keep(&self, before: Vec4, after: Vec4) -> Vec4 {
+        if self.components == [true; 3] {
+            return after;
+        }
+        let kept = |k: usize| if self.components[k] { after[k] } else { before[k] };
+        Vec4::new(kept(0), kept(1), kept(2), before.w)
+    }
 }
 
 /// What a stroke paints, into all its channels together.

@@ -11,7 +11,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::{Error, Result};
 use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_origin};
@@ -511,6 +511,10 @@ impl Painter {
         let is_small = summary.pages * channels.len().max(1) <= MAX_PAGES_IN_BACKGROUND;
         if is_in_background && is_small && !is_under_layers {
             let work = self.level_work(changes.clone(), &channels);
+            // Nothing is under way: nobody holds them.
+            let mut known = self.level_maps.lock().unwrap_or_else(PoisonError::into_inner);
+            known.share(&self.maps, self.options.budget());
+            drop(known);
             self.levels = LevelsUnderway::start(work, &self.level_maps);
         }
         if self.levels.is_none() {

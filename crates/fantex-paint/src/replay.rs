@@ -229,7 +229,8 @@ impl Preparation<'_> {
                     self.stroke
                 )));
             }
-            channels.push(ChannelPaint { channel, color: color_of(self, kind, &settings.color)? });
+            let color = color_of(self, kind, &settings.color)?;
+            channels.push(ChannelPaint { channel, color, components: settings.components });
         }
         let (stencil, sight) = (self.stencil()?, self.sight()?);
         let tool = self.tool(drawn, first)?;

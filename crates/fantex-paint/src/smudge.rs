@@ -173,7 +173,7 @@ fn current(context: &PaintContext<'_>, pages: &PagesUnder, number: usize, point:
                 let texel = map.texel([x % PAGE, y % PAGE]);
                 match page.color(number, texel) {
                     Some(color) if page.covered(texel) > 0.0 => {
-                        context.paint.apply(original, color, page.covered(texel))
+                        painted.keep(original, context.paint.apply(original, color, page.covered(texel)))
                     }
                     _ => original,
                 }

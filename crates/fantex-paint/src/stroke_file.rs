@@ -312,6 +312,17 @@ pub struct ChannelSettings {
     /// What (an eraser needs none).
     #[serde(default)]
     pub color: ColorSettings,
+    /// Which of red, green and blue change: occlusion, roughness, metallic.
+    #[serde(default = "all_components", skip_serializing_if = "is_all")]
+    pub components: [bool; 3],
+}
+
+fn all_components() -> [bool; 3] {
+    [true; 3]
+}
+
+fn is_all(components: &[bool; 3]) -> bool {
+    *components == [true; 3]
 }
 
 /// A colour on the surface.

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         line: false,
         symmetry: Symmetry::None,
     };
-    let red = ChannelPaint { channel: 0, color: PaintColor::Constant(Vec4::new(0.8, 0.05, 0.05, 1.0)) };
+    let red = ChannelPaint::new(0, PaintColor::Constant(Vec4::new(0.8, 0.05, 0.05, 1.0)));
     let paint = Paint {
         tool: Tool::Paint(BlendMode::Normal),
         opacity: 1.0,

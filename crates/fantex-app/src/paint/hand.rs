@@ -243,7 +243,7 @@ impl Painting {
         let mut channels = settings.channels.paint(&self.channels, color, &settings.material);
         if is_mask {
             let grey = Vec4::new(color.x, color.y, color.z, 1.0);
-            channels = vec![ChannelPaint { channel: 0, color: PaintColor::Constant(grey) }];
+            channels = vec![ChannelPaint::new(0, PaintColor::Constant(grey))];
         }
         let mut sources = PaintSources::default();
         let mut set_color = |color: &PaintColor, all: &[Channel]| {
@@ -351,6 +351,7 @@ fn recorded(
     let settings = paint.channels.iter().map(|painted| ChannelSettings {
         kind: channels[painted.channel].kind,
         color: color(&painted.color),
+        components: painted.components,
     });
     StrokeSettings {
         label: label.to_owned(),

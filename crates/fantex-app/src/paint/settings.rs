@@ -175,8 +175,10 @@ impl FillReach {
 #[serde(default)]
 pub struct ChannelSwitches {
     pub color: bool,
-    /// Occlusion, roughness and metallic, together.
+    /// Some of occlusion, roughness and metallic.
     pub material: bool,
+    /// Which of them, in that order.
+    pub components: [bool; 3],
     pub emission: bool,
     /// Normal: towards the mesh's own.
     pub normal: bool,
@@ -186,7 +188,14 @@ pub struct ChannelSwitches {
 
 impl Default for ChannelSwitches {
     fn default() -> Self {
-        Self { color: true, material: false, emission: false, normal: false, height: false }
+        Self {
+            color: true,
+            material: false,
+            components: [true; 3],
+            emission: false,
+            normal: false,
+            height: false,
+        }
     }
 }
 
@@ -216,7 +225,7 @@ impl ChannelSwitches {
     pub fn paints(&self, kind: ChannelKind) -> bool {
         match kind {
             ChannelKind::BaseColor => self.color,
-            ChannelKind::OcclusionRoughnessMetallic => self.material,
+            ChannelKind::OcclusionRoughnessMetallic => self.material && self.components != [false; 3],
             ChannelKind::Emission => self.emission,
             ChannelKind::Normal => self.normal,
             ChannelKind::Displacement => self.height,
@@ -242,7 +251,9 @@ impl ChannelSwitches {
         chosen
             .map(|(index, channel)| {
                 let value = material.value(channel.kind, color);
-                ChannelPaint { channel: index, color: PaintColor::Constant(value) }
+                let is_material = channel.kind == ChannelKind::OcclusionRoughnessMetallic;
+                let components = if is_material { self.components } else { [true; 3] };
+                ChannelPaint { channel: index, color: PaintColor::Constant(value), components }
             })
             .collect()
     }

@@ -38,7 +38,7 @@ fn white() -> Paint {
     Paint {
         tool: Tool::Paint(BlendMode::Normal),
         opacity: 1.0,
-        channels: vec![ChannelPaint { channel: 0, color }],
+        channels: vec![ChannelPaint::new(0, color)],
         stencil: None,
         sight: None,
     }
@@ -331,6 +331,68 @@ fn masks_are_inverted_painted_over_what_makes_them_and_forgotten() {
     drop(painter);
     let mut painter = baked.painter();
     assert!((shown(&mut painter)[0] - 1.0).abs() < 1e-3, "also after a restart");
+    while painter.undo().unwrap() {}
+    assert!(contents(&painter) == contents(&ball(60_000, BakeFormat::Float).painter()));
+}
+
+/// Roughness alone, on the base and on layers: what is beside it stays bit by bit, each component has an alpha of its own.
+#[test]
+fn occlusion_roughness_and_metallic_are_painted_apart() {
+    let baked = ball(60_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let place = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
+    let part = |components: [bool; 3], value: Vec4, opacity: f32| Paint {
+        channels: vec![ChannelPaint { channel: 1, color: PaintColor::Constant(value), components }],
+        opacity,
+        ..white()
+    };
+    let seen = |painter: &mut Painter| painter.pick(1, place).unwrap();
+    let base = seen(&mut painter);
+    let (rough, metal) = ([false, true, false], [false, false, true]);
+    let value = Vec4::new(0.11, 0.22, 0.77, 1.0);
+    paint_on(&mut painter, Target::Base, part(rough, value, 1.0), &[Vec3::X]);
+    let found = seen(&mut painter);
+    assert!((found - Vec4::new(base.x, 0.22, base.z, base.w)).abs().max_element() < 1e-6, "{found}");
+    painter.undo().unwrap();
+    assert_eq!(seen(&mut painter), base);
+
+    // Half of the roughness, then all of the metallic, on one layer.
+    let layer = painter.add_layer(Layer::painted("material")).unwrap();
+    paint_on(&mut painter, Target::Layer(layer), part(rough, value, 0.5), &[Vec3::X]);
+    paint_on(&mut painter, Target::Layer(layer), part(metal, value, 1.0), &[Vec3::X]);
+    let found = seen(&mut painter);
+    let expected = Vec4::new(base.x, 0.5 * (base.y + 0.22), 0.77, base.w);
+    assert!((found - expected).abs().max_element() < 2e-3, "{found} {expected}");
+    // Another layer over it: merged, all is as it was.
+    let upper = painter.add_layer(Layer::painted("upper")).unwrap();
+    paint_on(
+        &mut painter,
+        Target::Layer(upper),
+        part([true, false, false], Vec4::new(0.4, 0.4, 0.4, 1.0), 0.5),
+        &[Vec3::X],
+    );
+    let before = seen(&mut painter);
+    assert!((before.x - 0.5 * (base.x + 0.4)).abs() < 2e-3 && before.z == found.z, "{before}");
+    painter.merge_layer_down(upper).unwrap();
+    assert!((seen(&mut painter) - before).abs().max_element() < 2e-3);
+    paint_on(
+        &mut painter,
+        Target::Layer(layer),
+        Paint { tool: Tool::Erase, ..part(metal, value, 1.0) },
+        &[Vec3::X],
+    );
+    let erased = seen(&mut painter);
+    let expected = Vec4::new(before.x, before.y, base.z, base.w);
+    assert!((erased - expected).abs().max_element() < 2e-3, "{erased} {expected}");
+    painter.commit().unwrap();
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    // The log says which.
+    let again = ball(60_000, BakeFormat::Float);
+    let mut replayed = again.painter();
+    let log = log_of(&baked.path);
+    assert_eq!(log.strokes.strokes[1].channels[0].components, rough);
+    log.replay(&mut replayed).unwrap();
+    assert!(apart(&replayed, &painter) < 4e-3);
     while painter.undo().unwrap() {}
     assert!(contents(&painter) == contents(&ball(60_000, BakeFormat::Float).painter()));
 }

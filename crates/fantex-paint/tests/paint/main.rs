@@ -112,7 +112,7 @@ impl Baked {
 
 /// Red, and smoother, together.
 pub(crate) fn red(opacity: f32) -> Paint {
-    let color = |channel, color| ChannelPaint { channel, color: PaintColor::Constant(color) };
+    let color = |channel, color| ChannelPaint::new(channel, PaintColor::Constant(color));
     Paint {
         tool: Tool::Paint(BlendMode::Normal),
         opacity,

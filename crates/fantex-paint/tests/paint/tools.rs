@@ -83,7 +83,7 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     let flat = |color: Vec4| Paint {
         tool: Tool::Paint(BlendMode::Normal),
         opacity: 1.0,
-        channels: vec![ChannelPaint { channel: 0, color: PaintColor::Constant(color) }],
+        channels: vec![ChannelPaint::new(0, PaintColor::Constant(color))],
         stencil: None,
         sight: None,
     };

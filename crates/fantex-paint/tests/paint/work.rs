@@ -145,7 +145,7 @@ fn start_projection(painter: &mut Painter, folder: &Path) {
     let picture = Arc::new(Picture::new(&Image::load(&path).unwrap()));
     let thrown = Arc::new(Projection::new(&surface, &view, picture).unwrap());
     let paint = Paint {
-        channels: vec![ChannelPaint { channel: 0, color: PaintColor::Projected(Arc::clone(&thrown)) }],
+        channels: vec![ChannelPaint::new(0, PaintColor::Projected(Arc::clone(&thrown)))],
         stencil: Some(Arc::clone(&thrown)),
         ..red(1.0)
     };

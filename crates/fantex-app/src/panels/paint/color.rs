@@ -116,16 +116,31 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
 
 /// What is painted besides the colour.
 fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
-    if !paint.channels.paints(kind) {
+    if !paint.channels.of(kind).is_some_and(|is_painted| *is_painted) {
         return;
     }
+    let components = &mut paint.channels.components;
     let material = &mut paint.material;
     let number = |name| number(name, "", 2, "");
     match kind {
         ChannelKind::OcclusionRoughnessMetallic => {
-            number("   Roughness").show(ui, &mut material.roughness, 0.0..=1.0);
-            number("   Metallic").show(ui, &mut material.metallic, 0.0..=1.0);
-            number("   Occlusion").show(ui, &mut material.occlusion, 0.0..=1.0);
+            let rows = [
+                (1, "Roughness", &mut material.roughness),
+                (2, "Metallic", &mut material.metallic),
+                (0, "Occlusion", &mut material.occlusion),
+            ];
+            for (component, name, value) in rows {
+                ui.horizontal(|ui| {
+                    ui.add_space(8.0);
+                    ui.spacing_mut().item_spacing.x = 4.0;
+                    let switch = Checkbox::without_text(&mut components[component]);
+                    name_field(&ui.add(switch).on_hover_text("Whether the brush changes it"), name);
+                    ui.add_enabled_ui(components[component], |ui| {
+                        ui.spacing_mut().slider_width = 74.0;
+                        number(name).show(ui, value, 0.0..=1.0);
+                    });
+                });
+            }
         }
         ChannelKind::Emission => {
             row(ui, "   Emission", |ui| ui.color_edit_button_srgb(&mut material.emission));

@@ -70,7 +70,7 @@ fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>> {
     let surface = Arc::clone(painter.surface());
     let dabs = dabs_around(&surface, args.brush as f32, args.dabs);
     let color = PaintColor::Constant(Vec4::new(0.8, 0.1, 0.05, 1.0));
-    let channels = vec![ChannelPaint { channel: 0, color }];
+    let channels = vec![ChannelPaint::new(0, color)];
     let tool = Tool::Paint(BlendMode::Normal);
     painter.begin("bench", Paint { tool, opacity: 0.9, channels, stencil: None, sight: None })?;
     let mut times = Vec::with_capacity(dabs.len());
