@@ -12,6 +12,9 @@ use crate::test::{run_cargo, target_folder};
 const PACKAGES: [(&str, &str); 4] =
     [("pytest", "pytest"), ("numpy", "numpy"), ("trimesh", "trimesh"), ("pillow", "PIL")];
 
+/// What some tests import; those say that they are left out without it.
+const OPTIONAL: [(&str, &str); 2] = [("usd-core", "pxr"), ("MaterialX", "MaterialX")];
+
 /// Runs the tests with a virtual environment in the target folder. Without Python 3.10 or the packages they are left out, and `list`
 /// says so. The package is put together from the library that the other tests have built; `slow` builds a wheel instead, in release,
 /// and installs it.
@@ -30,28 +33,45 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
         pip.args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"]);
         pip
     };
-    let imports: Vec<String> = PACKAGES.iter().map(|(_, module)| format!("import {module}")).collect();
-    if !succeeds(Command::new(&own).arg("-c").arg(imports.join("\n")))
-        && run_command(pip().args(PACKAGES.iter().map(|(package, _)| package))).is_err()
-    {
+    let has = |packages: &[(&str, &str)]| {
+        let imports: Vec<String> = packages.iter().map(|(_, module)| format!("import {module}")).collect();
+        succeeds(Command::new(&own).arg("-c").arg(imports.join("\n")))
+            || run_command(pip().args(packages.iter().map(|(package, _)| package))).is_ok()
+    };
+    if !has(&PACKAGES) {
         return skip(list, "no numpy, pytest, trimesh and pillow for Python");
+    }
+    if !has(&OPTIONAL) {
+        skip(list, "no usd-core and MaterialX for Python")?;
     }
     let source = root().join("crates/fantex-python");
     let mut tests = Command::new(&own);
+    let package = folder.join("package");
     if slow {
         run_command(pip().args(["--force-reinstall", "--no-deps"]).arg(&source))?;
     } else {
-        let package = assemble(&source, &folder.join("package"), list)?;
-        tests.env("PYTHONPATH", package);
+        assemble(&source, &package, list)?;
+        tests.env("PYTHONPATH", &package);
     }
     if let Some(data) = data_folder() {
         tests.env("FANTEX_DATA", data);
     }
-    // Nothing is left in the source.
-    tests.args(["-B", "-m", "pytest", "-q", "-p", "no:cacheprovider"]).current_dir(&source);
+    tests.args(PYTEST).current_dir(&source);
     eprintln!("> python -m pytest");
-    run_command(&mut tests)
+    let result = run_command(&mut tests);
+    // Blender as a module is large, and for one version of Python only.
+    let Some(blender) = std::env::var_os("FANTEX_BPY") else {
+        skip(list, "no Python with bpy, numpy and pytest for Blender's extension (FANTEX_BPY)")?;
+        return result;
+    };
+    assemble(&source, &package, list)?;
+    let mut tests = Command::new(blender);
+    tests.args(PYTEST).env("PYTHONPATH", &package).current_dir(root().join("blender"));
+    result.and(run_command(&mut tests))
 }
+
+/// Nothing is left in the source.
+const PYTEST: [&str; 7] = ["-B", "-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider"];
 
 fn interpreter() -> Option<PathBuf> {
     let given = std::env::var_os("FANTEX_PYTHON").map(PathBuf::from);
@@ -68,7 +88,7 @@ fn skip(list: &Path, reason: &str) -> Result<(), Failure> {
 }
 
 /// The folder that holds the package: its Python files and the library, as a wheel has them.
-fn assemble(source: &Path, folder: &Path, list: &Path) -> Result<PathBuf, Failure> {
+fn assemble(source: &Path, folder: &Path, list: &Path) -> Result<(), Failure> {
     run_cargo(&["build", "--workspace", "--lib"], list)?;
     let (built, named) = match std::env::consts::OS {
         "windows" => ("_native.dll", "_native.pyd"),
@@ -87,6 +107,5 @@ fn assemble(source: &Path, folder: &Path, list: &Path) -> Result<PathBuf, Failur
         }
         fs::copy(target_folder().join("debug").join(built), package.join(named))
     };
-    copy().map_err(failed)?;
-    Ok(folder.to_owned())
+    copy().map(drop).map_err(failed)
 }

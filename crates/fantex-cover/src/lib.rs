@@ -34,3 +34,4 @@ pub use cover::*;
 pub use footprints::*;
 pub use pack::*;
 pub use stats::*;
+pub use stored::StoredBlocks;

@@ -19,17 +19,42 @@ const GROWTH: f32 = 1.0;
 /// Texels along a side of a block.
 pub(crate) const BLOCK: u32 = 4;
 
-/// A bit per block of all tiles, group by group and row by row.
-struct Blocks {
+/// A bit per block of 4x4 texels of all tiles at level 0: whether look-ups read it.
+#[derive(Debug)]
+pub struct StoredBlocks {
+    /// Group by group and row by row.
     bits: Vec<AtomicU64>,
     /// Of each group, the number of blocks before it.
     starts: Vec<u64>,
+    /// Of each group, blocks in a row.
+    columns: Vec<u32>,
+}
+
+impl StoredBlocks {
+    /// Whether a block of a group's tile is read.
+    pub fn contains(&self, group: u32, [column, row]: [u32; 2]) -> bool {
+        let group = group as usize;
+        let bit = self.starts[group] + u64::from(row) * u64::from(self.columns[group]) + u64::from(column);
+        self.bits[(bit / 64) as usize].load(Ordering::Relaxed) >> (bit % 64) & 1 == 1
+    }
+
+    /// Texels of all blocks that are read.
+    pub fn texels(&self) -> u64 {
+        let ones: u64 =
+            self.bits.par_iter().map(|word| u64::from(word.load(Ordering::Relaxed).count_ones())).sum();
+        ones * u64::from(BLOCK * BLOCK)
+    }
 }
 
 impl Cover {
     /// Texels at level 0 in blocks of 4x4 that look-ups read. Other blocks are zeros in files, and take no room in an atlas. Counting takes a bit per
     /// block.
     pub fn stored_texels(&self, mesh: &Mesh) -> u64 {
+        self.stored_blocks(mesh).texels()
+    }
+
+    /// The blocks that look-ups read.
+    pub fn stored_blocks(&self, mesh: &Mesh) -> StoredBlocks {
         let mut count = 0;
         let start = |group: &crate::Group| {
             let [w, h] = group.extent.map(|n| u64::from(n / BLOCK));
@@ -38,17 +63,16 @@ impl Cover {
         };
         let starts: Vec<u64> = self.groups.iter().map(start).collect();
         let bits = (0..count.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
-        let blocks = Blocks { bits, starts };
+        let columns = self.groups.iter().map(|group| group.extent[0] / BLOCK).collect();
+        let blocks = StoredBlocks { bits, starts, columns };
         (0..mesh.triangles.len())
             .into_par_iter()
             .with_min_len(1 << 10)
             .for_each(|t| self.mark(mesh, t, &blocks));
-        let ones: u64 =
-            blocks.bits.par_iter().map(|word| u64::from(word.load(Ordering::Relaxed).count_ones())).sum();
-        ones * u64::from(BLOCK * BLOCK)
+        blocks
     }
 
-    fn mark(&self, mesh: &Mesh, triangle: usize, blocks: &Blocks) {
+    fn mark(&self, mesh: &Mesh, triangle: usize, blocks: &StoredBlocks) {
         let groups = self.corner_groups[triangle];
         for slot in 0..3 {
             let id = groups[slot];
@@ -70,7 +94,7 @@ impl Cover {
     }
 }
 
-impl Blocks {
+impl StoredBlocks {
     /// Marks blocks `from` to `to`, both included.
     fn set(&self, from: u64, to: u64) {
         for word in from / 64..=to / 64 {

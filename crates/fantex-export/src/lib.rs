@@ -13,6 +13,8 @@
 mod atlas;
 mod charts;
 mod export;
+mod fan_files;
+mod fans;
 mod layout;
 mod model_file;
 mod pictures;
@@ -21,5 +23,7 @@ mod unwrap;
 
 pub use atlas::*;
 pub use export::*;
+pub use fan_files::*;
+pub use fans::*;
 pub use pictures::Depth;
 pub use unwrap::*;

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use fantex::export::{ExportOptions, UvChoice, export_atlas, export_model};
+use fantex::export::{
+    Depth, ExportOptions, FanSheetOptions, UvChoice, export_atlas, export_fans, export_model, fan_sheets,
+};
 use fantex::glam::{DVec3, Vec3};
 use fantex::mesh::{lambda_step, shading_normals};
 use fantex::paint::{PaintOptions, Painter, StrokeFile, replay};
@@ -259,6 +261,71 @@ impl Asset {
         let asset = self.asset.shared();
         let summary = watched(py, progress.as_ref(), |watch| export_model(asset, &path, &options, watch))?;
         Ok(summary.files.into_iter().map(|(path, _)| path).collect())
+    }
+
+    /// Writes the fans themselves: `.glb`, or `.usda` with a MaterialX file and sheets beside it.
+    fn export_fans(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        gutter: u32,
+        largest_side: u32,
+        overwrite: bool,
+        memory: u64,
+        progress: Option<Bound<'_, PyAny>>,
+    ) -> PyResult<Vec<PathBuf>> {
+        let options = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
+        let asset = self.asset.shared();
+        let summary =
+            watched(py, progress.as_ref(), |watch| export_fans(asset, &path, &options, overwrite, watch))?;
+        Ok(summary.files.into_iter().map(|(path, _)| path).collect())
+    }
+
+    /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures.
+    fn fans<'py>(
+        &self,
+        py: Python<'py>,
+        gutter: u32,
+        largest_side: u32,
+        memory: u64,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let options = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
+        let asset = self.asset.shared();
+        let fans = watched(py, progress.as_ref(), |watch| fan_sheets(asset, &options, watch))?;
+        let uv: Vec<[f32; 2]> = fans.uv.iter().flatten().flatten().map(upwards).collect();
+        let mut sheets = Vec::new();
+        for sheet in fans.sheets {
+            let pictures = PyDict::new(py);
+            for (map, samples) in fans.maps.iter().zip(sheet.pictures) {
+                let [width, height] = sheet.size.map(|n| n as usize);
+                let shape = [height, width, map.components];
+                match map.depth {
+                    Depth::Eight => {
+                        pictures.set_item(map.map.name(), samples.to_pyarray(py).reshape(shape)?)?
+                    }
+                    Depth::Sixteen => {
+                        let wide: Vec<u16> = samples
+                            .chunks_exact(2)
+                            .map(|pair| u16::from_be_bytes([pair[0], pair[1]]))
+                            .collect();
+                        pictures.set_item(map.map.name(), wide.to_pyarray(py).reshape(shape)?)?;
+                    }
+                }
+            }
+            sheets.push(pictures);
+        }
+        let scales = PyDict::new(py);
+        for map in &fans.maps {
+            scales.set_item(map.map.name(), map.scale)?;
+        }
+        let dict = PyDict::new(py);
+        dict.set_item("delta", fans.delta)?;
+        dict.set_item("uv", uv.as_flattened().to_pyarray(py).reshape([fans.uv.len(), 3, 3, 2])?)?;
+        dict.set_item("sheet", fans.sheet_of_triangle.to_pyarray(py))?;
+        dict.set_item("sheets", sheets)?;
+        dict.set_item("scales", scales)?;
+        Ok(dict)
     }
 
     /// What verification found.

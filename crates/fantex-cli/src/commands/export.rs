@@ -7,7 +7,8 @@ use std::time::Instant;
 
 use clap::{ArgAction, Args, ValueEnum};
 use fantex::export::{
-    ChannelMap, Depth, ExportOptions, ExportSummary, UvChoice, export_channel, export_model,
+    ChannelMap, Depth, ExportOptions, ExportSummary, FanSheetOptions, UvChoice, export_channel, export_fans,
+    export_model,
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
@@ -24,6 +25,7 @@ use crate::text::{Choices, counted, megabytes, one_of};
 Example:
   fantex export bottle.fan -o bottle.glb
   fantex export bottle.fan -o bottle.gltf --size 4096 --textures png+ktx2
+  fantex export bottle.fan -o bottle-fans.usda --fans
   fantex export bottle.fan -o bottle.glb --uv source
   fantex export bottle.fan -o normal.png --channel normal --depth 16
   fantex export bottle.fan -o turn.png --turntable 48 --size 640x640
@@ -47,15 +49,19 @@ pub(crate) struct ExportArgs {
     /// Side of the pictures, a power of two [default: the asset's density]; or WxH of a turntable's [default: 800x600]
     #[arg(long, value_name = "N|WxH", value_parser = picture_size)]
     size: Option<PictureSize>,
-    /// The largest side that is taken by default
+    /// The largest side that is taken by default, or of a sheet with --fans
     #[arg(long, value_name = "N", default_value_t = 8192)]
     max_size: u32,
-    /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16]
+    /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16; with --fans 4]
     #[arg(long, value_name = "N")]
     padding: Option<u32>,
     /// The pictures of a model; KTX2 files (BC7, BC5, all levels, zstd) come beside it
     #[arg(long, value_parser = one_of(&TEXTURES), action = ArgAction::Set, default_value = "png", conflicts_with_all = ["channel", "turntable"])]
     textures: bool,
+    /// Write the fans themselves: sheets of tiles and three coordinates per corner, for shaders that blend them; .glb, or
+    /// .usda with a MaterialX file and pictures beside it
+    #[arg(long, conflicts_with_all = ["channel", "turntable", "uv", "model", "size", "textures"])]
+    fans: bool,
     /// Write one channel alone
     #[arg(long, value_parser = one_of(&CHANNELS), conflicts_with = "turntable")]
     channel: Option<ChannelMap>,
@@ -132,6 +138,8 @@ struct FileInfo {
 #[derive(Debug, Serialize)]
 struct ExportInfo {
     output: PathBuf,
+    /// Tiles of fans instead of an atlas.
+    fans: bool,
     files: Vec<FileInfo>,
     /// Sides of the pictures in texels, one per page.
     sizes: Vec<u32>,
@@ -197,6 +205,14 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("export");
         match args.channel {
+            None if args.fans => {
+                let sheets = FanSheetOptions {
+                    gutter: args.padding.unwrap_or(FanSheetOptions::default().gutter),
+                    largest_side: args.max_size,
+                    memory_bytes: context.memory_bytes,
+                };
+                export_fans(&asset, &args.output, &sheets, context.force, &progress)
+            }
             None => export_model(&asset, &args.output, &options, &progress),
             Some(channel) => export_channel(&asset, channel, args.depth, &args.output, &options, &progress),
         }?
@@ -248,6 +264,7 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
 fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64) -> ExportInfo {
     ExportInfo {
         output: args.output.clone(),
+        fans: args.fans,
         files: summary
             .files
             .iter()
@@ -272,7 +289,11 @@ fn text(info: &ExportInfo) -> String {
     let sizes: Vec<String> = info.sizes.iter().map(|n| format!("{n} x {n}")).collect();
     let pieces = match info.charts {
         0 => "the model's coordinates".to_owned(),
-        charts => format!("{}, padding {}", counted(charts as u64, "piece"), info.padding),
+        charts => format!(
+            "{}, padding {}",
+            counted(charts as u64, if info.fans { "tile" } else { "piece" }),
+            info.padding
+        ),
     };
     let mut text = format!(
         "{}: {} texels ({:.0} % used; {pieces}), {}, {} in {}, {:.1} s\n",

@@ -16,7 +16,7 @@ picture lies at v = 1.
 
 from __future__ import annotations
 
-from ._asset import Asset, Atlas, Camera, Picture, open
+from ._asset import Asset, Atlas, Camera, Fans, Picture, open
 from ._bake import (
     Source,
     bake,
@@ -38,6 +38,7 @@ __all__ = [
     "Atlas",
     "Camera",
     "Error",
+    "Fans",
     "Mesh",
     "Picture",
     "Source",

@@ -58,6 +58,26 @@ class Atlas(NamedTuple):
     images: Dict[str, Picture]
 
 
+class Fans(NamedTuple):
+    """The texture function for shaders that can read three places of a picture.
+
+    With the barycentric coordinates ``l`` of a point of face ``f``, its three places are ``uv[f, i]`` interpolated by ``l``, for ``i``
+    in 0, 1, 2; their weights are ``max(0, l_i - max(l_j, l_k) + delta)``, divided by their sum.
+    """
+
+    #: Width of the blend band.
+    delta: float
+    #: ``(m, 3, 3, 2)`` float32: face, slot, corner, and u and v (upwards) in the face's sheet.
+    uv: np.ndarray
+    #: ``(m,)`` uint32: the sheet of each face.
+    sheet: np.ndarray
+    #: Pictures of each sheet by name: ``base-color`` and the like as ``uint8``; ``normal`` as ``uint16``, in object space, each
+    #: coordinate mapped from -1..1.
+    sheets: List[Dict[str, np.ndarray]]
+    #: What values of a picture were divided by to lie in 0..1.
+    scales: Dict[str, float]
+
+
 class Asset:
     """A baked asset, open for reading. Any number of threads may use it."""
 
@@ -237,6 +257,43 @@ class Asset:
             raise ValueError(f"uv is 'atlas' or 'source', not {uv!r}")
         files = self._native.export(
             os.fspath(path), resolution, padding, uv == "source", ktx2, overwrite, int(memory), progress
+        )
+        return [os.fspath(file) for file in files]
+
+    def fan_attributes(
+        self,
+        *,
+        gutter: int = 4,
+        largest_side: int = 8192,
+        memory: float = 1 << 30,
+        progress: Optional[Progress] = None,
+    ) -> Fans:
+        """The asset for shaders that blend fans: three texture coordinates per corner, and sheets of tiles.
+
+        Args:
+            gutter: texels around each tile that continue it, a power of two.
+            largest_side: the most columns and rows of a sheet.
+            memory: bytes that sheets may take.
+        """
+        return Fans(**self._native.fans(gutter, largest_side, int(memory), progress))
+
+    def export_fans(
+        self,
+        path: Union[str, os.PathLike],
+        *,
+        gutter: int = 4,
+        largest_side: int = 8192,
+        overwrite: bool = False,
+        memory: float = 1 << 30,
+        progress: Optional[Progress] = None,
+    ) -> List[str]:
+        """Writes what :meth:`fan_attributes` gives: ``.glb``, or ``.usda`` with a MaterialX file and sheets beside it.
+
+        Returns:
+            The paths of all files.
+        """
+        files = self._native.export_fans(
+            os.fspath(path), gutter, largest_side, overwrite, int(memory), progress
         )
         return [os.fspath(file) for file in files]
 

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Seamless textures on any mesh, without UV coordinates: bake, show, paint and export fans in Blender."""
+
+import os
+import shutil
+import subprocess
+import threading
+
+import bpy
+import fantex
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from . import fans, objects
+
+SOURCES = [
+    ("MATERIALS", "Materials", "Its materials: textures, factors, normal maps"),
+    ("COLORS", "Colors", "Its active color attribute"),
+    ("SOLID", "Solid", "A recipe that is defined everywhere in space"),
+    ("LOOK", "Look", "A look file (.toml)"),
+]
+
+
+def load(path, name, y_up, context):
+    """Opens an asset and adds an object that shows it."""
+    asset = fantex.open(path)
+    item = fans.build_object(asset, asset.fan_attributes(), name, y_up)
+    context.collection.objects.link(item)
+    return item
+
+
+class Cancelled(Exception):
+    """The user has ended the bake."""
+
+
+class Bake:
+    """A bake on a thread of its own."""
+
+    def __init__(self, mesh, path, texels, source):
+        self.done, self.total = 0, 1
+        self.is_cancelled = False
+        self.error = None
+        self.asset = None
+        self.thread = threading.Thread(target=self._run, args=(mesh, path, texels, source))
+        self.thread.start()
+
+    def _run(self, mesh, path, texels, source):
+        try:
+            self.asset = fantex.bake(
+                mesh, path, texels=texels, source=source, overwrite=True, progress=self._progress
+            )
+        except Exception as error:  # Shown by whoever waits.
+            self.error = error
+
+    def _progress(self, done, total):
+        self.done, self.total = done, max(total, 1)
+        if self.is_cancelled:
+            raise Cancelled
+
+    @property
+    def is_finished(self):
+        return not self.thread.is_alive()
+
+
+class FANTEX_OT_bake(bpy.types.Operator):
+    """Bakes the active object's look into an asset, and shows it"""
+
+    bl_idname = "fantex.bake"
+    bl_label = "Bake to Fans"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(name="Asset", subtype="FILE_PATH")
+    source: EnumProperty(name="Source", items=SOURCES, default="MATERIALS")
+    solid: EnumProperty(name="Solid", items=[(name, name.title(), "") for name in fantex.SOLIDS])
+    look: StringProperty(name="Look", subtype="FILE_PATH")
+    million_texels: FloatProperty(name="Million Texels", default=4.0, min=0.001, soft_max=1000.0)
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "MESH"
+
+    def invoke(self, context, event):
+        if not self.filepath:
+            folder = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else bpy.app.tempdir
+            self.filepath = os.path.join(folder, bpy.path.clean_name(context.object.name) + ".fan")
+        return context.window_manager.invoke_props_dialog(self)
+
+    def start(self, context):
+        item = context.object
+        if self.source == "MATERIALS":
+            mesh, source = objects.mesh_with_materials(context, item), fantex.own_materials()
+        else:
+            mesh = objects.plain_mesh(item, context.evaluated_depsgraph_get())
+            source = {
+                "COLORS": fantex.vertex_colors,
+                "SOLID": lambda: fantex.solid(self.solid),
+                "LOOK": lambda: fantex.look(bpy.path.abspath(self.look)),
+            }[self.source]()
+        return Bake(mesh, bpy.path.abspath(self.filepath), self.million_texels * 1e6, source)
+
+    def execute(self, context):
+        """Without a window: waits for the end."""
+        try:
+            bake = self.start(context)
+        except (ValueError, OSError, fantex.Error) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if context.window is None:
+            bake.thread.join()
+            return self.finish(context, bake)
+        self._bake, self._item = bake, context.object
+        context.window_manager.progress_begin(0, 100)
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        bake = self._bake
+        if event.type == "ESC":
+            bake.is_cancelled = True
+        if not bake.is_finished:
+            share = bake.done / bake.total
+            context.window_manager.progress_update(int(100 * share))
+            context.workspace.status_text_set(f"Baking fans: {100 * share:.0f} %  (Esc ends it)")
+            return {"RUNNING_MODAL"} if event.type in {"TIMER", "ESC"} else {"PASS_THROUGH"}
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        return self.finish(context, bake)
+
+    def finish(self, context, bake):
+        if bake.error is not None:
+            level = "WARNING" if isinstance(bake.error, Cancelled) else "ERROR"
+            self.report({level}, str(bake.error) or "The bake was ended; nothing was written")
+            return {"CANCELLED"}
+        original = context.object
+        item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{original.name} fans", False)
+        item.matrix_world = original.matrix_world
+        context.collection.objects.link(item)
+        original.hide_set(True)
+        original.select_set(False)
+        item.select_set(True)
+        context.view_layer.objects.active = item
+        texels, tiles = bake.asset.info["texels"], bake.asset.info["tiles"]
+        self.report({"INFO"}, f"{texels} texels in {tiles} tiles")
+        return {"FINISHED"}
+
+
+class FANTEX_OT_import(bpy.types.Operator, ImportHelper):
+    """Shows a .fan asset"""
+
+    bl_idname = "fantex.import_fan"
+    bl_label = "Import Fans (.fan)"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filename_ext = ".fan"
+    filter_glob: StringProperty(default="*.fan", options={"HIDDEN"})
+    y_up: BoolProperty(name="Y Is Up", description="The model's y axis points upwards, as in glTF", default=True)
+
+    def execute(self, context):
+        name = os.path.splitext(os.path.basename(self.filepath))[0]
+        try:
+            item = load(self.filepath, name, self.y_up, context)
+        except (OSError, fantex.Error) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for other in context.selected_objects:
+            other.select_set(False)
+        item.select_set(True)
+        context.view_layer.objects.active = item
+        return {"FINISHED"}
+
+
+def is_fans(context):
+    return context.object is not None and fans.ASSET_KEY in context.object
+
+
+def reload(item):
+    asset = fantex.open(item[fans.ASSET_KEY])
+    fans.rebuild(item, asset, asset.fan_attributes(), bool(item.get(fans.Y_UP_KEY, False)))
+
+
+class FANTEX_OT_reload(bpy.types.Operator):
+    """Reads the object's asset again"""
+
+    bl_idname = "fantex.reload"
+    bl_label = "Reload"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return is_fans(context)
+
+    def execute(self, context):
+        try:
+            reload(context.object)
+        except (OSError, fantex.Error) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class FANTEX_OT_export(bpy.types.Operator, ExportHelper):
+    """Writes the object's asset as a model with ordinary texture coordinates"""
+
+    bl_idname = "fantex.export_atlas"
+    bl_label = "Export Atlas"
+
+    filename_ext = ".glb"
+    filter_glob: StringProperty(default="*.glb;*.gltf", options={"HIDDEN"})
+    resolution: IntProperty(name="Resolution", default=2048, min=16, max=32768)
+
+    @classmethod
+    def poll(cls, context):
+        return is_fans(context)
+
+    def execute(self, context):
+        try:
+            asset = fantex.open(context.object[fans.ASSET_KEY])
+            asset.export(self.filepath, resolution=self.resolution, overwrite=True)
+        except (OSError, ValueError, fantex.Error) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class FANTEX_OT_paint(bpy.types.Operator):
+    """Paints on the object's asset in fantex's own window; what was painted is here when that is closed"""
+
+    bl_idname = "fantex.paint"
+    bl_label = "Paint"
+
+    @classmethod
+    def poll(cls, context):
+        return is_fans(context)
+
+    def execute(self, context):
+        settings = context.preferences.addons.get(__package__)
+        program = (settings and settings.preferences.program) or shutil.which("fantex")
+        if not program:
+            self.report({"ERROR"}, "The program fantex was not found; say where it is in the add-on's preferences")
+            return {"CANCELLED"}
+        item = context.object
+        name = item.name
+        painter = subprocess.Popen([program, "paint", item[fans.ASSET_KEY]])
+
+        def look():
+            if painter.poll() is None:
+                return 0.5
+            if name in bpy.data.objects:
+                reload(bpy.data.objects[name])
+            return None
+
+        bpy.app.timers.register(look, first_interval=0.5)
+        return {"FINISHED"}
+
+
+class FantexPreferences(bpy.types.AddonPreferences):
+    bl_idname = __package__ or "fantex"
+
+    program: StringProperty(name="Program", description="The command fantex, for painting", subtype="FILE_PATH")
+
+    def draw(self, context):
+        self.layout.prop(self, "program")
+
+
+class FANTEX_PT_panel(bpy.types.Panel):
+    bl_label = "Fans"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Fantex"
+
+    def draw(self, context):
+        column = self.layout.column()
+        column.operator(FANTEX_OT_bake.bl_idname, icon="RENDER_STILL")
+        column.operator(FANTEX_OT_import.bl_idname, icon="IMPORT")
+        if is_fans(context):
+            column.separator()
+            column.label(text=os.path.basename(context.object[fans.ASSET_KEY]))
+            column.operator(FANTEX_OT_paint.bl_idname, icon="BRUSH_DATA")
+            column.operator(FANTEX_OT_reload.bl_idname, icon="FILE_REFRESH")
+            column.operator(FANTEX_OT_export.bl_idname, icon="EXPORT")
+
+
+def menu_import(self, context):
+    self.layout.operator(FANTEX_OT_import.bl_idname)
+
+
+CLASSES = (
+    FantexPreferences,
+    FANTEX_OT_bake,
+    FANTEX_OT_import,
+    FANTEX_OT_reload,
+    FANTEX_OT_export,
+    FANTEX_OT_paint,
+    FANTEX_PT_panel,
+)
+
+
+def register():
+    for item in CLASSES:
+        bpy.utils.register_class(item)
+    bpy.types.TOPBAR_MT_file_import.append(menu_import)
+
+
+def unregister():
+    bpy.types.TOPBAR_MT_file_import.remove(menu_import)
+    for item in reversed(CLASSES):
+        bpy.utils.unregister_class(item)

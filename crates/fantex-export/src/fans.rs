@@ -1,0 +1,462 @@
+//! Fans without fantex: sheets of tiles, and where each triangle reads them.
+//!
+//! ```text
+//!  Cover, Asset --pack, copy--> sheets: all tiles of a channel in one picture, with a gutter around each
+//!        `----------> three texture coordinates per corner: in the tiles of the triangle's corners 0, 1 and 2
+//! ```
+//!
+//! A shader that interpolates the three coordinates and the barycentric coordinates `l` has the texture function: with
+//! `a_i = max(0, l_i - max(l_j, l_k) + delta)` it is the mean of the three look-ups, weighted by `a_i`. At a sheet's level 0, filtered
+//! bilinearly, that is the function of level 0 exactly. Coarser levels of a sheet stay inside the tile and its gutter down to the level
+//! at which a texel is as wide as the gutter.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use fantex_bake::Progress;
+use fantex_base::{Error, Result};
+use fantex_cover::{
+    Cover, Footprints, GroupTriangles, NO_OWNER, StoredBlocks, TexelBlock, TexelTriangle, pack,
+};
+use fantex_mesh::{Mesh, SurfacePoint, shading_normals};
+use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::export::{Components, Map, cancelled, scale_of};
+use crate::pictures::{Depth, samples};
+use crate::{ChannelMap, MAX_SIDE};
+
+/// How sheets are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FanSheetOptions {
+    /// Texels around each tile that continue it, a power of two up to [`MAX_GUTTER`].
+    pub gutter: u32,
+    /// The most columns and rows of a sheet. Where one does not suffice there are several; each has all tiles that its triangles read.
+    pub largest_side: u32,
+    /// Bytes that sheets may take.
+    pub memory_bytes: u64,
+}
+
+/// The widest gutter.
+pub const MAX_GUTTER: u32 = 64;
+
+impl Default for FanSheetOptions {
+    /// Gutters of 4 texels, 8192 columns, 1 GiB.
+    fn default() -> Self {
+        Self { gutter: 4, largest_side: 8192, memory_bytes: 1 << 30 }
+    }
+}
+
+/// An asset for programs that know no fans but can read three textures at once.
+#[derive(Clone, Debug)]
+pub struct FanSheets {
+    /// Width of the blend band.
+    pub delta: f32,
+    /// Per triangle and corner slot the coordinates of the triangle's three corners in the tile of that slot, in its sheet: 0..1, origin
+    /// top left, v downwards.
+    pub uv: Vec<[[Vec2; 3]; 3]>,
+    /// The sheet of each triangle.
+    pub sheet_of_triangle: Vec<u32>,
+    /// What the sheets show.
+    pub maps: Vec<SheetMap>,
+    /// The sheets.
+    pub sheets: Vec<FanSheet>,
+    /// Share of the sheets that tiles cover.
+    pub used_share: f64,
+}
+
+/// What a picture of a sheet shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SheetMap {
+    /// The map. Normals are in **object space**, each coordinate mapped from -1..1 to 0..1.
+    pub map: ChannelMap,
+    /// 1, 3, or 4 with opacity.
+    pub components: usize,
+    /// Bits per sample: normals have 16.
+    pub depth: Depth,
+    /// Whether colours are sRGB-encoded.
+    pub is_srgb: bool,
+    /// What values were divided by to lie in 0..1.
+    pub scale: f32,
+}
+
+/// All tiles that some triangles read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FanSheet {
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Samples of each map, row-major from the top; those of 16 bits big-endian.
+    pub pictures: Vec<Vec<u8>>,
+}
+
+/// Packs an asset's tiles into sheets.
+///
+/// # Errors
+/// An option is out of its range, a tile is larger than a sheet may be, the sheets take more memory than is allowed, or `progress` asked
+/// to stop.
+pub fn fan_sheets(
+    asset: &Arc<Asset>,
+    options: &FanSheetOptions,
+    progress: &dyn Progress,
+) -> Result<FanSheets> {
+    let FanSheetOptions { gutter, largest_side, memory_bytes } = *options;
+    if !gutter.is_power_of_two() || gutter > MAX_GUTTER {
+        return Err(Error::invalid(format!(
+            "a gutter cannot be {gutter} texels; give a power of two up to {MAX_GUTTER}"
+        )));
+    }
+    if !(64..=MAX_SIDE).contains(&largest_side) {
+        return Err(Error::invalid(format!(
+            "a sheet cannot have {largest_side} columns; give 64 to {MAX_SIDE}"
+        )));
+    }
+    let (mesh, cover) = (asset.mesh(), asset.cover());
+    let plans = plan(cover, gutter, largest_side)?;
+    let cache = PageCache::new(Arc::clone(asset), (memory_bytes / 4) as usize);
+    let maps: Vec<Map> = MAPS
+        .into_iter()
+        .filter_map(|kind| Map::of(asset, kind))
+        .map(|map| map.scaled(scale_of(&cache, &map)))
+        .collect();
+    let texel_bytes: u64 =
+        maps.iter().map(|map| (map.components.count() * sample_bytes(depth_of(map))) as u64).sum();
+    let texels: u64 = plans.iter().map(Plan::texels).sum();
+    if texels * texel_bytes > memory_bytes {
+        return Err(Error::too_large(format!(
+            "{} of {texels} texels need {} bytes at once, but {memory_bytes} are allowed; give more memory",
+            if plans.len() == 1 { "a sheet" } else { "sheets" },
+            texels * texel_bytes
+        )));
+    }
+    let mut sheets = FanSheets {
+        delta: cover.delta,
+        uv: vec![[[Vec2::ZERO; 3]; 3]; mesh.triangles.len()],
+        sheet_of_triangle: vec![0; mesh.triangles.len()],
+        maps: maps.iter().map(sheet_map).collect(),
+        sheets: Vec::new(),
+        used_share: 0.0,
+    };
+    let shapes = Shapes {
+        mesh,
+        cover,
+        of_group: GroupTriangles::of(cover),
+        normals: shading_normals(mesh),
+        stored: cover.stored_blocks(mesh),
+    };
+    let (mut done, mut used) = (0, 0);
+    for (index, plan) in (0u32..).zip(&plans) {
+        for &t in &plan.triangles {
+            sheets.sheet_of_triangle[t as usize] = index;
+            sheets.uv[t as usize] = plan.corners(mesh, cover, t as usize, gutter);
+        }
+        let mut sheet = FanSheet { size: plan.size, pictures: Vec::new() };
+        for map in &maps {
+            sheet.pictures.push(plan.picture(&cache, map, &shapes, gutter, &mut |texels| {
+                done += texels;
+                progress.report(done, texels_of_tiles(cover, &plans) * maps.len() as u64);
+                if progress.is_cancelled() { Err(cancelled()) } else { Ok(()) }
+            })?);
+        }
+        used += plan.groups.iter().map(|&g| tile_texels(cover, g)).sum::<u64>();
+        sheets.sheets.push(sheet);
+    }
+    sheets.used_share = used as f64 / texels.max(1) as f64;
+    Ok(sheets)
+}
+
+/// What sheets are made of, in their order.
+const MAPS: [ChannelMap; 5] = [
+    ChannelMap::BaseColor,
+    ChannelMap::OcclusionRoughnessMetallic,
+    ChannelMap::Normal,
+    ChannelMap::Emission,
+    ChannelMap::Light,
+];
+
+fn depth_of(map: &Map) -> Depth {
+    if map.kind == ChannelMap::Normal { Depth::Sixteen } else { Depth::Eight }
+}
+
+fn sample_bytes(depth: Depth) -> usize {
+    if depth == Depth::Eight { 1 } else { 2 }
+}
+
+fn sheet_map(map: &Map) -> SheetMap {
+    SheetMap {
+        map: map.kind,
+        components: map.components.count(),
+        depth: depth_of(map),
+        is_srgb: map.is_srgb,
+        scale: map.scale,
+    }
+}
+
+fn tile_texels(cover: &Cover, group: u32) -> u64 {
+    let [width, height] = cover.groups[group as usize].extent;
+    u64::from(width) * u64::from(height)
+}
+
+fn texels_of_tiles(cover: &Cover, plans: &[Plan]) -> u64 {
+    plans.iter().flat_map(|plan| &plan.groups).map(|&group| tile_texels(cover, group)).sum()
+}
+
+/// The surface that object-space normals are turned on.
+struct Shapes<'a> {
+    mesh: &'a Mesh,
+    cover: &'a Cover,
+    of_group: GroupTriangles,
+    /// Unit, per corner.
+    normals: Vec<Vec3>,
+    stored: StoredBlocks,
+}
+
+/// One sheet.
+struct Plan {
+    size: [u32; 2],
+    triangles: Vec<u32>,
+    /// Ascending.
+    groups: Vec<u32>,
+    /// First column and row of each group's cell, gutter included.
+    cells: Vec<[u32; 2]>,
+}
+
+/// Cells are this often the gutter wide, so that coarser texels begin and end with them.
+fn cell_extent(cover: &Cover, group: u32, gutter: u32) -> [u32; 2] {
+    // Packing wants multiples of 4.
+    let unit = gutter.max(4);
+    cover.groups[group as usize]
+        .extent
+        .map(|length| (length.next_multiple_of(gutter) + 2 * gutter).next_multiple_of(unit))
+}
+
+/// Divides the triangles among as few sheets as hold them; groups of neighbours stay together.
+fn plan(cover: &Cover, gutter: u32, largest_side: u32) -> Result<Vec<Plan>> {
+    let mut order: Vec<u32> = (0..cover.corner_groups.len() as u32).collect();
+    order.sort_by_key(|&t| cover.corner_groups[t as usize][0]);
+    let mut waiting = vec![order];
+    let mut plans = Vec::new();
+    while let Some(triangles) = waiting.pop() {
+        let groups: BTreeSet<u32> = triangles.iter().flat_map(|&t| cover.corner_groups[t as usize]).collect();
+        let groups: Vec<u32> = groups.into_iter().collect();
+        let extents: Vec<[u32; 2]> = groups.iter().map(|&group| cell_extent(cover, group, gutter)).collect();
+        let packing = pack(&extents);
+        if packing.width.max(packing.height) <= largest_side {
+            let size = [packing.width, packing.height];
+            plans.push(Plan { size, triangles, groups, cells: packing.positions });
+        } else if triangles.len() > 1 {
+            let (first, second) = triangles.split_at(triangles.len() / 2);
+            waiting.extend([second.to_vec(), first.to_vec()]);
+        } else {
+            let side = extents.into_iter().flatten().max().unwrap_or(0);
+            return Err(Error::too_large(format!(
+                "the tiles of a triangle need a sheet of more than {largest_side} columns (one is {side} texels wide); allow a larger one"
+            )));
+        }
+    }
+    Ok(plans)
+}
+
+impl Plan {
+    fn texels(&self) -> u64 {
+        u64::from(self.size[0]) * u64::from(self.size[1])
+    }
+
+    /// Coordinates of a triangle's corners in the tiles of its three slots.
+    fn corners(&self, mesh: &Mesh, cover: &Cover, triangle: usize, gutter: u32) -> [[Vec2; 3]; 3] {
+        let size = Vec2::from(self.size.map(|n| n as f32));
+        [0, 1, 2].map(|slot| {
+            let group = cover.corner_groups[triangle][slot];
+            let place = self.groups.binary_search(&group).unwrap_or_default();
+            let origin = Vec2::from(self.cells[place].map(|n| (n + gutter) as f32));
+            let extent = Vec2::from(cover.groups[group as usize].extent.map(|n| n as f32));
+            cover.tile_corners(mesh, triangle, slot).map(|uv| (origin + uv * extent) / size)
+        })
+    }
+
+    /// One map of the sheet. `tell` hears of finished texels.
+    fn picture(
+        &self,
+        cache: &PageCache,
+        map: &Map,
+        shapes: &Shapes<'_>,
+        gutter: u32,
+        tell: &mut dyn FnMut(u64) -> Result<()>,
+    ) -> Result<Vec<u8>> {
+        let depth = depth_of(map);
+        let texel = map.components.count() * sample_bytes(depth);
+        let background = samples(&[map.background], map, depth);
+        let mut picture = background.repeat(self.texels() as usize);
+        let row_bytes = self.size[0] as usize * texel;
+        for places in (0..self.groups.len()).collect::<Vec<_>>().chunks(TOGETHER) {
+            let tiles: Vec<Vec<u8>> = places
+                .par_iter()
+                .map(|&place| {
+                    let group = self.groups[place];
+                    let (mut texels, is_empty) = texels_of(cache, map, shapes, group);
+                    let extent = shapes.cover.groups[group as usize].extent;
+                    let columns = extent[0] / BLOCK;
+                    fill(&mut texels, extent, |[column, row]| {
+                        shapes.stored.contains(group, [column, row])
+                            && !is_empty[(row * columns + column) as usize]
+                    });
+                    samples(&texels, map, depth)
+                })
+                .collect();
+            for (&place, tile) in places.iter().zip(tiles) {
+                let group = self.groups[place];
+                let [width, height] = shapes.cover.groups[group as usize].extent;
+                let [cell_width, cell_height] = cell_extent(shapes.cover, group, gutter);
+                let [left, top] = self.cells[place];
+                let tile_bytes = width as usize * texel;
+                for y in 0..cell_height {
+                    let source = y.saturating_sub(gutter).min(height - 1) as usize * tile_bytes;
+                    let source = &tile[source..source + tile_bytes];
+                    let start = (top + y) as usize * row_bytes + left as usize * texel;
+                    let (before, after) =
+                        (gutter as usize * texel, (cell_width - gutter - width) as usize * texel);
+                    let target = &mut picture[start..start + before + tile_bytes + after];
+                    target[before..before + tile_bytes].copy_from_slice(source);
+                    target[..before]
+                        .chunks_exact_mut(texel)
+                        .for_each(|t| t.copy_from_slice(&source[..texel]));
+                    let last = &source[tile_bytes - texel..];
+                    target[before + tile_bytes..]
+                        .chunks_exact_mut(texel)
+                        .for_each(|t| t.copy_from_slice(last));
+                }
+            }
+            tell(places.iter().map(|&place| tile_texels(shapes.cover, self.groups[place])).sum())?;
+        }
+        Ok(picture)
+    }
+}
+
+/// Tiles that are decoded before they are laid into the sheet.
+const TOGETHER: usize = 64;
+
+/// The texels of a tile at level 0 as the sheet has them: linear, normals in object space, mapped to 0..1. And which blocks hold zeros
+/// alone, as those do that nothing reads, where a format's zeros are nothing else.
+fn texels_of(cache: &PageCache, map: &Map, shapes: &Shapes<'_>, group: u32) -> (Vec<[f32; 4]>, Vec<bool>) {
+    let tile = cache.tile(map.channel, TileId { group, level: 0 });
+    let [width, height] = shapes.cover.groups[group as usize].extent;
+    // A damaged tile is a coarser one in its place.
+    let [has_width, has_height] = tile.extent();
+    let is_whole = [has_width, has_height] == [width, height];
+    let stored = |x: u32, y: u32| match is_whole {
+        true => tile.texel(x, y),
+        false => tile.bilinear(Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)),
+    };
+    let columns = width / BLOCK;
+    let says_empty = map.components != Components::Rgba
+        && cache.asset().channels()[map.channel].format != TexelFormat::Bc1;
+    let is_normal = map.kind.channel() == ChannelKind::Normal;
+    let mut is_empty = vec![says_empty; (columns * (height / BLOCK)) as usize];
+    let mut note = |x: u32, y: u32, value: [f32; 4]| {
+        // Opaque black has an alpha of one; normals are two numbers that cannot both be zero.
+        if value[..2] != [0.0; 2] || (!is_normal && value[2..] != [0.0; 2]) {
+            is_empty[(y / BLOCK * columns + x / BLOCK) as usize] = false;
+        }
+        value
+    };
+    if !is_normal {
+        let mut result = Vec::with_capacity((width * height) as usize);
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let [r, g, b, a] = note(x, y, stored(x, y));
+            result.push([r / map.scale, g / map.scale, b / map.scale, a]);
+        }
+        return (result, is_empty);
+    }
+    let own = &shapes.cover.groups[group as usize];
+    let corners = |t: u32| {
+        let groups = shapes.cover.corner_groups[t as usize];
+        let slot = groups.iter().position(|&g| g == group)?;
+        let extent = Vec2::new(width as f32, height as f32);
+        let corners = shapes.cover.tile_corners(shapes.mesh, t as usize, slot).map(|uv| uv * extent);
+        TexelTriangle::new(t, groups.map(|g| g == group), corners)
+    };
+    let triangles: Vec<TexelTriangle> =
+        shapes.of_group.of_group(group).iter().filter_map(|&t| corners(t)).collect();
+    let mut result = Vec::with_capacity((width * height) as usize);
+    // Bands, so that owners of large tiles take little memory.
+    for top in (0..height).step_by(BAND as usize) {
+        let block = TexelBlock { origin: [0, top], extent: [width, BAND.min(height - top)] };
+        let touching = triangles.iter().filter(|triangle| triangle.touches(block)).copied().collect();
+        let mut footprints = Footprints { triangles: touching, ..Footprints::default() };
+        footprints.cover(block, shapes.cover.delta);
+        for y in top..top + block.extent[1] {
+            for x in 0..width {
+                let owner = footprints.owner[((y - top) * width + x) as usize];
+                let vertex_normal = match owner {
+                    NO_OWNER => own.frame.direction,
+                    owner => {
+                        let triangle = &footprints.triangles[owner as usize];
+                        let lambda = triangle.lambda(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+                        let point = SurfacePoint { triangle: triangle.triangle, lambda };
+                        let smooth = point.smooth_normal(&shapes.normals);
+                        smooth.unwrap_or_else(|| point.facet_normal(shapes.mesh))
+                    }
+                };
+                let [nx, ny, ..] = note(x, y, stored(x, y));
+                let normal = own.normal_from_stored(Vec2::new(nx, ny), vertex_normal) * 0.5 + 0.5;
+                result.push([normal.x, normal.y, normal.z, 1.0]);
+            }
+        }
+    }
+    (result, is_empty)
+}
+
+/// Rows of a tile whose owners are found at once.
+const BAND: u32 = 256;
+
+/// Texels along a side of a block that is stored or not.
+const BLOCK: u32 = 4;
+
+/// Gives blocks that are not stored the colours of those around them, so that coarser levels of a sheet hold nothing foreign: means of
+/// what is stored go up a pyramid, and down again to where there is nothing (S. Gortler, R. Grzeszczuk, R. Szeliski and M. Cohen,
+/// "The Lumigraph", 1996).
+fn fill(texels: &mut [[f32; 4]], [width, height]: [u32; 2], is_stored: impl Fn([u32; 2]) -> bool) {
+    let (columns, rows) = ((width / BLOCK) as usize, (height / BLOCK) as usize);
+    let places = |block: usize| {
+        let (left, top) = (block % columns * BLOCK as usize, block / columns * BLOCK as usize);
+        (0..BLOCK as usize)
+            .flat_map(move |y| (0..BLOCK as usize).map(move |x| (top + y) * width as usize + left + x))
+    };
+    let mean_of = |block: usize| {
+        let stored = is_stored([(block % columns) as u32, (block / columns) as u32]);
+        let sum = places(block).fold(Vec4::ZERO, |sum, place| sum + Vec4::from(texels[place]));
+        stored.then(|| sum / (BLOCK * BLOCK) as f32)
+    };
+    let mut levels: Vec<(usize, Vec<Option<Vec4>>)> =
+        vec![(columns, (0..columns * rows).map(mean_of).collect())];
+    if levels[0].1.iter().all(Option::is_some) {
+        return;
+    }
+    while let Some((width, means)) = levels.last().filter(|(_, means)| means.len() > 1) {
+        let (wide, high) = (width.div_ceil(2), (means.len() / width).div_ceil(2));
+        let parent = |place: usize| {
+            let (x, y) = (place % wide * 2, place / wide * 2);
+            let children = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
+            let known = children
+                .into_iter()
+                .filter(|&(x, y)| x < *width && y < means.len() / width)
+                .filter_map(|(x, y)| means[y * width + x]);
+            let (count, sum) = known.fold((0, Vec4::ZERO), |(count, sum), mean| (count + 1, sum + mean));
+            (count > 0).then(|| sum / count as f32)
+        };
+        let parents = (0..wide * high).map(parent).collect();
+        levels.push((wide, parents));
+    }
+    for level in (1..levels.len()).rev() {
+        let (below, above) = levels.split_at_mut(level);
+        let ((width, means), (wide, parents)) = (&mut below[level - 1], &above[0]);
+        for (place, mean) in means.iter_mut().enumerate().filter(|(_, mean)| mean.is_none()) {
+            *mean = parents[place / *width / 2 * wide + place % *width / 2];
+        }
+    }
+    for (block, mean) in levels[0].1.iter().enumerate() {
+        if let (Some(mean), false) = (mean, is_stored([(block % columns) as u32, (block / columns) as u32])) {
+            places(block).for_each(|place| texels[place] = mean.to_array());
+        }
+    }
+}

@@ -1,0 +1,237 @@
+"""Fans for other programs: sheets, coordinates, and the files that carry them."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+import fantex
+from conftest import pattern
+
+
+def function_of(fans, picture, face, barycentric, level=0):
+    """The texture function as a shader would write it, of bilinear look-ups in a sheet's level."""
+    picture = picture.astype(np.float64) / np.iinfo(picture.dtype).max
+    for _ in range(level):
+        picture = picture.reshape(picture.shape[0] // 2, 2, picture.shape[1] // 2, 2, -1).mean((1, 3))
+    others = np.stack([np.delete(barycentric, i, 1).max(1) for i in range(3)], 1)
+    weights = np.maximum(0, barycentric - others + fans.delta)
+    weights /= weights.sum(1, keepdims=True)
+    places = (fans.uv[face] * barycentric[:, None, :, None]).sum(2)
+    height, width, _ = picture.shape
+    result = 0
+    for i in range(3):
+        x, y = places[:, i, 0] * width - 0.5, (1 - places[:, i, 1]) * height - 0.5
+        left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+        fx, fy = (x - left)[:, None], (y - top)[:, None]
+
+        def texel(dx, dy):
+            return picture[np.clip(top + dy, 0, height - 1), np.clip(left + dx, 0, width - 1)]
+
+        value = (texel(0, 0) * (1 - fx) + texel(1, 0) * fx) * (1 - fy)
+        value += (texel(0, 1) * (1 - fx) + texel(1, 1) * fx) * fy
+        result = result + value * weights[:, i, None]
+    return result
+
+
+def linear(encoded):
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+@pytest.fixture(scope="module")
+def bottle_asset(tmp_path_factory, bottle):
+    return fantex.bake(bottle, tmp_path_factory.mktemp("fans") / "bottle.fan", texels=200_000)
+
+
+def surface(asset, count=20_000, seed=5):
+    """Points spread evenly over the surface."""
+    random = np.random.default_rng(seed)
+    a, b, c = asset.positions[asset.faces].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return random.choice(len(area), count, p=area / area.sum()), random.dirichlet((1, 1, 1), count)
+
+
+@pytest.mark.parametrize("side", [8192, 320])
+def test_three_look_ups_are_the_texture_function(bottle_asset, side):
+    """In one sheet, and in several."""
+    fans = bottle_asset.fan_attributes(largest_side=side)
+    assert (len(fans.sheets) > 1) == (side == 320)
+    face, barycentric = surface(bottle_asset)
+    for channel in ("orm", "normal"):
+        truth = bottle_asset.sample(face=face, barycentric=barycentric, channel=channel)[:, :3]
+        value = np.zeros_like(truth, np.float64)
+        for index, sheet in enumerate(fans.sheets):
+            at = fans.sheet[face] == index
+            value[at] = function_of(fans, sheet[channel], face[at], barycentric[at])
+        if channel == "normal":
+            # In object space the vertex normals of triangles smaller than a texel are lost.
+            value = value * 2 - 1
+            cosine = (value * truth).sum(1) / np.linalg.norm(value, axis=1)
+            assert np.median(cosine) > 0.9999 and cosine.mean() > 0.999, cosine.mean()
+        else:
+            assert np.abs(value - truth).max() < 0.003
+
+
+def test_colors_of_a_sheet(waves):
+    fans = waves.fan_attributes()
+    face, barycentric = surface(waves)
+    (sheet,) = fans.sheets
+    truth = waves.sample(face=face, barycentric=barycentric)[:, :3]
+    # Interpolated as sRGB numbers instead of light, which differs little in a smooth picture.
+    assert np.abs(linear(function_of(fans, sheet["base-color"], face, barycentric)) - truth).max() < 0.01
+
+
+@pytest.mark.parametrize("gutter,levels", [(4, 2), (16, 4)])
+def test_coarse_levels_stay_inside_tiles(tmp_path, sphere, gutter, levels):
+    """Every tile is white, what lies between them black after the gutters are: no black is read down to the stated level."""
+    asset = fantex.bake(sphere, tmp_path / "a.fan", texels=60_000, source=lambda p, n: np.ones_like(p))
+    fans = asset.fan_attributes(gutter=gutter)
+    picture = fans.sheets[0]["base-color"].copy()
+    height, width, _ = picture.shape
+    # What no gutter reaches: texels farther than the gutter from any place that is read.
+    read = np.zeros((height, width), bool)
+    low = np.floor(fans.uv.min(2) * (width, height)).astype(int)
+    high = np.ceil(fans.uv.max(2) * (width, height)).astype(int)
+    for (x0, y0), (x1, y1) in zip(low.reshape(-1, 2), high.reshape(-1, 2)):
+        rows = slice(max(height - y1 - gutter, 0), max(height - y0 + gutter, 0))
+        read[rows, max(x0 - gutter, 0) : max(x1 + gutter, 0)] = True
+    picture[~read] = 0
+    assert (picture == 0).any()
+    face, barycentric = surface(asset)
+    for level in range(levels + 1):
+        value = function_of(fans, picture, face, barycentric, level)
+        if level < levels:
+            assert value.min() > 0.99, level
+
+
+def test_no_jump_at_edges(bottle_asset):
+    """Both faces of an edge give the same value there."""
+    fans = bottle_asset.fan_attributes()
+    (sheet,) = fans.sheets
+    edges = {}
+    pairs = []
+    for face, corners in enumerate(bottle_asset.faces):
+        for k in range(3):
+            a, b = corners[k], corners[(k + 1) % 3]
+            if (b, a) in edges:
+                pairs.append((*edges.pop((b, a)), face, k))
+            else:
+                edges[(a, b)] = (face, k)
+    pairs = np.array(pairs)
+    for share in (0.0, 0.3, 0.5, 0.62, 1.0):
+
+        def on_edge(face, k, t):
+            barycentric = np.zeros((len(face), 3))
+            barycentric[np.arange(len(face)), k] = 1 - t
+            barycentric[np.arange(len(face)), (k + 1) % 3] = t
+            return function_of(fans, sheet["orm"], face, barycentric)
+
+        first = on_edge(pairs[:, 0], pairs[:, 1], share)
+        second = on_edge(pairs[:, 2], pairs[:, 3], 1 - share)
+        # A part in two hundred million of a sheet's width is what single precision leaves.
+        assert np.abs(first - second).max() < 2e-4
+
+
+def read_glb(path):
+    data = path.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def test_glb_with_fans(tmp_path, bottle_asset):
+    path = tmp_path / "fans.glb"
+    assert bottle_asset.export_fans(path) == [str(path)]
+    document, binary = read_glb(path)
+    accessors, views = document["accessors"], document["bufferViews"]
+
+    def read(index, dtype, columns):
+        accessor = accessors[index]
+        start = views[accessor["bufferView"]]["byteOffset"] + accessor.get("byteOffset", 0)
+        return np.frombuffer(binary, dtype, accessor["count"] * columns, start).reshape(-1, columns)
+
+    (primitive,) = document["meshes"][0]["primitives"]
+    attributes = primitive["attributes"]
+    indices = read(primitive["indices"], np.uint32, 1).reshape(-1, 3)
+    uv = np.stack([read(attributes[f"TEXCOORD_{i}"], np.float32, 2) for i in range(3)], 1)
+    lambdas = read(attributes["TEXCOORD_3"], np.float32, 2)
+    np.testing.assert_array_equal(lambdas[indices], np.tile([[[1, 0], [0, 1], [0, 0]]], (len(indices), 1, 1)))
+    fans = bottle_asset.fan_attributes()
+    expected = fans.uv.transpose(0, 2, 1, 3).copy()
+    expected[..., 1] = 1 - expected[..., 1]
+    np.testing.assert_allclose(uv[indices], expected, atol=1e-6)
+    positions = read(attributes["POSITION"], np.float32, 3)
+    np.testing.assert_allclose(positions[indices], bottle_asset.positions[bottle_asset.faces], atol=1e-6)
+    assert document["meshes"][0]["extras"]["fantexDelta"] == pytest.approx(fans.delta)
+    # Programs that know no fans still load it.
+    trimesh = pytest.importorskip("trimesh")
+    assert len(trimesh.load(path, force="mesh").faces) == len(bottle_asset.faces)
+
+
+def test_usd_and_materialx(tmp_path, bottle_asset):
+    files = bottle_asset.export_fans(tmp_path / "bottle.usda")
+    names = sorted(file.rsplit("/", 1)[-1] for file in files)
+    assert names == ["bottle-fans-base-color.png", "bottle-fans-normal.png", "bottle-fans-orm.png"] + [
+        "bottle.mtlx",
+        "bottle.usda",
+    ] or "bottle-fans-emission.png" in names
+    with pytest.raises(FileExistsError):
+        bottle_asset.export_fans(tmp_path / "bottle.usda")
+    text = (tmp_path / "bottle.usda").read_text()
+    assert text.startswith("#usda 1.0") and text.count("texCoord2f[] primvars:st") == 4
+
+
+def test_usd_is_valid(tmp_path, bottle_asset):
+    usd = pytest.importorskip("pxr.Usd", reason="no usd-core")
+    from pxr import UsdGeom, UsdShade
+
+    bottle_asset.export_fans(tmp_path / "bottle.usda")
+    stage = usd.Stage.Open(str(tmp_path / "bottle.usda"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/Model/Surface"))
+    assert len(mesh.GetFaceVertexCountsAttr().Get()) == len(bottle_asset.faces)
+    api = UsdGeom.PrimvarsAPI(mesh)
+    points = len(mesh.GetPointsAttr().Get())
+    for name in ("st", "st1", "st2", "st3"):
+        primvar = api.GetPrimvar(name)
+        assert primvar.GetInterpolation() == "vertex" and len(primvar.Get()) == points
+    subset = UsdGeom.Subset.GetAllGeomSubsets(mesh)[0]
+    material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
+    surface_shader = material.ComputeSurfaceSource("mtlx")[0]
+    assert surface_shader.GetIdAttr().Get() == "ND_standard_surface_surfaceshader"
+    # Every connection leads somewhere.
+    for prim in stage.Traverse():
+        for attribute in prim.GetAttributes():
+            for source in attribute.GetConnections():
+                assert stage.GetAttributeAtPath(source), source
+
+
+def test_materialx_is_valid_and_generates_code(tmp_path, bottle_asset):
+    mx = pytest.importorskip("MaterialX", reason="no MaterialX")
+    import MaterialX.PyMaterialXGenShader as generate  # isort: skip (the others need its types)
+    import MaterialX.PyMaterialXGenGlsl as glsl
+    import MaterialX.PyMaterialXGenMdl as mdl
+    import MaterialX.PyMaterialXGenMsl as msl
+    import MaterialX.PyMaterialXGenOsl as osl
+
+    bottle_asset.export_fans(tmp_path / "bottle.usda")
+    library = mx.createDocument()
+    path = mx.getDefaultDataSearchPath()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), path, library)
+    document = mx.createDocument()
+    mx.readFromXmlFile(document, str(tmp_path / "bottle.mtlx"))
+    document.setDataLibrary(library)
+    is_valid, why = document.validate()
+    assert is_valid, why
+    for node in document.getNodeGraph("fans_0").getNodes():
+        assert node.getNodeDef() is not None, f"{node.getCategory()} {node.getType()} {node.getName()}"
+    # USD names the same definitions.
+    usda = (tmp_path / "bottle.usda").read_text()
+    for node in document.getNodeGraph("fans_0").getNodes():
+        assert f'"{node.getNodeDef().getName()}"' in usda, node.getNodeDef().getName()
+    for generator in (glsl.GlslShaderGenerator, osl.OslShaderGenerator, mdl.MdlShaderGenerator, msl.MslShaderGenerator):
+        context = generate.GenContext(generator.create())
+        context.registerSourceCodeSearchPath(path)
+        for material in document.getMaterialNodes():
+            shader = context.getShaderGenerator().generate(material.getName(), material, context)
+            code = shader.getSourceCode("pixel")
+            assert all(f"color{i}" in code for i in range(3)) and len(code) > 2000
