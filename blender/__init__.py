@@ -105,7 +105,7 @@ class FANTEX_OT_bake(bpy.types.Operator):
         except (ValueError, OSError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if context.window is None:
+        if bpy.app.background:
             bake.thread.join()
             return self.finish(context, bake)
         self._bake, self._item = bake, context.object

@@ -228,10 +228,11 @@ def test_materialx_is_valid_and_generates_code(tmp_path, bottle_asset):
     usda = (tmp_path / "bottle.usda").read_text()
     for node in document.getNodeGraph("fans_0").getNodes():
         assert f'"{node.getNodeDef().getName()}"' in usda, node.getNodeDef().getName()
-    for generator in (glsl.GlslShaderGenerator, osl.OslShaderGenerator, mdl.MdlShaderGenerator, msl.MslShaderGenerator):
-        context = generate.GenContext(generator.create())
+    for kind in (glsl.GlslShaderGenerator, osl.OslShaderGenerator, mdl.MdlShaderGenerator, msl.MslShaderGenerator):
+        generator = kind.create()
+        context = generate.GenContext(generator)
         context.registerSourceCodeSearchPath(path)
         for material in document.getMaterialNodes():
-            shader = context.getShaderGenerator().generate(material.getName(), material, context)
+            shader = generator.generate(material.getName(), material, context)
             code = shader.getSourceCode("pixel")
             assert all(f"color{i}" in code for i in range(3)) and len(code) > 2000
