@@ -124,7 +124,7 @@ fn both_sides_of_a_leaf_are_compared() {
     let rim = verified(&mesh, &covered(&mesh)).continuity.boundary_edges;
     let backs: Vec<[u32; 3]> = mesh.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
     mesh.triangles.extend(backs);
-    (mesh.corners, mesh.triangle_materials) = Default::default();
+    (mesh.corners, mesh.triangle_materials, mesh.parts) = Default::default();
     let report = verified(&mesh, &covered(&mesh));
     assert!(report.ok, "{report:?}");
     assert_eq!((report.continuity.edges, report.continuity.boundary_edges), (2 * inner, 0));

@@ -99,8 +99,8 @@ pub(super) fn world_from_bind(
     let Some(accessor) = skin.inverse_bind_matrices else { return Ok(Some(found)) };
     let reader = Reader::new(document, accessor, &name)?;
     if reader.count() < found.len() {
-        let (joints, matrices) = (counted(found.len(), "joint"), counted(reader.count(), "matrix"));
-        return Err(Error::malformed(format!("{name} has {joints}, but {matrices} that bind them")));
+        let (joints, matrices) = (counted(found.len(), "joint"), reader.count());
+        return Err(Error::malformed(format!("{name} has {joints}, but {matrices} inverseBindMatrices")));
     }
     document.file.check_positions(reader.count())?;
     let matrices = reader.read_floats::<16>("inverseBindMatrices", "matrices of 4 x 4 floats", false)?;
