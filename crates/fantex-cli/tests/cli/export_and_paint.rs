@@ -26,6 +26,46 @@ fn a_bottle_becomes_a_model_that_looks_the_same() {
     assert!(reduced.contains("% of the asset's density"), "{reduced}");
 }
 
+#[test]
+fn fans_are_written_for_other_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = baked(folder.path());
+    let out = |name: &str| folder.path().join(name);
+    let info = json(&[&"export", &asset, &"-o", &out("fans.glb"), &"--fans"]);
+    assert_eq!((info["fans"].as_bool(), info["padding"].as_u64()), (Some(true), Some(4)));
+    assert_eq!(info["channels"], serde_json::json!(["base-color", "orm", "normal", "emission"]));
+    assert!(info["used_share"].as_f64().unwrap() > 0.6, "{info}");
+    // Each triangle by the tile of its first corner: few are wrong.
+    let compared = json(&[&"compare", &asset, &out("fans.glb"), &"--views", &"1", &"--size", &"160x120"]);
+    assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 15.0, "{compared}");
+    let info = json(&[
+        &"export",
+        &asset,
+        &"-o",
+        &out("fans.usda"),
+        &"--fans",
+        &"--padding",
+        &"16",
+        &"--max-size",
+        &"512",
+    ]);
+    let sheets = info["sizes"].as_array().unwrap().len();
+    assert!(sheets > 1 && info["files"].as_array().unwrap().len() == 4 * sheets + 2, "{info}");
+    let command = |name: &str, more: &'static str| {
+        [asset.clone(), "-o".into(), out(name), "--fans".into(), more.into()]
+    };
+    let refused = |code: i32, words: &str, arguments: &[std::path::PathBuf]| {
+        let arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = std::iter::once(&"export" as &dyn AsRef<_>)
+            .chain(arguments.iter().map(|a| a as &dyn AsRef<_>))
+            .collect();
+        fails(code, &[words], &arguments);
+    };
+    refused(1, "fans are written as .glb or .usda", &command("fans.obj", "--padding=2"));
+    refused(1, "a gutter cannot be 3 texels", &command("b.glb", "--padding=3"));
+    refused(1, "need a sheet of more than 64 columns", &command("b.glb", "--max-size=64"));
+    refused(2, "cannot be used with", &command("b.glb", "--uv=source"));
+}
+
 /// Runs the program, which must succeed, and returns its notes.
 fn fails_not(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> String {
     crate::stderr(&succeeds(arguments))

@@ -22,7 +22,7 @@ const fn each(arguments: &'static str) -> Case {
 }
 
 /// Every kind of file that a command writes.
-const CASES: [Case; 26] = [
+const CASES: [Case; 28] = [
     whole("bake IN/cube.ply -o OUT/a.fan --texels 4k"),
     whole("render IN/cube.ply -o OUT/a.png --size 64x48"),
     whole("render IN/cube.ply -o OUT/a.exr --size 64x48"),
@@ -33,6 +33,8 @@ const CASES: [Case; 26] = [
     whole("export IN/bottle.fan -o OUT/a.png --channel base-color --size 64"),
     whole("export IN/bottle.fan -o OUT/a.exr --channel base-color --size 64"),
     whole("export IN/bottle.fan -o OUT/a.ktx2 --channel base-color --size 64"),
+    whole("export IN/bottle.fan -o OUT/a.glb --fans"),
+    whole("export IN/bottle.fan -o OUT/a.usda --fans"),
     whole("export IN/bottle.fan -o OUT/turn.png --turntable 2 --size 32x24"),
     each("export IN/bottle.fan -o OUT --turntable 2 --size 32x24"),
     whole("generate landscape -o OUT/a.ply --triangles 500"),

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
+mod fans;
 mod models;
 mod pictures;
 mod support;

@@ -462,7 +462,10 @@ fn skins_are_shown_as_their_joints_stand() {
         text.replace(r#""joints":[1,2]"#, r#""joints":[1]"#),
         &["primitive 0 of mesh 0", "joint 1", "1 joint"],
     );
-    refused(text.replace(r#""joints":[1,2]"#, r#""joints":[1,2,1]"#), &["skin 0", "3 joints", "2 inverseBindMatrices"]);
+    refused(
+        text.replace(r#""joints":[1,2]"#, r#""joints":[1,2,1]"#),
+        &["skin 0", "3 joints", "2 inverseBindMatrices"],
+    );
     refused(text.replace(r#""joints":[1,2]"#, r#""joints":[1,7]"#), &["skin 0", "node 7"]);
     refused(text.replace(r#""skin":0"#, r#""skin":3"#), &["node 0", "skin 3"]);
     let elsewhere =
