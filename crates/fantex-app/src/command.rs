@@ -112,7 +112,6 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Camera, NONE, Key::Num2, Command::Mode(CameraMode::Fly), "Fly"),
         row(Camera, NONE, Key::Num3, Command::Mode(CameraMode::Walk), "Walk on the ground"),
         row(Camera, NONE, Key::F, Command::FrameAll, "Show the whole model"),
-        row(Camera, NONE, Key::Home, Command::FrameAll, "Show the whole model"),
     ];
     rows.extend(
         views

@@ -12,7 +12,7 @@ const KEPT: usize = 200;
 pub enum Severity {
     Info,
     Warning,
-    /// Something failed. Stays for a minute.
+    /// Something failed. Stays until it is dismissed.
     Error,
 }
 
@@ -91,6 +91,6 @@ fn lifetime(severity: Severity) -> Option<f64> {
     match severity {
         Severity::Info => Some(4.0),
         Severity::Warning => Some(12.0),
-        Severity::Error => Some(60.0),
+        Severity::Error => None,
     }
 }

@@ -218,8 +218,6 @@ pub enum LayerStep {
     RemoveMask,
     /// Whether the mask is seen instead of the base colour.
     SeeMask(bool),
-    /// Whether what lies under the layers is seen alone.
-    SeeBase(bool),
     /// Towards the top (true) or the bottom.
     Move(bool),
     /// A copy above it.

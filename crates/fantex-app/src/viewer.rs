@@ -130,8 +130,6 @@ pub struct SceneInput {
     pub turns_sun: bool,
     /// Notches of the wheel, away from the user positive.
     pub wheel: f64,
-    /// How the pointer moved while the key was held that lets it set the brush; none where it is not held.
-    pub brush_drag: Option<DVec2>,
     /// Where the cursor is, 0..1 along the scene's sides.
     pub cursor: Option<DVec2>,
     pub is_double_click: bool,

@@ -3,12 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, ErrorKind, Result};
-use fantex::glam::Vec2;
 use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size};
-use fantex::texture::Image;
 use serde::{Deserialize, Serialize};
 
-use crate::paint::stamps::{made, made_stamp};
 use crate::settings::{continued, read_limited, write_whole};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -196,44 +193,8 @@ impl Default for Presets {
                     pressure: none,
                     ..named("Dry bristle")
                 },
-                textured("Chalk", 44.0, 0.12, 0.6, [0.05, 0.1, TURN]),
-                textured("Charcoal", 50.0, 0.1, 0.35, [0.06, 0.15, 0.4]),
-                textured("Pastel", 60.0, 0.1, 0.4, [0.04, 0.1, TURN]),
-                textured("Bristles", 60.0, 0.04, 0.5, [0.02, 0.05, 0.05]),
-                textured("Dry brush", 70.0, 0.05, 0.4, [0.02, 0.05, 0.08]),
-                textured("Sponge", 90.0, 0.45, 0.7, [0.2, 0.3, TURN]),
-                textured("Spatter", 110.0, 0.6, 0.9, [0.4, 0.5, TURN]),
-                textured("Grunge", 140.0, 0.35, 0.5, [0.2, 0.3, TURN]),
-                textured("Scratches", 120.0, 0.5, 0.8, [0.3, 0.3, 0.5]),
-                textured("Smoke", 150.0, 0.2, 0.12, [0.2, 0.3, TURN]),
-                textured("Cracks", 140.0, 0.8, 0.9, [0.1, 0.2, TURN]),
-                textured("Canvas", 80.0, 0.3, 0.6, [0.02, 0.05, 0.0]),
             ],
         }
-    }
-}
-
-/// A whole turn to both sides.
-const TURN: f32 = std::f32::consts::PI;
-
-/// A brush with a stamp that the program makes, of the same name; `jitter` of place, size and angle.
-fn textured(
-    name: &str,
-    size: f32,
-    spacing: f32,
-    flow: f32,
-    [position, vary, angle]: [f32; 3],
-) -> BrushSettings {
-    BrushSettings {
-        name: name.into(),
-        size,
-        spacing,
-        flow,
-        hardness: 1.0,
-        stamp: Some(made(&name.to_lowercase())),
-        jitter: Jitter { position, size: vary, flow: vary, angle },
-        pressure: PressureResponse { size: 0.2, flow: 0.4 },
-        ..BrushSettings::default()
     }
 }
 
@@ -280,7 +241,6 @@ impl Presets {
 /// Coverage 0..1 of a wave-like stroke on a sheet of `width` by `height` pixels, row by row. Pressure rises and falls. The brush is
 /// shown at most so large that the wave can be seen.
 pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec<f32> {
-    let stamp = brush.stamp.as_deref().and_then(made_stamp);
     let mut sheet = vec![0.0f32; width * height];
     let diameter = brush.size.clamp(2.0, 0.5 * height as f32);
     let margin = 0.5 * diameter + 6.0;
@@ -316,11 +276,6 @@ pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec
                 flow: brush.flow
                     * lowered(brush.pressure.flow)
                     * (1.0 - brush.jitter.flow.clamp(0.0, 1.0) * fainter),
-                stamp: stamp.as_ref(),
-                turn: Vec2::from_angle(
-                    brush.angle_degrees.to_radians()
-                        + brush.jitter.angle * (2.0 * (turn * 7.0).fract() - 1.0),
-                ),
             };
             dab.add(&mut sheet, width, height);
             due += (brush.spacing * size).max(0.5);
@@ -331,26 +286,14 @@ pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec
     sheet
 }
 
-struct Dab<'a> {
+struct Dab {
     center: [f32; 2],
     radius: f32,
     hardness: f32,
     flow: f32,
-    stamp: Option<&'a Image>,
-    /// Of the stamp, a unit vector.
-    turn: Vec2,
 }
 
-impl Dab<'_> {
-    /// What the stamp lets through at a place relative to the middle.
-    fn texture(&self, by: Vec2) -> f32 {
-        let Some(image) = self.stamp else { return 1.0 };
-        let at = self.turn.rotate(by) / self.radius.max(0.5) * 0.5 + 0.5;
-        let [x, y] = [at.x * image.width as f32, at.y * image.height as f32];
-        let is_inside = x >= 0.0 && y >= 0.0 && x < image.width as f32 && y < image.height as f32;
-        if is_inside { image.linear_texel(x as u32, y as u32)[3] } else { 0.0 }
-    }
-
+impl Dab {
     /// As on the surface: full within the hard part, then fading smoothly.
     fn add(&self, sheet: &mut [f32], width: usize, height: usize) {
         let end = self.radius.max(0.5) + 0.5;
@@ -364,9 +307,7 @@ impl Dab<'_> {
                 if distance < end {
                     let s = ((distance - start) / (end - start)).max(0.0);
                     let coverage = &mut sheet[y * width + x];
-                    let by = Vec2::new(x as f32 + 0.5 - self.center[0], y as f32 + 0.5 - self.center[1]);
-                    let flow = self.flow * self.texture(by);
-                    *coverage += flow * (1.0 - s * s * (3.0 - 2.0 * s)) * (1.0 - *coverage);
+                    *coverage += self.flow * (1.0 - s * s * (3.0 - 2.0 * s)) * (1.0 - *coverage);
                 }
             }
         }

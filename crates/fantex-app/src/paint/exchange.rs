@@ -306,19 +306,19 @@ impl ParcelLoader for PaintLoader {
 
 // Stored bytes of pages to what the atlas takes.
 
-/// The parcel as the painter has it; `shown` has the bytes of pages that look different for the moment, by channel.
+/// The parcel as the painter has it; `shown` has the bytes of pages that look different for the moment, in one channel.
 pub(crate) fn parcel_texels(
     painter: &Painter,
     parcel: Parcel,
     formats: &[AtlasFormat],
-    shown: &BTreeMap<PageId, BTreeMap<usize, Vec<u8>>>,
+    shown: &BTreeMap<PageId, (usize, Vec<u8>)>,
 ) -> Result<ParcelTexels> {
     let asset = painter.editor().asset();
     let layout = parcel.layout(asset.cover());
     let stored_page = |channel, page| painter.editor().read_page_raw(channel, page);
     let outline = Outline::of_stored(&layout, asset.channels(), stored_page)?;
     let texels = assemble(&layout, formats, |channel, page| {
-        let shown = shown.get(&page).and_then(|channels| channels.get(&channel));
+        let shown = shown.get(&page).filter(|(of, _)| *of == channel).map(|(_, bytes)| bytes);
         channel_texels(painter, page, channel, formats[channel], shown).map(Cow::Owned)
     })?;
     Ok(ParcelTexels { outline, ..texels })

@@ -1,6 +1,6 @@
 //! The hand with the pen: strokes, lines, fills, stickers, picking.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex::glam::{Vec3, Vec4};
@@ -15,7 +15,6 @@ use fantex::texture::Image;
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::painting::Hand;
-use crate::paint::stamps::made_stamp;
 use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::texture::{sticker, text_lines};
 use crate::paint::{
@@ -43,10 +42,6 @@ impl Painting {
             }
             match event.phase {
                 PenPhase::Down => match sample {
-                    _ if is_pick && settings.alt_orbits && settings.tool != PaintTool::Clone => {
-                        self.hand = Hand::Turn;
-                    }
-                    None if settings.starts_beside && settings.tool.has_brush() => self.hand = Hand::Beside,
                     None => {
                         self.hand = Hand::Turn;
                         self.missed = Some(notices.now);
@@ -56,12 +51,6 @@ impl Painting {
                     }
                     Some(sample) => self.touch(sample, settings, view, is_line, notices),
                 },
-                PenPhase::Move if self.hand == Hand::Beside => {
-                    if let Some(sample) = sample {
-                        self.hand = Hand::Idle;
-                        self.touch(sample, settings, view, false, notices);
-                    }
-                }
                 PenPhase::Move => {
                     if let Hand::Stroke(last) = &mut self.hand {
                         if let Some(sample) = sample {
@@ -178,8 +167,7 @@ impl Painting {
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
         let mut recorded = recorded(&label, &paint, &self.channels, &sources, &self.surface);
-        let stamp_file = settings.brush.stamp.as_deref().map(|path| self.stamp_file(path));
-        recorded.brush.stamp = stamp_file.filter(|_| settings.tool.has_brush());
+        recorded.brush.stamp = settings.brush.stamp.clone().filter(|_| settings.tool.has_brush());
         if let (ToolSettings::Clone { from }, Some(source)) = (&mut recorded.tool, self.source()) {
             *from = source.to_array();
         }
@@ -308,25 +296,6 @@ impl Painting {
         Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil, sight: None }, sources))
     }
 
-    /// The file of a brush's picture; one that the program makes is written first.
-    fn stamp_file(&mut self, path: &Path) -> PathBuf {
-        let Some(image) = made_stamp(path) else { return path.to_owned() };
-        let folder = match &self.made_stamps {
-            Some(folder) => folder,
-            None => match tempfile::tempdir() {
-                Ok(folder) => self.made_stamps.insert(folder),
-                // Where nothing can be written, reading says so.
-                Err(_) => return path.to_owned(),
-            },
-        };
-        let name = path.to_string_lossy().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
-        let file = folder.path().join(format!("{name}.png"));
-        if !file.exists() {
-            image.save(&file).ok();
-        }
-        file
-    }
-
     /// The brush's picture; read once.
     fn stamp(&mut self, settings: &mut PaintSettings, notices: &mut Notices) -> Option<Arc<Stamp>> {
         let path = settings.brush.stamp.clone()?;
@@ -335,7 +304,7 @@ impl Painting {
         {
             return Some(stamp.clone());
         }
-        match Image::load(self.stamp_file(&path)) {
+        match Image::load(&path) {
             Ok(image) => {
                 let stamp = Arc::new(Stamp::new(&image));
                 self.stamp = Some((path, stamp.clone()));

@@ -17,7 +17,6 @@ mod exchange;
 mod hand;
 mod painting;
 mod settings;
-mod stamps;
 mod stencil;
 mod symmetry;
 mod texture;
@@ -29,7 +28,7 @@ pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
-pub use painting::{LayerAction, LayerDrag, Painting, Probe};
+pub use painting::{LayerAction, LayerDrag, Painting};
 pub use settings::{
     ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, StickerKind,
     paint_shortcuts,
@@ -38,4 +37,4 @@ pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};
 pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice};
 pub use thumbnails::{THUMBNAIL, Thumbnail};
-pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Seen, Snapshot, StrokeStart};
+pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};

@@ -18,7 +18,7 @@ use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::{
     ChosenTexture, Cursor, Exchange, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
-    Report, SaveState, Section, Seen, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
+    Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
     TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::viewer::Wake;
@@ -32,10 +32,8 @@ pub(super) enum Hand {
     Idle,
     /// A stroke. The point is where it was last; none where it has left the surface.
     Stroke(Option<Sample>),
-    /// Turning the view: it touched beside the model, or Alt is held.
+    /// Turning the view: it touched beside the model.
     Turn,
-    /// It touched beside the model: a stroke begins where it comes over it.
-    Beside,
 }
 
 #[derive(Debug)]
@@ -60,11 +58,6 @@ pub struct Painting {
     /// Where the last stroke ended.
     pub(super) last: Option<SurfacePoint>,
     pub(super) stamp: Option<(PathBuf, Arc<Stamp>)>,
-    /// Files of stamps that the program makes.
-    pub(super) made_stamps: Option<tempfile::TempDir>,
-    /// What was last found under the cursor, and where it was last asked for.
-    pub probed: Option<Probe>,
-    probe_asked: Option<SurfacePoint>,
     pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
     pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
     /// How far something is that takes long.
@@ -83,46 +76,12 @@ pub struct Painting {
     pub shaping: Option<(u64, MaskSource)>,
     /// A layer that is being dragged to another place.
     pub moving: Option<LayerDrag>,
-    pub seen: Seen,
+    /// The layer whose mask is seen instead of the base colour.
+    pub seen_mask: Option<u64>,
     /// To be painted on as soon as there is such a thing.
     wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
     pub thumbnails: BTreeMap<Target, Thumbnail>,
-}
-
-/// What is painted at a point.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Probe {
-    pub point: SurfacePoint,
-    /// Linear, per channel of the asset.
-    pub values: Vec<Vec4>,
-}
-
-impl Probe {
-    /// The tile that counts most there with its columns and rows, and the values, in words.
-    pub fn text(&self, surface: &Surface, channels: &[Channel]) -> [String; 2] {
-        let taps = surface.cover().taps(surface.mesh(), self.point);
-        let tile = taps.max_by(|a, b| a.weight.total_cmp(&b.weight)).map_or(String::new(), |tap| {
-            let [columns, rows] = surface.cover().groups[tap.group as usize].extent;
-            let [x, y] = [tap.uv.x * columns as f32, tap.uv.y * rows as f32].map(|n| n.max(0.0) as u32);
-            format!("Tile {} of {columns} × {rows}, texel {x}, {y}", tap.group)
-        });
-        let hex = |v: Vec4| {
-            let [r, g, b] =
-                [v.x, v.y, v.z].map(|c| (srgb_from_linear(c) * 255.0).round().clamp(0.0, 255.0) as u8);
-            format!("#{r:02x}{g:02x}{b:02x}")
-        };
-        let words = channels.iter().zip(&self.values).filter_map(|(channel, v)| match channel.kind {
-            ChannelKind::BaseColor => Some(hex(*v)),
-            ChannelKind::Emission => Some(format!("emission {}", hex(*v))),
-            ChannelKind::OcclusionRoughnessMetallic => {
-                Some(format!("occlusion {:.2}, roughness {:.2}, metallic {:.2}", v.x, v.y, v.z))
-            }
-            ChannelKind::Displacement => Some(format!("height {:.3}", v.x)),
-            ChannelKind::Normal | ChannelKind::Light | ChannelKind::Anisotropy => None,
-        });
-        [tile, words.collect::<Vec<_>>().join(", ")]
-    }
 }
 
 /// A layer on its way to another place.
@@ -159,9 +118,6 @@ impl Painting {
             source: None,
             last: None,
             stamp: None,
-            made_stamps: None,
-            probed: None,
-            probe_asked: None,
             texture: None,
             stencil: None,
             work: None,
@@ -173,7 +129,7 @@ impl Painting {
             fading: None,
             shaping: None,
             moving: None,
-            seen: Seen::default(),
+            seen_mask: None,
             wanted_target: None,
             thumbnails: BTreeMap::new(),
         })
@@ -308,21 +264,16 @@ impl Painting {
                         self.target = wanted;
                     }
                     self.target = valid_target(&self.snapshot, self.target);
-                    let has_mask = |id| self.snapshot.layers.iter().any(|l| l.id() == id && l.mask.is_some());
-                    if let Seen::Mask(id) = self.seen
-                        && !has_mask(id)
-                    {
-                        self.see(Seen::Picture);
+                    let has_mask =
+                        |id: &u64| self.snapshot.layers.iter().any(|l| l.id() == *id && l.mask.is_some());
+                    if self.seen_mask.is_some() && !self.seen_mask.as_ref().is_some_and(has_mask) {
+                        self.see_mask(None);
                     }
                 }
                 Report::Thumbnail(target, thumbnail) => {
                     self.thumbnails.insert(target, thumbnail);
                 }
                 Report::Added(id) => self.target = Target::Layer(id),
-                Report::Probed(point, values) => {
-                    self.probe_asked = None;
-                    self.probed = Some(Probe { point, values });
-                }
                 Report::Picked(values) => self.take_picked(&values, settings),
                 Report::Work(work) => {
                     if work.is_none() {
@@ -395,12 +346,6 @@ impl Painting {
                 // An empty layer can always be added.
                 self.layer_action(&LayerAction::Add, settings).unwrap_or_default();
             }
-            PaintCommand::ToggleLayers => {
-                self.see(if self.seen == Seen::Base { Seen::Picture } else { Seen::Base });
-            }
-            PaintCommand::ToggleReadout => settings.has_readout = !settings.has_readout,
-            // What the pointer does while the key is held: see `SceneInput::brush_drag`.
-            PaintCommand::DragBrush => {}
             PaintCommand::Save => self.thread.order(Order::Commit),
             PaintCommand::TogglePanels => {
                 let is_shown = settings.has_brush_panel || settings.has_layer_panel;
@@ -450,10 +395,10 @@ impl Painting {
         GraphFill { graph, textures }
     }
 
-    /// Shows a mask, what lies under the layers, or the picture.
-    pub fn see(&mut self, seen: Seen) {
-        self.seen = seen;
-        self.thread.order(Order::See(seen));
+    /// Shows a layer's mask instead of the base colour, or no mask.
+    pub fn see_mask(&mut self, layer: Option<u64>) {
+        self.seen_mask = layer;
+        self.thread.order(Order::SeeMask(layer));
     }
 
     /// Layers as they lie, or as they are to lie while one is dragged; from the bottom to the top.
@@ -528,7 +473,7 @@ impl Painting {
             LayerAction::InvertMask(id) => {
                 change(thread, "invert mask", id, |layer| layer.mask_inverted = !layer.mask_inverted);
             }
-            LayerAction::See(seen) => self.see(seen),
+            LayerAction::SeeMask(id) => self.see_mask(id),
             LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| {
                 (layer.mask, layer.mask_source, layer.mask_inverted) = (None, None, false);
             }),
@@ -539,17 +484,6 @@ impl Painting {
             }
         }
         Ok(())
-    }
-
-    /// What is painted under the cursor, as far as it is known; asks for it, once at a time.
-    pub fn probe(&mut self, view: &Viewpoint, at: DVec2) -> Option<&Probe> {
-        let point = view.hit(&self.surface, at)?;
-        let is_known = self.probed.as_ref().is_some_and(|probed| probed.point == point);
-        if !is_known && self.probe_asked.is_none() && !self.is_drawing() && self.work.is_none() {
-            self.probe_asked = Some(point);
-            self.thread.order(Order::Probe(point));
-        }
-        self.probed.as_ref()
     }
 
     /// The outline of the brush under the cursor.
@@ -608,7 +542,8 @@ pub enum LayerAction {
     /// A mask that is made from the model's shape, or (none) only painted.
     MakeMask(u64, Option<MaskSource>),
     InvertMask(u64),
-    See(Seen),
+    /// The mask is seen instead of the base colour; none ends that.
+    SeeMask(Option<u64>),
     RemoveMask(u64),
     /// Shown in a channel of the asset or not.
     Channel(u64, usize, bool),

@@ -39,12 +39,6 @@ pub struct PaintSettings {
     pub sticker_degrees: f32,
     /// How far around blurring looks, diameters of the brush.
     pub blur_radius: f32,
-    /// Whether Alt and a drag turn the view, instead of picking a colour.
-    pub alt_orbits: bool,
-    /// Whether a stroke may begin beside the model; else a drag there turns the view.
-    pub starts_beside: bool,
-    /// Whether tile and values under the cursor are told.
-    pub has_readout: bool,
     pub has_brush_panel: bool,
     pub has_layer_panel: bool,
 }
@@ -69,9 +63,6 @@ impl Default for PaintSettings {
             picture: None,
             sticker_degrees: 0.0,
             blur_radius: 0.15,
-            alt_orbits: false,
-            starts_beside: false,
-            has_readout: true,
             has_brush_panel: true,
             has_layer_panel: true,
         }
@@ -308,11 +299,6 @@ pub enum PaintCommand {
     AddLayer,
     Save,
     TogglePanels,
-    ToggleReadout,
-    /// What lies under the layers, or the picture.
-    ToggleLayers,
-    /// While its key is held the pointer sets size and hardness.
-    DragBrush,
 }
 
 impl PaintCommand {
@@ -324,8 +310,8 @@ impl PaintCommand {
 
 pub fn paint_shortcuts() -> Vec<Shortcut> {
     use PaintCommand::{
-        AddLayer, AdjustStencil, DragBrush, Flow, Hardness, Opacity, Project, Redo, ResetColors, Save, Size,
-        SwapColors, ToggleLayers, TogglePanels, ToggleReadout, ToggleStencil, ToggleSymmetry, Tool, Undo,
+        AddLayer, AdjustStencil, Flow, Hardness, Opacity, Project, Redo, ResetColors, Save, Size, SwapColors,
+        TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo,
     };
     const NONE: Modifiers = Modifiers::NONE;
     const SHIFT: Modifiers = Modifiers::SHIFT;
@@ -350,7 +336,6 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         row(NONE, Key::CloseBracket, Size(1), "Larger brush"),
         row(SHIFT, Key::OpenBracket, Hardness(-1), "Softer brush"),
         row(SHIFT, Key::CloseBracket, Hardness(1), "Harder brush"),
-        row(NONE, Key::F, DragBrush, "Hold and move: size and hardness"),
         row(NONE, Key::X, SwapColors, "Swap colours"),
         row(NONE, Key::D, ResetColors, "Black and white"),
         row(NONE, Key::S, ToggleSymmetry, "Symmetry"),
@@ -361,8 +346,6 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         row(CONTROL | SHIFT, Key::Z, Redo, "Redo"),
         row(CONTROL | SHIFT, Key::N, AddLayer, "New layer"),
         row(CONTROL, Key::S, Save, "Save now (it saves by itself, too)"),
-        row(NONE, Key::Q, ToggleLayers, "With and without the layers"),
-        row(NONE, Key::Y, ToggleReadout, "Tile and values under the cursor"),
         row(NONE, Key::Tab, TogglePanels, "Hide or show the panels"),
     ];
     let digits = [

@@ -95,7 +95,7 @@ impl PaintThread {
             thumbnails: Thumbnails::default(),
             known_steps: 0,
             may_be_other: false,
-            seen: Seen::default(),
+            seen_mask: None,
             saving: Saving::default(),
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
@@ -179,7 +179,8 @@ struct Worker {
     /// Steps of the history when the state was last told, and whether what layers hold may be other since.
     known_steps: usize,
     may_be_other: bool,
-    seen: Seen,
+    /// The layer whose mask is seen instead of the base colour.
+    seen_mask: Option<u64>,
     saving: Saving,
 }
 
@@ -360,7 +361,7 @@ impl Worker {
                 self.tell_state();
             }
             Order::MoveLayers { order, goes_on } => self.move_layers(&order, goes_on)?,
-            Order::See(seen) => self.see(seen),
+            Order::SeeMask(layer) => self.see_mask(layer),
             Order::Undo => {
                 self.stroke = None;
                 self.painter.start_undo()?;
@@ -374,10 +375,6 @@ impl Worker {
             Order::Pick(point) => {
                 let values = self.painter.pick_all(point)?;
                 self.tell(Report::Picked(values));
-            }
-            Order::Probe(point) => {
-                let values = self.painter.pick_all(point)?;
-                self.tell(Report::Probed(point, values));
             }
             Order::Commit => self.save(),
             Order::Release(loader) => drop(loader),
@@ -399,25 +396,20 @@ impl Worker {
         Ok(())
     }
 
-    fn see(&mut self, seen: Seen) {
-        if std::mem::replace(&mut self.seen, seen) != seen {
+    fn see_mask(&mut self, layer: Option<u64>) {
+        if std::mem::replace(&mut self.seen_mask, layer) != layer {
             let cover = self.painter.editor().asset().shared_cover();
             let pages = (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group));
             self.exchange.outdate(&pages.collect::<Vec<_>>());
         }
     }
 
-    /// The bytes of a page in the channels that look different for the moment.
-    fn seen_instead(&mut self, page: PageId) -> Result<BTreeMap<usize, Vec<u8>>> {
+    /// The bytes of a page in a channel that looks different for the moment.
+    fn masked(&mut self, page: PageId) -> Result<Option<(usize, Vec<u8>)>> {
         let has_mask =
-            |id: u64| self.painter.layers().iter().any(|layer| layer.id() == id && layer.mask.is_some());
-        match self.seen {
-            Seen::Mask(layer) if has_mask(layer) => {
-                Ok(BTreeMap::from([self.painter.mask_as_color(layer, page)?]))
-            }
-            Seen::Base => Ok(self.painter.page_under_layers(page)?.into_iter().enumerate().collect()),
-            Seen::Mask(_) | Seen::Picture => Ok(BTreeMap::new()),
-        }
+            |id: &u64| self.painter.layers().iter().any(|layer| layer.id() == *id && layer.mask.is_some());
+        let Some(layer) = self.seen_mask.filter(has_mask) else { return Ok(None) };
+        self.painter.mask_as_color(layer, page).map(Some)
     }
 
     fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<()> {
@@ -455,7 +447,7 @@ impl Worker {
         }
         let (formats, exchange) = (formats.to_vec(), Arc::clone(&self.exchange));
         exchange.publish(&replaced, |page| {
-            let masked = self.seen_instead(page)?;
+            let masked = self.masked(page)?.into_iter().collect();
             page_texels(&self.painter, page, &formats, &masked)
         })?;
         if shown.is_empty() || self.stroke.is_none() {
@@ -466,7 +458,7 @@ impl Worker {
             coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
         }
         for (page, mut bytes) in coarser {
-            bytes.extend(self.seen_instead(page)?);
+            bytes.extend(self.masked(page)?);
             exchange.publish_preview(page, page_texels(&self.painter, page, &formats, &bytes)?);
         }
         Ok(())
@@ -477,9 +469,12 @@ impl Worker {
         let wanted = self.exchange.wanted(MAX_PAGES_PER_TURN);
         for &parcel in &wanted {
             let cover = self.painter.editor().asset().shared_cover();
-            let shown = match self.seen {
-                Seen::Picture => Ok(BTreeMap::new()),
-                _ => parcel.pages(&cover).map(|page| Ok((page, self.seen_instead(page)?))).collect(),
+            let shown = match self.seen_mask {
+                None => Ok(BTreeMap::new()),
+                Some(_) => parcel
+                    .pages(&cover)
+                    .filter_map(|page| Some(self.masked(page).transpose()?.map(|masked| (page, masked))))
+                    .collect(),
             };
             let texels = shown.and_then(|shown| parcel_texels(&self.painter, parcel, &formats, &shown));
             self.exchange.answer(parcel, texels);
@@ -595,17 +590,6 @@ pub struct StrokeStart {
     pub recorded: StrokeSettings,
 }
 
-/// What is seen of what is painted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Seen {
-    #[default]
-    Picture,
-    /// A layer's mask instead of the base colour.
-    Mask(u64),
-    /// What lies under all layers.
-    Base,
-}
-
 pub enum Order {
     Begin(Box<StrokeStart>, Sample),
     Move(Vec<Sample>),
@@ -629,8 +613,8 @@ pub enum Order {
         order: Vec<u64>,
         goes_on: bool,
     },
-    /// Show something else for the moment.
-    See(Seen),
+    /// Show a layer's mask instead of the base colour, or no longer.
+    SeeMask(Option<u64>),
     EditLayers(&'static str, LayerChange),
     /// Take back steps or do them again until so many are done.
     GoTo(usize),
@@ -638,8 +622,6 @@ pub enum Order {
     Redo,
     /// Tell the values at a point.
     Pick(SurfacePoint),
-    /// Tell them for the line under the cursor.
-    Probe(SurfacePoint),
     /// Answer requests for pages.
     Pages,
     /// Drop a loader, which may take a while.
@@ -658,7 +640,6 @@ pub enum Report {
     Thumbnail(Target, Thumbnail),
     /// Linear values per channel.
     Picked(Vec<Vec4>),
-    Probed(SurfacePoint, Vec<Vec4>),
     /// How far something is that takes long; none where nothing does.
     Work(Option<WorkProgress>),
     Save(SaveState),
@@ -795,8 +776,7 @@ fn must_wait(order: &Order) -> bool {
             | Order::GiveUp
             | Order::Commit
             | Order::Pick(_)
-            | Order::Probe(_)
-            | Order::See(_)
+            | Order::SeeMask(_)
             | Order::Close
     )
 }

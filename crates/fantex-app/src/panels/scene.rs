@@ -4,12 +4,12 @@ use eframe::egui::{
     self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
     Pos2, Rect, RichText, Sense, Spinner, Stroke, TextureId, Ui, UiBuilder, Vec2, pos2, vec2,
 };
-use fantex::glam::{DVec2, DVec3};
+use fantex::glam::DVec2;
 
 use super::bar::short_place;
 use super::paint;
 use super::widgets::dot;
-use crate::camera::{MoveInput, ViewPreset};
+use crate::camera::MoveInput;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
 use crate::document::Stage;
@@ -45,7 +45,6 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>)
             paint::overlay(ui, viewer, rect, input.cursor);
         }
         legend(ui, viewer, rect);
-        gizmo(ui, viewer, rect);
     } else if viewer.opening.is_none() && viewer.asked.is_none() {
         welcome(ui, viewer, rect);
     }
@@ -95,8 +94,6 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
             } else {
                 0.0
             },
-            brush_drag: (has_keys && i.key_down(Key::F) && !i.modifiers.command && cursor.is_some())
-                .then(|| DVec2::new(f64::from(i.pointer.delta().x), f64::from(i.pointer.delta().y)) / height),
             cursor,
             is_double_click,
             movement: MoveInput {
@@ -275,66 +272,6 @@ fn swatches(ui: &mut Ui, viewer: &Viewer) {
             ui.painter().text(rect.center(), Align2::CENTER_CENTER, level, font, Color32::BLACK);
         }
     });
-}
-
-/// Radius of the axes in the corner, and of their ends, points.
-const AXES: f32 = 30.0;
-const AXIS_END: f32 = 8.0;
-
-/// The axes of space in the lower right corner: a click on an end looks along it.
-fn gizmo(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
-    if rect.width() < 260.0 || rect.height() < 220.0 {
-        return;
-    }
-    let side = 2.0 * (AXES + AXIS_END);
-    let seen = viewer.rig.axes().transpose();
-    let ends = [
-        (DVec3::X, "X", ViewPreset::Right, theme::ERROR),
-        (DVec3::NEG_X, "", ViewPreset::Left, theme::ERROR),
-        (DVec3::Y, "Y", ViewPreset::Top, theme::GOOD),
-        (DVec3::NEG_Y, "", ViewPreset::Bottom, theme::GOOD),
-        (DVec3::Z, "Z", ViewPreset::Front, theme::ACCENT),
-        (DVec3::NEG_Z, "", ViewPreset::Back, theme::ACCENT),
-    ];
-    let mut ends = ends.map(|(axis, name, preset, color)| (seen * axis, name, preset, color));
-    // The nearest is drawn last.
-    ends.sort_by(|a, b| a.0.z.total_cmp(&b.0.z));
-    let mut chosen = None;
-    let at = rect.right_bottom() - vec2(10.0, 10.0);
-    Area::new(Id::unique("axes")).order(Order::Middle).fixed_pos(at).pivot(Align2::RIGHT_BOTTOM).show(
-        ui.ctx(),
-        |ui| {
-            let (own, _) = ui.allocate_exact_size(vec2(side, side), Sense::hover());
-            let painter = ui.painter();
-            for (end, name, preset, color) in ends {
-                let place = own.center() + vec2(end.x as f32, -end.y as f32) * AXES;
-                let color = color.gamma_multiply(if end.z < 0.0 { 0.55 } else { 1.0 });
-                let around = Rect::from_center_size(place, vec2(2.0, 2.0) * AXIS_END);
-                let label = label_of(&ViewPreset::ALL, preset);
-                let response = ui.interact(around, Id::unique(("axis", label)), Sense::click());
-                let width = if response.hovered() { 2.5 } else { 1.5 };
-                if name.is_empty() {
-                    painter.circle(
-                        place,
-                        AXIS_END - 2.0,
-                        color.gamma_multiply(0.25),
-                        Stroke::new(width, color),
-                    );
-                } else {
-                    painter.line_segment([own.center(), place], Stroke::new(width, color));
-                    painter.circle_filled(place, AXIS_END, color);
-                    let font = egui::FontId::proportional(11.0);
-                    painter.text(place, Align2::CENTER_CENTER, name, font, Color32::BLACK);
-                }
-                if response.on_hover_text(label).clicked() {
-                    chosen = Some(preset);
-                }
-            }
-        },
-    );
-    if let Some(preset) = chosen {
-        viewer.command(Command::View(preset));
-    }
 }
 
 /// Messages in the lower left corner, the newest at the bottom.

@@ -11,7 +11,7 @@ use fantex::scene::Camera;
 use crate::command::{Command, parse_keys};
 use crate::export::ExportSettings;
 use crate::light::Surroundings;
-use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, Seen, StickerKind, parse_hex};
+use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, StickerKind, parse_hex};
 use crate::session::{Act, LayerStep, SessionRunner, Situation, Step};
 use crate::viewer::{PathState, PictureSize, Request, Viewer};
 
@@ -247,10 +247,7 @@ fn layer_step(viewer: &mut Viewer, step: LayerStep) {
         LayerStep::MakeMask(source) => LayerAction::MakeMask(chosen, Some(source)),
         LayerStep::InvertMask => LayerAction::InvertMask(chosen),
         LayerStep::RemoveMask => LayerAction::RemoveMask(chosen),
-        LayerStep::SeeMask(is_seen) => {
-            LayerAction::See(if is_seen { Seen::Mask(chosen) } else { Seen::Picture })
-        }
-        LayerStep::SeeBase(is_seen) => LayerAction::See(if is_seen { Seen::Base } else { Seen::Picture }),
+        LayerStep::SeeMask(is_seen) => LayerAction::SeeMask(is_seen.then_some(chosen)),
         LayerStep::Duplicate => LayerAction::Duplicate(chosen),
         LayerStep::MergeDown => LayerAction::MergeDown(chosen),
         LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),

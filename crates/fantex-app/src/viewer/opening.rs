@@ -12,7 +12,7 @@ use crate::display::ShadingView;
 use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
-use crate::paint::{LayerAction, NewAsset, PaintCommand, Painting, SaveState, Seen, Viewpoint, asset_beside};
+use crate::paint::{LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::{SceneInput, Viewer};
 
@@ -312,7 +312,7 @@ impl Viewer {
 
     /// A mask that is seen instead of the base colour is seen without light.
     pub(crate) fn light_masks(&mut self) {
-        let is_seen = self.painting.as_ref().is_some_and(|painting| matches!(painting.seen, Seen::Mask(_)));
+        let is_seen = self.painting.as_ref().is_some_and(|painting| painting.seen_mask.is_some());
         let now = &mut self.settings.display.shading;
         match (is_seen, self.shading_before_mask) {
             (true, None) => {
@@ -359,10 +359,7 @@ impl Viewer {
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
-        if let Some(by) = input.brush_drag.filter(|_| !painting.is_drawing()) {
-            settings.brush.change_size((BRUSH_STEPS * by.x) as f32);
-            settings.brush.change_hardness((-BRUSH_TENTHS * by.y) as f32);
-        } else if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
+        if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
             painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices);
         }
         // With Ctrl wheel and right button are for the brush.

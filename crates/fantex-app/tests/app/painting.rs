@@ -17,7 +17,7 @@ use fantex_app::camera::ViewPreset;
 use fantex_app::notices::Notices;
 use fantex_app::paint::{
     BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool, Painting,
-    PenEvent, PenPhase, SaveState, Section, Seen, StencilSettings, StencilUse, StickerKind, SymmetryKind,
+    PenEvent, PenPhase, SaveState, Section, StencilSettings, StencilUse, StickerKind, SymmetryKind,
     TextureChoice, Viewpoint,
 };
 
@@ -216,12 +216,12 @@ fn layers_are_dragged_copied_merged_and_seen_in_small() {
     let black = shown(&studio, Target::Mask(ids[0]), |pixel| pixel[0] < 50 && pixel[3] == 255);
     assert!(white > 50 && black > 50, "{white} {black}");
     // A mask alone is what the atlas is told.
-    studio.painting.see(Seen::Mask(ids[0]));
+    studio.painting.see_mask(Some(ids[0]));
     studio.wait();
     let (_, stale) = studio.painting.exchange().take_fresh();
     assert!(stale.len() > 10, "all is asked for anew");
     act(&mut studio, LayerAction::RemoveMask(ids[0]));
-    assert_eq!(studio.painting.seen, Seen::Picture, "there is none any more");
+    assert_eq!(studio.painting.seen_mask, None, "there is none any more");
     act(&mut studio, LayerAction::RemoveMask(copy));
     act(&mut studio, LayerAction::MergeDown(copy));
     assert_eq!(names(&studio), ["Layer 3", "Layer 1", "Layer 2"]);
@@ -229,69 +229,6 @@ fn layers_are_dragged_copied_merged_and_seen_in_small() {
     studio.painting.go_to_step(0);
     studio.wait();
     assert!(studio.painting.snapshot.layers.is_empty());
-}
-
-#[test]
-fn strokes_begin_beside_the_model_alt_turns_and_values_are_told() {
-    let mut studio = Studio::open();
-    studio.settings.starts_beside = true;
-    // From the hole of the torus onto it.
-    studio.pen(PenPhase::Down, 0.5, 0.5, [false; 2]);
-    assert!(!studio.painting.is_turning() && !studio.painting.is_drawing());
-    studio.pen(PenPhase::Move, 0.5, 0.8, [false; 2]);
-    assert!(studio.painting.is_drawing());
-    studio.pen(PenPhase::Move, 0.5, 0.85, [false; 2]);
-    studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
-    studio.wait();
-    assert_eq!(studio.painting.snapshot.done, ["paint"]);
-    // One that never comes over it paints nothing.
-    studio.pen(PenPhase::Down, 0.5, 0.5, [false; 2]);
-    studio.pen(PenPhase::Up, 0.5, 0.5, [false; 2]);
-    studio.wait();
-    assert_eq!(studio.painting.snapshot.done.len(), 1);
-    studio.settings.alt_orbits = true;
-    studio.pen(PenPhase::Down, 0.5, 0.85, [false, true]);
-    assert!(studio.painting.is_turning());
-    studio.pen(PenPhase::Up, 0.5, 0.85, [false, true]);
-    // The value under the cursor is the colour that was painted.
-    let at = DVec2::new(0.5, 0.85);
-    assert!(studio.painting.probe(&studio.view, at).is_none(), "it is asked for");
-    studio.wait();
-    let probe = studio.painting.probed.clone().unwrap();
-    let [tile, values] = probe.text(&studio.painting.surface, &studio.painting.channels);
-    assert!(tile.starts_with("Tile ") && tile.contains(" × ") && tile.contains("texel"), "{tile}");
-    let picked = fantex_app::paint::parse_hex(&values).unwrap();
-    let painted = studio.settings.colors.foreground;
-    assert!(picked.iter().zip(painted).all(|(a, b)| a.abs_diff(b) < 12), "{values} {painted:?}");
-}
-
-#[test]
-fn textured_brushes_paint_and_are_logged_with_their_stamps() {
-    let mut studio = Studio::open();
-    let textured: Vec<BrushSettings> =
-        fantex_app::paint::Presets::default().brushes.into_iter().filter(|b| b.stamp.is_some()).collect();
-    assert_eq!(textured.len(), 12);
-    for brush in &textured {
-        studio.settings.brush = BrushSettings { size: 60.0, ..brush.clone() };
-        studio.stroke();
-        let [smooth, made] = [None, brush.stamp.clone()].map(|stamp| {
-            fantex_app::paint::preview_stroke(&BrushSettings { stamp, ..brush.clone() }, 200, 60)
-        });
-        assert!(smooth != made && made.iter().any(|share| *share > 0.1), "{}", brush.name);
-    }
-    assert_eq!(crate::errors(&studio.notices), 0);
-    assert_eq!(studio.painting.snapshot.done.len(), 12);
-    studio.painting.command(&PaintCommand::Save, &mut studio.settings);
-    studio.wait();
-    let asset = Asset::open(&studio.path).unwrap();
-    let log = fantex::paint::StrokeLog::of(&asset).unwrap();
-    assert!(log.strokes.strokes.iter().all(|stroke| stroke.brush.stamp.is_some()));
-    // Another asset of the model gets the same.
-    let folder = tempfile::tempdir().unwrap();
-    let other = small_asset(folder.path());
-    let mut painter = Painter::open(&other, &PaintOptions::default()).unwrap();
-    let summary = log.replay(&mut painter).unwrap();
-    assert_eq!((summary.strokes, summary.unrecorded), (12, 0));
 }
 
 #[test]

@@ -61,10 +61,6 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let tip = "Surfaces turned away from you by more stay as they are";
         number("Up to", "°", 0, tip).show(ui, &mut brush.seen_degrees, 10.0..=90.0);
     }
-    let tip = "A drag that begins beside the model paints once it comes over it; else it turns the view";
-    row(ui, "Starts beside", |ui| ui.checkbox(&mut paint.starts_beside, "").on_hover_text(tip));
-    let tip = "Alt and a drag turn the view; colours are picked with I";
-    row(ui, "Alt turns", |ui| ui.checkbox(&mut paint.alt_orbits, "").on_hover_text(tip));
     let mut asks_stamp = false;
     let open = ui.collapsing("Stroke", |ui| {
         let brush = &mut paint.brush;
@@ -132,7 +128,7 @@ fn stamp(ui: &mut Ui, brush: &mut BrushSettings) -> bool {
             .stamp
             .as_ref()
             .and_then(|path| path.file_stem())
-            .map(|name| name.to_string_lossy().replace("made:", ""));
+            .map(|name| name.to_string_lossy().into_owned());
         let button = Button::new(name.unwrap_or_else(|| "Round …".into())).truncate();
         let response = ui.add(button).on_hover_text("A picture whose alpha or brightness shapes the brush");
         is_asked = response.clicked();

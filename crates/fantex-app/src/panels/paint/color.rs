@@ -155,7 +155,7 @@ fn name_and_view(kind: ChannelKind) -> Option<(&'static str, Option<ShadingView>
         ChannelKind::BaseColor => Some(("Base colour", Some(ShadingView::BaseColor))),
         ChannelKind::Normal => Some(("Normal (back to smooth)", Some(ShadingView::Normal))),
         ChannelKind::OcclusionRoughnessMetallic => {
-            Some(("Material", Some(ShadingView::OcclusionRoughnessMetallic)))
+            Some(("Roughness, metallic", Some(ShadingView::OcclusionRoughnessMetallic)))
         }
         ChannelKind::Emission => Some(("Emission", Some(ShadingView::Emission))),
         ChannelKind::Displacement => Some(("Displacement", None)),

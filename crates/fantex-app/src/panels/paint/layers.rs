@@ -8,7 +8,7 @@ use eframe::egui::{
 };
 use fantex::paint::{BlendMode, Layer, LayerContent, MaskMeasure, MaskSource, Target};
 
-use crate::paint::{BLEND_MODES, LayerAction, LayerDrag, Painting, Seen, THUMBNAIL};
+use crate::paint::{BLEND_MODES, LayerAction, LayerDrag, Painting, THUMBNAIL};
 use crate::panels::widgets::{cached_texture, choice, heading, hint, number, row, segments};
 use crate::settings::label_of;
 use crate::theme;
@@ -86,13 +86,6 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
             }
         });
         menu.response.on_hover_text("A layer of the current colour, pattern or look, and material");
-        let tip = "With and without the layers (Q)";
-        let is_without = painting.seen == Seen::Base;
-        if !painting.snapshot.layers.is_empty()
-            && ui.selectable_label(is_without, "A/B").on_hover_text(tip).clicked()
-        {
-            actions.push(LayerAction::See(toggled(painting, Seen::Base)));
-        }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
             ui.add_enabled_ui(chosen.is_some(), |ui| {
@@ -136,7 +129,7 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
             if held.clicked() {
                 actions.push(LayerAction::Select(Target::Mask(id)));
                 if ui.input(|i| i.modifiers.alt) {
-                    actions.push(LayerAction::See(toggled(painting, Seen::Mask(id))));
+                    actions.push(LayerAction::SeeMask((painting.seen_mask != Some(id)).then_some(id)));
                 }
             }
         }
@@ -186,10 +179,10 @@ fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
         rows.push((true, "Add white mask", LayerAction::AddMask(id, true)));
         rows.push((true, "Add black mask", LayerAction::AddMask(id, false)));
     } else {
-        let is_seen = painting.seen == Seen::Mask(id);
+        let is_seen = painting.seen_mask == Some(id);
         let text = if is_seen { "See the picture again" } else { "See the mask alone" };
         rows.push((true, "Invert mask", LayerAction::InvertMask(id)));
-        rows.push((true, text, LayerAction::See(toggled(painting, Seen::Mask(id)))));
+        rows.push((true, text, LayerAction::SeeMask((!is_seen).then_some(id))));
         rows.push((true, "Remove mask", LayerAction::RemoveMask(id)));
     }
     for (is_enabled, text, action) in rows {
@@ -336,11 +329,6 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     });
 }
 
-/// Something else that is seen, or the picture again.
-fn toggled(painting: &Painting, seen: Seen) -> Seen {
-    if painting.seen == seen { Seen::Picture } else { seen }
-}
-
 /// What masks are made from.
 const MEASURES: [(MaskMeasure, &str, &str); 5] = [
     (MaskMeasure::Curvature { radius: 0.03 }, "Edges", "Edges that stick out, or hollows: by curvature"),
@@ -359,13 +347,13 @@ fn mask(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
             if ui.small_button("Invert").on_hover_text("It hides where it showed").clicked() {
                 actions.push(LayerAction::InvertMask(id));
             }
-            let is_seen = painting.seen == Seen::Mask(id);
+            let is_seen = painting.seen_mask == Some(id);
             if ui
                 .selectable_label(is_seen, RichText::new("Alone").size(11.0))
                 .on_hover_text("See the mask alone (Alt + click on its picture)")
                 .clicked()
             {
-                actions.push(LayerAction::See(toggled(painting, Seen::Mask(id))));
+                actions.push(LayerAction::SeeMask((!is_seen).then_some(id)));
             }
             if ui.small_button("Remove").on_hover_text("The layer is shown everywhere again").clicked() {
                 actions.push(LayerAction::RemoveMask(id));

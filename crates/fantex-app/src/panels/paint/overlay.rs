@@ -32,9 +32,6 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
     }
     stencil_overlay(ui, viewer, rect);
     work(ui, viewer, rect);
-    if let Some(at) = cursor.filter(|_| viewer.settings.paint.has_readout) {
-        readout(ui, viewer, rect, at);
-    }
     let Some(painting) = &mut viewer.painting else { return };
     let has_plane = symmetry.kind == SymmetryKind::Mirror && symmetry.shows_plane;
     let line =
@@ -62,22 +59,6 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
         rings(&painter, &found, settings.colors.foreground, &place);
     }
     saved(&painter, &painting.save, rect);
-}
-
-/// Tile and values under the cursor, in the lower left corner.
-fn readout(ui: &Ui, viewer: &mut Viewer, rect: Rect, at: DVec2) {
-    let view = viewer.viewpoint();
-    let Some(painting) = &mut viewer.painting else { return };
-    let Some(probe) = painting.probe(&view, at).cloned() else { return };
-    let painter = ui.painter().with_clip_rect(rect);
-    for (line, text) in probe.text(&painting.surface, &painting.channels).into_iter().rev().enumerate() {
-        let place = rect.left_bottom() + vec2(12.0, -10.0 - 16.0 * line as f32);
-        let galley = painter.layout_no_wrap(text, FontId::proportional(12.0), theme::TEXT);
-        let place = place - vec2(0.0, galley.size().y);
-        let card = Rect::from_min_size(place, galley.size()).expand2(vec2(4.0, 0.0));
-        painter.rect_filled(card, CornerRadius::same(2), Color32::from_black_alpha(130));
-        painter.galley(place, galley, theme::TEXT);
-    }
 }
 
 fn rings(painter: &Painter, cursor: &Cursor, [r, g, b]: [u8; 3], place: &impl Fn(DVec2) -> Pos2) {
