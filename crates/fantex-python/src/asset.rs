@@ -264,6 +264,7 @@ impl Asset {
     }
 
     /// Writes the fans themselves: `.glb`, or `.usda` with a MaterialX file and sheets beside it.
+    #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
     fn export_fans(
         &self,
         py: Python<'_>,
