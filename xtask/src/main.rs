@@ -1,4 +1,4 @@
-//! Development chores: `cargo xtask lint | test | fuzz | notices | bench | demo | schema | goldens | compare-binaries`.
+//! Development chores: `cargo xtask lint | test | python | fuzz | notices | bench | demo | schema | goldens | compare-binaries`.
 
 mod advisories;
 mod bench;
@@ -20,6 +20,7 @@ usage: cargo xtask CHORE
 
   lint                       formatting, clippy, direction of the crates, sizes of files, documentation, packages
   test [--slow]              all tests and examples; --slow adds those that are ignored because they take long
+  python                     the part of these that tests the Python package
   fuzz [SECONDS] [SEED]      attacks every reader with damaged files, each for so long (600); says the seed of what it finds
   notices                    writes the licences of all that is in the programs to assets/NOTICES.txt, which they print
   bench                      figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
@@ -37,6 +38,7 @@ fn main() -> ExitCode {
         ["lint"] => lint::run(),
         ["test"] => test::run(false),
         ["test", "--slow"] => test::run(true),
+        ["python"] => test::run_python(),
         ["bench"] => bench::run(),
         ["schema"] => shell::cargo(&["run", "-p", "fantex-look", "--example", "write_reference"]),
         ["goldens"] => goldens::run(None),

@@ -18,7 +18,7 @@ const EXAMPLES: [&str; 6] = [
 
 /// Runs unit, integration and documentation tests, and the examples. `slow` adds tests that are ignored because they take long.
 pub(crate) fn run(slow: bool) -> Result<(), Failure> {
-    let list = root().join("target/skipped-tests.txt");
+    let list = skipped_list();
     // What an earlier run has left.
     std::fs::remove_file(&list).unwrap_or_default();
     let has_nextest = succeeds(&mut cargo_command(&["nextest", "--version"]));
@@ -38,6 +38,16 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     let python = python::run(&list, slow);
     eprintln!("{}", summary(&std::fs::read_to_string(&list).unwrap_or_default(), slow));
     result.and(documentation).and(examples).and(python)
+}
+
+/// Runs the tests of the Python package alone.
+pub(crate) fn run_python() -> Result<(), Failure> {
+    python::run(&skipped_list(), false)
+}
+
+/// Where tests say that they are left out, and why.
+fn skipped_list() -> PathBuf {
+    root().join("target/skipped-tests.txt")
 }
 
 /// The attacks of `fantex-bench`, for so many seconds each, with the checks of builds for development.
