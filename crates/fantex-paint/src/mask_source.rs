@@ -301,9 +301,13 @@ mod tests {
     #[test]
     fn masks_rise_or_fall_between_their_bounds() {
         let rising = MaskSource { from: 0.2, to: 0.6, ..MaskMeasure::Height { axis: 1 }.source() };
-        assert_eq!([0.1, 0.2, 0.4, 0.6, 0.9].map(|x| rising.mask(x)), [0.0, 0.0, 0.5, 1.0, 1.0]);
+        let is = |mask: &MaskSource, expected: [f32; 5]| {
+            let found = [0.1, 0.2, 0.4, 0.6, 0.9].map(|x| mask.mask(x));
+            assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-6), "{found:?}");
+        };
+        is(&rising, [0.0, 0.0, 0.5, 1.0, 1.0]);
         let falling = MaskSource { from: 0.6, to: 0.2, ..rising };
-        assert_eq!([0.1, 0.2, 0.4, 0.6, 0.9].map(|x| falling.mask(x)), [1.0, 1.0, 0.5, 0.0, 0.0]);
+        is(&falling, [1.0, 1.0, 0.5, 0.0, 0.0]);
         let hard = MaskSource { from: 0.5, to: 0.5, ..rising };
         assert_eq!([0.4, 0.6].map(|x| hard.mask(x)), [0.0, 1.0]);
     }
