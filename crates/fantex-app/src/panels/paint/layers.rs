@@ -310,11 +310,11 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     if !matches!(layer.content, LayerContent::Painted) {
         ui.horizontal(|ui| {
             ui.label(RichText::new("Shows").color(theme::FAINT));
-            ui.label(fill_name(layer));
             let tip = "It shows the current colour, pattern or look, and material instead";
             if ui.small_button("Change").on_hover_text(tip).clicked() {
                 actions.push(LayerAction::Refill(id));
             }
+            ui.add(Label::new(fill_name(layer)).truncate());
         });
     }
     mask(ui, painting, layer, actions);
@@ -341,7 +341,7 @@ const MEASURES: [(MaskMeasure, &str, &str); 5] = [
 /// The chosen layer's mask: what it is made from, and what is done with it.
 fn mask(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
     let id = layer.id();
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new("Mask").color(theme::FAINT));
         if layer.mask.is_some() {
             if ui.small_button("Invert").on_hover_text("It hides where it showed").clicked() {
