@@ -47,6 +47,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("binary.ply", binary_ply),
         ("ascii.stl", ascii_stl.into()),
         ("binary.stl", binary_stl(2)),
+        ("meshopt.glb", include_bytes!("../data/torus_meshopt_khr.glb").to_vec()),
     ]
 }
 
@@ -100,7 +101,7 @@ proptest! {
 
     #[test]
     fn damaged_files_are_refused_or_sound(
-        sample in 0usize..7,
+        sample in 0usize..8,
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {
         let (name, mut bytes) = samples().swap_remove(sample);
@@ -117,7 +118,7 @@ proptest! {
     }
 
     #[test]
-    fn flipped_bits_are_refused_or_sound(sample in 0usize..7, place: prop::sample::Index, bit in 0u32..8) {
+    fn flipped_bits_are_refused_or_sound(sample in 0usize..8, place: prop::sample::Index, bit in 0u32..8) {
         let (name, mut bytes) = samples().swap_remove(sample);
         let place = place.index(bytes.len());
         bytes[place] ^= 1 << bit;

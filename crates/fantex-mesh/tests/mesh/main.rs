@@ -4,6 +4,7 @@
 
 mod clean;
 mod common;
+mod compressed;
 mod displace;
 mod files;
 mod generate;

@@ -1,14 +1,16 @@
 //! The GLB container: a header, a chunk of JSON and an optional chunk of binary data.
 
 use std::borrow::Cow;
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine as _, alphabet};
+use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result, counted};
 
 use super::schema::{Accessor, Buffer, Root, Sparse};
-use super::{Document, get};
+use super::{Document, get, meshopt};
 use crate::load::{SourceFile, locate, read_file};
 
 /// Splits a GLB file into its JSON and its binary data. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
@@ -117,8 +119,11 @@ pub(super) const NO_DATA: &str =
 
 pub(super) struct Buffers<'a> {
     root: &'a Root,
+    limit: u64,
     /// None where a buffer names no data: an error only where it is read.
     bytes: Vec<Option<Cow<'a, [u8]>>>,
+    /// Of each buffer view that is compressed, once it was read.
+    decompressed: Vec<OnceCell<(Vec<u8>, Held)>>,
 }
 
 impl<'a> Buffers<'a> {
@@ -126,7 +131,9 @@ impl<'a> Buffers<'a> {
     pub(super) fn load(root: &'a Root, file: &SourceFile<'a>, binary: Option<&'a [u8]>) -> Result<Self> {
         let mut total_bytes = 0;
         let load = |(index, buffer): (usize, &Buffer)| {
+            let is_fallback = buffer.extensions.meshopt.as_ref().is_some_and(|meshopt| meshopt.fallback);
             let bytes = match &buffer.uri {
+                _ if is_fallback => Ok(None),
                 Some(uri) => fetch(uri, file, &mut total_bytes).map(|bytes| Some(Cow::Owned(bytes))),
                 None => Ok(binary.filter(|_| index == 0).map(Cow::Borrowed)),
             };
@@ -135,22 +142,48 @@ impl<'a> Buffers<'a> {
                 .map_err(|error| error.context(format!("buffer {index}")))
         };
         let bytes = root.buffers.iter().enumerate().map(load).collect::<Result<_, _>>()?;
-        Ok(Self { root, bytes })
+        let decompressed = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
+        Ok(Self { root, limit: file.limits.max_file_bytes, bytes, decompressed })
     }
 
     /// The bytes of a buffer view; `from` names the referrer.
     pub(super) fn view(&self, index: usize, from: impl FnOnce() -> String) -> Result<&[u8]> {
         let view = get(&self.root.buffer_views, index, "buffer view", from)?;
-        let bytes = get(&self.bytes, view.buffer, "buffer", || format!("buffer view {index}"))?;
+        let Some(meshopt) = &view.extensions.meshopt else {
+            return self.range(index, [view.buffer, view.byte_offset, view.byte_length]);
+        };
+        let cell = &self.decompressed[index];
+        if let Some((bytes, _)) = cell.get() {
+            return Ok(bytes);
+        }
+        let source = self.range(index, [meshopt.buffer, meshopt.byte_offset, meshopt.byte_length])?;
+        let failed = |error: Error| error.context(format!("buffer view {index}"));
+        let length = meshopt.count.checked_mul(meshopt.byte_stride);
+        if length != Some(view.byte_length) {
+            let (length, count, stride) = (view.byte_length, meshopt.count, meshopt.byte_stride);
+            return Err(failed(Error::malformed(format!(
+                "it has {length} bytes, but {count} elements of {stride} bytes in compressed form"
+            ))));
+        }
+        if view.byte_length as u64 > self.limit {
+            let sentence =
+                format!("its {} bytes are more than the limit of {}", view.byte_length, self.limit);
+            return Err(failed(Error::too_large(sentence)));
+        }
+        let held = input::reserve(format_args!("buffer view {index}"), view.byte_length as u64)?;
+        let bytes = meshopt::decode(meshopt, source).map_err(failed)?;
+        Ok(&cell.get_or_init(|| (bytes, held)).0)
+    }
+
+    /// So many bytes of a buffer from an offset on, for buffer view `index`.
+    fn range(&self, index: usize, [buffer, offset, length]: [usize; 3]) -> Result<&[u8]> {
+        let bytes = get(&self.bytes, buffer, "buffer", || format!("buffer view {index}"))?;
         let bytes =
-            bytes.as_deref().ok_or_else(|| Error::malformed(format!("buffer {}: {NO_DATA}", view.buffer)))?;
-        let end = view.byte_offset as u128 + view.byte_length as u128;
-        let range = view.byte_offset..usize::try_from(end).unwrap_or(usize::MAX);
-        bytes.get(range).ok_or_else(|| {
+            bytes.as_deref().ok_or_else(|| Error::malformed(format!("buffer {buffer}: {NO_DATA}")))?;
+        let end = offset as u128 + length as u128;
+        bytes.get(offset..usize::try_from(end).unwrap_or(usize::MAX)).ok_or_else(|| {
             Error::malformed(format!(
-                "buffer view {index} covers bytes {} to {end} of buffer {}, which has {}",
-                view.byte_offset,
-                view.buffer,
+                "buffer view {index} covers bytes {offset} to {end} of buffer {buffer}, which has {}",
                 bytes.len()
             ))
         })

@@ -6,11 +6,12 @@
 //!                                        +--> materials, images -------+
 //! ```
 //!
-//! Extensions that are read: KHR_mesh_quantization, KHR_texture_transform, KHR_materials_unlit,
-//! KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and lights are noted and ignored; any
-//! other extension that a file *requires* (compression, most of all) makes it unreadable.
+//! Extensions that are read: KHR_mesh_quantization, EXT_meshopt_compression and KHR_meshopt_compression, KHR_texture_transform,
+//! KHR_materials_unlit, KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and
+//! lights are noted and ignored; any other extension that a file *requires* (other compression, most of all) makes it unreadable.
 
 mod data;
+mod meshopt;
 mod pose;
 mod schema;
 
@@ -89,8 +90,10 @@ fn requires(extensions: &str) -> Error {
 }
 
 fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
-    const READ: [&str; 7] = [
+    const READ: [&str; 9] = [
         "KHR_mesh_quantization",
+        "EXT_meshopt_compression",
+        "KHR_meshopt_compression",
         "KHR_texture_transform",
         "KHR_materials_unlit",
         "KHR_materials_emissive_strength",

@@ -1,0 +1,78 @@
+//! Compressed glTF, as other programs wrote it (`tests/data/README.md`), against the formulas of the model.
+
+use std::collections::HashSet;
+use std::f64::consts::TAU;
+
+use crate::common::*;
+use fantex_mesh::Model;
+use glam::{DVec3, Vec4};
+
+const SIDE: usize = 16;
+
+/// Every triangle is there once, and every corner has the torus's position, normal and colour for its texture coordinates, within
+/// what quantization leaves.
+#[track_caller]
+fn assert_torus(model: &Model, [position_error, normal_error]: [f64; 2]) {
+    assert_consistent(model);
+    assert_eq!((model.positions.len(), model.triangles.len()), ((SIDE + 1) * (SIDE + 1), 2 * SIDE * SIDE));
+    let mut seen = HashSet::new();
+    for (t, triangle) in model.triangles.iter().enumerate() {
+        let mut nodes = [[0; 2]; 3];
+        for k in 0..3 {
+            let corner = 3 * t + k;
+            // glTF's own transform of coordinates counts.
+            let transform = model.materials[0].base_color_texture.as_ref().unwrap().uv_transform;
+            let uv = transform.transform_point2(model.corners.uv_sets[0][corner]).as_dvec2();
+            nodes[k] = (uv * SIDE as f64).round().as_ivec2().to_array();
+            let uv = glam::DVec2::new(nodes[k][0].into(), nodes[k][1].into()) / SIDE as f64 - uv;
+            assert!(uv.length() < 1e-3, "{uv}");
+            let [u, v] = nodes[k].map(|i| f64::from(i) / SIDE as f64);
+            let ((sin_a, cos_a), (sin_b, cos_b)) = ((TAU * u).sin_cos(), (TAU * v).sin_cos());
+            let normal = DVec3::new(cos_b * cos_a, cos_b * sin_a, sin_b);
+            let position = DVec3::new(cos_a, sin_a, 0.0) + 0.4 * normal;
+            let found = model.positions[triangle[k] as usize];
+            assert!((found - position).length() < position_error, "{found} for {position}");
+            let found = model.corners.normals[corner].as_dvec3();
+            assert!((found - normal).length() < normal_error, "{found} for {normal}");
+            let color = glam::DVec4::new(u, v, 1.0 - u, 1.0 - v / 2.0).as_vec4();
+            let found = model.corners.colors[corner];
+            assert!((found - color).abs().cmple(Vec4::splat(0.012)).all(), "{found} for {color}");
+        }
+        let [a, b, c] = nodes.map(|[i, j]| glam::IVec2::new(i, j));
+        assert_eq!((b - a).perp_dot(c - a), 1, "half a square, turned as all others");
+        nodes.sort_unstable();
+        assert!(seen.insert(nodes), "{nodes:?} twice");
+    }
+}
+
+#[test]
+fn meshopt_is_decompressed() {
+    let old = include_bytes!("../data/torus_meshopt_ext.glb");
+    assert_torus(&load_files(&[("ext.glb", old)]).unwrap(), [1e-4, 1e-3]);
+    let new = include_bytes!("../data/torus_meshopt_khr.glb");
+    assert_torus(&load_files(&[("khr.glb", new)]).unwrap(), [2e-3, 2e-2]);
+}
+
+#[test]
+fn damaged_meshopt_is_refused_with_its_place() {
+    let sound = include_bytes!("../data/torus_meshopt_ext.glb");
+    let text = String::from_utf8_lossy(sound);
+    let refuse = |from: &str, to: &str| {
+        assert!(text.contains(from));
+        let at = sound.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        let mut bytes = sound.to_vec();
+        bytes[at..at + from.len()].copy_from_slice(to.as_bytes());
+        message("a.glb", &bytes)
+    };
+    assert_mentions(&refuse("ATTRIBUTES", "ATTRIBUTED"), &["buffer view 1", "ATTRIBUTED", "unknown"]);
+    assert_mentions(
+        &refuse(r#""count":289"#, r#""count":288"#),
+        &["buffer view 1", "288 elements of 8 bytes"],
+    );
+    let mut bytes = sound.to_vec();
+    let end = bytes.len();
+    bytes[end - 4] ^= 1;
+    bytes[end - 300] ^= 255;
+    bytes.truncate(end);
+    assert_mentions(&message("a.glb", &bytes), &["buffer view"]);
+}
