@@ -101,14 +101,15 @@ class FANTEX_OT_bake(bpy.types.Operator):
     def execute(self, context):
         """Without a window: waits for the end."""
         try:
-            bake = self.start(context)
+            bake, original = self.start(context), context.object
         except (ValueError, OSError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if bpy.app.background:
             bake.thread.join()
-            return self.finish(context, bake)
-        self._bake, self._item = bake, context.object
+            return self.finish(context, bake, original)
+        # Another object may be active when the bake ends, and this one be gone.
+        self._bake, self._name = bake, original.name
         context.window_manager.progress_begin(0, 100)
         self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -126,19 +127,20 @@ class FANTEX_OT_bake(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-        return self.finish(context, bake)
+        return self.finish(context, bake, bpy.data.objects.get(self._name))
 
-    def finish(self, context, bake):
+    def finish(self, context, bake, original):
         if bake.error is not None:
             level = "WARNING" if isinstance(bake.error, Cancelled) else "ERROR"
             self.report({level}, str(bake.error) or "The bake was ended; nothing was written")
             return {"CANCELLED"}
-        original = context.object
-        item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{original.name} fans", False)
-        item.matrix_world = original.matrix_world
+        name = original.name if original else os.path.splitext(os.path.basename(self.filepath))[0]
+        item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{name} fans", False)
         context.collection.objects.link(item)
-        original.hide_set(True)
-        original.select_set(False)
+        if original:
+            item.matrix_world = original.matrix_world
+            original.hide_set(True)
+            original.select_set(False)
         item.select_set(True)
         context.view_layer.objects.active = item
         texels, tiles = bake.asset.info["texels"], bake.asset.info["tiles"]

@@ -92,15 +92,35 @@ pub fn export_model(
     }
     let tangents = job.tangents(&maps);
     let mut summary = job.run(&maps, &tangents, pages, progress)?;
-    let geometry = Geometry::new(asset.mesh(), &job.layout, &job.normals, &tangents);
+    let (mesh, layout) = (asset.mesh(), &job.layout);
+    let page = |t: usize| layout.page_of_material.get(mesh.material_of(t)).copied().flatten().unwrap_or(0);
+    let uv = |corner: usize| [layout.uv[corner / 3][corner % 3]];
+    let geometry = Geometry::new(mesh, &job.normals, &tangents, uv, page);
     let document = Document {
         name: &stem,
-        parts: &asset.mesh().parts.names,
+        parts: &mesh.parts.names,
         geometry: &geometry,
-        layout: &job.layout,
-        materials: &asset.mesh().materials,
+        materials: &mesh.materials,
         maps: &maps,
+        repeats: layout.repeats,
+        delta: None,
     };
+    write_model(&document, images, is_binary, output, &mut outputs)?;
+    summary.vertices = geometry.positions.len();
+    let is_shown = |kind: ChannelKind| maps.iter().any(|m| m.kind.channel() == kind);
+    summary.left_out = asset.channels().iter().map(|c| c.kind).filter(|&k| !is_shown(k)).collect();
+    summary.files = outputs.commit()?;
+    Ok(summary)
+}
+
+/// Writes the model whose pictures are written already: each has the name of its file beside a .gltf, without an extension.
+pub(crate) fn write_model(
+    document: &Document<'_>,
+    images: Vec<(String, File)>,
+    is_binary: bool,
+    output: &Path,
+    outputs: &mut Outputs,
+) -> Result<()> {
     let failed = |source| Error::writing(output, source);
     let mut images = images
         .into_iter()
@@ -114,24 +134,20 @@ pub fn export_model(
         .map_err(failed)?;
     if is_binary {
         let (file, _) = outputs.create(output)?;
-        let written = write_glb(&document, &mut images, &file).map_err(|bytes| {
+        let written = write_glb(document, &mut images, &file).map_err(|bytes| {
             let path = output.display();
+            let other = if document.delta.is_some() { ".usda" } else { ".gltf" };
             let message =
-                format!("{path} would take {bytes} bytes, but a GLB file holds 4 GiB; write a .gltf");
+                format!("{path} would take {bytes} bytes, but a GLB file holds 4 GiB; write a {other}");
             Error::too_large(message).with_path(output)
         })?;
-        written.map_err(failed)?;
+        written.map_err(failed)
     } else {
-        let buffer_name = format!("{stem}.bin");
+        let buffer_name = format!("{}.bin", document.name);
         let (buffer, _) = outputs.create(&output.with_file_name(&buffer_name))?;
         let (text, _) = outputs.create(output)?;
-        write_gltf(&document, &images, &buffer_name, &text, &buffer).map_err(failed)?;
+        write_gltf(document, &images, &buffer_name, &text, &buffer).map_err(failed)
     }
-    summary.vertices = geometry.positions.len();
-    let is_shown = |kind: ChannelKind| maps.iter().any(|m| m.kind.channel() == kind);
-    summary.left_out = asset.channels().iter().map(|c| c.kind).filter(|&k| !is_shown(k)).collect();
-    summary.files = outputs.commit()?;
-    Ok(summary)
 }
 
 /// Writes one channel of an asset, laid out as [`export_model`] does, as `.png` (of `depth`), `.exr` or `.ktx2`.
@@ -175,7 +191,7 @@ pub fn export_channel(
     let mut outputs = Outputs::new(options.force);
     let (file, temporary) = outputs.create(output)?;
     let sink: Box<dyn RowSink> = match extension.as_str() {
-        "png" => Box::new(PngSink::new(file, output.into(), page.side, map, depth)?),
+        "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], map, depth)?),
         "ktx2" => Box::new(Ktx2Sink::new(file, output, page.side, &map)?),
         _ => Box::new(FloatSink::new(temporary, page.side, &map)),
     };
@@ -241,7 +257,7 @@ impl<'a> Job<'a> {
         };
         let copy = file.try_clone().map_err(failed)?;
         let named = if is_binary { output } else { &path };
-        let png = PngSink::new(copy, named.into(), side, *map, Depth::Eight)?;
+        let png = PngSink::new(copy, named.into(), [side; 2], *map, Depth::Eight)?;
         if !self.options.with_ktx2 {
             return Ok((Box::new(png), file));
         }
@@ -274,7 +290,6 @@ impl<'a> Job<'a> {
             covered += stats.covered;
             contested += stats.contested;
         }
-        let damage = self.cache.damage();
         Ok(ExportSummary {
             sides: self.layout.pages.iter().map(|p| p.side).collect(),
             maps: maps.iter().map(|m| m.kind).collect(),
@@ -284,7 +299,7 @@ impl<'a> Job<'a> {
             overlapping_share: contested as f64 / covered.max(1) as f64,
             density_share: f64::from(self.layout.texels_per_unit / asset.cover().density),
             texels: total,
-            damage: damage.first.first().map(|(_, page, why)| (damage.pages, format!("{page}: {why}"))),
+            damage: damage_of(&self.cache),
             ..ExportSummary::default()
         })
     }
@@ -319,6 +334,12 @@ pub(crate) fn scale_of(cache: &PageCache, map: &Map) -> f32 {
         numbers.filter(|x| x.is_finite()).fold(1.0, f32::max)
     };
     (0..asset.cover().groups.len()).into_par_iter().map(brightest).reduce(|| 1.0, f32::max)
+}
+
+/// Pages that could not be read, and the first with its reason.
+pub(crate) fn damage_of(cache: &PageCache) -> Option<(u64, String)> {
+    let damage = cache.damage();
+    damage.first.first().map(|(_, page, why)| (damage.pages, format!("{page}: {why}")))
 }
 
 pub(crate) fn cancelled() -> Error {

@@ -8,7 +8,7 @@
 //! A shader that interpolates the three coordinates and the barycentric coordinates `l` has the texture function: with
 //! `a_i = max(0, l_i - max(l_j, l_k) + delta)` it is the mean of the three look-ups, weighted by `a_i`. At a sheet's level 0, filtered
 //! bilinearly, that is the function of level 0 exactly. Coarser levels of a sheet stay inside the tile and its gutter down to the level
-//! at which a texel is as wide as the gutter.
+//! at which a texel is half as wide as the gutter.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -100,69 +100,126 @@ pub fn fan_sheets(
     options: &FanSheetOptions,
     progress: &dyn Progress,
 ) -> Result<FanSheets> {
-    let FanSheetOptions { gutter, largest_side, memory_bytes } = *options;
-    if !gutter.is_power_of_two() || gutter > MAX_GUTTER {
-        return Err(Error::invalid(format!(
-            "a gutter cannot be {gutter} texels; give a power of two up to {MAX_GUTTER}"
-        )));
-    }
-    if !(64..=MAX_SIDE).contains(&largest_side) {
-        return Err(Error::invalid(format!(
-            "a sheet cannot have {largest_side} columns; give 64 to {MAX_SIDE}"
-        )));
-    }
-    let (mesh, cover) = (asset.mesh(), asset.cover());
-    let plans = plan(cover, gutter, largest_side)?;
-    let cache = PageCache::new(Arc::clone(asset), (memory_bytes / 4) as usize);
-    let maps: Vec<Map> = MAPS
-        .into_iter()
-        .filter_map(|kind| Map::of(asset, kind))
-        .map(|map| map.scaled(scale_of(&cache, &map)))
-        .collect();
-    let texel_bytes: u64 =
-        maps.iter().map(|map| (map.components.count() * sample_bytes(depth_of(map))) as u64).sum();
-    let texels: u64 = plans.iter().map(Plan::texels).sum();
-    if texels * texel_bytes > memory_bytes {
-        return Err(Error::too_large(format!(
-            "{} of {texels} texels need {} bytes at once, but {memory_bytes} are allowed; give more memory",
-            if plans.len() == 1 { "a sheet" } else { "sheets" },
-            texels * texel_bytes
-        )));
-    }
-    let mut sheets = FanSheets {
-        delta: cover.delta,
-        uv: vec![[[Vec2::ZERO; 3]; 3]; mesh.triangles.len()],
-        sheet_of_triangle: vec![0; mesh.triangles.len()],
-        maps: maps.iter().map(sheet_map).collect(),
-        sheets: Vec::new(),
-        used_share: 0.0,
-    };
-    let shapes = Shapes {
-        mesh,
-        cover,
-        of_group: GroupTriangles::of(cover),
-        normals: shading_normals(mesh),
-        stored: cover.stored_blocks(mesh),
-    };
-    let (mut done, mut used) = (0, 0);
-    for (index, plan) in (0u32..).zip(&plans) {
-        for &t in &plan.triangles {
-            sheets.sheet_of_triangle[t as usize] = index;
-            sheets.uv[t as usize] = plan.corners(mesh, cover, t as usize, gutter);
-        }
-        let mut sheet = FanSheet { size: plan.size, pictures: Vec::new() };
-        for map in &maps {
-            sheet.pictures.push(plan.picture(&cache, map, &shapes, gutter, &mut |texels| {
-                done += texels;
-                progress.report(done, texels_of_tiles(cover, &plans) * maps.len() as u64);
-                if progress.is_cancelled() { Err(cancelled()) } else { Ok(()) }
-            })?);
-        }
-        used += plan.groups.iter().map(|&g| tile_texels(cover, g)).sum::<u64>();
-        sheets.sheets.push(sheet);
-    }
-    sheets.used_share = used as f64 / texels.max(1) as f64;
+    let packer = Packer::new(asset, options)?;
+    packer.check_memory(packer.pictures().map(|(sheet, map)| packer.picture_bytes(sheet, map)).sum())?;
+    let mut sheets = packer.described();
+    packer.draw(progress, &mut |sheet, _, picture| {
+        sheets.sheets[sheet].pictures.push(picture);
+        Ok(())
+    })?;
     Ok(sheets)
+}
+
+/// Makes sheets, one picture after the other.
+pub(crate) struct Packer<'a> {
+    pub(crate) cache: PageCache,
+    options: FanSheetOptions,
+    plans: Vec<Plan>,
+    pub(crate) maps: Vec<Map>,
+    pub(crate) shapes: Shapes<'a>,
+}
+
+impl<'a> Packer<'a> {
+    pub(crate) fn new(asset: &'a Arc<Asset>, options: &FanSheetOptions) -> Result<Self> {
+        let FanSheetOptions { gutter, largest_side, memory_bytes } = *options;
+        if !gutter.is_power_of_two() || gutter > MAX_GUTTER {
+            return Err(Error::invalid(format!(
+                "a gutter cannot be {gutter} texels; give a power of two up to {MAX_GUTTER}"
+            )));
+        }
+        if !(64..=MAX_SIDE).contains(&largest_side) {
+            return Err(Error::invalid(format!(
+                "a sheet cannot have {largest_side} columns; give 64 to {MAX_SIDE}"
+            )));
+        }
+        let (mesh, cover) = (asset.mesh(), asset.cover());
+        let plans = plan(cover, gutter, largest_side)?;
+        let cache = PageCache::new(Arc::clone(asset), (memory_bytes / 8) as usize);
+        let maps = MAPS
+            .into_iter()
+            .filter_map(|kind| Map::of(asset, kind))
+            .map(|map| map.scaled(scale_of(&cache, &map)))
+            .collect();
+        let shapes = Shapes {
+            mesh,
+            cover,
+            of_group: GroupTriangles::of(cover),
+            normals: shading_normals(mesh),
+            stored: cover.stored_blocks(mesh),
+        };
+        Ok(Self { cache, options: *options, plans, maps, shapes })
+    }
+
+    /// Numbers of sheet and map of all pictures, in the order in which they are made.
+    pub(crate) fn pictures(&self) -> impl Iterator<Item = (usize, usize)> {
+        let maps = self.maps.len();
+        (0..self.plans.len()).flat_map(move |sheet| (0..maps).map(move |map| (sheet, map)))
+    }
+
+    pub(crate) fn picture_bytes(&self, sheet: usize, map: usize) -> u64 {
+        self.plans[sheet].texels() * texel_bytes(&self.maps[map]) as u64
+    }
+
+    /// # Errors
+    /// Pictures of so many bytes do not fit: tiles in work and pages read have the rest.
+    pub(crate) fn check_memory(&self, picture_bytes: u64) -> Result<()> {
+        let allowed = self.options.memory_bytes / 4 * 3;
+        if picture_bytes <= allowed {
+            return Ok(());
+        }
+        Err(Error::too_large(format!(
+            "pictures of the sheets need {picture_bytes} bytes at once, but {allowed} of the memory are theirs; give more memory or allow \
+             smaller sheets"
+        )))
+    }
+
+    /// Everything but the pictures.
+    pub(crate) fn described(&self) -> FanSheets {
+        let Shapes { mesh, cover, .. } = &self.shapes;
+        let mut sheets = FanSheets {
+            delta: cover.delta,
+            uv: vec![[[Vec2::ZERO; 3]; 3]; mesh.triangles.len()],
+            sheet_of_triangle: vec![0; mesh.triangles.len()],
+            maps: self.maps.iter().map(sheet_map).collect(),
+            sheets: self
+                .plans
+                .iter()
+                .map(|plan| FanSheet { size: plan.size, pictures: Vec::new() })
+                .collect(),
+            used_share: 0.0,
+        };
+        for (index, plan) in (0u32..).zip(&self.plans) {
+            for &t in &plan.triangles {
+                sheets.sheet_of_triangle[t as usize] = index;
+                sheets.uv[t as usize] = plan.corners(mesh, cover, t as usize, self.options.gutter);
+            }
+        }
+        let texels: u64 = self.plans.iter().map(Plan::texels).sum();
+        sheets.used_share = texels_of_tiles(cover, &self.plans) as f64 / texels.max(1) as f64;
+        sheets
+    }
+
+    /// Makes each picture and hands it on, with the numbers of its sheet and map.
+    pub(crate) fn draw(
+        &self,
+        progress: &dyn Progress,
+        keep: &mut dyn FnMut(usize, usize, Vec<u8>) -> Result<()>,
+    ) -> Result<()> {
+        let total = texels_of_tiles(self.shapes.cover, &self.plans) * self.maps.len() as u64;
+        let mut done = 0;
+        for (sheet, map) in self.pictures() {
+            let mut tell = |texels| {
+                done += texels;
+                progress.report(done, total);
+                if progress.is_cancelled() { Err(cancelled()) } else { Ok(()) }
+            };
+            let gutter = self.options.gutter;
+            let picture =
+                self.plans[sheet].picture(&self.cache, &self.maps[map], &self.shapes, gutter, &mut tell)?;
+            keep(sheet, map, picture)?;
+        }
+        Ok(())
+    }
 }
 
 /// What sheets are made of, in their order.
@@ -174,12 +231,13 @@ const MAPS: [ChannelMap; 5] = [
     ChannelMap::Light,
 ];
 
-fn depth_of(map: &Map) -> Depth {
+/// Bits per sample of a sheet's picture.
+pub(crate) fn depth_of(map: &Map) -> Depth {
     if map.kind == ChannelMap::Normal { Depth::Sixteen } else { Depth::Eight }
 }
 
-fn sample_bytes(depth: Depth) -> usize {
-    if depth == Depth::Eight { 1 } else { 2 }
+fn texel_bytes(map: &Map) -> usize {
+    map.components.count() * if depth_of(map) == Depth::Eight { 1 } else { 2 }
 }
 
 fn sheet_map(map: &Map) -> SheetMap {
@@ -202,12 +260,12 @@ fn texels_of_tiles(cover: &Cover, plans: &[Plan]) -> u64 {
 }
 
 /// The surface that object-space normals are turned on.
-struct Shapes<'a> {
+pub(crate) struct Shapes<'a> {
     mesh: &'a Mesh,
     cover: &'a Cover,
     of_group: GroupTriangles,
     /// Unit, per corner.
-    normals: Vec<Vec3>,
+    pub(crate) normals: Vec<Vec3>,
     stored: StoredBlocks,
 }
 
@@ -284,7 +342,7 @@ impl Plan {
         tell: &mut dyn FnMut(u64) -> Result<()>,
     ) -> Result<Vec<u8>> {
         let depth = depth_of(map);
-        let texel = map.components.count() * sample_bytes(depth);
+        let texel = texel_bytes(map);
         let background = samples(&[map.background], map, depth);
         let mut picture = background.repeat(self.texels() as usize);
         let row_bytes = self.size[0] as usize * texel;

@@ -16,10 +16,12 @@ mod export;
 mod fan_files;
 mod fans;
 mod layout;
+mod materialx;
 mod model_file;
 mod pictures;
 mod texels;
 mod unwrap;
+mod usd;
 
 pub use atlas::*;
 pub use export::*;

@@ -16,18 +16,21 @@ use serde_json::{Value, json};
 use tempfile::NamedTempFile;
 
 use crate::export::{ChannelMap, Map};
-use crate::layout::Layout;
 
-// ---- glTF 2.0: one buffer with the geometry, one mesh with a primitive per material, one picture per map and page.
+// ---- glTF 2.0: one buffer with the geometry, a mesh per part with a primitive per material, one picture per map and page.
 
 pub(crate) struct Document<'a> {
     pub(crate) name: &'a str,
     /// Names of the parts; without any there is one of the name above.
     pub(crate) parts: &'a [String],
     pub(crate) geometry: &'a Geometry,
-    pub(crate) layout: &'a Layout,
     pub(crate) materials: &'a [Material],
+    /// What the pictures of each page show, in their order.
     pub(crate) maps: &'a [Map],
+    /// Whether coordinates leave 0..1.
+    pub(crate) repeats: bool,
+    /// The width of the blend band where coordinates are those of fans. Normals are in object space then, which glTF has no place for.
+    pub(crate) delta: Option<f32>,
 }
 
 pub(crate) struct ImageFile {
@@ -59,7 +62,7 @@ pub(crate) fn write_glb(
     images: &mut [ImageFile],
     out: &File,
 ) -> Result<io::Result<()>, u64> {
-    let mut binary_bytes = document.geometry.section_bytes().iter().sum::<u64>();
+    let mut binary_bytes = document.geometry.byte_count();
     let mut offsets = Vec::with_capacity(images.len());
     for image in images.iter() {
         offsets.push(binary_bytes);
@@ -88,7 +91,7 @@ pub(crate) fn write_gltf(
     text: &File,
     buffer: &File,
 ) -> io::Result<()> {
-    let bytes = document.geometry.section_bytes().iter().sum();
+    let bytes = document.geometry.byte_count();
     let json = document.json(images, &Place::Beside(buffer_name), bytes);
     let mut out = BufWriter::new(text);
     serde_json::to_writer_pretty(&mut out, &json)?;
@@ -113,7 +116,12 @@ impl Document<'_> {
                 Place::Beside(_) => json!({ "name": image.name, "uri": uri(&image.name) }),
             })
             .collect();
-        let materials: Vec<Value> = self.geometry.materials().map(|m| self.material_json(m)).collect();
+        let materials: Vec<Value> = self
+            .geometry
+            .looks()
+            .into_iter()
+            .map(|(material, page)| self.material_json(material, page))
+            .collect();
         let mut used: Vec<&str> = materials
             .iter()
             .filter_map(|m| m.get("extensions")?.as_object())
@@ -136,9 +144,10 @@ impl Document<'_> {
         let nodes: Vec<Value> = parts.iter().enumerate().map(node).collect();
         let mesh = |part: &&[(usize, Value)]| {
             let primitives: Vec<&Value> = part.iter().map(|(_, primitive)| primitive).collect();
-            json!({ "name": name(part[0].0), "primitives": primitives })
+            let extras = self.delta.map(|delta| json!({ "fantexDelta": delta }));
+            object(json!({ "name": name(part[0].0), "primitives": primitives, "extras": extras }))
         };
-        let wrap = if self.layout.repeats { REPEAT } else { CLAMP_TO_EDGE };
+        let wrap = if self.repeats { REPEAT } else { CLAMP_TO_EDGE };
         let texture = |source: usize| json!({ "source": source, "sampler": 0 });
         let sampler = json!({
             "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": wrap, "wrapT": wrap,
@@ -164,14 +173,10 @@ impl Document<'_> {
     /// Views, accessors, and primitives with their parts.
     fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<(usize, Value)>) {
         let geometry = self.geometry;
-        let names = ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0"];
-        let types = ["VEC3", "VEC3", "VEC4", "VEC2"];
-        let sections = geometry.section_bytes();
         let (mut views, mut accessors, mut offset) = (Vec::new(), Vec::new(), 0);
-        let mut attributes = Vec::new();
-        for (k, &bytes) in sections[..4].iter().enumerate().filter(|(_, bytes)| **bytes > 0) {
-            let stride = bytes / geometry.positions.len() as u64;
-            attributes.push((names[k], types[k], views.len(), stride));
+        let attributes = geometry.attributes();
+        for (_, _, stride) in &attributes {
+            let bytes = stride * geometry.positions.len() as u64;
             views.push(json!({
                 "buffer": 0, "byteOffset": offset, "byteLength": bytes, "byteStride": stride, "target": ARRAY_BUFFER,
             }));
@@ -179,19 +184,19 @@ impl Document<'_> {
         }
         let index_view = views.len();
         views.push(json!({
-            "buffer": 0, "byteOffset": offset, "byteLength": sections[4], "target": ELEMENT_ARRAY_BUFFER,
+            "buffer": 0, "byteOffset": offset, "byteLength": 12 * geometry.triangle_count(), "target": ELEMENT_ARRAY_BUFFER,
         }));
         let (mut primitives, mut first) = (Vec::new(), 0);
-        let used: Vec<usize> = geometry.materials().collect();
-        for Primitive { part, material, vertices, triangles } in &geometry.primitives {
-            let material = used.binary_search(material).unwrap_or_default();
+        let looks = geometry.looks();
+        for Primitive { part, material, page, vertices, triangles } in &geometry.primitives {
+            let look = looks.binary_search(&(*material, *page)).unwrap_or_default();
             let positions = &geometry.positions[vertices.clone()];
             let (low, high) = positions
                 .iter()
                 .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
             let start = accessors.len();
             let mut own = json!({});
-            for (name, kind, view, stride) in &attributes {
+            for (view, (name, kind, stride)) in attributes.iter().enumerate() {
                 own[name] = accessors.len().into();
                 accessors.push(json!({
                     "bufferView": view, "byteOffset": stride * vertices.start as u64, "componentType": FLOAT,
@@ -201,7 +206,7 @@ impl Document<'_> {
             accessors[start]["min"] = json!(low.to_array());
             accessors[start]["max"] = json!(high.to_array());
             let primitive = json!({
-                "attributes": own, "indices": accessors.len(), "material": material, "mode": 4,
+                "attributes": own, "indices": accessors.len(), "material": look, "mode": 4,
             });
             primitives.push((*part, primitive));
             accessors.push(json!({
@@ -213,15 +218,20 @@ impl Document<'_> {
         (views, accessors, primitives)
     }
 
-    /// A material: pictures where the asset has a channel, its factors elsewhere.
-    fn material_json(&self, index: usize) -> Value {
+    /// A material with the pictures of a page: these where the asset has a channel, its factors elsewhere.
+    fn material_json(&self, material: usize, page: usize) -> Value {
         let default_material = Material::default();
-        let material = self.materials.get(index).unwrap_or(&default_material);
-        let page = self.layout.page_of_material.get(index).copied().flatten().unwrap_or(0);
+        let material = self.materials.get(material).unwrap_or(&default_material);
         let texture = |kind: ChannelMap| {
             let map = self.maps.iter().position(|m| m.kind == kind)?;
             Some(json!({ "index": page * self.maps.len() + map }))
         };
+        let normal = texture(ChannelMap::Normal);
+        // In object space, so no program that knows no fans may take them for its own.
+        let extras = self.delta.map(|delta| {
+            let picture = normal.as_ref().map(|texture| texture["index"].clone());
+            object(json!({ "fantexDelta": delta, "fantexObjectNormalTexture": picture }))
+        });
         let (orm, color) = (texture(ChannelMap::OcclusionRoughnessMetallic), texture(ChannelMap::BaseColor));
         let factor = |factor: f32| orm.is_none().then(|| factor.clamp(0.0, 1.0));
         let base_color = material.base_color.clamp(Vec4::ZERO, Vec4::ONE);
@@ -249,12 +259,13 @@ impl Document<'_> {
             "doubleSided": material.double_sided,
             "name": (!material.name.is_empty()).then_some(&material.name),
             "occlusionTexture": orm,
-            "normalTexture": texture(ChannelMap::Normal),
+            "normalTexture": normal.filter(|_| self.delta.is_none()),
             "emissiveFactor": (light != Vec3::ZERO).then(|| (light / strength).to_array()),
             "emissiveTexture": texture(ChannelMap::Emission),
             "alphaMode": alpha_mode,
             "alphaCutoff": cutoff,
             "extensions": extensions.as_object().filter(|e| !e.is_empty()),
+            "extras": extras,
         }))
     }
 }
@@ -274,9 +285,9 @@ fn uri(name: &str) -> String {
     utf8_percent_encode(name, &ESCAPED).to_string()
 }
 
-// ---- Vertices as glTF wants them: one index for position, normal, tangent and texture coordinates.
+// ---- Vertices as files want them: one index for position, normal, tangent and all coordinates.
 
-/// The mesh with its layout, split where attributes differ.
+/// The mesh with its coordinates, split where attributes differ.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Geometry {
     /// World units, relative to `translation`.
@@ -285,84 +296,103 @@ pub(crate) struct Geometry {
     pub(crate) normals: Vec<Vec3>,
     /// Unit, handedness in w; empty where none are needed.
     pub(crate) tangents: Vec<Vec4>,
-    /// Origin top left.
-    pub(crate) uv: Vec<Vec2>,
-    /// One for each material of each part that has triangles, by part. Their vertices follow one another.
+    /// Sets of texture coordinates, origin top left.
+    pub(crate) uv: Vec<Vec<Vec2>>,
+    /// One for each material and page of each part that has triangles, by part. Their vertices follow one another.
     pub(crate) primitives: Vec<Primitive>,
     /// Zero unless single precision is too coarse for the world's coordinates.
     pub(crate) translation: DVec3,
 }
 
-/// What has one material in one part.
+/// What has one material and one page of pictures in one part.
 #[derive(Clone, Debug)]
 pub(crate) struct Primitive {
     pub(crate) part: usize,
     pub(crate) material: usize,
+    pub(crate) page: usize,
     pub(crate) vertices: Range<usize>,
     /// Counter-clockwise seen from outside; relative to the first vertex.
     pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 impl Geometry {
-    /// `normals` has an entry per corner; `tangents` too, or is empty.
-    pub(crate) fn new(mesh: &Mesh, layout: &Layout, normals: &[Vec3], tangents: &[Vec4]) -> Self {
+    /// `normals` has an entry per corner; `tangents` too, or is empty. `uv` gives a corner's coordinates in each set, `page` a triangle's
+    /// pictures.
+    pub(crate) fn new<const SETS: usize>(
+        mesh: &Mesh,
+        normals: &[Vec3],
+        tangents: &[Vec4],
+        uv: impl Fn(usize) -> [Vec2; SETS],
+        page: impl Fn(usize) -> usize,
+    ) -> Self {
         let world = |v: usize| mesh.world_from_mesh.point(mesh.positions[v]);
         let is_exact = (0..mesh.positions.len()).all(|v| world(v).as_vec3().as_dvec3() == world(v));
         let translation = if is_exact { DVec3::ZERO } else { mesh.world_from_mesh.offset };
-        let mut geometry = Self { translation, ..Self::default() };
-        let uv = |corner: usize| layout.uv[corner / 3][corner % 3];
+        let mut geometry = Self { translation, uv: vec![Vec::new(); SETS], ..Self::default() };
         let attributes = |corner: usize| {
             let tangent = tangents.get(corner).copied().unwrap_or_default();
-            let (n, t) = (normals[corner], uv(corner));
-            [n.x, n.y, n.z, t.x, t.y, tangent.x, tangent.y, tangent.z, tangent.w].map(f32::to_bits)
+            let normal = normals[corner].to_array().map(f32::to_bits);
+            (
+                normal,
+                tangent.to_array().map(f32::to_bits),
+                uv(corner).map(|uv| uv.to_array().map(f32::to_bits)),
+            )
         };
-        let mut by_kind: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        let mut by_kind: BTreeMap<(usize, usize, usize), Vec<usize>> = BTreeMap::new();
         for t in 0..mesh.triangles.len() {
-            by_kind.entry((mesh.parts.of(t), mesh.material_of(t))).or_default().push(t);
+            by_kind.entry((mesh.parts.of(t), mesh.material_of(t), page(t))).or_default().push(t);
         }
-        for ((part, material), own) in by_kind {
+        for ((part, material, page), own) in by_kind {
             let start = geometry.positions.len();
-            let mut known: HashMap<(u32, [u32; 9]), u32> = HashMap::new();
+            let mut known = HashMap::new();
             let mut vertex = |corner: usize| {
                 let v = mesh.triangles[corner / 3][corner % 3];
                 *known.entry((v, attributes(corner))).or_insert_with(|| {
                     geometry.positions.push((world(v as usize) - translation).as_vec3());
                     geometry.normals.push(normals[corner]);
                     geometry.tangents.extend(tangents.get(corner));
-                    geometry.uv.push(uv(corner));
+                    geometry.uv.iter_mut().zip(uv(corner)).for_each(|(set, uv)| set.push(uv));
                     (geometry.positions.len() - 1 - start) as u32
                 })
             };
             let triangles = own.into_iter().map(|t| [0, 1, 2].map(|k| vertex(3 * t + k))).collect();
             let vertices = start..geometry.positions.len();
-            geometry.primitives.push(Primitive { part, material, vertices, triangles });
+            geometry.primitives.push(Primitive { part, material, page, vertices, triangles });
         }
         geometry
     }
 
-    /// Materials that have triangles, ascending.
-    pub(crate) fn materials(&self) -> impl Iterator<Item = usize> {
-        let used: BTreeSet<usize> = self.primitives.iter().map(|primitive| primitive.material).collect();
-        used.into_iter()
+    /// Materials and pages that have triangles together, ascending.
+    pub(crate) fn looks(&self) -> Vec<(usize, usize)> {
+        let used: BTreeSet<_> = self.primitives.iter().map(|p| (p.material, p.page)).collect();
+        used.into_iter().collect()
     }
 
-    pub(crate) fn triangle_count(&self) -> usize {
-        self.primitives.iter().map(|primitive| primitive.triangles.len()).sum()
+    pub(crate) fn triangle_count(&self) -> u64 {
+        self.primitives.iter().map(|primitive| primitive.triangles.len() as u64).sum()
     }
 
-    /// The sections of the binary buffer, in order: positions, normals, tangents, texture coordinates, indices. None is
-    /// empty but that of the tangents.
-    pub(crate) fn section_bytes(&self) -> [u64; 5] {
-        let vertices = self.positions.len() as u64;
-        let tangents = self.tangents.len() as u64;
-        [12 * vertices, 12 * vertices, 16 * tangents, 8 * vertices, 12 * self.triangle_count() as u64]
+    /// Name, type and bytes per vertex of each section of the binary buffer, in order; indices follow. None is empty.
+    fn attributes(&self) -> Vec<(String, &'static str, u64)> {
+        let mut attributes = vec![("POSITION".to_owned(), "VEC3", 12), ("NORMAL".to_owned(), "VEC3", 12)];
+        if !self.tangents.is_empty() {
+            attributes.push(("TANGENT".to_owned(), "VEC4", 16));
+        }
+        attributes.extend((0..self.uv.len()).map(|set| (format!("TEXCOORD_{set}"), "VEC2", 8)));
+        attributes
+    }
+
+    /// Bytes of the binary buffer.
+    fn byte_count(&self) -> u64 {
+        let per_vertex: u64 = self.attributes().iter().map(|(_, _, stride)| stride).sum();
+        per_vertex * self.positions.len() as u64 + 12 * self.triangle_count()
     }
 
     pub(crate) fn write(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
         write_floats(self.positions.iter().map(Vec3::to_array), out)?;
         write_floats(self.normals.iter().map(Vec3::to_array), out)?;
         write_floats(self.tangents.iter().map(Vec4::to_array), out)?;
-        write_floats(self.uv.iter().map(Vec2::to_array), out)?;
+        self.uv.iter().try_for_each(|set| write_floats(set.iter().map(Vec2::to_array), out))?;
         let indices = self.primitives.iter().flat_map(|primitive| primitive.triangles.as_flattened());
         indices.copied().try_for_each(|i| out.write_all(&i.to_le_bytes()))
     }

@@ -121,10 +121,10 @@ pub(crate) struct PngSink {
 }
 
 impl PngSink {
-    /// Begins a square picture in `file`; `path` is what errors name.
-    pub(crate) fn new(file: File, path: PathBuf, side: u32, map: Map, depth: Depth) -> Result<Self> {
+    /// Begins a picture of `size` columns and rows in `file`; `path` is what errors name.
+    pub(crate) fn new(file: File, path: PathBuf, size: [u32; 2], map: Map, depth: Depth) -> Result<Self> {
         let file = CheckedFile { file: Arc::new(file), failure: Arc::default() };
-        let mut encoder = Encoder::new(file.clone(), side, side);
+        let mut encoder = Encoder::new(file.clone(), size[0], size[1]);
         encoder.set_color(match map.components {
             Components::One(_) => ColorType::Grayscale,
             Components::Rgb => ColorType::Rgb,
@@ -141,17 +141,19 @@ impl PngSink {
             Err(error) => Err(Error::writing(path, error.into())),
         }
     }
+
+    /// Samples as [`samples`] makes them, in order.
+    pub(crate) fn write_samples(&mut self, bytes: &[u8]) -> Result<()> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        writer.write_all(bytes).map_err(|source| Error::writing(&self.path, source))
+    }
 }
 
 impl RowSink for PngSink {
     fn rows(&mut self, values: &[[f32; 4]]) -> Result<()> {
         let Self { map, depth, .. } = *self;
         let bytes: Vec<Vec<u8>> = values.par_chunks(1 << 14).map(|v| samples(v, &map, depth)).collect();
-        let Some(writer) = &mut self.writer else { return Ok(()) };
-        bytes
-            .iter()
-            .try_for_each(|bytes| writer.write_all(bytes))
-            .map_err(|source| Error::writing(&self.path, source))
+        bytes.iter().try_for_each(|bytes| self.write_samples(bytes))
     }
 
     fn finish(&mut self) -> Result<()> {

@@ -1,13 +1,13 @@
 //! Assets: look-ups, pictures, exports, checks, strokes.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use fantex::export::{
     Depth, ExportOptions, FanSheetOptions, UvChoice, export_atlas, export_fans, export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
-use fantex::mesh::{lambda_step, shading_normals};
+use fantex::mesh::lambda_step;
 use fantex::paint::{PaintOptions, Painter, StrokeFile, replay};
 use fantex::render::{AmbientLight, EnvironmentLight, FanSurface, RenderOptions, render};
 use fantex::scene::{Background, Camera, FilterOptions, Lights};
@@ -48,8 +48,7 @@ fn name_of(kind: ChannelKind) -> &'static str {
 pub(crate) struct Asset {
     asset: fantex::Asset,
     cache: PageCache,
-    /// Made when it is first asked for; `None` in the mutex until then.
-    normals: Mutex<Option<Arc<[Vec3]>>>,
+    sampler: fantex::Sampler,
 }
 
 /// Eye, target, up, opening angle in degrees.
@@ -69,7 +68,8 @@ impl Asset {
     fn open(py: Python<'_>, place: PathBuf, memory: usize) -> PyResult<Self> {
         let asset = watched(py, None, |_| fantex::Asset::open(&place))?;
         let cache = PageCache::new(Arc::clone(asset.shared()), memory);
-        Ok(Self { asset, cache, normals: Mutex::new(None) })
+        let sampler = fantex::Sampler::of_cache(&cache, FilterOptions::default());
+        Ok(Self { asset, cache, sampler })
     }
 
     #[getter]
@@ -152,10 +152,9 @@ impl Asset {
                 (point, square(mesh, point, length))
             })
             .collect();
-        let sampler = fantex::Sampler::of_cache(&self.cache, FilterOptions::default());
         let values = watched(py, None, |_| {
-            let parts: fantex::Result<Vec<_>> =
-                points.par_chunks(1 << 14).map(|points| sampler.sample_many(kind, points)).collect();
+            let sample = |points| self.sampler.sample_many(kind, points);
+            let parts: fantex::Result<Vec<_>> = points.par_chunks(1 << 14).map(sample).collect();
             Ok(parts?.concat())
         })?;
         let values: Vec<[f32; 4]> = values.iter().map(|value| value.to_array()).collect();
@@ -354,20 +353,15 @@ impl Asset {
         faces: PyReadonlyArray1<'py, i64>,
         barycentric: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let mesh = self.asset.mesh();
         let lambda = rows::<3, f32>(&barycentric, "barycentric")?;
-        let mut kept = self.normals.lock().unwrap_or_else(PoisonError::into_inner);
-        let corner_normals = Arc::clone(kept.get_or_insert_with(|| shading_normals(mesh).into()));
-        drop(kept);
         let faces = faces.as_array();
-        let count = mesh.triangles.len();
+        let count = self.asset.mesh().triangles.len();
         let normal = |(&face, &lambda): (&i64, &[f32; 3])| {
             let triangle = u32::try_from(face).ok().filter(|&t| (t as usize) < count).ok_or_else(|| {
                 PyIndexError::new_err(format!("there is no face {face}; the asset has {count}"))
             })?;
             let point = SurfacePoint { triangle, lambda: Vec3::from(lambda) };
-            let smooth = point.smooth_normal(&corner_normals);
-            Ok(smooth.unwrap_or_else(|| point.facet_normal(mesh)).to_array())
+            Ok(self.sampler.vertex_normal(point).to_array())
         };
         let normals = faces.iter().zip(&lambda).map(normal).collect::<PyResult<Vec<_>>>()?;
         array(py, &normals)

@@ -187,7 +187,7 @@ def test_usd_is_valid(tmp_path, bottle_asset):
 
     bottle_asset.export_fans(tmp_path / "bottle.usda")
     stage = usd.Stage.Open(str(tmp_path / "bottle.usda"))
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/Model/Surface"))
+    (mesh,) = (UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh))
     assert len(mesh.GetFaceVertexCountsAttr().Get()) == len(bottle_asset.faces)
     api = UsdGeom.PrimvarsAPI(mesh)
     points = len(mesh.GetPointsAttr().Get())
@@ -205,7 +205,19 @@ def test_usd_is_valid(tmp_path, bottle_asset):
                 assert stage.GetAttributeAtPath(source), source
 
 
-def test_materialx_is_valid_and_generates_code(tmp_path, bottle_asset):
+@pytest.fixture(scope="module")
+def leaf_asset(tmp_path_factory, sphere):
+    """With opacity in its colours."""
+    trimesh = pytest.importorskip("trimesh", reason="no trimesh")
+    folder = tmp_path_factory.mktemp("leaf")
+    material = trimesh.visual.material.PBRMaterial(alphaMode="MASK", baseColorFactor=(0.2, 0.8, 0.3, 0.7))
+    visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(sphere[0]), 2)), material=material)
+    trimesh.Trimesh(*sphere, visual=visual, process=False).export(folder / "leaf.glb")
+    return fantex.bake(folder / "leaf.glb", folder / "leaf.fan", texels=20_000)
+
+
+@pytest.mark.parametrize("name", ["bottle_asset", "leaf_asset"])
+def test_materialx_is_valid_and_generates_code(tmp_path, name, request):
     mx = pytest.importorskip("MaterialX", reason="no MaterialX")
     import MaterialX.PyMaterialXGenShader as generate  # isort: skip (the others need its types)
     import MaterialX.PyMaterialXGenGlsl as glsl
@@ -213,7 +225,7 @@ def test_materialx_is_valid_and_generates_code(tmp_path, bottle_asset):
     import MaterialX.PyMaterialXGenMsl as msl
     import MaterialX.PyMaterialXGenOsl as osl
 
-    bottle_asset.export_fans(tmp_path / "bottle.usda")
+    request.getfixturevalue(name).export_fans(tmp_path / "bottle.usda")
     library = mx.createDocument()
     path = mx.getDefaultDataSearchPath()
     mx.loadLibraries(mx.getDefaultDataLibraryFolders(), path, library)
@@ -235,4 +247,4 @@ def test_materialx_is_valid_and_generates_code(tmp_path, bottle_asset):
         for material in document.getMaterialNodes():
             shader = generator.generate(material.getName(), material, context)
             code = shader.getSourceCode("pixel")
-            assert all(f"color{i}" in code for i in range(3)) and len(code) > 2000
+            assert all(f"color{i}" in code or f"color_opacity{i}" in code for i in range(3)) and len(code) > 2000

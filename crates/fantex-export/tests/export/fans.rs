@@ -2,13 +2,14 @@
 
 use fantex_bake::NoProgress;
 use fantex_base::Random;
-use fantex_export::{ChannelMap, FanSheetOptions, FanSheets, fan_sheets};
-use fantex_mesh::SurfacePoint;
+use fantex_export::{ChannelMap, FanSheetOptions, FanSheets, export_fans, fan_sheets};
+use fantex_mesh::{AlphaMode, Material, Parts, SurfacePoint, generate};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::FilterOptions;
 use glam::{Vec2, Vec3};
 
-use crate::support::baked_bottle;
+use crate::models::{check_glb, gltf_parts};
+use crate::support::{Waves, baked, baked_bottle, cleaned};
 
 /// What a shader computes: bilinear look-ups in a picture of 8 bits, blended.
 fn shaded(fans: &FanSheets, map: usize, point: SurfacePoint) -> Vec3 {
@@ -58,4 +59,71 @@ fn three_look_ups_are_the_texture_function() {
             assert!((seen - truth).abs().max_element() < 3e-3, "{point:?}: {seen} {truth}");
         }
     }
+}
+
+/// Read by a reader that is not ours.
+#[test]
+fn files_keep_parts_and_materials() {
+    let mut mesh = cleaned(generate::torus(16, 10));
+    let count = mesh.triangles.len();
+    let lamp = Material {
+        name: "lamp".into(),
+        emission: Vec3::new(3.0, 1.5, 0.0),
+        unlit: true,
+        roughness: 0.25,
+        alpha: AlphaMode::Mask(0.25),
+        ..Material::default()
+    };
+    mesh.materials = vec![Material::default(), lamp];
+    mesh.triangle_materials = (0..count).map(|t| u32::from(t % 3 == 0)).collect();
+    mesh.parts = Parts {
+        names: vec!["left".into(), "right <&>".into()],
+        of_triangle: (0..count).map(|t| u32::from(t >= count / 2)).collect(),
+    };
+    let waves = baked(&mesh, &Waves::color(2.0), 20_000, fantex_bake::BakeFormat::Rgba8);
+    let path = waves.path("fans.glb");
+    let options = FanSheetOptions::default();
+    let summary = export_fans(&waves.asset, &path, &options, false, &NoProgress).unwrap();
+    check_glb(&path);
+    let (document, buffers) = gltf_parts(&path);
+    assert_eq!((document.meshes().count(), document.images().count()), (2, 1));
+    let mut vertices = 0;
+    for (mesh, (name, triangles)) in
+        document.meshes().zip([("left", count / 2), ("right <&>", count - count / 2)])
+    {
+        assert_eq!(mesh.name(), Some(name));
+        let mut found = 0;
+        for primitive in mesh.primitives() {
+            let reader = primitive.reader(|_| Some(&buffers[0]));
+            let own = reader.read_positions().unwrap().count();
+            let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+            // Each primitive has vertices of its own, and reads all of them.
+            assert_eq!(indices.iter().max().map(|&last| last as usize + 1), Some(own));
+            assert!((0..4).all(|set| reader.read_tex_coords(set).unwrap().into_f32().count() == own));
+            (vertices, found) = (vertices + own, found + indices.len() / 3);
+        }
+        assert_eq!(found, triangles);
+    }
+    assert_eq!(vertices, summary.vertices);
+    let lamp = document.materials().find(|m| m.name() == Some("lamp")).unwrap();
+    assert_eq!(lamp.emissive_factor(), [1.0, 0.5, 0.0]);
+    assert!(lamp.alpha_cutoff() == Some(0.25) && lamp.normal_texture().is_none());
+    let again = fantex_mesh::load(&path, &Default::default()).unwrap();
+    let again = again.materials.iter().find(|m| m.name == "lamp").unwrap();
+    assert_eq!((again.emission, again.unlit), (Vec3::new(3.0, 1.5, 0.0), true));
+    assert_eq!(lamp.pbr_metallic_roughness().roughness_factor(), 0.25);
+    let path = waves.path("fans.usda");
+    export_fans(&waves.asset, &path, &options, false, &NoProgress).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(
+        text.contains("def Mesh \"Surface_0_left\"") && text.contains("def Mesh \"Surface_1_right____\"")
+    );
+    assert!(
+        text.contains("\"ND_convert_float_color3\"")
+            && text.contains("color3f inputs:emission_color = (3, 1.5, 0)")
+    );
+    // One picture may be in memory, not all; and none that is too large.
+    let tight = FanSheetOptions { memory_bytes: 40_000, ..options };
+    let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, false, &NoProgress).unwrap_err();
+    assert!(refused.to_string().contains("give more memory"), "{refused}");
 }

@@ -33,12 +33,12 @@ fn round_trip(baked: &Baked) -> f64 {
 }
 
 /// What the specification asks of the parts that are written here.
-fn check_glb(path: &std::path::Path) {
+pub(crate) fn check_glb(path: &std::path::Path) {
     let bytes = std::fs::read(path).unwrap();
     assert_eq!(bytes.len() % 4, 0);
     assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
     // Validates indices, required members, minimum and maximum of positions.
-    let (document, buffers, _) = gltf_parts(path);
+    let (document, buffers) = gltf_parts(path);
     let blob = &buffers[0];
     for view in document.views() {
         assert_eq!(view.offset() % 4, 0);
@@ -83,10 +83,10 @@ fn check_glb(path: &std::path::Path) {
 }
 
 /// The parsed and validated document and its buffers.
-fn gltf_parts(path: &std::path::Path) -> (gltf::Document, Vec<Vec<u8>>, ()) {
+pub(crate) fn gltf_parts(path: &std::path::Path) -> (gltf::Document, Vec<Vec<u8>>) {
     let gltf = gltf::Gltf::from_slice(&std::fs::read(path).unwrap()).unwrap();
     let blob = gltf.blob.clone().unwrap();
-    (gltf.document, vec![blob], ())
+    (gltf.document, vec![blob])
 }
 
 #[test]
@@ -440,7 +440,7 @@ fn parts_keep_their_names() {
     let path = baked.path("out.glb");
     export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
     check_glb(&path);
-    let (document, buffers, _) = gltf_parts(&path);
+    let (document, buffers) = gltf_parts(&path);
     assert_eq!(document.materials().count(), 2);
     let of_node = |node: gltf::Node| {
         let mesh = node.mesh().unwrap();

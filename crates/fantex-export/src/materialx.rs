@@ -1,0 +1,287 @@
+//! The texture function as a graph of standard nodes (Academy Software Foundation, "MaterialX Specification", version 1.39).
+
+use fantex_mesh::Material;
+use glam::Vec3;
+
+use crate::ChannelMap;
+use crate::fan_files::picture_name;
+use crate::fans::FanSheets;
+use crate::model_file::Geometry;
+
+/// A node: category, type, name, and its inputs as (name, type, value).
+pub(crate) struct Node {
+    category: &'static str,
+    pub(crate) kind: &'static str,
+    pub(crate) name: String,
+    pub(crate) inputs: Vec<NodeInput>,
+}
+
+/// Name, type and value.
+pub(crate) type NodeInput = (&'static str, &'static str, Input);
+
+pub(crate) enum Input {
+    Value(String),
+    Node(String),
+}
+
+impl Node {
+    /// Whether it reads a picture of colours.
+    pub(crate) fn is_srgb(&self) -> bool {
+        self.category == "image" && self.kind.starts_with("color")
+    }
+
+    /// The name of its definition in MaterialX's library.
+    pub(crate) fn definition(&self) -> String {
+        let Self { category, kind, inputs, .. } = self;
+        let second = inputs.get(1).map(|(_, kind, _)| *kind);
+        match *category {
+            "extract" => format!("ND_extract_{}", inputs[0].1),
+            "convert" => format!("ND_convert_{}_{kind}", inputs[0].1),
+            // A vector or colour with a number.
+            "add" | "subtract" | "multiply" | "divide" if second == Some("float") && *kind != "float" => {
+                format!("ND_{category}_{kind}FA")
+            }
+            _ => format!("ND_{category}_{kind}"),
+        }
+    }
+}
+
+/// The graph of a sheet.
+#[derive(Default)]
+pub(crate) struct Graph {
+    pub(crate) nodes: Vec<Node>,
+    /// Names and types of the nodes that a surface reads: `color`, `opacity`, `roughness`, `metallic`, `emission`, `normal`.
+    outputs: Vec<(&'static str, &'static str)>,
+}
+
+impl Graph {
+    fn add(
+        &mut self,
+        category: &'static str,
+        kind: &'static str,
+        name: impl Into<String>,
+        inputs: Vec<NodeInput>,
+    ) -> Input {
+        let name = name.into();
+        self.nodes.push(Node { category, kind, name: name.clone(), inputs });
+        Input::Node(name)
+    }
+
+    fn binary(&mut self, category: &'static str, name: impl Into<String>, a: Input, b: Input) -> Input {
+        self.add(category, "float", name, vec![("in1", "float", a), ("in2", "float", b)])
+    }
+
+    /// The weights of the three fans and their sum; their names are `a0`, `a1`, `a2` and `sum`.
+    fn weights(&mut self, delta: f32) {
+        let set = |name: &str| Input::Value(name.to_owned());
+        let float = |name: &str| Input::Node(name.to_owned());
+        self.add("geompropvalue", "vector2", "corner", vec![("geomprop", "string", set("st3"))]);
+        for (index, name) in ["0", "1"].into_iter().zip(["l0", "l1"]) {
+            let inputs = vec![("in", "vector2", float("corner")), ("index", "integer", set(index))];
+            self.add("extract", "float", name, inputs);
+        }
+        self.binary("add", "l01", float("l0"), float("l1"));
+        self.binary("subtract", "l2", set("1"), float("l01"));
+        for i in 0..3 {
+            let [j, k] = [(i + 1) % 3, (i + 2) % 3];
+            self.binary("max", format!("other{i}"), float(&format!("l{j}")), float(&format!("l{k}")));
+            self.binary("subtract", format!("over{i}"), float(&format!("l{i}")), float(&format!("other{i}")));
+            self.binary("add", format!("raised{i}"), float(&format!("over{i}")), set(&delta.to_string()));
+            self.binary("max", format!("a{i}"), float(&format!("raised{i}")), set("0"));
+        }
+        self.binary("add", "a01", float("a0"), float("a1"));
+        self.binary("add", "sum", float("a01"), float("a2"));
+        for (i, name) in ["st", "st1", "st2"].into_iter().enumerate() {
+            self.add("geompropvalue", "vector2", format!("uv{i}"), vec![("geomprop", "string", set(name))]);
+        }
+    }
+
+    /// The weighted mean of three look-ups in a picture.
+    fn blended(&mut self, name: &str, kind: &'static str, file: &str) -> Input {
+        let node = |name: String| Input::Node(name);
+        for i in 0..3 {
+            let inputs = vec![
+                ("file", "filename", Input::Value(file.to_owned())),
+                ("texcoord", "vector2", node(format!("uv{i}"))),
+                ("uaddressmode", "string", Input::Value("clamp".to_owned())),
+                ("vaddressmode", "string", Input::Value("clamp".to_owned())),
+            ];
+            self.add("image", kind, format!("{name}{i}"), inputs);
+            let inputs =
+                vec![("in1", kind, node(format!("{name}{i}"))), ("in2", "float", node(format!("a{i}")))];
+            self.add("multiply", kind, format!("{name}_part{i}"), inputs);
+        }
+        let pair = |a: String, b: String| vec![("in1", kind, node(a)), ("in2", kind, node(b))];
+        self.add("add", kind, format!("{name}_two"), pair(format!("{name}_part0"), format!("{name}_part1")));
+        self.add("add", kind, format!("{name}_all"), pair(format!("{name}_two"), format!("{name}_part2")));
+        let inputs =
+            vec![("in1", kind, node(format!("{name}_all"))), ("in2", "float", node("sum".to_owned()))];
+        self.add("divide", kind, name.to_owned(), inputs)
+    }
+
+    /// Everything that the materials of a sheet read.
+    pub(crate) fn of_sheet(stem: &str, sheets: &FanSheets, sheet: usize) -> Self {
+        let mut graph = Self::default();
+        graph.weights(sheets.delta);
+        let mut outputs = Vec::new();
+        let node = |name: &str| Input::Node(name.to_owned());
+        let value = |text: &str| Input::Value(text.to_owned());
+        for map in &sheets.maps {
+            let file = format!("{}.png", picture_name(stem, sheets, sheet, map));
+            match map.map {
+                ChannelMap::BaseColor if map.components == 4 => {
+                    graph.blended("color_opacity", "color4", &file);
+                    for (k, name) in ["r", "g", "b", "alpha"].into_iter().enumerate() {
+                        let inputs = vec![
+                            ("in", "color4", node("color_opacity")),
+                            ("index", "integer", value(&k.to_string())),
+                        ];
+                        graph.add("extract", "float", name, inputs);
+                    }
+                    let inputs = vec![
+                        ("in1", "float", node("r")),
+                        ("in2", "float", node("g")),
+                        ("in3", "float", node("b")),
+                    ];
+                    graph.add("combine3", "color3", "color", inputs);
+                    graph.add("convert", "color3", "opacity", vec![("in", "float", node("alpha"))]);
+                    outputs.extend([("color", "color3"), ("opacity", "color3")]);
+                }
+                ChannelMap::BaseColor => {
+                    graph.blended("color", "color3", &file);
+                    outputs.push(("color", "color3"));
+                }
+                ChannelMap::OcclusionRoughnessMetallic => {
+                    graph.blended("orm", "vector3", &file);
+                    for (k, name) in [("1", "roughness"), ("2", "metallic")] {
+                        graph.add(
+                            "extract",
+                            "float",
+                            name,
+                            vec![("in", "vector3", node("orm")), ("index", "integer", value(k))],
+                        );
+                        outputs.push((name, "float"));
+                    }
+                }
+                ChannelMap::Normal => {
+                    graph.blended("stored_normal", "vector3", &file);
+                    let scaled =
+                        vec![("in1", "vector3", node("stored_normal")), ("in2", "float", value("2"))];
+                    graph.add("multiply", "vector3", "doubled_normal", scaled);
+                    let shifted =
+                        vec![("in1", "vector3", node("doubled_normal")), ("in2", "float", value("1"))];
+                    graph.add("subtract", "vector3", "object_normal", shifted);
+                    let inputs = vec![
+                        ("in", "vector3", node("object_normal")),
+                        ("fromspace", "string", value("object")),
+                        ("tospace", "string", value("world")),
+                    ];
+                    graph.add("transformnormal", "vector3", "turned_normal", inputs);
+                    graph.add(
+                        "normalize",
+                        "vector3",
+                        "normal",
+                        vec![("in", "vector3", node("turned_normal"))],
+                    );
+                    outputs.push(("normal", "vector3"));
+                }
+                ChannelMap::Emission => {
+                    graph.blended("emission_stored", "color3", &file);
+                    let inputs = vec![
+                        ("in1", "color3", node("emission_stored")),
+                        ("in2", "float", value(&map.scale.to_string())),
+                    ];
+                    graph.add("multiply", "color3", "emission", inputs);
+                    outputs.push(("emission", "color3"));
+                }
+                _ => {}
+            }
+        }
+        Self { outputs, ..graph }
+    }
+
+    /// The inputs of a material's `standard_surface`: nodes where a sheet has a picture, factors elsewhere.
+    pub(crate) fn surface(&self, material: &Material) -> Vec<NodeInput> {
+        let value = |text: String| Input::Value(text);
+        let color = |c: Vec3| value(format!("{}, {}, {}", c.x, c.y, c.z));
+        let factors = [
+            ("base_color", "color3", "color", Some(color(material.base_color.truncate()))),
+            ("specular_roughness", "float", "roughness", Some(value(material.roughness.to_string()))),
+            ("metalness", "float", "metallic", Some(value(material.metallic.to_string()))),
+            ("emission_color", "color3", "emission", Some(color(material.emission))),
+            ("normal", "vector3", "normal", None),
+            ("opacity", "color3", "opacity", None),
+        ];
+        let mut inputs = vec![("base", "float", value("1".into())), ("emission", "float", value("1".into()))];
+        for (input, kind, output, factor) in factors {
+            let is_drawn = self.outputs.iter().any(|(name, _)| *name == output);
+            let from = if is_drawn { Some(Input::Node(output.to_owned())) } else { factor };
+            inputs.extend(from.map(|from| (input, kind, from)));
+        }
+        inputs
+    }
+}
+
+/// The name of a material on a sheet.
+pub(crate) fn surface_name((material, sheet): (usize, usize)) -> String {
+    format!("material_{material}_sheet_{sheet}")
+}
+
+/// A MaterialX document: a graph per sheet, a material for each material and sheet that have triangles together.
+pub(crate) fn materialx(
+    stem: &str,
+    sheets: &FanSheets,
+    geometry: &Geometry,
+    materials: &[Material],
+) -> String {
+    let mut text =
+        String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.38\" colorspace=\"lin_rec709\">\n");
+    let mut line = |text_line: String| text.push_str(&(text_line + "\n"));
+    let graphs: Vec<Graph> =
+        (0..sheets.sheets.len()).map(|sheet| Graph::of_sheet(stem, sheets, sheet)).collect();
+    for (index, graph) in graphs.iter().enumerate() {
+        line(format!("  <nodegraph name=\"fans_{index}\">"));
+        for node in &graph.nodes {
+            line(format!("    <{} name=\"{}\" type=\"{}\">", node.category, node.name, node.kind));
+            for (name, kind, input) in &node.inputs {
+                let is_color = *kind == "filename" && node.is_srgb();
+                let space = if is_color { " colorspace=\"srgb_texture\"" } else { "" };
+                let from = match input {
+                    Input::Value(value) => format!("value=\"{}\"{space}", escaped(value)),
+                    Input::Node(node) => format!("nodename=\"{node}\""),
+                };
+                line(format!("      <input name=\"{name}\" type=\"{kind}\" {from}/>"));
+            }
+            line(format!("    </{}>", node.category));
+        }
+        for (name, kind) in &graph.outputs {
+            line(format!("    <output name=\"{name}_out\" type=\"{kind}\" nodename=\"{name}\"/>"));
+        }
+        line("  </nodegraph>".to_owned());
+    }
+    let default_material = Material::default();
+    for (material, sheet) in geometry.looks() {
+        let name = surface_name((material, sheet));
+        line(format!("  <standard_surface name=\"{name}_surface\" type=\"surfaceshader\">"));
+        for (input, kind, from) in graphs[sheet].surface(materials.get(material).unwrap_or(&default_material))
+        {
+            let from = match from {
+                Input::Value(value) => format!("value=\"{value}\""),
+                Input::Node(node) => format!("nodegraph=\"fans_{sheet}\" output=\"{node}_out\""),
+            };
+            line(format!("    <input name=\"{input}\" type=\"{kind}\" {from}/>"));
+        }
+        line("  </standard_surface>".to_owned());
+        line(format!("  <surfacematerial name=\"{name}\" type=\"material\">"));
+        line(format!(
+            "    <input name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"{name}_surface\"/>"
+        ));
+        line("  </surfacematerial>".to_owned());
+    }
+    line("</materialx>".to_owned());
+    text
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}

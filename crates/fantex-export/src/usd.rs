@@ -1,0 +1,185 @@
+//! Fans as USD text (Pixar, "OpenUSD"): meshes with primvars, and materials of MaterialX nodes.
+
+use std::fmt::Display;
+use std::fs::File;
+use std::io;
+use std::io::{BufWriter, Write};
+
+use fantex_mesh::{Material, Mesh};
+use glam::{DVec3, Vec2, Vec3};
+
+use crate::fans::FanSheets;
+use crate::materialx::{Graph, Input, NodeInput, surface_name};
+use crate::model_file::{Geometry, Primitive};
+
+/// Writes a model with a mesh per part. Pictures lie beside it, named after `stem`.
+pub(crate) fn write_usda(
+    mesh: &Mesh,
+    sheets: &FanSheets,
+    geometry: &Geometry,
+    stem: &str,
+    out: &File,
+) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    writeln!(
+        out,
+        "#usda 1.0\n(\n    defaultPrim = \"Model\"\n    doc = \"Written by fantex\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n"
+    )?;
+    writeln!(out, "def Xform \"Model\"\n{{")?;
+    if geometry.translation != DVec3::ZERO {
+        let DVec3 { x, y, z } = geometry.translation;
+        writeln!(out, "    double3 xformOp:translate = ({x}, {y}, {z})")?;
+        writeln!(out, "    uniform token[] xformOpOrder = [\"xformOp:translate\"]")?;
+    }
+    let is_double_sided = mesh.materials.iter().any(|material| material.double_sided);
+    for primitives in geometry.primitives.chunk_by(|a, b| a.part == b.part) {
+        let part = primitives[0].part;
+        let name = mesh.parts.names.get(part).map_or("", String::as_str);
+        write_mesh(&mut out, geometry, primitives, &identifier(name, part), is_double_sided)?;
+    }
+    writeln!(out, "    def Scope \"Materials\"\n    {{")?;
+    let default_material = Material::default();
+    for (material, sheet) in geometry.looks() {
+        let graph = Graph::of_sheet(stem, sheets, sheet);
+        let material =
+            (mesh.materials.get(material).unwrap_or(&default_material), surface_name((material, sheet)));
+        write_material(&mut out, &graph, material.0, &material.1)?;
+    }
+    writeln!(out, "    }}\n}}")?;
+    out.flush()
+}
+
+/// A name that USD allows, different for each part.
+fn identifier(name: &str, part: usize) -> String {
+    let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if plain.is_empty() { format!("Surface_{part}") } else { format!("Surface_{part}_{plain}") }
+}
+
+/// A part, its vertices counted from 0, with a subset for each of its materials.
+fn write_mesh(
+    out: &mut impl Write,
+    geometry: &Geometry,
+    primitives: &[Primitive],
+    name: &str,
+    is_double_sided: bool,
+) -> io::Result<()> {
+    let start = primitives.first().map_or(0, |p| p.vertices.start);
+    let vertices = start..primitives.last().map_or(0, |p| p.vertices.end);
+    let triangles: usize = primitives.iter().map(|p| p.triangles.len()).sum();
+    let indices = primitives.iter().flat_map(|primitive| {
+        let first = primitive.vertices.start - start;
+        primitive.triangles.as_flattened().iter().map(move |&v| first + v as usize)
+    });
+    let triple = |v: &Vec3| format!("({}, {}, {})", v.x, v.y, v.z);
+    writeln!(
+        out,
+        "    def Mesh \"{name}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{"
+    )?;
+    writeln!(out, "        uniform bool doubleSided = {}", u8::from(is_double_sided))?;
+    writeln!(out, "        uniform token subdivisionScheme = \"none\"")?;
+    write_list(out, "        int[] faceVertexCounts", (0..triangles).map(|_| 3))?;
+    write_list(out, "\n        int[] faceVertexIndices", indices)?;
+    write_list(out, "\n        point3f[] points", geometry.positions[vertices.clone()].iter().map(triple))?;
+    let per_vertex = " (\n            interpolation = \"vertex\"\n        )";
+    write_list(out, "\n        normal3f[] normals", geometry.normals[vertices.clone()].iter().map(triple))?;
+    writeln!(out, "{per_vertex}")?;
+    for (set, (name, places)) in ["st", "st1", "st2", "st3"].into_iter().zip(&geometry.uv).enumerate() {
+        // v upwards; barycentric coordinates stay.
+        let place = |uv: &Vec2| format!("({}, {})", uv.x, if set == 3 { uv.y } else { 1.0 - uv.y });
+        write_list(
+            out,
+            &format!("        texCoord2f[] primvars:{name}"),
+            places[vertices.clone()].iter().map(place),
+        )?;
+        writeln!(out, "{per_vertex}")?;
+    }
+    let mut first = 0;
+    for primitive in primitives {
+        let end = first + primitive.triangles.len();
+        let name = surface_name((primitive.material, primitive.page));
+        writeln!(
+            out,
+            "        def GeomSubset \"{name}\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\"]\n        )\n        {{"
+        )?;
+        writeln!(
+            out,
+            "            uniform token elementType = \"face\"\n            uniform token familyName = \"materialBind\""
+        )?;
+        write_list(out, "            int[] indices", first..end)?;
+        writeln!(out, "\n            rel material:binding = </Model/Materials/{name}>\n        }}")?;
+        first = end;
+    }
+    writeln!(out, "    }}")
+}
+
+fn write_list(
+    out: &mut impl Write,
+    name: &str,
+    mut items: impl Iterator<Item = impl Display>,
+) -> io::Result<()> {
+    write!(out, "{name} = [")?;
+    if let Some(first) = items.next() {
+        write!(out, "{first}")?;
+    }
+    items.try_for_each(|item| write!(out, ", {item}"))?;
+    write!(out, "]")
+}
+
+/// A material of MaterialX nodes as USD's shading schema has them.
+fn write_material(out: &mut impl Write, graph: &Graph, material: &Material, name: &str) -> io::Result<()> {
+    let place = format!("/Model/Materials/{name}");
+    writeln!(out, "        def Material \"{name}\"\n        {{")?;
+    writeln!(out, "            token outputs:mtlx:surface.connect = <{place}/surface.outputs:out>")?;
+    for node in &graph.nodes {
+        let output = format!("{} outputs:out", usd_type(node.kind));
+        let space = if node.is_srgb() { "srgb_texture" } else { "raw" };
+        write_shader(out, &place, &node.name, &node.definition(), &node.inputs, (&output, space))?;
+    }
+    let inputs = graph.surface(material);
+    let definition = "ND_standard_surface_surfaceshader";
+    write_shader(out, &place, "surface", definition, &inputs, ("token outputs:out", "raw"))?;
+    writeln!(out, "        }}")
+}
+
+/// A node of the material at `place`, its output, and the colour space of the picture that it reads.
+fn write_shader(
+    out: &mut impl Write,
+    place: &str,
+    name: &str,
+    definition: &str,
+    inputs: &[NodeInput],
+    (output, space): (&str, &str),
+) -> io::Result<()> {
+    writeln!(out, "            def Shader \"{name}\"\n            {{")?;
+    writeln!(out, "                uniform token info:id = \"{definition}\"")?;
+    for (input, kind, from) in inputs {
+        let usd = usd_type(kind);
+        write!(out, "                {usd} inputs:{input}")?;
+        match from {
+            Input::Node(node) => writeln!(out, ".connect = <{place}/{node}.outputs:out>")?,
+            Input::Value(value) => match *kind {
+                "filename" => writeln!(
+                    out,
+                    " = @./{value}@ (\n                    colorSpace = \"{space}\"\n                )"
+                )?,
+                "string" => writeln!(out, " = \"{value}\"")?,
+                "color3" => writeln!(out, " = ({value})")?,
+                _ => writeln!(out, " = {value}")?,
+            },
+        }
+    }
+    writeln!(out, "                {output}\n            }}")
+}
+
+fn usd_type(kind: &str) -> &'static str {
+    match kind {
+        "float" => "float",
+        "integer" => "int",
+        "vector2" => "float2",
+        "vector3" => "float3",
+        "color3" => "color3f",
+        "color4" => "color4f",
+        "filename" => "asset",
+        _ => "string",
+    }
+}
