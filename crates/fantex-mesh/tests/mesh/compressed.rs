@@ -54,6 +54,31 @@ fn meshopt_is_decompressed() {
 }
 
 #[test]
+fn draco_is_decompressed() {
+    let files: [&[u8]; 2] = [
+        include_bytes!("../data/torus_draco_edgebreaker.glb"),
+        include_bytes!("../data/torus_draco_sequential.glb"),
+    ];
+    for bytes in files {
+        assert_torus(&load_files(&[("draco.glb", bytes)]).unwrap(), [2e-4, 1e-2]);
+    }
+}
+
+#[test]
+fn damaged_draco_is_refused_with_its_place() {
+    let sound = include_bytes!("../data/torus_draco_edgebreaker.glb");
+    let mut bytes = sound.to_vec();
+    let at = sound.windows(5).position(|w| w == b"DRACO").unwrap();
+    bytes[at] = b'B';
+    assert_mentions(&message("a.glb", &bytes), &["primitive 0 of mesh 0", "Draco"]);
+    // Few bytes may stand for very many points; the limits hold for what is decompressed.
+    let limits = fantex_mesh::LoadLimits { max_triangles: 500, ..Default::default() };
+    let error =
+        load_files_with(&[("a.glb", sound)], &fantex_mesh::LoadOptions { limits }).unwrap_err().to_string();
+    assert_mentions(&error, &["primitive 0 of mesh 0", "Draco", "512 faces", "500"]);
+}
+
+#[test]
 fn damaged_meshopt_is_refused_with_its_place() {
     let sound = include_bytes!("../data/torus_meshopt_ext.glb");
     let text = String::from_utf8_lossy(sound);

@@ -47,6 +47,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("binary.ply", binary_ply),
         ("ascii.stl", ascii_stl.into()),
         ("binary.stl", binary_stl(2)),
+        ("draco.glb", include_bytes!("../data/torus_draco_edgebreaker.glb").to_vec()),
         ("meshopt.glb", include_bytes!("../data/torus_meshopt_khr.glb").to_vec()),
     ]
 }
@@ -101,7 +102,7 @@ proptest! {
 
     #[test]
     fn damaged_files_are_refused_or_sound(
-        sample in 0usize..8,
+        sample in 0usize..9,
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {
         let (name, mut bytes) = samples().swap_remove(sample);
@@ -118,7 +119,7 @@ proptest! {
     }
 
     #[test]
-    fn flipped_bits_are_refused_or_sound(sample in 0usize..8, place: prop::sample::Index, bit in 0u32..8) {
+    fn flipped_bits_are_refused_or_sound(sample in 0usize..9, place: prop::sample::Index, bit in 0u32..8) {
         let (name, mut bytes) = samples().swap_remove(sample);
         let place = place.index(bytes.len());
         bytes[place] ^= 1 << bit;

@@ -228,7 +228,7 @@ fn shorten(bytes: Cow<'_, [u8]>, length: usize) -> Result<Cow<'_, [u8]>> {
 const MAX_ZEROED_ELEMENTS: usize = 1 << 24;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Component {
+pub(super) enum Component {
     I8,
     U8,
     I16,
@@ -251,7 +251,7 @@ impl Component {
         })
     }
 
-    fn size(self) -> usize {
+    pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -302,6 +302,10 @@ impl<'a> Reader<'a> {
     pub(super) fn new(document: &'a Document, index: usize, used_for: &str) -> Result<Self> {
         let accessor = get(&document.root.accessors, index, "accessor", || used_for.to_owned())?;
         let failed = |error: Error| error.context(format!("accessor {index}"));
+        if let Some(unpacked) = document.unpacked[index].get() {
+            let (component, width) = (unpacked.component, unpacked.width);
+            return Ok(Self { document, index, accessor, component, width });
+        }
         let component = Component::from_code(accessor.component_type).map_err(failed)?;
         let width = match accessor.shape.as_str() {
             "SCALAR" => 1,
@@ -326,7 +330,10 @@ impl<'a> Reader<'a> {
     }
 
     pub(super) fn count(&self) -> usize {
-        self.accessor.count
+        match self.document.unpacked[self.index].get() {
+            Some(unpacked) => unpacked.bytes.len() / (self.width * self.component.size()).max(1),
+            None => self.accessor.count,
+        }
     }
 
     /// Elements of `N` numbers. Integers are divided by their largest value where the accessor says so, or where
@@ -388,6 +395,9 @@ impl<'a> Reader<'a> {
             std::array::from_fn(|k| decode(numbers[k]))
         };
         let accessor = self.accessor;
+        if let Some(unpacked) = self.document.unpacked[self.index].get() {
+            return Ok(unpacked.bytes.chunks_exact(N * B).map(element).collect());
+        }
         let mut values = match accessor.buffer_view {
             Some(view) => {
                 let stride =

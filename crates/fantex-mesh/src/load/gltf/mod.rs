@@ -6,20 +6,24 @@
 //!                                        +--> materials, images -------+
 //! ```
 //!
-//! Extensions that are read: KHR_mesh_quantization, EXT_meshopt_compression and KHR_meshopt_compression, KHR_texture_transform,
-//! KHR_materials_unlit, KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and
-//! lights are noted and ignored; any other extension that a file *requires* (other compression, most of all) makes it unreadable.
+//! Extensions that are read: KHR_mesh_quantization, KHR_draco_mesh_compression, EXT_meshopt_compression and
+//! KHR_meshopt_compression, KHR_texture_transform, KHR_materials_unlit, KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and
+//! lights are noted and ignored; any other extension that a file *requires* makes it unreadable.
 
 mod data;
+mod draco;
 mod meshopt;
 mod pose;
 mod schema;
 
+use std::cell::OnceCell;
+
 use data::{Buffers, NO_DATA, Reader, Target, resolve};
+use draco::Unpacked;
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
 use pose::{Placement, morph, world_from_bind};
-use schema::{Accessor, Instancing, Node, Primitive, Root};
+use schema::{Instancing, Node, Primitive, Root};
 
 use crate::load::{SourceFile, finish, pad};
 use crate::{AlphaMode, ImageSource, Material, Model, ModelFormat, TextureRef, WrapMode};
@@ -46,7 +50,8 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     check_extensions(&root, &mut model.notes)?;
 
     let buffers = Buffers::load(&root, file, binary)?;
-    let document = Document { root: &root, buffers, file };
+    let unpacked = root.accessors.iter().map(|_| OnceCell::new()).collect();
+    let document = Document { root: &root, buffers, unpacked, file };
     load_materials(&document, &mut model)?;
     let (instances, world_from_node) = mesh_instances(&document, &mut model.notes)?;
     load_all(&document, &instances, &world_from_node, &mut model)?;
@@ -57,6 +62,8 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
 struct Document<'a> {
     root: &'a Root,
     buffers: Buffers<'a>,
+    /// Of each accessor that is compressed, once its primitive was read.
+    unpacked: Vec<OnceCell<Unpacked>>,
     file: &'a SourceFile<'a>,
 }
 
@@ -84,14 +91,10 @@ fn check_version(root: &Root) -> Result<()> {
     }
 }
 
-/// The file cannot be understood without these extensions.
-fn requires(extensions: &str) -> Error {
-    Error::unsupported(format!("it requires {extensions}, which fantex does not read; export it without"))
-}
-
 fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
-    const READ: [&str; 9] = [
+    const READ: [&str; 10] = [
         "KHR_mesh_quantization",
+        "KHR_draco_mesh_compression",
         "EXT_meshopt_compression",
         "KHR_meshopt_compression",
         "KHR_texture_transform",
@@ -108,7 +111,9 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
     let unread = root.extensions_required.iter().filter(|name| !READ.contains(&name.as_str()));
     let (ignorable, fatal): (Vec<_>, Vec<_>) = unread.cloned().partition(|name| is_ignorable(name));
     if !fatal.is_empty() {
-        return Err(requires(&fatal.join(", ")));
+        let fatal = fatal.join(", ");
+        let sentence = format!("it requires {fatal}, which fantex does not read; export it without");
+        return Err(Error::unsupported(sentence));
     }
     let is_unread = |name: &&String| name.starts_with("KHR_materials_") && !READ.contains(&name.as_str());
     let mut ignored: Vec<String> = root.extensions_used.iter().filter(is_unread).cloned().collect();
@@ -403,7 +408,7 @@ impl Loader<'_, '_> {
             self.skipped.without_positions += 1;
             return Ok(());
         };
-        check_compression(self.document, primitive, positions)?;
+        draco::unpack(self.document, primitive, label)?;
         let positions = Reader::new(self.document, positions, label)?;
         let file = self.document.file;
         let first_position = self.model.positions.len();
@@ -535,17 +540,6 @@ impl Loader<'_, '_> {
         }
         Ok(())
     }
-}
-
-/// Refuses a primitive that is there in compressed form only, though the file does not say that it requires the extension.
-fn check_compression(document: &Document, primitive: &Primitive, positions: usize) -> Result<()> {
-    const COMPRESSION: &str = "KHR_draco_mesh_compression";
-    let has_data = |a: &Accessor| a.buffer_view.is_some() || a.sparse.is_some();
-    let is_plain = document.root.accessors.get(positions).is_none_or(has_data);
-    if is_plain || !primitive.extensions.contains_key(COMPRESSION) {
-        return Ok(());
-    }
-    Err(requires(COMPRESSION))
 }
 
 struct Attributes<'a> {

@@ -8,7 +8,7 @@
 //! Indices are plain numbers here; they are checked where they are followed.
 
 use serde::Deserialize;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -111,7 +111,21 @@ pub(super) struct Primitive {
     pub(super) mode: Option<u64>,
     /// Morph targets: from semantic to accessor.
     pub(super) targets: Vec<std::collections::BTreeMap<String, usize>>,
-    pub(super) extensions: Map<String, Value>,
+    pub(super) extensions: PrimitiveExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub(super) draco: Option<Draco>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Draco {
+    pub(super) buffer_view: usize,
+    /// From semantic to the number of an attribute in the compressed data.
+    pub(super) attributes: std::collections::BTreeMap<String, u32>,
 }
 
 #[derive(Deserialize)]
