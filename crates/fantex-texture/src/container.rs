@@ -2,6 +2,8 @@
 //!
 //! Only the finest level is read: coarser ones are made anew, by the same filter for all files.
 
+mod basis;
+
 use std::borrow::Cow;
 use std::fmt;
 
@@ -77,6 +79,13 @@ pub(crate) fn decode(
 ) -> Result<Vec<Image>> {
     let fail = |error: Error| error.context(format!("'{label}' is not a readable {container} file"));
     match container {
+        ContainerFormat::Ktx2 if basis::is_basis(bytes) => {
+            let basis = basis::Basis::parse(bytes).map_err(fail)?;
+            let unpacked = basis.layout.image_bytes().saturating_mul(basis.layout.images);
+            let _held = basis.layout.check(label, unpacked.saturating_add(2 * bytes.len() as u64), limits)?;
+            let images = basis.decode(bytes, most).map_err(fail)?;
+            Ok(images.iter().map(|image| basis.layout.decode(image, default_space)).collect())
+        }
         ContainerFormat::Ktx2 => {
             let header = Ktx2Header::parse(bytes).map_err(fail)?;
             let unpacked = header.layout.image_bytes().saturating_mul(header.layout.images);
@@ -100,6 +109,10 @@ fn u32_at(bytes: &[u8], offset: usize) -> Result<u32> {
     let number = bytes.get(offset..).and_then(|rest| rest.first_chunk());
     let number = number.ok_or_else(|| too_short(offset as u64 + 4, bytes.len()))?;
     Ok(u32::from_le_bytes(*number))
+}
+
+fn u64_at(bytes: &[u8], offset: usize) -> Result<u64> {
+    Ok(u64::from(u32_at(bytes, offset)?) | u64::from(u32_at(bytes, offset + 4)?) << 32)
 }
 
 fn slice_at(bytes: &[u8], offset: u64, length: u64) -> Result<&[u8]> {
@@ -270,16 +283,8 @@ struct Ktx2Header {
 impl Ktx2Header {
     fn parse(bytes: &[u8]) -> Result<Self> {
         let word = |index: usize| u32_at(bytes, KTX2_MAGIC.len() + 4 * index);
-        let wide = |offset: usize| {
-            Ok(u64::from(u32_at(bytes, offset)?) | u64::from(u32_at(bytes, offset + 4)?) << 32)
-        };
         let [code, width, height, depth] = [word(0)?, word(2)?, word(3)?, word(4)?];
         let [layers, faces, packing] = [word(5)?, word(6)?, word(8)?];
-        if packing == BASIS_LZ || code == 0 {
-            let message =
-                "Basis Universal textures are not read; transcode the file to BC7 or to plain texels first";
-            return Err(Error::unsupported(message));
-        }
         if ![0, ZSTANDARD].contains(&packing) {
             let message =
                 format!("texels packed by method {packing} are not read; use Zstandard (2) or none (0)");
@@ -295,8 +300,8 @@ impl Ktx2Header {
         Ok(Self {
             layout: Layout { format, width, height: height.max(1), images, space: Some(space) },
             packing,
-            offset: wide(LEVEL_INDEX)?,
-            packed_bytes: wide(LEVEL_INDEX + 8)?,
+            offset: u64_at(bytes, LEVEL_INDEX)?,
+            packed_bytes: u64_at(bytes, LEVEL_INDEX + 8)?,
         })
     }
 
@@ -427,8 +432,10 @@ impl TexelFormat {
 
     fn byte_len(self, width: u32, height: u32) -> u64 {
         match self.block_bytes() {
-            Some(bytes) => u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4)) * bytes as u64,
-            None => u64::from(width) * u64::from(height) * self.texel_bytes() as u64,
+            Some(bytes) => {
+                (u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4))).saturating_mul(bytes as u64)
+            }
+            None => (u64::from(width) * u64::from(height)).saturating_mul(self.texel_bytes() as u64),
         }
     }
 

@@ -101,3 +101,18 @@ fn damaged_meshopt_is_refused_with_its_place() {
     bytes.truncate(end);
     assert_mentions(&message("a.glb", &bytes), &["buffer view"]);
 }
+
+#[test]
+fn textures_take_what_is_there_of_their_images() {
+    let texture = |rest: &str| {
+        let parts = format!(
+            r#""nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"material":0}}]}}],"bufferViews":[{{"buffer":0,"byteLength":60}}],"accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},{{"bufferView":0,"byteOffset":36,"componentType":5126,"count":3,"type":"VEC2"}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0}}}}}}],"images":[{{"uri":"data:;base64,AA=="}},{{"uri":"data:;base64,AQ=="}}],"extensionsUsed":["KHR_texture_basisu"],"textures":[{{{rest}}}]"#
+        );
+        let buffer = floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 1.]);
+        let model = load_text("a.gltf", &gltf_with_buffer(&parts, &buffer)).unwrap();
+        assert_eq!(model.notes, [""; 0]);
+        model.materials[0].base_color_texture.as_ref().unwrap().image
+    };
+    assert_eq!(texture(r#""extensions":{"KHR_texture_basisu":{"source":1}}"#), 1);
+    assert_eq!(texture(r#""source":0,"extensions":{"KHR_texture_basisu":{"source":1}}"#), 0);
+}

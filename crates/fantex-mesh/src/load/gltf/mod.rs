@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Extensions that are read: KHR_mesh_quantization, KHR_draco_mesh_compression, EXT_meshopt_compression and
-//! KHR_meshopt_compression, KHR_texture_transform, KHR_materials_unlit, KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and
+//! KHR_meshopt_compression, KHR_texture_transform, KHR_materials_unlit, KHR_materials_emissive_strength, EXT_texture_webp, KHR_texture_basisu,
+//! EXT_mesh_gpu_instancing. Other material extensions and
 //! lights are noted and ignored; any other extension that a file *requires* makes it unreadable.
 
 mod data;
@@ -92,7 +93,7 @@ fn check_version(root: &Root) -> Result<()> {
 }
 
 fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
-    const READ: [&str; 10] = [
+    const READ: [&str; 11] = [
         "KHR_mesh_quantization",
         "KHR_draco_mesh_compression",
         "EXT_meshopt_compression",
@@ -102,6 +103,7 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
         "KHR_materials_emissive_strength",
         "KHR_materials_pbrSpecularGlossiness",
         "EXT_texture_webp",
+        "KHR_texture_basisu",
         INSTANCING,
     ];
     // These change how light acts, not what the surface is; without them the model is still the model.
@@ -726,7 +728,8 @@ impl MaterialReader<'_> {
         let from = || format!("material {}", self.index);
         let texture = get(&root.textures, info.index, "texture", from)?;
         let from = || format!("texture {}", info.index);
-        let source = texture.source.or(texture.extensions.webp.as_ref().and_then(|e| e.source));
+        let others = [&texture.extensions.webp, &texture.extensions.basisu];
+        let source = texture.source.or(others.into_iter().flatten().find_map(|other| other.source));
         let Some(image) = source else {
             let (material, texture) = (self.index, info.index);
             self.notes.push(format!(
