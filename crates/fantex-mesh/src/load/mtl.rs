@@ -1,5 +1,6 @@
 //! MTL material libraries ("Alias/WaveFront Material (.mtl) File Format", 1995), with the physically based additions
-//! `Pr Pm map_Pr map_Pm norm` that current exporters write.
+//! `Pr Pm map_Pr map_Pm norm` that current exporters write. `map_Pr` and `map_Pm` of one image are taken as glTF's packing: roughness in
+//! green, metalness in blue.
 //!
 //! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. What metallic-roughness cannot express is
 //! left out with a note.
@@ -70,6 +71,7 @@ struct Pending {
     /// Image of `map_d`.
     opacity_image: Option<usize>,
     roughness_texture: Option<TextureRef>,
+    metalness_texture: Option<TextureRef>,
     has_emission_factor: bool,
     /// `Pr` says it directly, `Ns` only approximates.
     has_roughness: bool,
@@ -151,7 +153,13 @@ impl<'a> Reader<'a> {
             }
             b"map_d" => pending.opacity_image = self.texture(arguments).map(|t| t.texture.image),
             b"map_pr" => pending.roughness_texture = self.texture(arguments).map(|t| t.texture),
-            b"map_pm" => pending.skipped.push("map_Pm"),
+            b"map_pm" => pending.metalness_texture = self.texture(arguments).map(|t| t.texture),
+            // Exporters write zeros for what a material does not have.
+            b"ps" if scalar("Ps", arguments)? > 0.0 => pending.skipped.push("sheen (Ps)"),
+            b"pc" if scalar("Pc", arguments)? > 0.0 => pending.skipped.push("clearcoat (Pc)"),
+            b"aniso" if scalar("aniso", arguments)? != 0.0 => pending.skipped.push("aniso"),
+            b"map_ps" => pending.skipped.push("map_Ps"),
+            b"map_pc" => pending.skipped.push("map_Pc"),
             b"map_ks" => pending.skipped.push("map_Ks"),
             b"map_ns" => pending.skipped.push("map_Ns"),
             b"disp" => pending.skipped.push("disp"),
@@ -191,13 +199,19 @@ impl<'a> Reader<'a> {
             material.alpha = AlphaMode::Blend;
         }
         // Roughness sits in green and metalness in blue of one texture, so a grey roughness map serves if metalness is 0.
-        match pending.roughness_texture {
-            Some(texture) if material.metallic == 0.0 => {
+        match (pending.roughness_texture, pending.metalness_texture) {
+            (Some(texture), Some(other)) if texture == other => {
+                [material.roughness, material.metallic] = [1.0; 2];
+                material.metallic_roughness_texture = Some(texture);
+            }
+            (Some(texture), None) if material.metallic == 0.0 => {
                 material.roughness = 1.0;
                 material.metallic_roughness_texture = Some(texture);
             }
-            Some(_) => pending.skipped.push("map_Pr"),
-            None => {}
+            (roughness, metalness) => {
+                pending.skipped.extend(roughness.map(|_| "map_Pr"));
+                pending.skipped.extend(metalness.map(|_| "map_Pm"));
+            }
         }
         if !pending.skipped.is_empty() {
             let (name, list) = (&material.name, pending.skipped.join(", "));

@@ -258,6 +258,30 @@ fn material_libraries_are_read() {
 }
 
 #[test]
+fn physically_based_properties_are_read_or_noted() {
+    let model = |library: &str| {
+        let text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+        let library = format!("newmtl m\n{library}");
+        load_files(&[("a.obj", text.as_bytes()), ("m.mtl", library.as_bytes())]).unwrap()
+    };
+    // One image for both is glTF's packing, and counts alone.
+    let packed = model(
+        "Pr 0.5\nPm 0\nPs 0\nPc 0\naniso 0\nmap_Pr -s 2 2 2 orm.png\nmap_Pm -s 2 2 2 orm.png\nmap_Ke -clamp on e.png\n",
+    );
+    let material = &packed.materials[0];
+    assert_eq!((material.roughness, material.metallic, material.emission), (1.0, 1.0, glam::Vec3::ONE));
+    assert!(material.metallic_roughness_texture.is_some());
+    assert_eq!(material.emission_texture.as_ref().unwrap().wrap, [WrapMode::Clamp; 2]);
+    assert_eq!(packed.notes, [""; 0]);
+    let apart = model("Pr 0.5\nPm 0.25\nPs 1\nPc 0.5\naniso 0.2\nmap_Pr r.png\nmap_Pm m.png\n");
+    let material = &apart.materials[0];
+    assert_eq!((material.roughness, material.metallic), (0.5, 0.25));
+    assert!(material.metallic_roughness_texture.is_none());
+    let listed = ["\"m\": sheen (Ps), clearcoat (Pc), aniso, map_Pr, map_Pm has"];
+    assert_mentions(&apart.notes.join("\n"), &listed);
+}
+
+#[test]
 fn a_missing_library_is_a_note_and_a_broken_one_an_error() {
     let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
     let model = load_text("a.obj", text).unwrap();

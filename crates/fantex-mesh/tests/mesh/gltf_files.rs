@@ -227,6 +227,14 @@ fn required_extensions_that_cannot_be_read_are_named() {
     let rest = r#","extensionsUsed":["KHR_materials_unlit","KHR_materials_sheen","KHR_lights_punctual"]"#;
     let model = load_text("a.gltf", &triangle_gltf(r#"[{"mesh":0}]"#, "", rest)).unwrap();
     assert_eq!(model.notes, ["extensions that fantex does not read were ignored: KHR_materials_sheen"]);
+    let cloth = |name: &str| format!(r#"{{"name":"{name}","extensions":{{"KHR_materials_sheen":{{}}}}}}"#);
+    let with = |names: &[&str]| {
+        let materials: Vec<_> = names.iter().map(|name| cloth(name)).collect();
+        let rest = format!("{rest},\"materials\":[{{}},{}]", materials.join(","));
+        load_text("a.gltf", &triangle_gltf(r#"[{"mesh":0}]"#, "", &rest)).unwrap().notes.remove(0)
+    };
+    assert!(with(&["seat"]).ends_with(r#"KHR_materials_sheen (of material "seat")"#));
+    assert!(with(&["a", "b", "c", "d", "e"]).ends_with(r#"(of materials "a", "b", "c" and 2 more)"#));
 }
 
 #[test]

@@ -123,9 +123,24 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
     ignored.sort_unstable();
     ignored.dedup();
     if !ignored.is_empty() {
-        notes.push(format!("extensions that fantex does not read were ignored: {}", ignored.join(", ")));
+        let with_users: Vec<_> = ignored.iter().map(|name| with_users(root, name)).collect();
+        notes.push(format!("extensions that fantex does not read were ignored: {}", with_users.join(", ")));
     }
     Ok(())
+}
+
+/// An extension with the materials that have it, the first few by name.
+fn with_users(root: &Root, extension: &str) -> String {
+    const NAMED: usize = 3;
+    let has_it = |material: &&schema::Material| material.extensions.others.contains_key(extension);
+    let users: Vec<_> = root.materials.iter().filter(has_it).map(|material| &material.name).collect();
+    let names: Vec<_> = users.iter().take(NAMED).map(|name| format!("{name:?}")).collect();
+    match users.len() {
+        0 => extension.to_owned(),
+        1 => format!("{extension} (of material {})", names[0]),
+        2..=NAMED => format!("{extension} (of materials {})", names.join(", ")),
+        count => format!("{extension} (of materials {} and {} more)", names.join(", "), count - NAMED),
+    }
 }
 
 // The node hierarchy: which meshes stand where.

@@ -8,7 +8,7 @@
 //! Indices are plain numbers here; they are checked where they are followed.
 
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -244,6 +244,8 @@ pub(super) struct MaterialExtensions {
     pub(super) emissive_strength: Option<EmissiveStrength>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
     pub(super) specular_glossiness: Option<SpecularGlossiness>,
+    #[serde(flatten)]
+    pub(super) others: Map<String, Value>,
 }
 
 #[derive(Clone, Deserialize)]
