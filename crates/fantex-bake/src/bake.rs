@@ -1,13 +1,17 @@
-//! The bake of a whole asset.
+//! The bake of a whole asset, or of a part of a planned one.
 
+use std::borrow::Cow;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use fantex_base::{Error, Result, input};
-use fantex_cover::{Cover, GroupTriangles};
+use fantex_cover::{Cover, Group, GroupTriangles};
 use fantex_mesh::{Mesh, creaseless_normals, shading_normals};
-use fantex_store::{AssetWriter, CreateOptions, Quality};
+use fantex_store::{
+    AssetWriter, Channel, CreateOptions, EncodedPage, PartWriter, Plan, Quality, WriteSummary,
+};
 use rayon::prelude::*;
 
 use crate::Source;
@@ -40,65 +44,172 @@ pub fn bake(
     options: &BakeOptions,
     progress: &dyn Progress,
 ) -> Result<BakeSummary> {
-    if cover.corner_groups.len() != mesh.triangles.len() {
+    let job = Job::new(mesh, cover, source, options)?;
+    let create = CreateOptions { force: options.force, ..CreateOptions::default() };
+    let mut writer = AssetWriter::create(path, &create, &job.mesh, cover, &job.channels())?;
+    let mut baked =
+        job.bake(0..cover.groups.len() as u32, progress, &mut |pages| writer.write_pages(pages))?;
+    let started = Instant::now();
+    let written = writer.finish(&baked.means)?;
+    baked.write_time += started.elapsed();
+    Ok(job.summary(&baked, &written))
+}
+
+/// Writes the plan of a bake: all that [`bake`] would write but texels. `about` is for whoever bakes its parts.
+///
+/// # Errors
+/// The file exists already (unless forced), or cannot be written.
+pub fn plan_bake(
+    mesh: &Mesh,
+    cover: &Cover,
+    source: &dyn Source,
+    path: &Path,
+    options: &BakeOptions,
+    about: &[u8],
+) -> Result<BakeSummary> {
+    let job = Job::new(mesh, cover, source, options)?;
+    let bytes = Plan::write(path, options.force, &job.mesh, cover, &job.channels(), about)?;
+    let written = WriteSummary { bytes, ..WriteSummary::default() };
+    Ok(job.summary(&Texels::default(), &written))
+}
+
+/// Bakes shard `shard[0]` of `shard[1]` of a plan into a part. [Merged](fantex_store::merge_parts), the parts are what [`bake`] writes in
+/// one go, byte for byte.
+///
+/// # Errors
+/// As [`bake`]; mesh, source or options are not those that were planned; there is no such shard.
+pub fn bake_part(
+    mesh: &Mesh,
+    planned: &Plan,
+    shard: [u32; 2],
+    source: &dyn Source,
+    path: &Path,
+    options: &BakeOptions,
+    progress: &dyn Progress,
+) -> Result<BakeSummary> {
+    let job = Job::new(mesh, &planned.cover, source, options)?;
+    if !planned.is_of(&job.mesh, &job.channels()) {
         return Err(Error::invalid(format!(
-            "the cover has {} triangles, the mesh {}: build the cover of this mesh first",
-            cover.corner_groups.len(),
-            mesh.triangles.len()
+            "the model or its channels are not those that {} was made for; plan anew",
+            planned.path.display()
         )));
     }
-    let smoothed = source.crosses_creases().then(|| without_creases(mesh)).flatten();
-    let mesh = smoothed.as_ref().unwrap_or(mesh);
-    let source_channels = source.channels();
-    let plans: Vec<ChannelPlan> =
-        source_channels.iter().map(|c| ChannelPlan::new(c, options.format)).collect();
-    if plans.is_empty() {
-        return Err(Error::invalid("the source has no channel to bake"));
-    }
-    let channels: Vec<_> = plans.iter().map(|p| p.channel.clone()).collect();
     let create = CreateOptions { force: options.force, ..CreateOptions::default() };
-    let mut writer = AssetWriter::create(path, &create, mesh, cover, &channels)?;
+    let mut writer = PartWriter::create(path, &create, planned, shard[0], shard[1])?;
+    let groups = planned.shard(shard[0], shard[1])?;
+    let baked = job.bake(groups, progress, &mut |pages| writer.write_pages(pages))?;
+    let written = writer.finish(&baked.means)?;
+    Ok(job.summary(&baked, &written))
+}
 
-    let triangles = GroupTriangles::of(cover);
-    let normals = shading_normals(mesh);
-    let meter = Meter::new(progress, cover.texels());
-    let limits = BatchLimits::new(options, plans.len());
-    let in_work = limits.in_work;
-    let baker =
-        TileBaker { mesh, cover, source, normals: &normals, plans: &plans, options, in_work, meter: &meter };
-    let mut summary = BakeSummary {
-        texels: cover.stored_texels(mesh),
-        channels: channels.iter().map(|c| format!("{:?}", c.kind)).collect(),
-        ..BakeSummary::default()
-    };
-    let mut means = Vec::with_capacity(cover.groups.len() * plans.len());
-    let (mut bake_time, mut encode_time, mut write_time) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
-    for batch in batches(cover, limits.texels) {
-        let tiles = batch
-            .into_par_iter()
-            .map(|group| match meter.is_cancelled() {
-                true => Err(cancelled()),
-                false => baker.bake(group, triangles.of_group(group)),
-            })
-            .collect::<Result<Vec<BakedTile>>>()?;
-        let started = Instant::now();
-        for tile in tiles {
-            bake_time += tile.bake_time;
-            encode_time += tile.encode_time;
-            means.extend(tile.means);
-            writer.write_pages(tile.pages)?;
+/// What is baked, and how.
+struct Job<'a> {
+    mesh: Cow<'a, Mesh>,
+    cover: &'a Cover,
+    source: &'a dyn Source,
+    plans: Vec<ChannelPlan>,
+    options: &'a BakeOptions,
+}
+
+/// What was made of a run of groups, besides pages.
+#[derive(Default)]
+struct Texels {
+    /// Per group and channel.
+    means: Vec<[f32; 4]>,
+    /// Of all threads together.
+    bake_time: Duration,
+    /// Of all threads together.
+    encode_time: Duration,
+    write_time: Duration,
+}
+
+impl<'a> Job<'a> {
+    fn new(
+        mesh: &'a Mesh,
+        cover: &'a Cover,
+        source: &'a dyn Source,
+        options: &'a BakeOptions,
+    ) -> Result<Self> {
+        if cover.corner_groups.len() != mesh.triangles.len() {
+            return Err(Error::invalid(format!(
+                "the cover has {} triangles, the mesh {}: build the cover of this mesh first",
+                cover.corner_groups.len(),
+                mesh.triangles.len()
+            )));
         }
-        write_time += started.elapsed();
+        let smoothed = source.crosses_creases().then(|| without_creases(mesh)).flatten();
+        let mesh = smoothed.map_or(Cow::Borrowed(mesh), Cow::Owned);
+        let plans: Vec<_> = source.channels().iter().map(|c| ChannelPlan::new(c, options.format)).collect();
+        if plans.is_empty() {
+            return Err(Error::invalid("the source has no channel to bake"));
+        }
+        Ok(Self { mesh, cover, source, plans, options })
     }
-    let started = Instant::now();
-    let written = writer.finish(&means)?;
-    write_time += started.elapsed();
-    summary.bytes = written.bytes;
-    summary.texel_bytes = written.cluster_bytes;
-    summary.bake_seconds = bake_time.as_secs_f64();
-    summary.encode_seconds = encode_time.as_secs_f64();
-    summary.write_seconds = write_time.as_secs_f64();
-    Ok(summary)
+
+    fn channels(&self) -> Vec<Channel> {
+        self.plans.iter().map(|plan| plan.channel.clone()).collect()
+    }
+
+    /// Bakes groups, and hands their pages on in order.
+    fn bake(
+        &self,
+        groups: Range<u32>,
+        progress: &dyn Progress,
+        write: &mut dyn FnMut(Vec<EncodedPage>) -> Result<()>,
+    ) -> Result<Texels> {
+        let Self { mesh, cover, source, plans, options } = self;
+        let triangles = GroupTriangles::of(cover);
+        let normals = shading_normals(mesh);
+        let own = &cover.groups[groups.start as usize..groups.end as usize];
+        let meter = Meter::new(progress, own.iter().map(texels_of).sum());
+        let limits = BatchLimits::new(options, plans.len());
+        let in_work = limits.in_work;
+        let baker = TileBaker {
+            mesh,
+            cover,
+            source: *source,
+            normals: &normals,
+            plans,
+            options,
+            in_work,
+            meter: &meter,
+        };
+        let mut baked = Texels { means: Vec::with_capacity(own.len() * plans.len()), ..Texels::default() };
+        for batch in batches(cover, groups, limits.texels) {
+            let tiles = batch
+                .into_par_iter()
+                .map(|group| match meter.is_cancelled() {
+                    true => Err(cancelled()),
+                    false => baker.bake(group, triangles.of_group(group)),
+                })
+                .collect::<Result<Vec<BakedTile>>>()?;
+            let started = Instant::now();
+            for tile in tiles {
+                baked.bake_time += tile.bake_time;
+                baked.encode_time += tile.encode_time;
+                baked.means.extend(tile.means);
+                write(tile.pages)?;
+            }
+            baked.write_time += started.elapsed();
+        }
+        Ok(baked)
+    }
+
+    fn summary(&self, baked: &Texels, written: &WriteSummary) -> BakeSummary {
+        BakeSummary {
+            texels: self.cover.stored_texels(&self.mesh),
+            bytes: written.bytes,
+            texel_bytes: written.cluster_bytes,
+            channels: self.plans.iter().map(|plan| format!("{:?}", plan.channel.kind)).collect(),
+            bake_seconds: baked.bake_time.as_secs_f64(),
+            encode_seconds: baked.encode_time.as_secs_f64(),
+            write_seconds: baked.write_time.as_secs_f64(),
+        }
+    }
+}
+
+fn texels_of(group: &Group) -> u64 {
+    u64::from(group.extent[0]) * u64::from(group.extent[1])
 }
 
 /// The mesh with normals that are continuous; `None` if its own are.
@@ -134,20 +245,19 @@ impl BatchLimits {
 }
 
 /// Runs of groups with at most `texels` texels each, or single groups.
-fn batches(cover: &Cover, texels: u64) -> Vec<std::ops::Range<u32>> {
+fn batches(cover: &Cover, groups: Range<u32>, texels: u64) -> Vec<Range<u32>> {
     let mut batches = Vec::new();
-    let (mut start, mut sum) = (0, 0);
-    for (group, shape) in (0u32..).zip(&cover.groups) {
-        let own = u64::from(shape.extent[0]) * u64::from(shape.extent[1]);
+    let (mut start, mut sum) = (groups.start, 0);
+    for group in groups.clone() {
+        let own = texels_of(&cover.groups[group as usize]);
         if start < group && sum + own > texels {
             batches.push(start..group);
             (start, sum) = (group, 0);
         }
         sum += own;
     }
-    let end = cover.groups.len() as u32;
-    if start < end {
-        batches.push(start..end);
+    if start < groups.end {
+        batches.push(start..groups.end);
     }
     batches
 }
@@ -297,7 +407,7 @@ mod tests {
                 let bytes = [texels * per_texel, texels.max(in_work) * 40].map(|n| n * channels as u64);
                 let fits = bytes[0] <= memory_bytes / 4 && bytes[1] <= memory_bytes / 4 * 3;
                 assert!(texels == smallest || fits, "{bytes:?} for {memory_bytes}");
-                let batches = batches(&cover, texels);
+                let batches = batches(&cover, 0..cover.groups.len() as u32, texels);
                 assert_eq!(batches.first().map(|b| b.start), Some(0));
                 assert_eq!(batches.last().map(|b| b.end), Some(cover.groups.len() as u32));
                 assert!(batches.windows(2).all(|pair| pair[0].end == pair[1].start));
@@ -309,7 +419,7 @@ mod tests {
                 }
             }
         }
-        assert!(batches(&cover, 1 << 16).len() > 20);
-        assert_eq!(batches(&cover, 1 << 30).len(), 1);
+        assert!(batches(&cover, 0..cover.groups.len() as u32, 1 << 16).len() > 20);
+        assert_eq!(batches(&cover, 0..cover.groups.len() as u32, 1 << 30).len(), 1);
     }
 }

@@ -6,8 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
-    bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, render,
-    table, verify, view, warp,
+    bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
+    render, table, verify, view, warp,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
@@ -33,6 +33,7 @@ mod commands {
     pub(crate) mod normals;
     pub(crate) mod notices;
     pub(crate) mod paint;
+    pub(crate) mod plan;
     pub(crate) mod render;
     pub(crate) mod table;
     pub(crate) mod verify;
@@ -114,6 +115,8 @@ pub(crate) struct CommonArgs {
 pub(crate) enum Command {
     Info(info::InfoArgs),
     Bake(bake::BakeArgs),
+    Plan(plan::PlanArgs),
+    Merge(plan::MergeArgs),
     Verify(verify::VerifyArgs),
     Render(render::RenderArgs),
     Compare(compare::CompareArgs),
@@ -137,6 +140,8 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::View(args) => return view::run(&args.arguments),
         Command::Info(args) => info::run(args, context),
         Command::Bake(args) => bake::run(args, context),
+        Command::Plan(args) => plan::run(args, context),
+        Command::Merge(args) => plan::merge(args, context),
         Command::Verify(args) => verify::run(args, context),
         Command::Render(args) => render::run(args, context),
         Command::Compare(args) => compare::run(args, context),

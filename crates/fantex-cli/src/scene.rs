@@ -174,10 +174,10 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Model => fantex::Mesh::load(path),
         FileKind::Look => Err(look_instead(path)),
-        FileKind::Asset => Err(Error::unsupported(format!(
+        FileKind::Asset => Err(fantex::Asset::open(path).err().unwrap_or_else(|| Error::unsupported(format!(
             "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
             path.display()
-        ))),
+        )))),
     }
 }
 

@@ -57,7 +57,7 @@ impl SectionRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Slot {
     pub(crate) version: u32,
-    /// Features that a reader must know; none yet.
+    /// Features that a reader must know: [`FLAG_PLAN`].
     pub(crate) flags: u32,
     pub(crate) generation: u64,
     /// Bytes of the file that this slot refers to.
@@ -128,8 +128,25 @@ impl Slot {
 /// Bytes between two sections that are read along rather than asked for apart.
 const SECTION_GAP: u64 = 1 << 16;
 
+/// The flag of a [plan](crate::Plan): sections without texels.
+pub(crate) const FLAG_PLAN: u32 = 1;
+
 /// The valid header slot with the greatest generation, and the number of damaged ones.
 pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
+    let (slot, damaged_slots) = read_slot_with(source, &[0, FLAG_PLAN])?;
+    if slot.flags == FLAG_PLAN {
+        let path = source.location();
+        return Err(Error::unsupported(format!(
+            "{} is a plan, which has no texels: bake its shards, then merge them into an asset",
+            path.display()
+        ))
+        .with_path(path));
+    }
+    Ok((slot, damaged_slots))
+}
+
+/// As [`read_slot`], for headers with one of these flags.
+pub(crate) fn read_slot_with(source: &dyn ByteSource, known_flags: &[u32]) -> Result<(Slot, u32)> {
     let path = source.location();
     let mut header = [0; HEADER_BYTES as usize];
     let count = source.read_at(&mut header, 0).map_err(|error| Error::reading(source.location(), error))?;
@@ -154,7 +171,7 @@ pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
             .with_path(path)
         });
     };
-    if slot.version != VERSION || slot.flags != 0 {
+    if slot.version != VERSION || !known_flags.contains(&slot.flags) {
         let (version, flags, supported) = (slot.version, slot.flags, VERSION);
         return Err(Error::unsupported(format!("{} has format version {version}, flags {flags:#x}; this program reads version {supported}, flags 0: use a newer program", path.display())).with_path(path));
     }

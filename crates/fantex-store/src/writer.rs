@@ -11,6 +11,7 @@
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::{exists, persist, temporary_file};
@@ -28,6 +29,12 @@ use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot};
 use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section, packing};
+
+pub use self::part::*;
+pub use self::plan::*;
+
+mod part;
+mod plan;
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
 pub(crate) const CLUSTER_TARGET_BYTES: usize = 256 << 10;
@@ -89,12 +96,7 @@ pub struct AssetWriter {
     path: PathBuf,
     options: CreateOptions,
     file: NewFile,
-    extents: Vec<[u32; 2]>,
-    formats: Vec<TexelFormat>,
-    open: Vec<OpenCluster>,
-    /// Full clusters on their way to the file, with their level.
-    full: Vec<(usize, OpenCluster)>,
-    due: Option<PageId>,
+    pages: PageStream,
     summary: WriteSummary,
 }
 
@@ -110,37 +112,14 @@ impl AssetWriter {
         cover: &Cover,
         channels: &[Channel],
     ) -> Result<Self> {
-        let content =
-            |error: Error| error.context(format!("cannot write {}", path.display())).with_path(path);
-        channel::check_channels(channels).map_err(content)?;
-        mesh_section::check(mesh).map_err(content)?;
-        cover_section::check(cover, mesh.triangles.len()).map_err(content)?;
-        if !options.force && path.symlink_metadata().is_ok() {
-            return Err(exists(path));
-        }
+        check_contents(path, options.force, mesh, cover, channels)?;
         let io = |source| Error::writing(path, source);
-        let extents: Vec<_> = cover.groups.iter().map(|group| group.extent).collect();
-        let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
-        let levels = extents.iter().map(|&e| level_count(e)).max().unwrap_or(0) as usize;
-        let mut file = NewFile::create(path, 1, levels).map_err(io)?;
-        let sections =
-            [channel::encode_channels(channels), cover_section::encode(cover), mesh_section::encode(mesh)];
-        for (index, raw) in sections.iter().enumerate() {
-            let (stored, record) = pack_section(raw).map_err(io)?;
-            file.section(index, &stored, record).map_err(io)?;
-        }
-        file.keep_room_for_directory(&extents, &formats);
-        Ok(Self {
-            path: path.to_owned(),
-            options: options.clone(),
-            file,
-            open: (0..levels).map(|_| OpenCluster::empty(formats.len())).collect(),
-            full: Vec::new(),
-            due: first_page(0, &extents),
-            summary: WriteSummary::default(),
-            extents,
-            formats,
-        })
+        let pages = PageStream::new(path, cover, channels, 0..cover.groups.len() as u32);
+        let mut file = NewFile::create(path, 1, pages.open.len()).map_err(io)?;
+        file.contents(mesh, cover, channels).map_err(io)?;
+        file.keep_room_for_directory(&pages.extents, &pages.formats);
+        let summary = WriteSummary::default();
+        Ok(Self { path: path.to_owned(), options: options.clone(), file, pages, summary })
     }
 
     /// Adds pages: groups ascending, all pages of a group together as [`group_pages`](crate::group_pages) lists them (a
@@ -151,7 +130,7 @@ impl AssetWriter {
     /// A page came out of turn or with wrong lengths, or the file cannot be written.
     pub fn write_pages(&mut self, batch: Vec<EncodedPage>) -> Result<()> {
         for page in batch {
-            self.add_page(&page)?;
+            self.pages.add(&page)?;
         }
         self.write_full_clusters()
     }
@@ -162,29 +141,83 @@ impl AssetWriter {
     /// # Errors
     /// Pages or means are missing, or the file cannot be written.
     pub fn finish(mut self, means: &[[f32; 4]]) -> Result<WriteSummary> {
-        if let Some(missing) = self.due {
-            return Err(self.refused("finish", format!("page ({missing}) has not been written")));
-        }
-        let (expected, got) = (self.extents.len() * self.formats.len(), means.len());
-        if got != expected {
-            let what = format!("{expected} means are due (one per group and channel), {got} were given");
-            return Err(self.refused("finish", what));
-        }
-        let open = self.open.iter_mut().enumerate();
-        self.full.extend(open.filter_map(|(level, cluster)| Some((level, cluster.take()?))));
+        self.pages.check_finished(means.len())?;
+        self.pages.close();
         self.write_full_clusters()?;
-        let means = Means::new(means, &self.formats);
+        self.seal(means)
+    }
+
+    /// Writes directory and header once all clusters are there.
+    fn seal(self, means: &[[f32; 4]]) -> Result<WriteSummary> {
+        let summary =
+            WriteSummary { pages: self.pages.pages, unpacked_texel_bytes: self.pages.bytes, ..self.summary };
+        let means = Means::new(means, &self.pages.formats);
         let finished = self.file.finish(means, &Attachments::new(), None);
         let (file, bytes) = finished.map_err(|source| Error::writing(&self.path, source))?;
         persist(file.into_temp_path(), &self.path, self.options.force)?;
-        Ok(WriteSummary { bytes, ..self.summary })
+        Ok(WriteSummary { bytes, ..summary })
+    }
+
+    /// Packs all full clusters in parallel and writes them in the order in which they became full.
+    fn write_full_clusters(&mut self) -> Result<()> {
+        let (formats, zstd_level) = (&self.pages.formats, self.options.zstd_level);
+        let packed: Vec<_> = std::mem::take(&mut self.pages.full)
+            .into_par_iter()
+            .map(|(level, cluster)| Ok((level, cluster.pack(formats, zstd_level)?)))
+            .collect();
+        for cluster in packed {
+            let written = cluster.and_then(|(level, cluster)| self.file.cluster(level, &cluster));
+            self.summary.cluster_bytes += written.map_err(|e| Error::writing(&self.path, e))?;
+            self.summary.clusters += 1;
+        }
+        Ok(())
+    }
+}
+
+/// That contents keep the rules of the format, and that nothing stands in the way of a new file.
+fn check_contents(path: &Path, force: bool, mesh: &Mesh, cover: &Cover, channels: &[Channel]) -> Result<()> {
+    let content = |error: Error| error.context(format!("cannot write {}", path.display())).with_path(path);
+    channel::check_channels(channels).map_err(content)?;
+    mesh_section::check(mesh).map_err(content)?;
+    cover_section::check(cover, mesh.triangles.len()).map_err(content)?;
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(exists(path));
+    }
+    Ok(())
+}
+
+/// Cuts pages of a run of groups, which come in order, into clusters.
+#[derive(Debug)]
+struct PageStream {
+    /// Of what is written, for messages.
+    path: PathBuf,
+    extents: Vec<[u32; 2]>,
+    formats: Vec<TexelFormat>,
+    groups: Range<u32>,
+    open: Vec<OpenCluster>,
+    /// Full clusters on their way to the file, with their level.
+    full: Vec<(usize, OpenCluster)>,
+    due: Option<PageId>,
+    pages: u64,
+    /// Of all pages.
+    bytes: u64,
+}
+
+impl PageStream {
+    fn new(path: &Path, cover: &Cover, channels: &[Channel], groups: Range<u32>) -> Self {
+        let extents: Vec<_> = cover.groups.iter().map(|group| group.extent).collect();
+        let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
+        let levels = extents.iter().map(|&e| level_count(e)).max().unwrap_or(0) as usize;
+        let due = first_page(groups.start, &extents, groups.end);
+        let open = (0..levels).map(|_| OpenCluster::empty(formats.len())).collect();
+        Self { path: path.into(), extents, formats, groups, open, full: Vec::new(), due, pages: 0, bytes: 0 }
     }
 
     fn refused(&self, verb: &str, what: String) -> Error {
         invalid(&self.path, format!("cannot {verb} {}: {what}", self.path.display()))
     }
 
-    fn add_page(&mut self, page: &EncodedPage) -> Result<()> {
+    fn add(&mut self, page: &EncodedPage) -> Result<()> {
         let id = page.id;
         match self.due {
             None => return Err(self.refused("write", format!("page ({id}) is not part of the cover"))),
@@ -205,8 +238,8 @@ impl AssetWriter {
         let place = TilePlace { group: id.group, page: number };
         let full = self.open[level].add(place, &page.channels, CLUSTER_TARGET_BYTES);
         self.full.extend(full.map(|cluster| (level, cluster)));
-        self.summary.pages += 1;
-        self.summary.unpacked_texel_bytes += expected.iter().sum::<usize>() as u64;
+        self.pages += 1;
+        self.bytes += expected.iter().sum::<usize>() as u64;
         self.due = self.page_after(id, size, number);
         Ok(())
     }
@@ -218,28 +251,32 @@ impl AssetWriter {
         if id.level + 1 < level_count(self.extents[id.group as usize]) {
             return Some(PageId { level: id.level + 1, page: [0, 0], ..id });
         }
-        first_page(id.group + 1, &self.extents)
+        first_page(id.group + 1, &self.extents, self.groups.end)
     }
 
-    /// Packs all full clusters in parallel and writes them in the order in which they became full.
-    fn write_full_clusters(&mut self) -> Result<()> {
-        let (formats, zstd_level) = (&self.formats, self.options.zstd_level);
-        let packed: Vec<_> = std::mem::take(&mut self.full)
-            .into_par_iter()
-            .map(|(level, cluster)| Ok((level, cluster.pack(formats, zstd_level)?)))
-            .collect();
-        for cluster in packed {
-            let written = cluster.and_then(|(level, cluster)| self.file.cluster(level, &cluster));
-            self.summary.cluster_bytes += written.map_err(|e| Error::writing(&self.path, e))?;
-            self.summary.clusters += 1;
+    /// That all pages came, and so many means.
+    fn check_finished(&self, means: usize) -> Result<()> {
+        if let Some(missing) = self.due {
+            return Err(self.refused("finish", format!("page ({missing}) has not been written")));
+        }
+        let expected = self.groups.len() * self.formats.len();
+        if means != expected {
+            let what = format!("{expected} means are due (one per group and channel), {means} were given");
+            return Err(self.refused("finish", what));
         }
         Ok(())
     }
+
+    /// What is open becomes full.
+    fn close(&mut self) {
+        let open = self.open.iter_mut().enumerate();
+        self.full.extend(open.filter_map(|(level, cluster)| Some((level, cluster.take()?))));
+    }
 }
 
-/// Level 0's first page of a group, if there is such a group.
-fn first_page(group: u32, extents: &[[u32; 2]]) -> Option<PageId> {
-    ((group as usize) < extents.len()).then_some(PageId { group, level: 0, page: [0, 0] })
+/// Level 0's first page of a group, if there is such a group before `end`.
+fn first_page(group: u32, extents: &[[u32; 2]], end: u32) -> Option<PageId> {
+    (group < end && (group as usize) < extents.len()).then_some(PageId { group, level: 0, page: [0, 0] })
 }
 
 /// Pages of one level that follow each other, until they are a cluster.
@@ -248,15 +285,17 @@ pub(crate) struct OpenCluster {
     first: TilePlace,
     /// Per channel, page after page.
     channels: Vec<Vec<u8>>,
+    /// Bytes of pages before these that another part has.
+    before: usize,
 }
 
 impl OpenCluster {
     pub(crate) fn empty(channels: usize) -> Self {
-        Self { first: TilePlace { group: 0, page: 0 }, channels: vec![Vec::new(); channels] }
+        Self { first: TilePlace { group: 0, page: 0 }, channels: vec![Vec::new(); channels], before: 0 }
     }
 
     fn length(&self) -> usize {
-        self.channels.iter().map(Vec::len).sum()
+        self.before + self.channels.iter().map(Vec::len).sum::<usize>()
     }
 
     /// Adds the next page; returns those before it where the cluster would become longer than `max_bytes`.
@@ -333,6 +372,17 @@ impl NewFile {
         Ok(Self { file, end: HEADER_BYTES, slot, levels: vec![Vec::new(); levels] })
     }
 
+    /// Adds the sections of channels, cover and mesh.
+    fn contents(&mut self, mesh: &Mesh, cover: &Cover, channels: &[Channel]) -> io::Result<()> {
+        let sections =
+            [channel::encode_channels(channels), cover_section::encode(cover), mesh_section::encode(mesh)];
+        for (index, raw) in sections.iter().enumerate() {
+            let (stored, record) = pack_section(raw)?;
+            self.section(index, &stored, record)?;
+        }
+        Ok(())
+    }
+
     /// Adds a packed section: channels, cover, mesh.
     pub(crate) fn section(&mut self, index: usize, stored: &[u8], record: SectionRecord) -> io::Result<()> {
         self.write_at(self.end, stored)?;
@@ -380,6 +430,11 @@ impl NewFile {
             let (stored, record) = pack_section(&directory::encode_attachments(attachments))?;
             self.slot.attachments = SectionRecord { offset: self.append(&stored)?, ..record };
         }
+        self.seal(permissions)
+    }
+
+    /// Writes the header and makes the file durable. Returns it with its length.
+    fn seal(mut self, permissions: Option<std::fs::Permissions>) -> io::Result<(NamedTempFile, u64)> {
         self.slot.file_length = self.end;
         for offset in SLOT_OFFSETS {
             self.write_at(offset, &self.slot.encode())?;

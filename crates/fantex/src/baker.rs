@@ -11,14 +11,15 @@ use std::time::{Duration, Instant};
 
 use fantex_bake::{
     BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress, Prefilter,
-    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
+    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake, bake_part,
+    plan_bake,
 };
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
 use fantex_mesh::{Material, ObjectSpace};
-use fantex_store::Quality;
+use fantex_store::{Plan, Quality};
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
@@ -316,7 +317,28 @@ impl<'a> Baker<'a> {
     /// The model has no such materials or colours; what the source names cannot be read; the file exists or cannot be written; the
     /// bake was ended.
     pub fn write(self, path: impl AsRef<Path>) -> Result<Baked> {
-        let (path, model) = (path.as_ref(), self.mesh);
+        self.reach(&Goal::Asset(path.as_ref()))
+    }
+
+    /// Writes all but the texels of what [`write`](Self::write) would write, with a note for whoever bakes its parts: [`write_part`](Self::write_part)
+    /// in any number of processes, then [`merge_parts`](fantex_store::merge_parts).
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn write_plan(self, path: impl AsRef<Path>, about: &[u8]) -> Result<Baked> {
+        self.reach(&Goal::Plan(path.as_ref(), about))
+    }
+
+    /// Bakes shard `number` of `count` of a plan, which this baker wrote, or one with the same mesh, source and settings.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write); the plan is of something else; there is no such shard.
+    pub fn write_part(self, plan: &Plan, number: u32, count: u32, path: impl AsRef<Path>) -> Result<Baked> {
+        self.reach(&Goal::Part(plan, [number, count], path.as_ref()))
+    }
+
+    fn reach(self, goal: &Goal<'_>) -> Result<Baked> {
+        let model = self.mesh;
         let default;
         let Source(kind) = match &self.source {
             Some(source) => source,
@@ -341,7 +363,7 @@ impl<'a> Baker<'a> {
                 }
                 let source = LookSource::of_model(&mesh)?;
                 let density = source.has_textures().then(|| source.density());
-                self.bake(&mesh, &source, density, path)
+                self.bake(&mesh, &source, density, goal)
             }
             Kind::Look(look) => {
                 let (file, images) = (LookFile::read(look)?, LookImages::default());
@@ -353,16 +375,16 @@ impl<'a> Baker<'a> {
                 let mut mesh = mesh.into_owned();
                 let resolver = MaterialResolver { file: &file, images: &images, options };
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
-                look.with_source(&mesh, |source| self.bake(&mesh, source, None, path))?
+                look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
             }
-            Kind::Mesh { path: detailed, cage } => self.transfer(&Mesh::load(detailed)?, *cage, path),
-            Kind::Loaded(detailed, cage) => self.transfer(detailed, *cage, path),
+            Kind::Mesh { path: detailed, cage } => self.transfer(&Mesh::load(detailed)?, *cage, goal),
+            Kind::Loaded(detailed, cage) => self.transfer(detailed, *cage, goal),
             #[cfg(feature = "photos")]
-            Kind::Photos(photos) => self.photographs(photos, path),
-            Kind::Custom(source) => self.bake(model, *source, None, path),
+            Kind::Photos(photos) => self.photographs(photos, goal),
+            Kind::Custom(source) => self.bake(model, *source, None, goal),
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
                 let mesh = without_textures(&mesh);
-                self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, path)
+                self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, goal)
             }
         }
     }
@@ -373,9 +395,24 @@ impl<'a> Baker<'a> {
         mesh: &fantex_mesh::Mesh,
         source: &dyn fantex_bake::Source,
         own_density: Option<Vec<f32>>,
-        path: &Path,
+        goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
+        if let Goal::Part(plan, shard, path) = *goal {
+            self.check_cancelled()?;
+            let summary = bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?;
+            let cover = CoverStats { groups: plan.cover.groups.len() as u64, ..CoverStats::default() };
+            return Ok(Baked {
+                triangles: mesh.triangles.len() as u64,
+                texels_asked: None,
+                cover,
+                cover_time: Duration::ZERO,
+                summary,
+                notes: Vec::new(),
+                #[cfg(feature = "photos")]
+                photos: None,
+            });
+        }
         let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
         let budget = match (self.budget, own_density) {
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
@@ -396,7 +433,12 @@ impl<'a> Baker<'a> {
         let (cover, stats) = build_cover(mesh, &options)?;
         let cover_time = started.elapsed();
         self.check_cancelled()?;
-        let summary = bake(mesh, &cover, source, path, &self.options, self.progress.0)?;
+        let summary = match *goal {
+            Goal::Plan(path, about) => plan_bake(mesh, &cover, source, path, &self.options, about)?,
+            Goal::Asset(path) | Goal::Part(.., path) => {
+                bake(mesh, &cover, source, path, &self.options, self.progress.0)?
+            }
+        };
         let dense = format!(
             "at the density of the model's own textures these are {} million texels; a number of texels may be given instead",
             stats.texels / 1_000_000
@@ -432,7 +474,7 @@ impl<'a> Baker<'a> {
     }
 
     /// Bakes another model's look and shape, and says how well the two fit.
-    fn transfer(&self, detailed: &Mesh, cage: Option<f64>, path: &Path) -> Result<Baked> {
+    fn transfer(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
         let mesh = self.refined();
         let mesh = without_textures(&mesh);
         let mut notes: Vec<String> =
@@ -449,7 +491,7 @@ impl<'a> Baker<'a> {
         };
         let options = TransferOptions { cage, ..TransferOptions::default() };
         let source = TransferSource::new(&mesh, detailed, colors, &options)?;
-        let baked = self.bake(&mesh, &source, None, path)?;
+        let baked = self.bake(&mesh, &source, None, goal)?;
         let report = source.report();
         // Single points at rims say nothing.
         if report.missed > report.points / 1000 {
@@ -462,6 +504,25 @@ impl<'a> Baker<'a> {
             ));
         }
         Ok(Baked { notes, ..baked })
+    }
+}
+
+/// What a bake writes.
+enum Goal<'g> {
+    /// An asset.
+    Asset(&'g Path),
+    /// All but texels, with a note.
+    Plan(&'g Path, &'g [u8]),
+    /// Shard and count.
+    Part(&'g Plan, [u32; 2], &'g Path),
+}
+
+impl<'g> Goal<'g> {
+    #[cfg(feature = "photos")]
+    fn path(&self) -> &'g Path {
+        match self {
+            Self::Asset(path) | Self::Plan(path, _) | Self::Part(.., path) => path,
+        }
     }
 }
 

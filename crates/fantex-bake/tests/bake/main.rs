@@ -5,5 +5,6 @@
 mod assets;
 mod common;
 mod light;
+mod parts;
 mod sources;
 mod transfer;

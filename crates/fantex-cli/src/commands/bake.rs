@@ -6,10 +6,12 @@ use std::time::Instant;
 use clap::Args;
 use fantex::bake::BakeSummary;
 use fantex::photos::PhotoReport;
+use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
 use crate::commands::info::CoverArgs;
+use crate::commands::plan::{self, Shard};
 use crate::context::{Context, peak_memory_bytes};
 use crate::scene::{open_model, show_notes};
 use crate::sources::SourceArg;
@@ -41,7 +43,10 @@ pub(crate) struct BakeArgs {
     model: PathBuf,
     /// The asset to write
     #[arg(short, long, value_name = "ASSET")]
-    output: PathBuf,
+    pub(crate) output: PathBuf,
+    /// Bake this part of a plan, the I-th of N, instead of a model: any machine may bake any part (see 'fantex plan')
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge"])]
+    pub(crate) shard: Option<Shard>,
     /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],
     /// photos=PATH[,images=FOLDER][,frame=original][,exposure=off][,unseen=RRGGBB] or look=PATH; solids are wood, rings, marble, rock, granite, clouds, checker, brick and landscape
     #[arg(long)]
@@ -93,28 +98,28 @@ pub(crate) struct EncodingArgs {
 }
 
 #[derive(Debug, Serialize)]
-struct Seconds {
+pub(crate) struct Seconds {
     load: f64,
     cover: f64,
     bake: f64,
     encode: f64,
     write: f64,
-    total: f64,
+    pub(crate) total: f64,
 }
 
 #[derive(Debug, Serialize)]
 pub(crate) struct BakeInfo {
-    output: PathBuf,
+    pub(crate) output: PathBuf,
     source: String,
-    triangles: u64,
-    groups: u64,
-    texels: u64,
+    pub(crate) triangles: u64,
+    pub(crate) groups: u64,
+    pub(crate) texels: u64,
     /// Where a number was asked for. Many small tiles may hold more.
     texels_asked: Option<u64>,
-    bytes: u64,
-    channels: Vec<String>,
+    pub(crate) bytes: u64,
+    pub(crate) channels: Vec<String>,
     /// `bake` and `encode` are seconds of all threads together, the others wall clock.
-    seconds: Seconds,
+    pub(crate) seconds: Seconds,
     peak_memory_bytes: Option<u64>,
     #[serde(flatten)]
     photos: Option<PhotosInfo>,
@@ -149,9 +154,31 @@ impl From<&PhotoReport> for PhotosInfo {
 }
 
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
+    match args.shard {
+        Some(shard) => plan::bake_shard(&args.model, shard, &args.output, context),
+        None => context.print(&bake(args, &args.output, &Goal::Asset, context.seed, context)?, text),
+    }
+}
+
+/// What becomes of the arguments of a bake.
+pub(crate) enum Goal {
+    Asset,
+    /// All but texels, with this note.
+    Plan(Vec<u8>),
+    Part(Plan, Shard),
+}
+
+/// Bakes what the arguments say, into `output` instead of theirs.
+pub(crate) fn bake(
+    args: &BakeArgs,
+    output: &Path,
+    goal: &Goal,
+    seed: u64,
+    context: &Context,
+) -> Result<BakeInfo> {
     let started = Instant::now();
     let mesh = open_model(&args.model)?;
-    context.check_output_of(&args.output, &args.model)?;
+    context.check_output_of(output, &args.model)?;
     show_notes(&mesh, context);
     let source = match (&args.look, &args.source) {
         (Some(look), _) => SourceArg::Look(look.clone()),
@@ -164,7 +191,9 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
         cover: &args.cover,
         match_source: args.match_source,
         encoding: &args.encoding,
-        output: &args.output,
+        output,
+        goal,
+        seed,
         started,
     };
     if let (SourceArg::Uv, false) = (&job.source, mesh.has_materials()) {
@@ -180,7 +209,7 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
             "--match takes the density of textures, and {source} has none; give --texels or --density"
         )));
     }
-    context.print(&job.run(context)?, text)
+    job.run(context)
 }
 
 /// A mesh, and how it becomes an asset.
@@ -191,13 +220,16 @@ pub(crate) struct BakeJob<'a> {
     pub(crate) match_source: bool,
     pub(crate) encoding: &'a EncodingArgs,
     pub(crate) output: &'a Path,
+    pub(crate) goal: &'a Goal,
+    /// Of everything random.
+    pub(crate) seed: u64,
     /// When the command began.
     pub(crate) started: Instant,
 }
 
 impl BakeJob<'_> {
     pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo> {
-        let Self { mesh, cover, encoding, output, .. } = self;
+        let Self { mesh, cover, encoding, output, goal, .. } = self;
         let load_seconds = self.started.elapsed().as_secs_f64();
         let baked = {
             let _deferral = context.defer_interrupt();
@@ -209,7 +241,7 @@ impl BakeJob<'_> {
                 .quality(encoding.quality)
                 .overwrite(context.force)
                 .memory(context.memory_bytes)
-                .seed(context.seed)
+                .seed(self.seed)
                 .progress(&progress);
             if let Some(texels) = cover.texels {
                 baker = baker.texels(texels.0);
@@ -226,7 +258,13 @@ impl BakeJob<'_> {
             if self.match_source {
                 baker = baker.matching();
             }
-            baker.write(output)?
+            match goal {
+                Goal::Asset => baker.write(output)?,
+                Goal::Plan(about) => baker.write_plan(output, about)?,
+                Goal::Part(plan, Shard { number, count }) => {
+                    baker.write_part(plan, *number, *count, output)?
+                }
+            }
         };
         if let Some(note) = over_budget(baked.texels_asked, &baked.cover) {
             context.note(format!("{}: {note}", output.display()));

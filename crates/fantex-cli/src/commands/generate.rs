@@ -18,7 +18,7 @@ use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use crate::commands::bake;
-use crate::commands::bake::{BakeJob, EncodingArgs};
+use crate::commands::bake::{BakeJob, EncodingArgs, Goal};
 use crate::commands::info::CoverArgs;
 use crate::context::Context;
 use crate::scene::{open_model, show_notes, size};
@@ -163,6 +163,8 @@ fn bake_landscape(args: &LandscapeArgs, model: Model, started: Instant, context:
         match_source: false,
         encoding: &args.encoding,
         output: &args.output,
+        goal: &Goal::Asset,
+        seed: context.seed,
         started,
     };
     context.print(&job.run(context)?, bake::text)

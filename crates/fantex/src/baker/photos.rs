@@ -1,6 +1,6 @@
 //! Photographs as a source.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fantex_bake::Progress;
 use fantex_base::files::folder_of;
@@ -9,7 +9,7 @@ use fantex_mesh::Material;
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
 use glam::Vec3;
 
-use super::{Baked, Baker, Budget, Observer};
+use super::{Baked, Baker, Budget, Goal, Observer};
 
 /// Photographs of a model, with their cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,7 +44,7 @@ impl Progress for UntilFailure<'_> {
 
 impl Baker<'_> {
     /// Bakes photographs, and says what they do not show.
-    pub(super) fn photographs(&self, photos: &PhotoSet, path: &Path) -> Result<Baked> {
+    pub(super) fn photographs(&self, photos: &PhotoSet, goal: &Goal<'_>) -> Result<Baked> {
         let mut mesh = self.refined().into_owned();
         // Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
         for material in &mut mesh.materials {
@@ -63,7 +63,7 @@ impl Baker<'_> {
         };
         let options = PhotoOptions {
             memory_bytes: self.options.memory_bytes,
-            scratch: folder_of(path).to_owned(),
+            scratch: folder_of(goal.path()).to_owned(),
             exposure: !photos.keep_exposure,
             unseen: photos.unseen,
             texel_size,
@@ -95,9 +95,9 @@ impl Baker<'_> {
             options,
             progress: Observer(&progress),
         };
-        let baked = baker.bake(mesh, &source, density, path);
+        let baked = baker.bake(mesh, &source, density, goal);
         if let Some(error) = source.failure() {
-            let folder = folder_of(path).display();
+            let folder = folder_of(goal.path()).display();
             return Err(Error::new(ErrorKind::Io, format!("cannot keep photographs in {folder}: {error}")));
         }
         Ok(Baked { notes, photos: Some(report.clone()), ..baked? })

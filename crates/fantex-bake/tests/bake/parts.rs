@@ -1,0 +1,140 @@
+//! Bakes in parts: merged, they are what one process writes; whatever is missing or wrong is named.
+
+use std::path::{Path, PathBuf};
+
+use fantex_bake::{
+    BakeFormat, BakeOptions, LookSource, NoProgress, SineSource, Source, bake, bake_part, plan_bake,
+};
+use fantex_base::Random;
+use fantex_cover::Cover;
+use fantex_mesh::{Mesh, generate};
+use fantex_store::{Asset, CreateOptions, Plan, merge_parts};
+
+use crate::common::{cleaned, cover};
+
+const WAVE: SineSource = SineSource { k: 30.0 };
+
+/// Bakes all parts of a plan, the last first.
+fn parts(
+    folder: &Path,
+    planned: &Plan,
+    mesh: &Mesh,
+    source: &dyn Source,
+    count: u32,
+    options: &BakeOptions,
+) -> Vec<PathBuf> {
+    let bake = |number| {
+        let path = folder.join(format!("{number}-of-{count}.part"));
+        bake_part(mesh, planned, [number, count], source, &path, options, &NoProgress).unwrap();
+        path
+    };
+    (1..=count).rev().map(bake).collect()
+}
+
+fn check_same(mesh: &Mesh, cover: &Cover, source: &dyn Source, format: BakeFormat, counts: &[u32]) {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let options = BakeOptions { format, ..BakeOptions::default() };
+    bake(mesh, cover, source, &at("whole.fan"), &options, &NoProgress).unwrap();
+    let whole = std::fs::read(at("whole.fan")).unwrap();
+    plan_bake(mesh, cover, source, &at("plan.fan"), &options, b"note").unwrap();
+    let planned = Plan::open(&at("plan.fan")).unwrap();
+    assert_eq!(planned.about, b"note");
+    let options = BakeOptions { memory_bytes: 1 << 20, ..options };
+    for &count in counts {
+        let parts = parts(folder.path(), &planned, mesh, source, count, &options);
+        let merged = at(&format!("merged-{count}.fan"));
+        let create = CreateOptions::default();
+        let written = merge_parts(&planned, &parts, Some((&merged, &create)), &|| false).unwrap();
+        assert!(std::fs::read(&merged).unwrap() == whole, "{count} parts");
+        let checked = merge_parts(&planned, &parts, None, &|| false).unwrap();
+        assert_eq!(checked.clusters, written.clusters);
+    }
+}
+
+#[test]
+fn merged_parts_are_what_one_process_writes() {
+    let mesh = cleaned(generate::icosphere(4));
+    let small = cover(&mesh, 64, 3_000_000);
+    check_same(&mesh, &small, &WAVE, BakeFormat::Bc7, &[1, 2, 3, 7, 40]);
+    // More parts than tiles; some have none.
+    let mesh = cleaned(generate::icosphere(1));
+    let few = cover(&mesh, 64, 200_000);
+    check_same(&mesh, &few, &WAVE, BakeFormat::Float, &[1, 5, 2 * few.groups.len() as u32]);
+    let bottle = fantex_test::bottle();
+    let source = LookSource::of_model(&bottle).unwrap();
+    check_same(&bottle, &cover(&bottle, 64, 500_000), &source, BakeFormat::Rgba8, &[4]);
+}
+
+#[test]
+fn parts_that_are_missing_wrong_or_damaged_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mesh = cleaned(generate::icosphere(3));
+    let tiles = cover(&mesh, 64, 300_000);
+    let options = BakeOptions::default();
+    plan_bake(&mesh, &tiles, &WAVE, &at("plan.fan"), &options, b"").unwrap();
+    let planned = Plan::open(&at("plan.fan")).unwrap();
+    let made = parts(folder.path(), &planned, &mesh, &WAVE, 4, &options);
+    let create = CreateOptions::default();
+    let refused = |parts: &[PathBuf], words: &str| {
+        let error = merge_parts(&planned, parts, Some((&at("out.fan"), &create)), &|| false).unwrap_err();
+        assert!(error.to_string().contains(words), "{error}");
+        assert!(!at("out.fan").exists());
+    };
+    let without = |index: usize| [&made[..index], &made[index + 1..]].concat();
+    refused(&without(0), "is missing (shard 4/4)");
+    refused(&without(2), "is missing (shard 2/4)");
+    refused(&[&made[..], &made[1..2]].concat(), "have the same tiles");
+    refused(&[&without(0)[..], &[at("plan.fan")]].concat(), "plan.fan is no part of a bake");
+    // Of another plan.
+    let other = cover(&mesh, 64, 200_000);
+    plan_bake(&mesh, &other, &WAVE, &at("other.fan"), &options, b"").unwrap();
+    let other = Plan::open(&at("other.fan")).unwrap();
+    bake_part(&mesh, &other, [4, 4], &WAVE, &at("other.part"), &options, &NoProgress).unwrap();
+    refused(&[&without(0)[..], &[at("other.part")]].concat(), "belongs to another plan");
+    // The same model with other channels, and another model.
+    let bottle = fantex_test::bottle();
+    let source = LookSource::of_model(&bottle).unwrap();
+    for (mesh, source) in [(&bottle, &source as &dyn Source), (&cleaned(generate::torus(9, 9)), &WAVE)] {
+        let refused = bake_part(mesh, &planned, [1, 4], source, &at("no.part"), &options, &NoProgress);
+        assert!(refused.is_err() && !at("no.part").exists());
+    }
+    // Neither is an asset.
+    for path in [&at("plan.fan"), &made[0]] {
+        Asset::open(path).unwrap_err();
+    }
+    // Damage anywhere is found, and never more than a sentence.
+    let whole = std::fs::read(&made[1]).unwrap();
+    let mut random = Random::new(3);
+    for round in 0..300 {
+        let mut bytes = whole.clone();
+        if round % 4 == 0 {
+            bytes.truncate(random.below(whole.len() as u64) as usize);
+        } else {
+            let early = if round % 2 == 0 { 200 } else { whole.len() as u64 };
+            bytes[random.below(early) as usize] ^= 1 << random.below(8);
+        }
+        let mut broken = made.clone();
+        broken[1] = at("broken.part");
+        std::fs::write(&broken[1], bytes).unwrap();
+        merge_parts(&planned, &broken, None, &|| false).unwrap_err();
+    }
+    std::fs::write(at("broken.part"), [&whole[..], b"more"].concat()).unwrap();
+    let mut longer = made.clone();
+    longer[1] = at("broken.part");
+    refused(&longer, "broken.part is damaged");
+    let plan = std::fs::read(at("plan.fan")).unwrap();
+    for _ in 0..300 {
+        let mut bytes = plan.clone();
+        bytes[random.below(plan.len() as u64) as usize] ^= 1 << random.below(8);
+        std::fs::write(at("broken.fan"), bytes).unwrap();
+        // A header's twin may stand in for it, and padding says nothing.
+        if let Ok(read) = Plan::open(&at("broken.fan")) {
+            assert!(read.is_of(&planned.mesh, &planned.channels));
+        }
+    }
+    let ended = merge_parts(&planned, &made, Some((&at("out.fan"), &create)), &|| true).unwrap_err();
+    assert_eq!(ended.kind(), fantex_base::ErrorKind::Cancelled);
+    merge_parts(&planned, &made, Some((&at("out.fan"), &create)), &|| false).unwrap();
+}

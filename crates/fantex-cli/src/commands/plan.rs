@@ -1,0 +1,183 @@
+//! `fantex plan`, `fantex bake --shard` and `fantex merge`: a bake in parts, on any machines, in any order.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+
+use clap::{Args, Parser as _};
+use fantex::store::{CreateOptions, Plan, merge_parts};
+use fantex::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::commands::bake::{self, BakeArgs, BakeInfo, Goal};
+use crate::context::Context;
+use crate::text::{counted, megabytes};
+use crate::{Cli, Command};
+
+/// Which part of how many, counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Shard {
+    pub(crate) number: u32,
+    pub(crate) count: u32,
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((number, count)) if (1..=count).contains(&number) => Ok(Self { number, count }),
+            _ => Err("expected I/N, the number of a part and how many there are: 1/8 to 8/8".into()),
+        }
+    }
+}
+
+/// What a plan tells those who bake its parts.
+#[derive(Debug, Serialize, Deserialize)]
+struct About {
+    /// The command that made the plan.
+    arguments: Vec<String>,
+    /// The folder that it ran in, where relative paths begin.
+    folder: PathBuf,
+}
+
+/// Cover a model and plan a bake that several machines do in parts.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex plan world.glb -o world.plan --texels 16G
+  fantex bake world.plan --shard 1/3 -o 1.part
+  fantex bake world.plan --shard 2/3 -o 2.part
+  fantex bake world.plan --shard 3/3 -o 3.part
+  fantex merge world.plan 1.part 2.part 3.part -o world.fan
+
+The plan is the asset without its texels; the merged parts are the asset that 'fantex bake' writes in one go, byte for byte, however many
+parts there are. Each part may be baked by any machine of the same kind of processor that sees the model and its pictures under the same paths, in
+any order, and again where it was lost (docs/farms.md).")]
+pub(crate) struct PlanArgs {
+    #[command(flatten)]
+    bake: BakeArgs,
+}
+
+#[derive(Debug, Serialize)]
+struct PlanInfo {
+    output: PathBuf,
+    triangles: u64,
+    groups: u64,
+    texels: u64,
+    bytes: u64,
+    channels: Vec<String>,
+}
+
+pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
+    if args.bake.shard.is_some() {
+        return Err(Error::invalid("a plan has no shards yet; give --shard to 'fantex bake'"));
+    }
+    let arguments = std::env::args_os()
+        .map(|argument| argument.into_string().map_err(|text| text.display().to_string()))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|text| Error::invalid(format!("{text} is not UTF-8, which what a plan notes has to be")))?;
+    let folder = std::env::current_dir().map_err(|error| Error::reading(Path::new("."), error))?;
+    let about = serde_json::to_vec(&About { arguments, folder })
+        .map_err(|error| Error::invalid(error.to_string()))?;
+    let info = bake::bake(&args.bake, &args.bake.output, &Goal::Plan(about), context.seed, context)?;
+    let BakeInfo { output, triangles, groups, texels, bytes, channels, .. } = info;
+    context.print(&PlanInfo { output, triangles, groups, texels, bytes, channels }, |info| {
+        format!(
+            "{}: {} in {}, {}; bake its parts: fantex bake {} --shard 1/N -o 1.part",
+            info.output.display(),
+            counted(info.texels, "texel"),
+            counted(info.groups, "tile"),
+            info.channels.join(", "),
+            info.output.display()
+        )
+    })
+}
+
+/// Bakes a part with the arguments of its plan.
+pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Context) -> Result<()> {
+    let plan = Plan::open(path)?;
+    let damaged = || Error::damaged(format!("{} does not say how it was made; plan anew", path.display()));
+    let about: About = serde_json::from_slice(&plan.about).map_err(|_| damaged().with_path(path))?;
+    let cli = Cli::try_parse_from(&about.arguments).map_err(|_| damaged().with_path(path))?;
+    let Command::Plan(planned) = cli.command else { return Err(damaged().with_path(path)) };
+    let output = std::path::absolute(output).map_err(|error| Error::writing(output, error))?;
+    std::env::set_current_dir(&about.folder).map_err(|error| {
+        let folder = about.folder.display();
+        Error::reading(&about.folder, error)
+            .context(format!("{} was made in {folder}, where its model is looked for", path.display()))
+    })?;
+    let goal = Goal::Part(plan, shard);
+    let info = bake::bake(&planned.bake, &output, &goal, cli.common.seed, context)?;
+    context.print(&info, |info| {
+        let Shard { number, count } = shard;
+        let (bytes, seconds) = (megabytes(info.bytes), info.seconds.total);
+        format!("{}: part {number} of {count}, {bytes} in {seconds:.1} s", info.output.display())
+    })
+}
+
+/// Merge the parts of a planned bake into one asset.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex merge world.plan 1.part 2.part 3.part -o world.fan
+  fantex merge world.plan *.part --check
+
+Parts may come in any order. What is missing, damaged, there twice or of another plan is named, and nothing is written.")]
+pub(crate) struct MergeArgs {
+    /// The plan
+    plan: PathBuf,
+    /// All its parts
+    #[arg(required = true)]
+    parts: Vec<PathBuf>,
+    /// The asset to write
+    #[arg(short, long, value_name = "ASSET", required_unless_present = "check")]
+    output: Option<PathBuf>,
+    /// Only look whether all is there and whole
+    #[arg(long, conflicts_with = "output")]
+    check: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct MergeInfo {
+    /// None where the parts were only looked at.
+    output: Option<PathBuf>,
+    parts: u64,
+    clusters: u64,
+    bytes: u64,
+    seconds: f64,
+}
+
+pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
+    let started = Instant::now();
+    let plan = Plan::open(&args.plan)?;
+    if let Some(output) = &args.output {
+        for input in args.parts.iter().chain([&args.plan]) {
+            context.check_output_of(output, input)?;
+        }
+    }
+    let options = CreateOptions { force: context.force, ..CreateOptions::default() };
+    let written = {
+        let _deferral = context.defer_interrupt();
+        let output = args.output.as_deref().map(|path| (path, &options));
+        merge_parts(&plan, &args.parts, output, &|| context.is_interrupted())?
+    };
+    let info = MergeInfo {
+        output: args.output.clone(),
+        parts: args.parts.len() as u64,
+        clusters: written.clusters as u64,
+        bytes: written.bytes,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| match &info.output {
+        Some(output) => format!(
+            "{}: {} of {} in {:.1} s",
+            output.display(),
+            megabytes(info.bytes),
+            counted(info.parts, "part"),
+            info.seconds
+        ),
+        None => format!("{} are all there and whole", counted(info.parts, "part")),
+    })
+}

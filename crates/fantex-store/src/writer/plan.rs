@@ -1,0 +1,129 @@
+//! Plans: assets without texels, which several processes bake in parts.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use fantex_base::files::persist;
+use fantex_base::{Error, Result};
+use fantex_cover::Cover;
+use fantex_mesh::Mesh;
+use xxhash_rust::xxh3::Xxh3;
+
+use super::{NewFile, check_contents, pack_section};
+use crate::error::damaged;
+use crate::header::{FLAG_PLAN, Sections, read_slot_with};
+use crate::{ByteSource as _, Channel, FileSource, channel, cover_section, mesh_section};
+
+/// Everything of an asset but its texels.
+///
+/// A file has the layout of an asset without clusters, the flag of plans, and `about` in place of the directory.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// The asset's mesh.
+    pub mesh: Mesh,
+    /// The asset's tiles.
+    pub cover: Cover,
+    /// The asset's channels.
+    pub channels: Vec<Channel>,
+    /// What its writer noted, for whoever bakes.
+    pub about: Vec<u8>,
+    /// Of the contents but `about`: parts of one plan have the same.
+    pub(super) identity: u128,
+}
+
+impl Plan {
+    /// Writes a plan, whole or not at all; returns its length in bytes.
+    ///
+    /// # Errors
+    /// The file exists and is not to be overwritten, cannot be written, or the contents break a rule of the format.
+    pub fn write(
+        path: &Path,
+        force: bool,
+        mesh: &Mesh,
+        cover: &Cover,
+        channels: &[Channel],
+        about: &[u8],
+    ) -> Result<u64> {
+        check_contents(path, force, mesh, cover, channels)?;
+        let write = || {
+            let mut file = NewFile::create(path, 1, 0)?;
+            file.slot.flags = FLAG_PLAN;
+            file.contents(mesh, cover, channels)?;
+            let (stored, record) = pack_section(about)?;
+            file.section(3, &stored, record)?;
+            file.seal(None)
+        };
+        let (file, bytes) = write().map_err(|source| Error::writing(path, source))?;
+        persist(file.into_temp_path(), path, force)?;
+        Ok(bytes)
+    }
+
+    /// Reads a plan.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no plan, or is damaged.
+    pub fn open(path: &Path) -> Result<Self> {
+        let source = FileSource::open(path).map_err(|error| Error::reading(path, error))?;
+        let (slot, _) = read_slot_with(&source, &[0, FLAG_PLAN])?;
+        if slot.flags != FLAG_PLAN {
+            let sentence = format!("{} is an asset, and no plan", source.location().display());
+            return Err(Error::invalid(sentence).with_path(path));
+        }
+        let sections = Sections::read(&source, &slot)?;
+        let [channels, cover, mesh, about] = [0, 1, 2, 3].map(|index| sections.unpack(index));
+        let (channel_bytes, cover_bytes, mesh_bytes) = (channels?, cover?, mesh?);
+        let wrong = |error: Error| damaged(path, error);
+        let mesh = mesh_section::decode(&mesh_bytes).map_err(wrong)?;
+        let cover = cover_section::decode(&cover_bytes, mesh.triangles.len()).map_err(wrong)?;
+        let channels = channel::decode_channels(&channel_bytes).map_err(wrong)?;
+        let identity = identity(&[&channel_bytes, &cover_bytes, &mesh_bytes]);
+        Ok(Self { path: path.to_owned(), mesh, cover, channels, about: about?, identity })
+    }
+
+    /// Whether this is the mesh, and these are the channels, that were planned.
+    pub fn is_of(&self, mesh: &Mesh, channels: &[Channel]) -> bool {
+        let sections = [
+            channel::encode_channels(channels),
+            cover_section::encode(&self.cover),
+            mesh_section::encode(mesh),
+        ];
+        identity(&[&sections[0], &sections[1], &sections[2]]) == self.identity
+    }
+
+    /// The groups of shard `number` of `count`, counted from 1: runs with as many texels each as whole groups allow.
+    ///
+    /// # Errors
+    /// There is no such shard.
+    pub fn shard(&self, number: u32, count: u32) -> Result<Range<u32>> {
+        if !(1..=count).contains(&number) {
+            return Err(Error::invalid(format!(
+                "there is no shard {number} of {count}; give 1/{count} to {count}/{count}"
+            )));
+        }
+        let texels = |group: &fantex_cover::Group| u64::from(group.extent[0]) * u64::from(group.extent[1]);
+        let total: u64 = self.cover.groups.iter().map(texels).sum();
+        let start_of = |shard: u32| {
+            let before = (u128::from(total) * u128::from(shard) / u128::from(count)) as u64;
+            let mut sum = 0;
+            let is_before = |group: &&fantex_cover::Group| {
+                let starts = sum;
+                sum += texels(group);
+                starts < before
+            };
+            self.cover.groups.iter().take_while(is_before).count() as u32
+        };
+        let end = if number == count { self.cover.groups.len() as u32 } else { start_of(number) };
+        Ok(start_of(number - 1).min(end)..end)
+    }
+}
+
+fn identity(sections: &[&[u8]]) -> u128 {
+    let mut hash = Xxh3::new();
+    for section in sections {
+        hash.update(&(section.len() as u64).to_le_bytes());
+        hash.update(section);
+    }
+    hash.digest128()
+}
