@@ -446,3 +446,35 @@ fn models(folder: &Path) -> Vec<PathBuf> {
     }
     found
 }
+
+/// A bake in parts, from another folder, is what one process writes.
+#[test]
+fn parts_of_a_plan_are_merged() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (model, seed, texels) = (bottle(), "--seed=7", "--texels=100k");
+    succeeds(&[&seed, &"bake", &model, &"-o", &at("whole.fan"), &texels]);
+    let info = json(&[&seed, &"plan", &model, &"-o", &at("bottle.plan"), &texels]);
+    assert_keys(&info, &["output", "triangles", "groups", "texels", "bytes", "channels"]);
+    let part = |number: u32| {
+        let (shard, path) = (format!("{number}/3"), at(&format!("{number}.part")));
+        json(&[&"--threads", &"1", &"bake", &at("bottle.plan"), &"--shard", &shard, &"-o", &path]);
+        path
+    };
+    let parts = [3, 1, 2].map(part);
+    let [c, a, b] = [&parts[0], &parts[1], &parts[2]];
+    let plan = at("bottle.plan");
+    let checked = json(&[&"merge", &plan, a, b, c, &"--check"]);
+    assert_eq!((checked["parts"].as_u64(), checked["output"].is_null()), (Some(3), true));
+    let merged = at("merged.fan");
+    fails(1, &["is missing (shard 2/3)"], &[&"merge", &plan, a, c, &"-o", &merged]);
+    json(&[&"merge", &plan, c, a, b, &"-o", &merged]);
+    assert!(std::fs::read(&merged).unwrap() == std::fs::read(at("whole.fan")).unwrap());
+    fails(1, &["exists"], &[&"merge", &plan, c, a, b, &"-o", &merged]);
+    fails(2, &["expected I/N"], &[&"bake", &plan, &"--shard", &"4/3", &"-o", &at("x")]);
+    fails(2, &["cannot be used with"], &[&"bake", &plan, &"--shard=1/3", &"--texels=9", &"-o", &at("x")]);
+    fails(1, &["is a plan, which has no texels"], &[&"render", &plan, &"-o", &at("x.png")]);
+    fails(1, &["is a plan, which has no texels"], &[&"bake", &plan, &"-o", &at("x")]);
+    fails(2, &["is an asset, and no plan"], &[&"bake", &merged, &"--shard=1/3", &"-o", &at("x")]);
+    fails(1, &["is no part of a bake"], &[&"merge", &plan, &merged, &"--check"]);
+}
