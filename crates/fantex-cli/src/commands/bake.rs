@@ -161,18 +161,18 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
 }
 
 /// What becomes of the arguments of a bake.
-pub(crate) enum Goal {
+pub(crate) enum Goal<'a> {
     Asset,
     /// All but texels, with this note.
-    Plan(Vec<u8>),
-    Part(Plan, Shard),
+    Plan(&'a [u8]),
+    Part(&'a Plan, Shard),
 }
 
 /// Bakes what the arguments say, into `output` instead of theirs.
 pub(crate) fn bake(
     args: &BakeArgs,
     output: &Path,
-    goal: &Goal,
+    goal: &Goal<'_>,
     seed: u64,
     context: &Context,
 ) -> Result<BakeInfo> {
@@ -220,7 +220,7 @@ pub(crate) struct BakeJob<'a> {
     pub(crate) match_source: bool,
     pub(crate) encoding: &'a EncodingArgs,
     pub(crate) output: &'a Path,
-    pub(crate) goal: &'a Goal,
+    pub(crate) goal: &'a Goal<'a>,
     /// Of everything random.
     pub(crate) seed: u64,
     /// When the command began.

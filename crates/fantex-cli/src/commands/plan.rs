@@ -81,7 +81,7 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
     let folder = std::env::current_dir().map_err(|error| Error::reading(Path::new("."), error))?;
     let about = serde_json::to_vec(&About { arguments, folder })
         .map_err(|error| Error::invalid(error.to_string()))?;
-    let info = bake::bake(&args.bake, &args.bake.output, &Goal::Plan(about), context.seed, context)?;
+    let info = bake::bake(&args.bake, &args.bake.output, &Goal::Plan(&about), context.seed, context)?;
     let BakeInfo { output, triangles, groups, texels, bytes, channels, .. } = info;
     context.print(&PlanInfo { output, triangles, groups, texels, bytes, channels }, |info| {
         format!(
@@ -108,7 +108,7 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
         Error::reading(&about.folder, error)
             .context(format!("{} was made in {folder}, where its model is looked for", path.display()))
     })?;
-    let goal = Goal::Part(plan, shard);
+    let goal = Goal::Part(&plan, shard);
     let info = bake::bake(&planned.bake, &output, &goal, cli.common.seed, context)?;
     context.print(&info, |info| {
         let Shard { number, count } = shard;
