@@ -168,7 +168,7 @@ impl<'a> Packer<'a> {
             return Ok(());
         }
         Err(Error::too_large(format!(
-            "pictures of the sheets need {picture_bytes} bytes at once, but {allowed} of the memory are theirs; give more memory or allow \
+            "pictures of the sheets need {picture_bytes} bytes at once, but {allowed} of the memory are theirs; give more --memory or allow \
              smaller sheets"
         )))
     }

@@ -11,7 +11,7 @@ use crate::{bottle, data, fantex, succeeds, write};
 const BESIDE_MIB: u64 = 192;
 
 /// Commands as in `outputs.rs`, and the least budget in MiB that does not refuse them.
-const CASES: [(&str, u64); 31] = [
+const CASES: [(&str, u64); 35] = [
     ("info IN/land.ply", 128),
     ("info IN/bottle.fan", 128),
     ("bake MODEL -o OUT/a.fan --texels 8M", 128),
@@ -20,6 +20,9 @@ const CASES: [(&str, u64); 31] = [
     ("bake IN/land.ply -o OUT/a.fan --source image=IN/big.png,mapping=sphere --texels 4M", 512),
     ("bake IN/land.ply -o OUT/a.fan --look IN/tables.toml --texels 1M", 128),
     ("bake IN/land.ply -o OUT/a.fan --source mesh=MODEL,cage=0.1 --texels 1M", 128),
+    ("plan MODEL -o OUT/a.plan --texels 8M", 128),
+    ("bake IN/bottle.plan --shard 1/2 -o OUT/a.part", 128),
+    ("merge IN/bottle.plan IN/1.part IN/2.part -o OUT/a.fan", 128),
     ("verify IN/bottle.fan", 128),
     ("verify IN/land.fan", 128),
     ("render MODEL -o OUT/a.png --size 1920x1080", 512),
@@ -30,6 +33,7 @@ const CASES: [(&str, u64); 31] = [
     ("export IN/bottle.fan -o OUT/a.glb --size 4096", 128),
     ("export IN/bottle.fan -o OUT/a.ktx2 --channel base-color --size 4096", 128),
     ("export IN/bottle.fan -o OUT/a.exr --channel base-color --size 4096", 2048),
+    ("export IN/bottle.fan -o OUT/a.glb --fans", 512),
     ("export IN/bottle.fan -o OUT/a.png --turntable 2 --size 1024x1024", 128),
     ("generate landscape -o OUT/a.ply --triangles 300k", 128),
     ("generate landscape -o OUT/a.fan --triangles 300k --texels 4M", 128),
@@ -124,6 +128,10 @@ fn prepared() -> Folder {
     succeeds(&[&"generate", &"landscape", &"-o", &path("land.ply"), &"--triangles", &"300k"]);
     let texels = [&"--texels" as &dyn AsRef<std::ffi::OsStr>, &"8M"];
     succeeds(&[&"bake", &bottle(), &"-o", &path("bottle.fan"), texels[0], texels[1]]);
+    succeeds(&[&"plan", &bottle(), &"-o", &path("bottle.plan"), texels[0], texels[1]]);
+    for (shard, part) in [("1/2", "1.part"), ("2/2", "2.part")] {
+        succeeds(&[&"bake", &path("bottle.plan"), &"--shard", &shard, &"-o", &path(part)]);
+    }
     let solid = [&"--source" as &dyn AsRef<std::ffi::OsStr>, &"solid=landscape", &"--format", &"bc1"];
     succeeds(&[
         &"bake",

@@ -22,8 +22,11 @@ const fn each(arguments: &'static str) -> Case {
 }
 
 /// Every kind of file that a command writes.
-const CASES: [Case; 28] = [
+const CASES: [Case; 31] = [
     whole("bake IN/cube.ply -o OUT/a.fan --texels 4k"),
+    whole("plan IN/cube.ply -o OUT/a.plan --texels 4k"),
+    whole("bake IN/bottle.plan --shard 2/2 -o OUT/a.part"),
+    whole("merge IN/bottle.plan IN/1.part IN/2.part -o OUT/a.fan"),
     whole("render IN/cube.ply -o OUT/a.png --size 64x48"),
     whole("render IN/cube.ply -o OUT/a.exr --size 64x48"),
     each("compare IN/cube.ply IN/bottle.fan -o OUT --views 1 --size 32x24"),
@@ -94,6 +97,10 @@ impl Bench {
         succeeds(&[&"render", &inputs.join("cube.ply"), &"-o", &inputs.join("a.png"), &"--size", &"40x40"]);
         let asset = inputs.join("bottle.fan");
         succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--texels", &"10k"]);
+        let (plan, part) = (inputs.join("bottle.plan"), |n: u32| inputs.join(format!("{n}.part")));
+        succeeds(&[&"plan", &bottle(), &"-o", &plan, &"--texels", &"10k"]);
+        succeeds(&[&"bake", &plan, &"--shard", &"1/2", &"-o", &part(1)]);
+        succeeds(&[&"bake", &plan, &"--shard", &"2/2", &"-o", &part(2)]);
         let replay = [&"--replay" as &dyn AsRef<_>, &inputs.join("strokes.json")];
         succeeds(&[&"paint", &asset, replay[0], replay[1], &"-o", &inputs.join("painted.fan")]);
         bench

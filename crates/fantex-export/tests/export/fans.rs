@@ -125,5 +125,5 @@ fn files_keep_parts_and_materials() {
     // One picture may be in memory, not all; and none that is too large.
     let tight = FanSheetOptions { memory_bytes: 40_000, ..options };
     let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, false, &NoProgress).unwrap_err();
-    assert!(refused.to_string().contains("give more memory"), "{refused}");
+    assert!(refused.to_string().contains("give more --memory"), "{refused}");
 }
