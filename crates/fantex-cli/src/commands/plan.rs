@@ -97,6 +97,7 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
 
 /// Bakes a part with the arguments of its plan.
 pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Context) -> Result<()> {
+    context.check_output_of(output, path)?;
     let plan = Plan::open(path)?;
     let damaged = || Error::damaged(format!("{} does not say how it was made; plan anew", path.display()));
     let about: About = serde_json::from_slice(&plan.about).map_err(|_| damaged().with_path(path))?;
