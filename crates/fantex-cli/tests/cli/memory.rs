@@ -33,7 +33,7 @@ const CASES: [(&str, u64); 35] = [
     ("export IN/bottle.fan -o OUT/a.glb --size 4096", 128),
     ("export IN/bottle.fan -o OUT/a.ktx2 --channel base-color --size 4096", 128),
     ("export IN/bottle.fan -o OUT/a.exr --channel base-color --size 4096", 2048),
-    ("export IN/bottle.fan -o OUT/a.glb --fans", 512),
+    ("export IN/bottle.fan -o OUT/a.glb --fans", 128),
     ("export IN/bottle.fan -o OUT/a.png --turntable 2 --size 1024x1024", 128),
     ("generate landscape -o OUT/a.ply --triangles 300k", 128),
     ("generate landscape -o OUT/a.fan --triangles 300k --texels 4M", 128),
