@@ -96,8 +96,7 @@ pub fn bake_part(
     }
     let create = CreateOptions { force: options.force, ..CreateOptions::default() };
     let mut writer = PartWriter::create(path, &create, planned, shard[0], shard[1])?;
-    let groups = planned.shard(shard[0], shard[1])?;
-    let baked = job.bake(groups, progress, &mut |pages| writer.write_pages(pages))?;
+    let baked = job.bake(writer.groups(), progress, &mut |pages| writer.write_pages(pages))?;
     let written = writer.finish(&baked.means)?;
     Ok(job.summary(&baked, &written))
 }
@@ -321,7 +320,7 @@ impl Default for BakeOptions {
 /// What was baked.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSummary {
-    /// Texels at level 0, per channel.
+    /// Texels at level 0, per channel; of the whole asset also where a part of it was baked.
     pub texels: u64,
     /// Bytes of the asset.
     pub bytes: u64,

@@ -166,10 +166,17 @@ impl AssetWriter {
             .map(|(level, cluster)| Ok((level, cluster.pack(formats, zstd_level)?)))
             .collect();
         for cluster in packed {
-            let written = cluster.and_then(|(level, cluster)| self.file.cluster(level, &cluster));
-            self.summary.cluster_bytes += written.map_err(|e| Error::writing(&self.path, e))?;
-            self.summary.clusters += 1;
+            let (level, cluster) = cluster.map_err(|source: io::Error| Error::writing(&self.path, source))?;
+            self.put(level, &cluster)?;
         }
+        Ok(())
+    }
+
+    /// Adds the next cluster of a level.
+    fn put(&mut self, level: usize, cluster: &PackedCluster) -> Result<()> {
+        let written = self.file.cluster(level, cluster);
+        self.summary.cluster_bytes += written.map_err(|source| Error::writing(&self.path, source))?;
+        self.summary.clusters += 1;
         Ok(())
     }
 }
@@ -466,24 +473,25 @@ pub(crate) fn pack_section(raw: &[u8]) -> io::Result<(Vec<u8>, SectionRecord)> {
 
 /// Number of clusters that pages will be cut into, per level.
 fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
-    let block_bytes: u64 = formats.iter().map(|f| f.block_bytes() as u64).sum();
-    let count = |level: usize| {
-        let (mut clusters, mut length) = (0, 0);
-        for &extent in extents {
-            let size = PageSize::new(extent, level as u32);
-            for number in 0..size.page_count() {
-                let [width, height] = size.page_extent(number).map(u64::from);
-                let page_length = width / 4 * (height / 4) * block_bytes;
-                if length == 0 || length + page_length > CLUSTER_TARGET_BYTES as u64 {
-                    clusters += 1;
-                    length = 0;
-                }
-                length += page_length;
+    (0..levels).into_par_iter().map(|level| cut(extents, formats, level).0).collect()
+}
+
+/// Number of clusters that the pages of a level are cut into as they come, and the bytes of the last.
+fn cut(extents: &[[u32; 2]], formats: &[TexelFormat], level: usize) -> (usize, usize) {
+    let (mut clusters, mut length) = (0, 0);
+    for &extent in extents {
+        let size = PageSize::new(extent, level as u32);
+        for number in 0..size.page_count() {
+            let page_length: usize =
+                formats.iter().map(|format| format.bytes(size.page_extent(number))).sum();
+            if length == 0 || length + page_length > CLUSTER_TARGET_BYTES {
+                clusters += 1;
+                length = 0;
             }
+            length += page_length;
         }
-        clusters
-    };
-    (0..levels).into_par_iter().map(count).collect()
+    }
+    (clusters, length)
 }
 
 /// Appends a skippable zstd frame where a section packs so well that readers would refuse it as a bomb.

@@ -398,21 +398,6 @@ impl<'a> Baker<'a> {
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
-        if let Goal::Part(plan, shard, path) = *goal {
-            self.check_cancelled()?;
-            let summary = bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?;
-            let cover = CoverStats { groups: plan.cover.groups.len() as u64, ..CoverStats::default() };
-            return Ok(Baked {
-                triangles: mesh.triangles.len() as u64,
-                texels_asked: None,
-                cover,
-                cover_time: Duration::ZERO,
-                summary,
-                notes: Vec::new(),
-                #[cfg(feature = "photos")]
-                photos: None,
-            });
-        }
         let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
         let budget = match (self.budget, own_density) {
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
@@ -430,13 +415,23 @@ impl<'a> Baker<'a> {
         let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
         let cut_creases = source.jumps_at_creases();
         let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
-        let (cover, stats) = build_cover(mesh, &options)?;
+        let (cover, stats) = match goal {
+            Goal::Part(plan, ..) => {
+                let groups = plan.cover.groups.len() as u64;
+                (Cow::Borrowed(&plan.cover), CoverStats { groups, ..CoverStats::default() })
+            }
+            Goal::Asset(_) | Goal::Plan(..) => {
+                let (cover, stats) = build_cover(mesh, &options)?;
+                (Cow::Owned(cover), stats)
+            }
+        };
         let cover_time = started.elapsed();
         self.check_cancelled()?;
         let summary = match *goal {
+            Goal::Asset(path) => bake(mesh, &cover, source, path, &self.options, self.progress.0)?,
             Goal::Plan(path, about) => plan_bake(mesh, &cover, source, path, &self.options, about)?,
-            Goal::Asset(path) | Goal::Part(.., path) => {
-                bake(mesh, &cover, source, path, &self.options, self.progress.0)?
+            Goal::Part(plan, shard, path) => {
+                bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?
             }
         };
         let dense = format!(

@@ -39,14 +39,21 @@ scratch_bytes, too.
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
 pub(crate) struct BakeArgs {
-    /// A model (.glb .gltf .obj .ply .stl)
-    model: PathBuf,
-    /// The asset to write
-    #[arg(short, long, value_name = "ASSET")]
-    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    job: JobArgs,
     /// Bake this part of a plan, the I-th of N, instead of a model: any machine may bake any part (see 'fantex plan')
     #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge"])]
-    pub(crate) shard: Option<Shard>,
+    shard: Option<Shard>,
+}
+
+/// A model, what is baked onto it, and how.
+#[derive(Args, Debug)]
+pub(crate) struct JobArgs {
+    /// A model (.glb .gltf .obj .ply .stl)
+    model: PathBuf,
+    /// The file to write
+    #[arg(short, long, value_name = "ASSET")]
+    pub(crate) output: PathBuf,
     /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],
     /// photos=PATH[,images=FOLDER][,frame=original][,exposure=off][,unseen=RRGGBB] or look=PATH; solids are wood, rings, marble, rock, granite, clouds, checker, brick and landscape
     #[arg(long)]
@@ -155,8 +162,8 @@ impl From<&PhotoReport> for PhotosInfo {
 
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
     match args.shard {
-        Some(shard) => plan::bake_shard(&args.model, shard, &args.output, context),
-        None => context.print(&bake(args, &args.output, &Goal::Asset, context.seed, context)?, text),
+        Some(shard) => plan::bake_shard(&args.job.model, shard, &args.job.output, context),
+        None => context.print(&bake(&args.job, &args.job.output, &Goal::Asset, context.seed, context)?, text),
     }
 }
 
@@ -170,7 +177,7 @@ pub(crate) enum Goal<'a> {
 
 /// Bakes what the arguments say, into `output` instead of theirs.
 pub(crate) fn bake(
-    args: &BakeArgs,
+    args: &JobArgs,
     output: &Path,
     goal: &Goal<'_>,
     seed: u64,
@@ -296,13 +303,12 @@ impl BakeJob<'_> {
 }
 
 pub(crate) fn text(info: &BakeInfo) -> String {
-    format!(
-        "{}: {} in {}, {}, {} in {:.1} s",
-        info.output.display(),
-        counted(info.texels, "texel"),
-        counted(info.groups, "tile"),
-        info.channels.join(", "),
-        megabytes(info.bytes),
-        info.seconds.total
-    )
+    let (output, contents) = (info.output.display(), contents(info));
+    format!("{output}: {contents}, {} in {:.1} s", megabytes(info.bytes), info.seconds.total)
+}
+
+/// Texels, tiles and channels.
+pub(crate) fn contents(info: &BakeInfo) -> String {
+    let (texels, tiles) = (counted(info.texels, "texel"), counted(info.groups, "tile"));
+    format!("{texels} in {tiles}, {}", info.channels.join(", "))
 }

@@ -9,7 +9,7 @@ use fantex::store::{CreateOptions, Plan, merge_parts};
 use fantex::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::commands::bake::{self, BakeArgs, BakeInfo, Goal};
+use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
 use crate::text::{counted, megabytes};
 use crate::{Cli, Command};
@@ -57,7 +57,7 @@ parts there are. Each part may be baked by any machine of the same kind of proce
 any order, and again where it was lost (docs/farms.md).")]
 pub(crate) struct PlanArgs {
     #[command(flatten)]
-    bake: BakeArgs,
+    job: JobArgs,
 }
 
 #[derive(Debug, Serialize)]
@@ -71,9 +71,6 @@ struct PlanInfo {
 }
 
 pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
-    if args.bake.shard.is_some() {
-        return Err(Error::invalid("a plan has no shards yet; give --shard to 'fantex bake'"));
-    }
     let arguments = std::env::args_os()
         .map(|argument| argument.into_string().map_err(|text| text.display().to_string()))
         .collect::<Result<Vec<_>, _>>()
@@ -81,17 +78,12 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
     let folder = std::env::current_dir().map_err(|error| Error::reading(Path::new("."), error))?;
     let about = serde_json::to_vec(&About { arguments, folder })
         .map_err(|error| Error::invalid(error.to_string()))?;
-    let info = bake::bake(&args.bake, &args.bake.output, &Goal::Plan(&about), context.seed, context)?;
+    let info = bake::bake(&args.job, &args.job.output, &Goal::Plan(&about), context.seed, context)?;
+    let contents = bake::contents(&info);
     let BakeInfo { output, triangles, groups, texels, bytes, channels, .. } = info;
     context.print(&PlanInfo { output, triangles, groups, texels, bytes, channels }, |info| {
-        format!(
-            "{}: {} in {}, {}; bake its parts: fantex bake {} --shard 1/N -o 1.part",
-            info.output.display(),
-            counted(info.texels, "texel"),
-            counted(info.groups, "tile"),
-            info.channels.join(", "),
-            info.output.display()
-        )
+        let plan = info.output.display();
+        format!("{plan}: {contents}; bake its parts: fantex bake {plan} --shard 1/N -o 1.part")
     })
 }
 
@@ -110,7 +102,7 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
             .context(format!("{} was made in {folder}, where its model is looked for", path.display()))
     })?;
     let goal = Goal::Part(&plan, shard);
-    let info = bake::bake(&planned.bake, &output, &goal, cli.common.seed, context)?;
+    let info = bake::bake(&planned.job, &output, &goal, cli.common.seed, context)?;
     context.print(&info, |info| {
         let Shard { number, count } = shard;
         let (bytes, seconds) = (megabytes(info.bytes), info.seconds.total);

@@ -22,12 +22,12 @@ use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::{
-    AssetWriter, CLUSTER_TARGET_BYTES, CreateOptions, EncodedPage, OpenCluster, PackedCluster, PageStream,
-    Plan, WriteSummary, clusters_per_level,
+    AssetWriter, CreateOptions, EncodedPage, OpenCluster, PackedCluster, PageStream, Plan, WriteSummary,
+    clusters_per_level, cut,
 };
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::error::damaged;
-use crate::layout::{PageSize, TilePlace};
+use crate::layout::TilePlace;
 
 const SIGNATURE: &[u8; 8] = b"FANPART1";
 
@@ -88,8 +88,7 @@ impl PartWriter {
         let io = |source| Error::writing(path, source);
         let mut pages = PageStream::new(path, &plan.cover, &plan.channels, groups.clone());
         for (level, cluster) in pages.open.iter_mut().enumerate() {
-            cluster.before =
-                bytes_before(&pages.extents[..groups.start as usize], &pages.formats, level as u32);
+            cluster.before = cut(&pages.extents[..groups.start as usize], &pages.formats, level).1;
         }
         let file = temporary_file(path, ".tmp").map_err(io)?;
         let mut out = BufWriter::with_capacity(1 << 20, file.as_file().try_clone().map_err(io)?);
@@ -106,6 +105,11 @@ impl PartWriter {
             pages,
             summary: WriteSummary::default(),
         })
+    }
+
+    /// The groups whose pages it takes.
+    pub fn groups(&self) -> Range<u32> {
+        self.pages.groups.clone()
     }
 
     /// Adds pages, as [`AssetWriter::write_pages`] does.
@@ -204,19 +208,6 @@ fn item_checksum(header: &[u8], stored: &[u8]) -> u64 {
     hash.update(header);
     hash.update(stored);
     hash.digest()
-}
-
-/// Bytes in the open cluster of a level once all pages of these groups have come.
-fn bytes_before(extents: &[[u32; 2]], formats: &[crate::TexelFormat], level: u32) -> usize {
-    let mut length = 0;
-    for &extent in extents {
-        let size = PageSize::new(extent, level);
-        for number in 0..size.page_count() {
-            let page = formats.iter().map(|format| format.bytes(size.page_extent(number))).sum::<usize>();
-            length = if length + page > CLUSTER_TARGET_BYTES { page } else { length + page };
-        }
-    }
-    length
 }
 
 // ---- Merging.
@@ -444,15 +435,5 @@ impl OpenCluster {
             rest = after;
         }
         true
-    }
-}
-
-impl AssetWriter {
-    /// Adds the next cluster of a level.
-    fn put(&mut self, level: usize, cluster: &PackedCluster) -> Result<()> {
-        let written = self.file.cluster(level, cluster);
-        self.summary.cluster_bytes += written.map_err(|e| Error::writing(&self.path, e))?;
-        self.summary.clusters += 1;
-        Ok(())
     }
 }
