@@ -1,5 +1,7 @@
 //! Values of one channel over a rectangle of texels: fitting to the reconstruction, and halving for the levels.
 
+use std::ops::Range;
+
 use fantex_texture::filter::{Overlap, overlaps};
 use fantex_texture::material::coverage_scale;
 use glam::Vec4;
@@ -54,59 +56,6 @@ impl Overshoot {
 }
 
 impl Raster {
-    /// The texel values that reconstruct the function best. Least squares asks for the inverse of the linear spline's
-    /// autocorrelation; its local form (to second order) subtracts a multiple of the second differences along both axes: a
-    /// twelfth for values at the texel's centre, an eighth for means over the texel, whose own blur is undone as well.
-    pub(crate) fn fitted(
-        &self,
-        fit: Fit,
-        prefilter: Prefilter,
-        overshoot: impl Fn(usize) -> Overshoot,
-    ) -> Vec<Vec4> {
-        let strength = match (fit, prefilter) {
-            (Fit::Point | Fit::Box, _) => return self.values.clone(),
-            (Fit::Sharp, Prefilter::Point) => 1.0 / 12.0,
-            (Fit::Sharp, Prefilter::Box) => 1.0 / 8.0,
-        };
-        let [width, height] = self.extent.map(|n| n as usize);
-        let mut fitted = Vec::with_capacity(self.values.len());
-        let overshoots: Vec<Overshoot> = (0..self.channels).map(overshoot).collect();
-        for y in 0..height {
-            for x in 0..width {
-                let texel = y * width + x;
-                let center = self.texel(texel);
-                if !self.valid[texel] {
-                    fitted.extend_from_slice(center);
-                    continue;
-                }
-                let left = if x > 0 && self.valid[texel - 1] { texel - 1 } else { texel };
-                let right = if x + 1 < width && self.valid[texel + 1] { texel + 1 } else { texel };
-                let up = if y > 0 && self.valid[texel - width] { texel - width } else { texel };
-                let down = if y + 1 < height && self.valid[texel + width] { texel + width } else { texel };
-                // A one-sided second difference would be a slope; at an edge of the data that axis is left alone.
-                let across = left != texel && right != texel;
-                let along = up != texel && down != texel;
-                let [left, right, up, down] = [left, right, up, down].map(|texel| self.texel(texel));
-                fitted.extend(overshoots.iter().enumerate().map(|(channel, overshoot)| {
-                    let center = center[channel];
-                    let [left, right, up, down] = [left, right, up, down].map(|texel| texel[channel]);
-                    let mut curvature = Vec4::ZERO;
-                    if across {
-                        curvature += left + right - 2.0 * center;
-                    }
-                    if along {
-                        curvature += up + down - 2.0 * center;
-                    }
-                    let low = center.min(left).min(right).min(up).min(down);
-                    let high = center.max(left).max(right).max(up).max(down);
-                    let below = overshoot.below(low);
-                    (center - strength * curvature).clamp(low - below, high + overshoot.above)
-                }));
-            }
-        }
-        fitted
-    }
-
     fn texel(&self, texel: usize) -> &[Vec4] {
         &self.values[texel * self.channels..][..self.channels]
     }
@@ -173,105 +122,12 @@ impl Raster {
         }
     }
 
-    /// Gives every texel that a bilinear look-up may read, and the rest of its 4x4 block, a value: invalid ones continue
-    /// their valid neighbours, or take their block's mean. Blocks that nothing reads become zero. `values` as in `fitted`.
-    /// Tells, row by row, which blocks are read.
-    pub(crate) fn fill_blocks(&self, values: &mut [Vec4]) -> Vec<bool> {
-        let [width, height] = self.extent.map(|n| n as usize);
-        let mut read = Vec::with_capacity(width / 4 * (height / 4));
-        for y in (0..height).step_by(4) {
-            for x in (0..width).step_by(4) {
-                let texels = (0..16).map(|k| (x + k % 4, y + k / 4));
-                read.push(self.is_block_read(x, y));
-                if read.last() == Some(&true) {
-                    self.fill_block(texels, values);
-                } else {
-                    for (x, y) in texels {
-                        let texel = y * width + x;
-                        values[texel * self.channels..(texel + 1) * self.channels].fill(Vec4::ZERO);
-                    }
-                }
-            }
-        }
-        read
-    }
-
     /// True where a look-up falls into the block or a texel beside it.
     fn is_block_read(&self, x: usize, y: usize) -> bool {
         let [width, height] = self.extent.map(|n| n as usize);
         (y.saturating_sub(1)..(y + 5).min(height)).any(|row| {
             self.read[row * width + x.saturating_sub(1)..row * width + (x + 5).min(width)].contains(&true)
         })
-    }
-
-    fn fill_block(&self, texels: impl Iterator<Item = (usize, usize)> + Clone, values: &mut [Vec4]) {
-        let [width, height] = self.extent.map(|n| n as usize);
-        for channel in 0..self.channels {
-            let mut block = Mean::default();
-            for (x, y) in texels.clone() {
-                if self.valid[y * width + x] {
-                    block.add(values[(y * width + x) * self.channels + channel]);
-                }
-            }
-            for (x, y) in texels.clone() {
-                if self.valid[y * width + x] {
-                    continue;
-                }
-                let mut near = Mean::default();
-                for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-                    for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                        if self.valid[ny * width + nx] {
-                            let value = (ny * width + nx) * self.channels + channel;
-                            near.add(self.values[value].with_w(values[value].w));
-                        }
-                    }
-                }
-                values[(y * width + x) * self.channels + channel] =
-                    near.value().or(block.value()).unwrap_or(Vec4::ZERO);
-            }
-        }
-    }
-
-    /// Scales the alpha of a cut-out so that the share of it that is there stays what it is, whatever its holes are beside texels.
-    /// `values` as in `fitted`; `covered` is that share, if it is known already.
-    pub(crate) fn keep_coverage(&self, values: &mut [Vec4], covered: &mut Option<f32>) {
-        let (Some(cut_out), Some(channel)) = (self.cut_out, self.coverage) else { return };
-        let threshold = cut_out.threshold;
-        let width = self.extent[0] as usize;
-        let alpha = |texel: usize| values[texel * self.channels + channel].w;
-        let shown: Vec<usize> = (0..self.valid.len()).filter(|&t| self.valid[t] && self.read[t]).collect();
-        // Between texels, too, where all four are there.
-        let is_whole = |texel: usize| {
-            texel % width + 1 < width
-                && [texel + 1, texel + width, texel + width + 1]
-                    .iter()
-                    .all(|&t| self.valid.get(t).copied().unwrap_or(false))
-        };
-        let mut alphas = Vec::new();
-        for &texel in &shown {
-            if !is_whole(texel) {
-                alphas.push(alpha(texel));
-                continue;
-            }
-            for [s, t] in [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]] {
-                let row = |first: usize| alpha(first) + (alpha(first + 1) - alpha(first)) * s;
-                let (upper, lower) = (row(texel), row(texel + width));
-                alphas.push(upper + (lower - upper) * t);
-            }
-        }
-        if alphas.is_empty() {
-            return;
-        }
-        let mean = shown.iter().map(|&texel| alpha(texel)).sum::<f32>() / shown.len() as f32;
-        let passed = alphas.iter().filter(|&&a| a >= threshold).count() as f32 / alphas.len() as f32;
-        // Where texels resolve the cut-out, its edges are where they are.
-        let is_unresolved = cut_out.has_shares && (passed - mean).abs() > RESOLVED;
-        let goal = *covered.get_or_insert(if is_unresolved { mean } else { passed });
-        if (passed - goal).abs() < 1e-3 {
-            return;
-        }
-        let scale = coverage_scale(alphas, threshold, goal);
-        values.iter_mut().skip(channel).step_by(self.channels).for_each(|v| v.w = (v.w * scale).min(1.0));
     }
 
     pub(crate) fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Self {
@@ -311,6 +167,207 @@ impl Raster {
             read: vec![false; texels],
         }
     }
+}
+
+/// What is stored of a raster, made a few rows at a time.
+pub(crate) struct Fitting<'a> {
+    raster: &'a Raster,
+    /// The multiple of the second differences that is subtracted.
+    strength: Option<f32>,
+    /// Per channel.
+    overshoots: Vec<Overshoot>,
+    /// What the alpha of a cut-out is multiplied by.
+    alpha_scale: Option<f32>,
+}
+
+impl<'a> Fitting<'a> {
+    /// The texel values that reconstruct the function best. Least squares asks for the inverse of the linear spline's
+    /// autocorrelation; its local form (to second order) subtracts a multiple of the second differences along both axes: a
+    /// twelfth for values at the texel's centre, an eighth for means over the texel, whose own blur is undone as well.
+    pub(crate) fn new(
+        raster: &'a Raster,
+        fit: Fit,
+        prefilter: Prefilter,
+        overshoot: impl Fn(usize) -> Overshoot,
+    ) -> Self {
+        let strength = match (fit, prefilter) {
+            (Fit::Point | Fit::Box, _) => None,
+            (Fit::Sharp, Prefilter::Point) => Some(1.0 / 12.0),
+            (Fit::Sharp, Prefilter::Box) => Some(1.0 / 8.0),
+        };
+        Self {
+            raster,
+            strength,
+            overshoots: (0..raster.channels).map(overshoot).collect(),
+            alpha_scale: None,
+        }
+    }
+
+    /// The values as they are.
+    pub(crate) fn of_values(raster: &'a Raster) -> Self {
+        Self { raster, strength: None, overshoots: Vec::new(), alpha_scale: None }
+    }
+
+    /// The values of a texel, channel by channel.
+    fn texel(&self, texel: usize, mut store: impl FnMut(Vec4)) {
+        let raster = self.raster;
+        let center = raster.texel(texel);
+        let mut store = |channel: usize, value: Vec4| {
+            store(match self.alpha_scale {
+                Some(scale) if raster.coverage == Some(channel) => value.with_w((value.w * scale).min(1.0)),
+                _ => value,
+            });
+        };
+        let strength = match self.strength {
+            Some(strength) if raster.valid[texel] => strength,
+            _ => return center.iter().enumerate().for_each(|(channel, &value)| store(channel, value)),
+        };
+        let [width, height] = raster.extent.map(|n| n as usize);
+        let (x, y) = (texel % width, texel / width);
+        let left = if x > 0 && raster.valid[texel - 1] { texel - 1 } else { texel };
+        let right = if x + 1 < width && raster.valid[texel + 1] { texel + 1 } else { texel };
+        let up = if y > 0 && raster.valid[texel - width] { texel - width } else { texel };
+        let down = if y + 1 < height && raster.valid[texel + width] { texel + width } else { texel };
+        // A one-sided second difference would be a slope; at an edge of the data that axis is left alone.
+        let across = left != texel && right != texel;
+        let along = up != texel && down != texel;
+        let [left, right, up, down] = [left, right, up, down].map(|texel| raster.texel(texel));
+        for (channel, overshoot) in self.overshoots.iter().enumerate() {
+            let center = center[channel];
+            let [left, right, up, down] = [left, right, up, down].map(|texel| texel[channel]);
+            let mut curvature = Vec4::ZERO;
+            if across {
+                curvature += left + right - 2.0 * center;
+            }
+            if along {
+                curvature += up + down - 2.0 * center;
+            }
+            let low = center.min(left).min(right).min(up).min(down);
+            let high = center.max(left).max(right).max(up).max(down);
+            let below = overshoot.below(low);
+            store(channel, (center - strength * curvature).clamp(low - below, high + overshoot.above));
+        }
+    }
+
+    /// The alpha of a texel.
+    fn alpha(&self, texel: usize, channel: usize) -> f32 {
+        let (mut at, mut alpha) = (0, 0.0);
+        self.texel(texel, |value| {
+            alpha = if at == channel { value.w } else { alpha };
+            at += 1;
+        });
+        alpha
+    }
+
+    /// Scales the alpha of a cut-out so that the share of it that is there stays what it is, whatever its holes are beside texels.
+    /// `covered` is that share, if it is known already.
+    pub(crate) fn keep_coverage(&mut self, covered: &mut Option<f32>) {
+        let raster = self.raster;
+        let (Some(cut_out), Some(channel)) = (raster.cut_out, raster.coverage) else { return };
+        let threshold = cut_out.threshold;
+        let width = raster.extent[0] as usize;
+        let alpha: Vec<f32> = (0..raster.valid.len()).map(|texel| self.alpha(texel, channel)).collect();
+        let shown: Vec<usize> =
+            (0..raster.valid.len()).filter(|&t| raster.valid[t] && raster.read[t]).collect();
+        // Between texels, too, where all four are there.
+        let is_whole = |texel: usize| {
+            texel % width + 1 < width
+                && [texel + 1, texel + width, texel + width + 1]
+                    .iter()
+                    .all(|&t| raster.valid.get(t).copied().unwrap_or(false))
+        };
+        let mut alphas = Vec::new();
+        for &texel in &shown {
+            if !is_whole(texel) {
+                alphas.push(alpha[texel]);
+                continue;
+            }
+            for [s, t] in [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]] {
+                let row = |first: usize| alpha[first] + (alpha[first + 1] - alpha[first]) * s;
+                let (upper, lower) = (row(texel), row(texel + width));
+                alphas.push(upper + (lower - upper) * t);
+            }
+        }
+        if alphas.is_empty() {
+            return;
+        }
+        let mean = shown.iter().map(|&texel| alpha[texel]).sum::<f32>() / shown.len() as f32;
+        let passed = alphas.iter().filter(|&&a| a >= threshold).count() as f32 / alphas.len() as f32;
+        // Where texels resolve the cut-out, its edges are where they are.
+        let is_unresolved = cut_out.has_shares && (passed - mean).abs() > RESOLVED;
+        let goal = *covered.get_or_insert(if is_unresolved { mean } else { passed });
+        if (passed - goal).abs() >= 1e-3 {
+            self.alpha_scale = Some(coverage_scale(alphas, threshold, goal));
+        }
+    }
+
+    /// Whole rows of blocks, where every texel that a bilinear look-up may read, and the rest of its 4x4 block, has a value: invalid
+    /// ones continue their valid neighbours, or take their block's mean. Blocks that nothing reads are zero.
+    pub(crate) fn rows(&self, rows: Range<usize>) -> StoredRows {
+        let raster = self.raster;
+        let width = raster.extent[0] as usize;
+        let mut values = Vec::with_capacity(rows.len() * width * raster.channels);
+        for texel in rows.start * width..rows.end * width {
+            self.texel(texel, |value| values.push(value));
+        }
+        let mut read = Vec::with_capacity(width / 4 * (rows.len() / 4));
+        for y in rows.clone().step_by(4) {
+            for x in (0..width).step_by(4) {
+                read.push(raster.is_block_read(x, y));
+                let first = (y - rows.start) * width + x;
+                if read.last() == Some(&true) {
+                    self.fill_block([x, y], first, &mut values);
+                } else {
+                    for row in 0..4 {
+                        let start = (first + row * width) * raster.channels;
+                        values[start..start + 4 * raster.channels].fill(Vec4::ZERO);
+                    }
+                }
+            }
+        }
+        StoredRows { width, values, read, channels: raster.channels }
+    }
+
+    /// Fills the block at texel `at`, whose values begin at texel `first` of `values`.
+    fn fill_block(&self, at: [usize; 2], first: usize, values: &mut [Vec4]) {
+        let raster = self.raster;
+        let [width, height] = raster.extent.map(|n| n as usize);
+        let of_block = || (0..16).map(|k| [at[0] + k % 4, at[1] + k / 4]);
+        if of_block().all(|[x, y]| raster.valid[y * width + x]) {
+            return;
+        }
+        for channel in 0..raster.channels {
+            let value =
+                |[x, y]: [usize; 2]| (first + (y - at[1]) * width + x - at[0]) * raster.channels + channel;
+            let mut block = Mean::default();
+            for [x, y] in of_block().filter(|[x, y]| raster.valid[y * width + x]) {
+                block.add(values[value([x, y])]);
+            }
+            for [x, y] in of_block().filter(|[x, y]| !raster.valid[y * width + x]) {
+                let mut near = Mean::default();
+                for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+                    for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                        let texel = ny * width + nx;
+                        if raster.valid[texel] {
+                            near.add(raster.texel(texel)[channel].with_w(self.alpha(texel, channel)));
+                        }
+                    }
+                }
+                values[value([x, y])] = near.value().or(block.value()).unwrap_or(Vec4::ZERO);
+            }
+        }
+    }
+}
+
+/// Whole rows of blocks as they are stored.
+pub(crate) struct StoredRows {
+    /// Texels.
+    pub(crate) width: usize,
+    /// `values[texel * channels + channel]`, row by row.
+    pub(crate) values: Vec<Vec4>,
+    pub(crate) channels: usize,
+    /// Per block of 4x4.
+    pub(crate) read: Vec<bool>,
 }
 
 /// Colour times alpha, so that transparent texels do not bleed; the trace of weight that is left to them decides where
@@ -359,6 +416,11 @@ mod tests {
             *texel = Vec4::splat(value(i as u32 % extent[0], i as u32 / extent[0]));
         }
         raster
+    }
+
+    /// What is stored where everything is read.
+    fn fitted(raster: &Raster, fit: Fit, prefilter: Prefilter, overshoot: Overshoot) -> Vec<Vec4> {
+        Fitting::new(raster, fit, prefilter, |_| overshoot).rows(0..raster.extent[1] as usize).values
     }
 
     #[test]
@@ -448,7 +510,7 @@ mod tests {
             let raster = texels(values, [16, 12]);
             let overshoot = if signed { Overshoot::SIGNED } else { Overshoot::COLOR };
             let prefilter = if point { Prefilter::Point } else { Prefilter::Box };
-            let fitted = raster.fitted(Fit::Sharp, prefilter, |_| overshoot);
+            let fitted = fitted(&raster, Fit::Sharp, prefilter, overshoot);
             for y in 0..12usize {
                 for x in 0..16usize {
                     let around = [
@@ -469,13 +531,35 @@ mod tests {
             }
         }
 
+        /// How many rows are made at a time does not matter, also for cut-outs.
+        #[test]
+        fn rows_are_those_of_the_whole(
+            values in prop::collection::vec(0f32..1.0, 60..300),
+            holes in prop::collection::vec(any::<bool>(), 37..38),
+            is_cut_out in any::<bool>(),
+        ) {
+            let mut raster = texels(values, [16, 24]);
+            for texel in 0..raster.valid.len() {
+                raster.valid[texel] = holes[texel % 37];
+                raster.read[texel] = holes[texel % 37] && texel % 16 < 9;
+            }
+            raster.coverage = Some(0);
+            raster.cut_out = is_cut_out.then_some(CutOut { threshold: 0.5, has_shares: true });
+            let mut fitting = Fitting::new(&raster, Fit::Sharp, Prefilter::Box, |_| Overshoot::COLOR);
+            fitting.keep_coverage(&mut Some(0.3));
+            let whole = fitting.rows(0..24);
+            let parts = [fitting.rows(0..4), fitting.rows(4..16), fitting.rows(16..24)];
+            prop_assert_eq!(&whole.values, &parts.iter().flat_map(|p| p.values.clone()).collect::<Vec<_>>());
+            prop_assert_eq!(&whole.read, &parts.iter().flat_map(|p| p.read.clone()).collect::<Vec<_>>());
+        }
+
         /// Nothing curved, nothing to correct: constants and slopes stay, also where texels are missing.
         #[test]
         fn the_fit_keeps_slopes(a in -0.02f32..0.02, b in -0.02f32..0.02, hole in 0usize..256) {
             let mut raster = raster([16, 16], |x, y| 0.5 + a * x as f32 + b * y as f32);
             raster.valid[hole] = false;
             for prefilter in [Prefilter::Point, Prefilter::Box] {
-                let fitted = raster.fitted(Fit::Sharp, prefilter, |_| Overshoot::COLOR);
+                let fitted = fitted(&raster, Fit::Sharp, prefilter, Overshoot::COLOR);
                 for (i, (fitted, value)) in fitted.iter().zip(&raster.values).enumerate() {
                     prop_assert!(i == hole || (*fitted - *value).abs().max_element() < 1e-6);
                 }
@@ -487,7 +571,7 @@ mod tests {
         fn the_fit_sharpens_waves(phase in 0f32..6.3, wavelength in 9f32..40.0) {
             let wave = |x: f32| 0.5 + 0.3 * (std::f32::consts::TAU * x / wavelength + phase).sin();
             let points = raster([64, 4], |x, _| wave(x as f32));
-            let fitted = points.fitted(Fit::Sharp, Prefilter::Point, |_| Overshoot::SIGNED);
+            let fitted = fitted(&points, Fit::Sharp, Prefilter::Point, Overshoot::SIGNED);
             let error = |values: &[Vec4]| -> f32 {
                 (8 * 4..8 * 56)
                     .map(|i| {
@@ -506,29 +590,34 @@ mod tests {
     fn other_fits_take_the_values_as_they_are() {
         let raster = raster([8, 8], |x, y| (x * y % 5) as f32);
         for fit in [Fit::Point, Fit::Box] {
-            assert_eq!(raster.fitted(fit, Prefilter::Box, |_| Overshoot::COLOR), raster.values);
+            assert_eq!(fitted(&raster, fit, Prefilter::Box, Overshoot::COLOR), raster.values);
         }
     }
 
     #[test]
     fn blocks_that_are_read_are_filled_and_others_are_zero() {
-        let mut raster = raster([12, 4], |_, _| 0.5);
+        let mut raster = raster([16, 4], |x, y| if (x, y) == (2, 0) { 0.25 } else { 0.5 });
         raster.valid.fill(false);
         raster.read.fill(false);
-        // One texel of the first block is read, beside the second block; the third is out of reach.
-        (raster.valid[3], raster.read[3]) = (true, true);
-        let mut fitted = raster.values.clone();
-        fitted[3] = Vec4::splat(0.25);
-        raster.fill_blocks(&mut fitted);
-        for (i, value) in fitted.iter().enumerate() {
-            let expected = match (i % 12, i / 12) {
-                (3, 0) => 0.25,
-                // Beside the valid texel its value goes on, as it was before it was fitted.
-                (2, 0) | (2..=4, 1) | (4, 0) => 0.5,
-                (0..4, _) => 0.25,
+        // Of three texels the middle one is curved. The last of them is read, beside the second block; the third is out of reach.
+        for x in 1..=3 {
+            raster.valid[x] = true;
+        }
+        raster.read[3] = true;
+        let stored = Fitting::new(&raster, Fit::Sharp, Prefilter::Box, |_| Overshoot::SIGNED).rows(0..4);
+        assert_eq!(stored.read, [true, true, false, false]);
+        let curved = 0.25 - 0.5 / 8.0;
+        for (i, value) in stored.values.iter().enumerate() {
+            let expected = match (i % 16, i / 16) {
+                // At its own place it is fitted, as far as it may be; beside it the value goes on as it was before.
+                (2, 0) => f32::max(curved, 0.25 - 1.0 / 32.0),
+                (1 | 3, 0) | (4, 0..=1) | (0, 0..=1) => 0.5,
+                (1 | 3, 1) => (0.25 + 0.5) / 2.0,
+                (2, 1) => (0.25 + 0.5 + 0.5) / 3.0,
+                (0..4, _) => (0.5 + 0.5 + 0.25 - 1.0 / 32.0) / 3.0,
                 _ => 0.0,
             };
-            assert_eq!(value.x, expected, "{} {}", i % 12, i / 12);
+            assert!((value.x - expected).abs() < 1e-6, "{} {}: {value} {expected}", i % 16, i / 16);
         }
     }
 

@@ -23,8 +23,8 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::{Meter, cancelled};
-use crate::raster::{CutOut, Mean, Overshoot, Raster};
-use crate::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, TexelPoint};
+use crate::raster::{CutOut, Fitting, Mean, Overshoot, Raster, StoredRows};
+use crate::{BakeFormat, BakeOptions, Source, SourceChannel, TexelPoint};
 
 /// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
 /// to `SHARED_LEVEL`.
@@ -292,30 +292,33 @@ impl TileBaker<'_> {
         tile: &mut BakedTile,
     ) -> Result<()> {
         let started = Instant::now();
-        let mut values = if level == 0 {
-            raster.fitted(self.options.fit, self.prefilter(), |channel| self.overshoot(channel))
-        } else {
-            raster.values.clone()
+        let mut fitting = match level {
+            0 => Fitting::new(raster, self.options.fit, self.source.prefilter(), |c| self.overshoot(c)),
+            _ => Fitting::of_values(raster),
         };
-        raster.keep_coverage(&mut values, &mut tile.covered);
-        let read = raster.fill_blocks(&mut values);
-        let filled = Texels { extent: raster.extent, values, read, channels: raster.channels };
+        fitting.keep_coverage(&mut tile.covered);
         tile.bake_time += started.elapsed();
-        let started = Instant::now();
-        let grid = page_grid(size);
-        let pages: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
-        let window = |&page: &[u32; 2]| {
-            let origin = page_origin(page);
-            filled.window([start[0] + origin[0], start[1] + origin[1]], page_extent(size, page))
-        };
-        let windows: Vec<Window<'_>> = pages.iter().map(window).collect();
-        let encoded = encode_pages(self.plans, self.options.quality, &windows)?;
         let offset = first.map(|f| f / fantex_store::PAGE);
-        for (page, channels) in pages.into_iter().zip(encoded) {
-            let page = [offset[0] + page[0], offset[1] + page[1]];
-            tile.pages.push(EncodedPage { id: PageId { group, level, page }, channels });
+        let grid = page_grid(size);
+        // A row of pages at a time: what is stored takes as much memory as the raster.
+        for y in 0..grid[1] {
+            let started = Instant::now();
+            let row = (start[1] + page_origin([0, y])[1]) as usize;
+            let stored = fitting.rows(row..row + page_extent(size, [0, y])[1] as usize);
+            tile.bake_time += started.elapsed();
+            let started = Instant::now();
+            let window = |x| Window {
+                rows: &stored,
+                left: (start[0] + page_origin([x, y])[0]) as usize,
+                extent: page_extent(size, [x, y]),
+            };
+            let windows: Vec<Window<'_>> = (0..grid[0]).map(window).collect();
+            for (x, channels) in (0..).zip(encode_pages(self.plans, self.options.quality, &windows)?) {
+                let page = [offset[0] + x, offset[1] + y];
+                tile.pages.push(EncodedPage { id: PageId { group, level, page }, channels });
+            }
+            tile.encode_time += started.elapsed();
         }
-        tile.encode_time += started.elapsed();
         Ok(())
     }
 
@@ -332,10 +335,6 @@ impl TileBaker<'_> {
         let AlphaMode::Mask(threshold) = first else { return None };
         let cut_out = CutOut { threshold, has_shares: self.source.has_shares() };
         triangles.iter().all(|t| mode(t) == Some(first)).then_some(cut_out)
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        self.source.prefilter()
     }
 
     fn overshoot(&self, channel: usize) -> Overshoot {
@@ -433,45 +432,33 @@ impl ChannelPlan {
     }
 }
 
-/// Final values of all channels, `values[texel * channels + channel]`, row-major.
-pub(crate) struct Texels {
-    pub(crate) extent: [u32; 2],
-    pub(crate) values: Vec<Vec4>,
-    /// Per block of 4x4.
-    pub(crate) read: Vec<bool>,
-    pub(crate) channels: usize,
-}
-
-impl Texels {
-    fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Window<'_> {
-        Window { texels: self, origin, extent }
-    }
-}
-
+/// A page within stored rows, which are as high as it is.
 struct Window<'a> {
-    texels: &'a Texels,
-    origin: [u32; 2],
+    rows: &'a StoredRows,
+    left: usize,
     extent: [u32; 2],
 }
 
 impl Window<'_> {
     /// Which of its blocks are read.
     fn read(&self) -> Vec<bool> {
-        let stride = self.texels.extent[0] as usize / 4;
-        let [x, y, width, height] =
-            [self.origin[0], self.origin[1], self.extent[0], self.extent[1]].map(|n| n as usize / 4);
-        (y..y + height).flat_map(|row| &self.texels.read[row * stride + x..][..width]).copied().collect()
+        let (left, width) = (self.left / 4, self.extent[0] as usize / 4);
+        self.rows
+            .read
+            .chunks_exact(self.rows.width / 4)
+            .flat_map(|row| &row[left..][..width])
+            .copied()
+            .collect()
     }
 
     /// The values of one channel, stored as `store` says.
     fn stored<T>(&self, channel: usize, store: impl Fn(Vec4) -> T) -> Vec<T> {
         let [width, height] = self.extent.map(|n| n as usize);
-        let (stride, channels) = (self.texels.extent[0] as usize, self.texels.channels);
+        let StoredRows { width: stride, values, channels, .. } = self.rows;
         let mut stored = Vec::with_capacity(width * height);
-        for row in 0..height {
-            let first = (self.origin[1] as usize + row) * stride + self.origin[0] as usize;
-            let values = &self.texels.values[first * channels..(first + width) * channels];
-            stored.extend(values.chunks_exact(channels).map(|values| store(values[channel])));
+        for row in values.chunks_exact(stride * channels) {
+            let row = &row[self.left * channels..(self.left + width) * channels];
+            stored.extend(row.chunks_exact(*channels).map(|values| store(values[channel])));
         }
         stored
     }
