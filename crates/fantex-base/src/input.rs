@@ -148,13 +148,12 @@ pub fn reserve(what: impl Display, bytes: u64) -> Result<Held> {
     }
 }
 
-/// What would take more memory than it may.
-pub fn too_large(what: impl Display, bytes: u64, limit: u64) -> Error {
-    let unit = if bytes < 1 << 20 { (1, "bytes") } else { (1 << 20, "MiB") };
-    let (needed, allowed) = (bytes.div_ceil(unit.0), limit / unit.0);
+/// What would take more memory than is left of what is allowed.
+pub fn too_large(what: impl Display, bytes: u64, left: u64) -> Error {
+    let (one, unit) = if bytes < 1 << 20 { (1, "bytes") } else { (1 << 20, "MiB") };
+    let (needed, left) = (bytes.div_ceil(one), left / one);
     Error::too_large(format!(
-        "{what} would take {needed} {} of memory, {allowed} are allowed; allow more (--memory) or make it smaller",
-        unit.1
+        "{what} would take {needed} {unit} of memory, {left} {unit} are left; allow more (--memory) or make it smaller"
     ))
 }
 

@@ -183,7 +183,7 @@ fn slices_are_stacked() {
     paths.iter().zip([0.0, 1.0]).for_each(|(path, grey)| slice(grey).save(path).unwrap());
     assert_eq!(Volume::load_slices(&paths, ColorSpace::Srgb, PLENTY).unwrap().size(), [2, 3, 2]);
     let error = Volume::load_slices(&paths, ColorSpace::Srgb, 8).unwrap_err();
-    assert!(error.to_string().contains("with its levels would take 14 bytes of memory, 8 are"), "{error}");
+    assert!(error.to_string().contains("with its levels would take 14 bytes of memory, 8 bytes are"), "{error}");
 }
 
 const HEADER: &str = "NDims = 3\nDimSize = 2 3 4\nElementSpacing = 1 2 3.5\nElementType = MET_UCHAR\n\
@@ -296,7 +296,7 @@ fn the_head_is_read() {
     let head = Volume::load_meta_image(&path, PLENTY).unwrap();
     assert_eq!((head.size(), head.channels(), head.spacing()), ([48, 62, 42], 1, Vec3::splat(4.0)));
     let error = Volume::load_meta_image(&path, 100_000).unwrap_err();
-    assert!(error.to_string().contains("100000 are allowed"), "{error}");
+    assert!(error.to_string().contains("100000 bytes are left"), "{error}");
     let raw = fs::read(folder.join("HeadMRVolume.raw")).unwrap();
     let texture = VolumeTexture::new(Arc::new(head));
     let voxel = Vec3::new(20.0, 30.0, 25.0);
