@@ -160,7 +160,7 @@ impl<'a> Job<'a> {
         let triangles = GroupTriangles::of(cover);
         let normals = shading_normals(mesh);
         let own = &cover.groups[groups.start as usize..groups.end as usize];
-        let meter = Meter::new(progress, own.iter().map(texels_of).sum());
+        let meter = Meter::new(progress, own.iter().map(Group::texels).sum());
         let limits = BatchLimits::new(options, plans.len());
         let in_work = limits.in_work;
         let baker = TileBaker {
@@ -207,10 +207,6 @@ impl<'a> Job<'a> {
     }
 }
 
-fn texels_of(group: &Group) -> u64 {
-    u64::from(group.extent[0]) * u64::from(group.extent[1])
-}
-
 /// The mesh with normals that are continuous; `None` if its own are.
 fn without_creases(mesh: &Mesh) -> Option<Mesh> {
     let mut smoothed = mesh.clone();
@@ -248,7 +244,7 @@ fn batches(cover: &Cover, groups: Range<u32>, texels: u64) -> Vec<Range<u32>> {
     let mut batches = Vec::new();
     let (mut start, mut sum) = (groups.start, 0);
     for group in groups.clone() {
-        let own = texels_of(&cover.groups[group as usize]);
+        let own = cover.groups[group as usize].texels();
         if start < group && sum + own > texels {
             batches.push(start..group);
             (start, sum) = (group, 0);
@@ -412,8 +408,7 @@ mod tests {
                 assert!(batches.windows(2).all(|pair| pair[0].end == pair[1].start));
                 for batch in batches {
                     let groups = &cover.groups[batch.start as usize..batch.end as usize];
-                    let sum: u64 =
-                        groups.iter().map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1])).sum();
+                    let sum: u64 = groups.iter().map(Group::texels).sum();
                     assert!(groups.len() == 1 || sum <= texels, "{sum} of {texels}");
                 }
             }

@@ -97,7 +97,7 @@ impl Cover {
 
     /// Texels of all tiles at level 0.
     pub fn texels(&self) -> u64 {
-        self.groups.iter().map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1])).sum()
+        self.groups.iter().map(Group::texels).sum()
     }
 
     /// The look-ups of the texture function at a point of the surface.
@@ -131,6 +131,11 @@ impl Cover {
 }
 
 impl Group {
+    /// Texels of its tile at level 0, read or not.
+    pub fn texels(&self) -> u64 {
+        u64::from(self.extent[0]) * u64::from(self.extent[1])
+    }
+
     /// The tile map of a projected group: mesh space to tile coordinates.
     #[inline]
     pub fn tile_from_mesh(&self, p_mesh: Vec3) -> Vec2 {

@@ -22,6 +22,9 @@ const DOUBLE_SIDED: u8 = 1;
 const UNLIT: u8 = 2;
 const TOON: u8 = 4;
 
+/// Meshes are scaled into -1..1, from a centre that may be a sixteenth off. Areas and volumes of such are no infinities.
+const MAX_COORDINATE: f32 = 2.0;
+
 /// What must hold for a mesh. (That no two vertices or triangles coincide is left to `verify`: it costs a sort.)
 pub(crate) fn check(mesh: &Mesh) -> Result<()> {
     limit("triangles", mesh.triangles.len(), MAX_TRIANGLES)?;
@@ -29,6 +32,9 @@ pub(crate) fn check(mesh: &Mesh) -> Result<()> {
     limit("materials", mesh.materials.len(), MAX_MATERIALS)?;
     limit("texture coordinate sets", mesh.corners.uv_sets.len(), MAX_UV_SETS)?;
     check_finite(bytemuck::cast_slice::<Vec3, [f32; 3]>(&mesh.positions), "position of vertex")?;
+    if let Some(vertex) = mesh.positions.iter().position(|p| p.abs().max_element() > MAX_COORDINATE) {
+        return Err(Error::malformed(format!("the position of vertex {vertex} is beyond {MAX_COORDINATE}")));
+    }
     for (t, triangle) in mesh.triangles.iter().enumerate() {
         for &vertex in triangle {
             below("vertex of triangle", t, vertex, mesh.positions.len())?;

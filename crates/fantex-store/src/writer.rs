@@ -471,27 +471,47 @@ pub(crate) fn pack_section(raw: &[u8]) -> io::Result<(Vec<u8>, SectionRecord)> {
     Ok((stored, record))
 }
 
-/// Number of clusters that pages will be cut into, per level.
-fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
-    (0..levels).into_par_iter().map(|level| cut(extents, formats, level).0).collect()
+/// The clusters that the pages of a level are cut into as they come: the first page, and the bytes of all.
+#[derive(Clone, Debug)]
+struct Cuts<'a> {
+    extents: &'a [[u32; 2]],
+    formats: &'a [TexelFormat],
+    level: usize,
+    next: TilePlace,
 }
 
-/// Number of clusters that the pages of a level are cut into as they come, and the bytes of the last.
-fn cut(extents: &[[u32; 2]], formats: &[TexelFormat], level: usize) -> (usize, usize) {
-    let (mut clusters, mut length) = (0, 0);
-    for &extent in extents {
-        let size = PageSize::new(extent, level as u32);
-        for number in 0..size.page_count() {
-            let page_length: usize =
-                formats.iter().map(|format| format.bytes(size.page_extent(number))).sum();
-            if length == 0 || length + page_length > CLUSTER_TARGET_BYTES {
-                clusters += 1;
-                length = 0;
-            }
-            length += page_length;
-        }
+impl<'a> Cuts<'a> {
+    fn new(extents: &'a [[u32; 2]], formats: &'a [TexelFormat], level: usize) -> Self {
+        Self { extents, formats, level, next: TilePlace { group: 0, page: 0 } }
     }
-    (clusters, length)
+}
+
+impl Iterator for Cuts<'_> {
+    type Item = (TilePlace, usize);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let mut cluster: Option<Self::Item> = None;
+        while let Some(&extent) = self.extents.get(self.next.group as usize) {
+            let size = PageSize::new(extent, self.level as u32);
+            while self.next.page < size.page_count() {
+                let page = size.page_extent(self.next.page);
+                let added: usize = self.formats.iter().map(|format| format.bytes(page)).sum();
+                match &mut cluster {
+                    Some((_, length)) if *length + added > CLUSTER_TARGET_BYTES => return cluster,
+                    Some((_, length)) => *length += added,
+                    None => cluster = Some((self.next, added)),
+                }
+                self.next.page += 1;
+            }
+            self.next = TilePlace { group: self.next.group + 1, page: 0 };
+        }
+        cluster
+    }
+}
+
+/// Number of clusters that pages will be cut into, per level.
+fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
+    (0..levels).into_par_iter().map(|level| Cuts::new(extents, formats, level).count()).collect()
 }
 
 /// Appends a skippable zstd frame where a section packs so well that readers would refuse it as a bomb.

@@ -51,6 +51,33 @@ pub fn with_section(bytes: &[u8], index: usize, raw: &[u8]) -> Vec<u8> {
     changed
 }
 
+/// A part of a bake with right checksums, whatever was changed in it; as far as its items can be followed.
+pub fn sealed_part(bytes: &[u8]) -> Vec<u8> {
+    const HEADER: usize = 64;
+    const ITEM: usize = 32;
+    let mut sealed = bytes.to_vec();
+    if sealed.len() < HEADER {
+        return sealed;
+    }
+    let checksum = xxh3_64(&sealed[..HEADER - 8]);
+    set_word(&mut sealed, HEADER - 8, checksum);
+    let mut at = HEADER;
+    for _ in 0..word(bytes, HEADER - 24) {
+        let Some(header) = sealed.get(at..at + ITEM) else { return sealed };
+        let stored = u32::from_le_bytes(header[20..24].try_into().unwrap()) as usize;
+        let end = at + ITEM + stored;
+        let Some(content) = sealed.get(at + ITEM..end) else { return sealed };
+        let checksum = xxh3_64(&[&header[..24], content].concat());
+        set_word(&mut sealed, at + 24, checksum);
+        at = end;
+    }
+    if let Some(means) = sealed.len().checked_sub(8).and_then(|end| sealed.get(at..end)) {
+        let (checksum, end) = (xxh3_64(means), sealed.len() - 8);
+        set_word(&mut sealed, end, checksum);
+    }
+    sealed
+}
+
 fn unpacked(bytes: &[u8], offset: usize, length: usize) -> Vec<u8> {
     zstd::decode_all(&bytes[offset..offset + length]).unwrap()
 }

@@ -66,6 +66,69 @@ fn merged_parts_are_what_one_process_writes() {
     check_same(&bottle, &cover(&bottle, 64, 500_000), &source, BakeFormat::Rgba8, &[4]);
 }
 
+/// Which shards are missing is found without asking for each: there may be four thousand millions.
+#[test]
+fn missing_shards_are_those_that_would_fill_the_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mesh = cleaned(generate::icosphere(2));
+    let tiles = cover(&mesh, 32, 60_000);
+    let groups = tiles.groups.len() as u32;
+    let options = BakeOptions::default();
+    plan_bake(&mesh, &tiles, &WAVE, &at("plan.fan"), &options, b"").unwrap();
+    let planned = Plan::open(&at("plan.fan")).unwrap();
+    for count in [1, 3, 7, groups, 3 * groups, u32::MAX] {
+        let mut random = Random::of_seeds([count.into(), 0]);
+        for _ in 0..10 {
+            let number = 1 + random.below(count.into()) as u32;
+            let kept = planned.shard(number, count).unwrap();
+            bake_part(
+                &mesh,
+                &planned,
+                [number, count],
+                &WAVE,
+                &at("a.part"),
+                &BakeOptions { force: true, ..options.clone() },
+                &NoProgress,
+            )
+            .unwrap();
+            let merged = merge_parts(&planned, &[at("a.part")], None, &|| false);
+            if kept.len() == groups as usize {
+                merged.unwrap();
+                continue;
+            }
+            let sentence = merged.unwrap_err().to_string();
+            // What lies before the part is named first.
+            let gap = if kept.is_empty() {
+                0..groups
+            } else if kept.start > 0 {
+                0..kept.start
+            } else {
+                kept.end..groups
+            };
+            let names = |n: &u32| {
+                let own = planned.shard(*n, count).unwrap();
+                (!own.is_empty() && gap.start <= own.start && own.end <= gap.end)
+                    .then(|| format!("{n}/{count}"))
+            };
+            if count < u32::MAX {
+                let mut expected: Vec<String> = (1..=count).filter_map(|n| names(&n)).collect();
+                if expected.len() > 8 {
+                    expected.truncate(8);
+                    expected.push("...".into());
+                }
+                let named = format!(
+                    "tiles {} to {} is missing (shard {})",
+                    gap.start,
+                    gap.end - 1,
+                    expected.join(", ")
+                );
+                assert!(sentence.contains(&named), "{sentence}, {named}");
+            }
+        }
+    }
+}
+
 #[test]
 fn parts_that_are_missing_wrong_or_damaged_are_named() {
     let folder = tempfile::tempdir().unwrap();

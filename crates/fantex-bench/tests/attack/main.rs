@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 use fantex::base::{Random, ReadLimits, ReadOptions};
 use fantex::look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex::paint::{PaintOptions, Painter, StrokeLog, replay};
-use fantex::store::{VerifyOptions, verify_asset};
+use fantex::store::{CreateOptions, Plan, VerifyOptions, merge_parts, verify_asset};
 use fantex::texture::environment::EnvironmentMap;
 use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, Volume};
 use fantex::{Baker, Footprint, Source};
 use fantex_mesh::{CleanOptions, LoadOptions, clean, generate, load_bytes};
-use fantex_test::fan_file::crafted;
+use fantex_test::fan_file::{crafted, sealed_part, section, with_section};
 use fantex_test::{cleaned, rounds, workspace};
 
 /// Counts what is allocated.
@@ -129,8 +129,12 @@ fn attack_by(
 }
 
 fn shipped(names: &[&str]) -> Vec<(String, Vec<u8>)> {
+    files_of("assets", names)
+}
+
+fn files_of(folder: &str, names: &[&str]) -> Vec<(String, Vec<u8>)> {
     let read = |name: &&str| {
-        let path = workspace().join("assets").join(name);
+        let path = workspace().join(folder).join(name);
         (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(path).unwrap())
     };
     names.iter().map(read).collect()
@@ -168,6 +172,8 @@ fn images() -> Vec<(String, Vec<u8>)> {
     dds.extend([32, 0x41, 0, 32, 0xff, 0xff00, 0x00ff_0000, 0xff00_0000, 0x1000, 0, 0, 0, 0]);
     let numbers: Vec<u8> = dds.iter().flat_map(|n| n.to_le_bytes()).collect();
     files.push(("texels.dds".into(), [b"DDS ".as_slice(), &numbers, &[7; 64]].concat()));
+    let basis = ["etc1s_alpha.ktx2", "uastc.ktx2", "uastc_alpha_zstd.ktx2"];
+    files.extend(files_of("crates/fantex-texture/tests/data", &basis));
     files
 }
 
@@ -206,6 +212,13 @@ fn environments_and_volumes_are_refused_or_sound() {
 #[ignore = "thousands of damaged files"]
 fn models_are_refused_or_sound() {
     let mut files = shipped(&["models/CornellBox.glb", "models/teapot.stl", "WaterBottle/WaterBottle.gltf"]);
+    let compressed = [
+        "torus_draco_edgebreaker.glb",
+        "torus_draco_sequential.glb",
+        "torus_meshopt_ext.glb",
+        "torus_meshopt_khr.glb",
+    ];
+    files.extend(files_of("crates/fantex-mesh/tests/data", &compressed));
     let text = |name: &str, text: &str| (name.to_owned(), text.as_bytes().to_vec());
     files.push(text("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 .5 1\nusemtl a\nf 1 2 3 4\nf 1 2 5\nf -4 -3 -1\n"));
     files.push(text("a.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 3\n"));
@@ -308,5 +321,58 @@ fn assets_with_right_checksums_are_refused_or_sound() {
         }
         let beside = |folder: &Path| folder.read_dir().unwrap().count();
         assert_eq!([beside(folder.path()), beside(&folder.path().join("one"))], [1, 1], "files elsewhere");
+    });
+}
+
+/// Plans and parts with right checksums: what is merged opens, and what its texels are is seen then.
+#[test]
+#[ignore = "thousands of damaged files"]
+fn plans_and_parts_are_refused_or_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mesh = fantex::Mesh::from_model(generate::icosphere(2), "ball").unwrap();
+    let baker = || Baker::new(&mesh).source(Source::solid("clouds")).texels(8000).overwrite(true);
+    baker().write_plan(at("plan"), b"note").unwrap();
+    let plan = Plan::open(&at("plan")).unwrap();
+    let parts = [1, 2, 3].map(|number| at(&format!("part{number}")));
+    for (number, path) in (1..).zip(&parts) {
+        baker().write_part(&plan, number, 3, path).unwrap();
+    }
+    let files: Vec<_> = ["plan", "part1", "part2", "part3"]
+        .map(|name| (name.to_owned(), std::fs::read(at(name)).unwrap()))
+        .into();
+    let craft = |bytes: &[u8], random: &mut Random| {
+        if !bytes.starts_with(b"FANPART1") {
+            let index = random.below(4) as usize;
+            return with_section(bytes, index, &damage(&section(bytes, index), false, random));
+        }
+        // The plan that it names stays.
+        let mut damaged = damage(bytes, false, random);
+        let named = damaged.len().min(24);
+        damaged[..named].copy_from_slice(&bytes[..named]);
+        sealed_part(&damaged)
+    };
+    attack_by(craft, &files, 1500, |name, bytes| {
+        let path = at("damaged");
+        std::fs::write(&path, bytes).unwrap();
+        let (own, damaged) = match name {
+            "plan" => (Plan::open(&path), usize::MAX),
+            _ => (Ok(plan.clone()), name[4..].parse::<usize>().unwrap() - 1),
+        };
+        let Ok(own) = own else { return };
+        let mut parts = parts.clone();
+        if let Some(part) = parts.get_mut(damaged) {
+            part.clone_from(&path);
+        } else {
+            drop(baker().write_part(&own, 1, 3, at("other")));
+        }
+        let is_sound = merge_parts(&own, &parts, None, &|| false).is_ok();
+        let create = CreateOptions { force: true, ..CreateOptions::default() };
+        let merged = merge_parts(&own, &parts, Some((&at("merged"), &create)), &|| false);
+        assert_eq!(merged.is_ok(), is_sound, "a check finds what a merge finds: {merged:?}");
+        if is_sound {
+            let asset = fantex::Asset::open(at("merged")).unwrap();
+            drop(verify_asset(asset.shared(), &VerifyOptions { memory_bytes: 1 << 20 }));
+        }
     });
 }

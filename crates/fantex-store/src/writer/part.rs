@@ -22,8 +22,7 @@ use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::{
-    AssetWriter, CreateOptions, EncodedPage, OpenCluster, PackedCluster, PageStream, Plan, WriteSummary,
-    clusters_per_level, cut,
+    AssetWriter, CreateOptions, Cuts, EncodedPage, OpenCluster, PackedCluster, PageStream, Plan, WriteSummary,
 };
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::error::damaged;
@@ -36,6 +35,9 @@ const HEADER: usize = 8 + 16 + 4 * 4 + 8 + 8 + 8;
 
 /// Of an item's header: kind, level, first group and page, bytes unpacked and stored, checksum.
 const ITEM: usize = 4 * 6 + 8;
+
+/// A sentence names no more shards.
+const MAX_NAMED_SHARDS: usize = 8;
 
 /// No cluster holds more, unpacked: one page of all channels may be longer than the target.
 const MAX_ITEM_BYTES: u32 = 1 << 26;
@@ -88,7 +90,8 @@ impl PartWriter {
         let io = |source| Error::writing(path, source);
         let mut pages = PageStream::new(path, &plan.cover, &plan.channels, groups.clone());
         for (level, cluster) in pages.open.iter_mut().enumerate() {
-            cluster.before = cut(&pages.extents[..groups.start as usize], &pages.formats, level).1;
+            let before = Cuts::new(&pages.extents[..groups.start as usize], &pages.formats, level);
+            cluster.before = before.last().map_or(0, |(_, length)| length);
         }
         let file = temporary_file(path, ".tmp").map_err(io)?;
         let mut out = BufWriter::with_capacity(1 << 20, file.as_file().try_clone().map_err(io)?);
@@ -331,12 +334,13 @@ pub fn merge_parts(
     let (levels, channels) = (stream.open.len(), stream.formats.len());
     let zstd_level = output.map_or(1, |(_, options)| options.zstd_level);
     let mut open: Vec<OpenCluster> = (0..levels).map(|_| OpenCluster::empty(channels)).collect();
-    let expected = clusters_per_level(&stream.extents, &stream.formats, levels);
-    let (mut counts, mut means) = (vec![0; levels], Vec::new());
+    let mut expected: Vec<Cuts<'_>> =
+        (0..levels).map(|level| Cuts::new(&stream.extents, &stream.formats, level)).collect();
+    let (mut clusters, mut means) = (0, Vec::new());
     let mut put = |writer: &mut Option<AssetWriter>, level: usize, cluster: &PackedCluster, path: &Path| {
-        counts[level] += 1;
-        if counts[level] > expected[level] {
-            return Err(damaged(path, "it has more texels than were planned; bake it anew"));
+        clusters += 1;
+        if expected[level].next() != Some((cluster.first, cluster.raw_length as usize)) {
+            return Err(damaged(path, "its texels are not those that were planned; bake it anew"));
         }
         writer.as_mut().map_or(Ok(()), |writer| writer.put(level, cluster))
     };
@@ -368,13 +372,13 @@ pub fn merge_parts(
             put(&mut writer, level, &packed, &plan.path)?;
         }
     }
-    if counts != expected {
+    if expected.iter_mut().any(|cuts| cuts.next().is_some()) {
         let sentence = "the parts have fewer texels than were planned; bake them anew";
         return Err(Error::damaged(sentence).with_path(&plan.path));
     }
     match writer {
         Some(writer) => writer.seal(&means),
-        None => Ok(WriteSummary { clusters: counts.iter().sum(), ..WriteSummary::default() }),
+        None => Ok(WriteSummary { clusters, ..WriteSummary::default() }),
     }
 }
 
@@ -401,11 +405,17 @@ fn check_complete(plan: &Plan, readers: &[PartReader]) -> Result<()> {
 
 /// Names the shards that would fill a gap.
 fn missing(plan: &Plan, gap: Range<u32>, count: u32) -> Error {
-    let fills = |number: &u32| {
-        plan.shard(*number, count)
-            .is_ok_and(|own| !own.is_empty() && gap.start <= own.start && own.end <= gap.end)
-    };
-    let names: Vec<String> = (1..=count).filter(fills).map(|number| format!("{number}/{count}")).collect();
+    let mut names: Vec<String> = Vec::new();
+    let mut from = gap.start;
+    // There may be more shards than tiles.
+    while let Some((number, own)) = shard_from(plan, from, count).filter(|(_, own)| own.end <= gap.end) {
+        if names.len() == MAX_NAMED_SHARDS {
+            names.push("...".into());
+            break;
+        }
+        names.push(format!("{number}/{count}"));
+        from = own.end;
+    }
     let which = if names.is_empty() { String::new() } else { format!(" (shard {})", names.join(", ")) };
     Error::not_found(format!(
         "the part with tiles {} to {} is missing{which}; bake it from {}",
@@ -413,6 +423,22 @@ fn missing(plan: &Plan, gap: Range<u32>, count: u32) -> Error {
         gap.end - 1,
         plan.path.display()
     ))
+}
+
+/// The first shard that has groups, all of them from `group` on.
+fn shard_from(plan: &Plan, group: u32, count: u32) -> Option<(u32, Range<u32>)> {
+    let own = |number| plan.shard(number, count).unwrap_or_default();
+    // Where shards end ascends with their numbers.
+    let ending_after = |group: u32| {
+        let (mut low, mut high) = (1, count);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            (low, high) = if own(middle).end > group { (low, middle) } else { (middle + 1, high) };
+        }
+        Some((low, own(low))).filter(|(_, own)| own.end > group)
+    };
+    let (number, own) = ending_after(group)?;
+    if own.start >= group { Some((number, own)) } else { ending_after(own.end) }
 }
 
 impl OpenCluster {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fantex_base::files::persist;
 use fantex_base::{Error, Result};
-use fantex_cover::Cover;
+use fantex_cover::{Cover, Group};
 use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -102,14 +102,13 @@ impl Plan {
                 "there is no shard {number} of {count}; give 1/{count} to {count}/{count}"
             )));
         }
-        let texels = |group: &fantex_cover::Group| u64::from(group.extent[0]) * u64::from(group.extent[1]);
-        let total: u64 = self.cover.groups.iter().map(texels).sum();
+        let total = self.cover.texels();
         let start_of = |shard: u32| {
             let before = (u128::from(total) * u128::from(shard) / u128::from(count)) as u64;
             let mut sum = 0;
-            let is_before = |group: &&fantex_cover::Group| {
+            let is_before = |group: &&Group| {
                 let starts = sum;
-                sum += texels(group);
+                sum += group.texels();
                 starts < before
             };
             self.cover.groups.iter().take_while(is_before).count() as u32

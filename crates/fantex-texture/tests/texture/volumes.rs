@@ -183,7 +183,10 @@ fn slices_are_stacked() {
     paths.iter().zip([0.0, 1.0]).for_each(|(path, grey)| slice(grey).save(path).unwrap());
     assert_eq!(Volume::load_slices(&paths, ColorSpace::Srgb, PLENTY).unwrap().size(), [2, 3, 2]);
     let error = Volume::load_slices(&paths, ColorSpace::Srgb, 8).unwrap_err();
-    assert!(error.to_string().contains("with its levels would take 14 bytes of memory, 8 bytes are"), "{error}");
+    assert!(
+        error.to_string().contains("with its levels would take 14 bytes of memory, 8 bytes are"),
+        "{error}"
+    );
 }
 
 const HEADER: &str = "NDims = 3\nDimSize = 2 3 4\nElementSpacing = 1 2 3.5\nElementType = MET_UCHAR\n\
