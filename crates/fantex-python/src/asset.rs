@@ -39,7 +39,7 @@ const CHANNELS: [(&str, ChannelKind); 7] = [
     ("anisotropy", ChannelKind::Anisotropy),
 ];
 
-fn name_of(kind: ChannelKind) -> &'static str {
+pub(crate) fn name_of(kind: ChannelKind) -> &'static str {
     CHANNELS.iter().find(|(_, known)| *known == kind).map_or("other", |(name, _)| name)
 }
 

@@ -1,18 +1,21 @@
 //! Bakes, from everything that the command line takes and from Python's own functions.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use fantex::bake::{Prefilter, Source as BakeSource, TexelPoint};
 use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::WorldFromMesh;
 use fantex::photos::CameraFrame;
-use fantex::{BakeFormat, Baker, Fit, PhotoSet, Quality, Source};
+use fantex::store::{self, CreateOptions, merge_parts};
+use fantex::{BakeFormat, Baked, Baker, Fit, PhotoSet, Progress, Quality, Source};
 use numpy::PyReadonlyArray2;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{array, rows};
+use crate::asset::name_of;
 use crate::mesh::Mesh;
 use crate::watch::{Watch, watched};
 
@@ -25,7 +28,72 @@ pub(crate) enum SourceParts<'py> {
     Function(Bound<'py, PyAny>),
 }
 
-/// Bakes into a file; says what the user should know: triangles, tiles, texels, bytes, channels, seconds, notes.
+/// A mesh, a source and settings, as Python gives them.
+struct Job {
+    mesh: Arc<fantex::Mesh>,
+    source: JobSource,
+    settings: Settings,
+}
+
+enum JobSource {
+    /// The model's own materials or colours.
+    OfModel,
+    Function(Py<PyAny>),
+    Detailed(Py<Mesh>),
+    Named(NamedSource),
+}
+
+impl Job {
+    fn new(mesh: &Mesh, source: Option<SourceParts<'_>>, options: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let source = match source {
+            None => JobSource::OfModel,
+            Some(SourceParts::Function(function)) => JobSource::Function(function.unbind()),
+            Some(SourceParts::Named(name, parts)) => match optional(&parts, "mesh")? {
+                Some(detailed) => JobSource::Detailed(detailed),
+                None => JobSource::Named(NamedSource::new(&name, &parts)?),
+            },
+        };
+        Ok(Self { mesh: Arc::clone(&mesh.0), source, settings: Settings::new(options)? })
+    }
+
+    /// Runs `reach` with a baker that does the job, and says what the user should know: triangles, tiles, texels, bytes, channels,
+    /// seconds, notes.
+    fn run<'py>(
+        self,
+        py: Python<'py>,
+        progress: Option<&Bound<'py, PyAny>>,
+        reach: impl FnOnce(Baker<'_>) -> fantex::Result<Baked> + Send,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let Self { mesh, source, settings } = self;
+        let baked = watched(py, progress, |watch| {
+            let baker = settings.baker(&mesh).progress(watch);
+            match source {
+                JobSource::OfModel => reach(baker),
+                JobSource::Named(named) => reach(baker.source(named.source())),
+                JobSource::Detailed(detailed) => {
+                    reach(baker.source(Source::loaded_mesh(&detailed.get().0, settings.cage)))
+                }
+                JobSource::Function(callable) => {
+                    let world_from_mesh = mesh.world_from_mesh;
+                    let function = FunctionSource { callable, world_from_mesh, watch };
+                    reach(baker.source(Source::custom(&function)))
+                }
+            }
+        })?;
+        let figures = PyDict::new(py);
+        figures.set_item("triangles", baked.triangles)?;
+        figures.set_item("tiles", baked.cover.groups)?;
+        figures.set_item("texels", baked.summary.texels)?;
+        figures.set_item("bytes", baked.summary.bytes)?;
+        figures.set_item("channels", baked.summary.channels)?;
+        figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
+        figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
+        figures.set_item("notes", baked.notes)?;
+        Ok(figures)
+    }
+}
+
+/// Bakes into a file.
 #[pyfunction]
 pub(crate) fn bake<'py>(
     py: Python<'py>,
@@ -35,43 +103,86 @@ pub(crate) fn bake<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let detailed: Option<Py<Mesh>> = match &source {
-        Some(SourceParts::Named(_, parts)) => optional(parts, "mesh")?,
-        _ => None,
-    };
-    let function: Option<Py<PyAny>> = match &source {
-        Some(SourceParts::Function(function)) => Some(function.clone().unbind()),
-        _ => None,
-    };
-    let named = match source {
-        Some(SourceParts::Named(name, parts)) => Some(NamedSource::new(&name, &parts)?),
-        _ => None,
-    };
-    let settings = Settings::new(options)?;
-    let world_from_mesh = mesh.0.world_from_mesh;
-    let baked = watched(py, progress.as_ref(), |watch| {
-        let function = function.map(|callable| FunctionSource { callable, world_from_mesh, watch });
-        let mut baker = settings.baker(&mesh.0).progress(watch);
-        if let Some(function) = &function {
-            baker = baker.source(Source::custom(function));
-        } else if let Some(detailed) = &detailed {
-            let cage = settings.cage;
-            baker = baker.source(Source::loaded_mesh(&detailed.get().0, cage));
-        } else if let Some(named) = named {
-            baker = baker.source(named.source());
-        }
-        baker.write(&path)
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), |baker| baker.write(&path))
+}
+
+/// A plan in memory: everything of an asset but its texels.
+#[pyclass(frozen, module = "fantex")]
+pub(crate) struct Plan(store::Plan);
+
+#[pymethods]
+impl Plan {
+    /// Reads a plan.
+    #[new]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        watched(py, None, |_| store::Plan::open(&path)).map(Self)
+    }
+
+    /// What its writer noted.
+    #[getter]
+    fn about<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.0.about)
+    }
+
+    #[getter]
+    fn channels(&self) -> Vec<&'static str> {
+        self.0.channels.iter().map(|channel| name_of(channel.kind)).collect()
+    }
+
+    /// Texels per channel, tiles, triangles.
+    fn figures(&self) -> (u64, usize, usize) {
+        let Self(plan) = self;
+        (plan.cover.stored_texels(&plan.mesh), plan.cover.groups.len(), plan.mesh.triangles.len())
+    }
+}
+
+/// Writes a plan with a note.
+#[pyfunction]
+pub(crate) fn plan<'py>(
+    py: Python<'py>,
+    mesh: &Mesh,
+    path: PathBuf,
+    about: &[u8],
+    source: Option<SourceParts<'py>>,
+    options: &Bound<'py, PyDict>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), |baker| baker.write_plan(&path, about))
+}
+
+/// Bakes shard `shard[0]` of `shard[1]` of a plan.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
+pub(crate) fn bake_part<'py>(
+    py: Python<'py>,
+    plan: &Plan,
+    shard: [u32; 2],
+    mesh: &Mesh,
+    path: PathBuf,
+    source: Option<SourceParts<'py>>,
+    options: &Bound<'py, PyDict>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let [number, count] = shard;
+    Job::new(mesh, source, options)?
+        .run(py, progress.as_ref(), |baker| baker.write_part(&plan.0, number, count, &path))
+}
+
+/// Merges parts into an asset, or only checks them; gives the bytes written.
+#[pyfunction]
+pub(crate) fn merge(
+    py: Python<'_>,
+    plan: &Plan,
+    parts: Vec<PathBuf>,
+    path: Option<PathBuf>,
+    overwrite: bool,
+) -> PyResult<u64> {
+    let options = CreateOptions { force: overwrite, ..CreateOptions::default() };
+    let written = watched(py, None, |watch| {
+        let output = path.as_deref().map(|path| (path, &options));
+        merge_parts(&plan.0, &parts, output, &|| watch.is_cancelled())
     })?;
-    let figures = PyDict::new(py);
-    figures.set_item("triangles", baked.triangles)?;
-    figures.set_item("tiles", baked.cover.groups)?;
-    figures.set_item("texels", baked.summary.texels)?;
-    figures.set_item("bytes", baked.summary.bytes)?;
-    figures.set_item("channels", baked.summary.channels)?;
-    figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
-    figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
-    figures.set_item("notes", baked.notes)?;
-    Ok(figures)
+    Ok(written.bytes)
 }
 
 /// The value of a key that may be missing or None.
@@ -92,8 +203,6 @@ enum NamedSource {
     Look(PathBuf),
     Image(PathBuf, fantex::MappingKind),
     Photos(PhotoSet),
-    /// Given as a mesh beside it.
-    Mesh,
 }
 
 impl NamedSource {
@@ -103,7 +212,7 @@ impl NamedSource {
         Ok(match name {
             "uv" => Self::OwnMaterials,
             "vertex_colors" => Self::VertexColors,
-            "mesh" => Self::Mesh,
+            "mesh" => return Err(missing("a mesh")),
             "solid" => Self::Solid(optional(parts, "name")?.ok_or_else(|| missing("a name"))?),
             "look" => Self::Look(path()?),
             "image" => {
@@ -126,7 +235,7 @@ impl NamedSource {
 
     fn source(self) -> Source<'static> {
         match self {
-            Self::OwnMaterials | Self::Mesh => Source::own_materials(),
+            Self::OwnMaterials => Source::own_materials(),
             Self::VertexColors => Source::vertex_colors(),
             Self::Solid(name) => Source::solid(name),
             Self::Look(path) => Source::look(path),
@@ -251,7 +360,6 @@ impl BakeSource for FunctionSource<'_> {
     }
 
     fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
-        use fantex::Progress;
         if self.watch.is_cancelled() {
             return;
         }

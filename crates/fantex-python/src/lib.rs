@@ -14,7 +14,7 @@ mod _native {
     #[pymodule_export]
     use crate::asset::{Asset, encode_png, paint};
     #[pymodule_export]
-    use crate::bake::bake;
+    use crate::bake::{Plan, bake, bake_part, merge, plan};
     #[pymodule_export]
     use crate::mesh::{Mesh, parametrize};
     #[pymodule_export]

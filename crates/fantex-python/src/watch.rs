@@ -1,6 +1,7 @@
 //! Long work beside the interpreter, and errors on their way to Python.
 
 use std::io;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -17,7 +18,7 @@ pyo3::create_exception!(
     fantex,
     Error,
     PyException,
-    "What cannot be done: a damaged or unsupported file, a limit, a missing channel."
+    "What cannot be done: a damaged or unsupported file, a limit, a missing channel. `path` is the file, or None."
 );
 
 /// The exception that stands for an error. Its text is the command line's.
@@ -32,8 +33,15 @@ pub(crate) fn exception(error: fantex::Error) -> PyErr {
         },
         ErrorKind::InvalidArgument => PyValueError::new_err(text),
         ErrorKind::Cancelled => PyKeyboardInterrupt::new_err(text),
-        _ => Error::new_err(text),
+        _ => damaged(text, error.path()),
     }
+}
+
+/// An [`Error`] whose attribute `path` names the file, where there is one.
+fn damaged(text: String, path: Option<&Path>) -> PyErr {
+    let raised = Error::new_err(text);
+    let named = Python::attach(|py| raised.value(py).setattr("path", path));
+    named.err().unwrap_or(raised)
 }
 
 fn io_kind(error: &fantex::Error) -> Option<io::ErrorKind> {

@@ -30,6 +30,7 @@ from ._bake import (
 )
 from ._mesh import Mesh, parametrize
 from ._native import NOTICES, SOLIDS, Error, __version__
+from ._plan import Plan, bake_part, merge, plan
 
 __all__ = [
     "NOTICES",
@@ -41,16 +42,20 @@ __all__ = [
     "Fans",
     "Mesh",
     "Picture",
+    "Plan",
     "Source",
     "__version__",
     "bake",
+    "bake_part",
     "image",
     "look",
+    "merge",
     "mesh",
     "open",
     "own_materials",
     "parametrize",
     "photos",
+    "plan",
     "solid",
     "vertex_colors",
 ]

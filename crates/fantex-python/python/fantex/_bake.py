@@ -22,10 +22,25 @@ class Source:
     def __init__(self, name: str, /, **parts: Any) -> None:
         self._name = name
         self._parts = {key: value for key, value in parts.items() if value is not None}
+        # What the mesh of `mesh` was made of, which travels to other processes in its place.
+        self._given: Any = None
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        if self._given is not None:
+            return _mesh_source, (self._given, self._parts.get("cage"))
+        return _source, (self._name, self._parts)
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{key}={value!r}" for key, value in self._parts.items())
         return f"fantex.Source({self._name}{': ' if parts else ''}{parts})"
+
+
+def _source(name: str, parts: Dict[str, Any]) -> Source:
+    return Source(name, **parts)
+
+
+def _mesh_source(given: Any, cage: Optional[float]) -> Source:
+    return mesh(given, cage=cage)
 
 
 def own_materials() -> Source:
@@ -51,7 +66,9 @@ def image(path: Path, mapping: str = "triplanar") -> Source:
 def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
     """Another, more detailed mesh: its materials or colours, and its normals. ``cage``: how far its surface is looked for, world
     units; measured where it is not given."""
-    return Source("mesh", mesh=Mesh.of(other), cage=cage)
+    source = Source("mesh", mesh=Mesh.of(other), cage=cage)
+    source._given = os.path.abspath(other) if isinstance(other, (str, os.PathLike)) else other
+    return source
 
 
 def photos(
@@ -130,34 +147,48 @@ def bake(
         Error: a file is damaged or unsupported, or a limit would be exceeded.
         KeyboardInterrupt: Ctrl-C; nothing is left of the file.
     """
-    options: Dict[str, Any] = {
-        "texels": None if texels is None else int(texels),
-        "density": density,
-        "match": match,
-        "tile": tile,
-        "longest_edge": longest_edge,
-        "format": format,
-        "fit": fit,
-        "quality": quality,
-        "overwrite": overwrite,
-        "memory": int(memory),
-        "seed": seed,
-    }
-    parts: Any = None
+    options = _options(
+        texels=texels,
+        density=density,
+        match=match,
+        tile=tile,
+        longest_edge=longest_edge,
+        format=format,
+        fit=fit,
+        quality=quality,
+        seed=seed,
+    )
+    figures = _native.bake(
+        Mesh.of(mesh)._native,
+        os.fspath(path),
+        _parts(source, options),
+        {**options, "overwrite": overwrite, "memory": int(memory)},
+        progress,
+    )
+    asset = Asset(path)
+    asset.baked = figures
+    return asset
+
+
+def _options(**given: Any) -> Dict[str, Any]:
+    """Settings of a bake as the compiled part takes them."""
+    texels = given["texels"]
+    return {**given, "texels": None if texels is None else int(texels)}
+
+
+def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:
+    """A source as the compiled part takes it. The cage of a mesh goes to the options."""
+    if source is None:
+        return None
     if isinstance(source, Source):
         parts = dict(source._parts)
         options["cage"] = parts.pop("cage", None)
         if "mesh" in parts:
             parts["mesh"] = parts["mesh"]._native
-        parts = (source._name, parts)
-    elif callable(source):
+        return source._name, parts
+    if callable(source):
         function = source
-        parts = lambda points, normals: _linear_rgba(  # noqa: E731
+        return lambda points, normals: _linear_rgba(
             _plain(function(points, normals)), len(points), "the source's result"
         )
-    elif source is not None:
-        raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
-    figures = _native.bake(Mesh.of(mesh)._native, os.fspath(path), parts, options, progress)
-    asset = Asset(path)
-    asset.baked = figures
-    return asset
+    raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")

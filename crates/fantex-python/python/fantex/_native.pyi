@@ -17,7 +17,8 @@ SOLIDS: List[str]
 LINEAR_FROM_SRGB8: List[float]
 __version__: str
 
-class Error(Exception): ...
+class Error(Exception):
+    path: Optional[str]
 
 class Mesh:
     @staticmethod
@@ -81,6 +82,26 @@ class Asset:
 def bake(
     mesh: Mesh, path: str, source: Any, options: Dict[str, Any], progress: Progress
 ) -> Dict[str, Any]: ...
+
+class Plan:
+    def __init__(self, path: str) -> None: ...
+    about: bytes
+    channels: List[str]
+    def figures(self) -> Tuple[int, int, int]: ...
+
+def plan(
+    mesh: Mesh, path: str, about: bytes, source: Any, options: Dict[str, Any], progress: Progress
+) -> Dict[str, Any]: ...
+def bake_part(
+    plan: Plan,
+    shard: Tuple[int, int],
+    mesh: Mesh,
+    path: str,
+    source: Any,
+    options: Dict[str, Any],
+    progress: Progress,
+) -> Dict[str, Any]: ...
+def merge(plan: Plan, parts: List[str], path: Optional[str], overwrite: bool) -> int: ...
 def parametrize(
     positions: Doubles, faces: Faces, side: int, padding: Optional[int], progress: Progress
 ) -> Tuple[Indices, Indices, Floats, int, int]: ...

@@ -1,0 +1,217 @@
+"""Bakes in parts: a plan, its parts in any number of processes, and their merge."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any, Dict, Iterable, Optional, Tuple, Union
+
+from . import _native
+from ._asset import Asset
+from ._bake import Function, Path, Source, _options, _parts
+from ._mesh import Mesh, Progress
+
+# The key of the note in a plan. Plans of the command line note something else.
+_NOTE = "fantex.plan"
+
+
+class Plan:
+    """A planned bake: the mesh, its tiles and channels, and no texels. :func:`plan` writes such a file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        FileNotFoundError, OSError: the file cannot be read.
+        Error: it is no plan, or damaged.
+    """
+
+    path: str
+    """Where it lies, absolute."""
+    channels: Tuple[str, ...]
+    """Names of the channels."""
+    texels: int
+    """Texels per channel, of the finest level."""
+    tiles: int
+    """Number of tiles; more parts than tiles are of no use."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = os.path.abspath(path)
+        self._native = _native.Plan(self.path)
+        self.channels = tuple(self._native.channels)
+        self.texels, self.tiles, self._triangles = self._native.figures()
+
+    def _note(self) -> Dict[str, Any]:
+        try:
+            note = json.loads(self._native.about)
+        except ValueError:
+            note = None
+        if not isinstance(note, dict) or not isinstance(note.get(_NOTE), dict):
+            raise ValueError(
+                f"{self.path} was not made by fantex.plan; bake its parts with `fantex bake {self.path} --shard I/N`"
+            )
+        return note[_NOTE]
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        return Plan, (self.path,)
+
+    def __repr__(self) -> str:
+        return f"fantex.Plan({self.path}: {self.texels} texels in {self.tiles} tiles, {', '.join(self.channels)})"
+
+
+def plan(
+    mesh: Any,
+    path: Path,
+    *,
+    texels: Optional[float] = None,
+    density: Optional[float] = None,
+    match: bool = False,
+    source: Union[Source, Function, None] = None,
+    tile: Optional[int] = None,
+    longest_edge: Optional[int] = None,
+    format: str = "bc7",
+    fit: str = "sharp",
+    quality: str = "ultra-fast",
+    overwrite: bool = False,
+    memory: float = 1 << 30,
+    seed: int = 1,
+    progress: Optional[Progress] = None,
+) -> Plan:
+    """Covers a mesh and plans a bake: parts are baked by :func:`bake_part` and joined by :func:`merge`.
+
+    Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write. The plan notes paths of model and
+    source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
+    """
+    options = _options(
+        texels=texels,
+        density=density,
+        match=match,
+        tile=tile,
+        longest_edge=longest_edge,
+        format=format,
+        fit=fit,
+        quality=quality,
+        seed=seed,
+    )
+    parts = _parts(source, options)
+    note = {_NOTE: {"mesh": _noted_mesh(mesh), "source": _noted_source(source), "options": options}}
+    _native.plan(
+        Mesh.of(mesh)._native,
+        os.fspath(path),
+        json.dumps(note).encode(),
+        parts,
+        {**options, "overwrite": overwrite, "memory": int(memory)},
+        progress,
+    )
+    return Plan(path)
+
+
+def bake_part(
+    plan: Union[Plan, Path],
+    shard: Tuple[int, int],
+    path: Path,
+    *,
+    mesh: Any = None,
+    source: Union[Source, Function, None] = None,
+    overwrite: bool = False,
+    memory: float = 1 << 30,
+    progress: Optional[Progress] = None,
+) -> int:
+    """Bakes one part of a plan. Any process may bake any part, in any order, and again where one was lost.
+
+    Args:
+        plan: what :func:`plan` made, or its path.
+        shard: ``(number, count)``: which part, from 1, and how many there are.
+        path: the part to write. It appears at the end, whole, or not at all.
+        mesh: the planned mesh, where that was no file.
+        source: the planned source, where that was a function or a mesh in memory.
+        overwrite: replace an existing file.
+        memory: bytes that texels in flight, images and photographs may take.
+        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+
+    Returns:
+        Bytes of the part.
+
+    Raises:
+        ValueError: there is no such part; the mesh or the source has to be given.
+        FileNotFoundError, FileExistsError, OSError: as their names say.
+        Error: a file is damaged, or the mesh or the channels are not those of the plan.
+        KeyboardInterrupt: Ctrl-C; nothing is left of the file.
+    """
+    plan = plan if isinstance(plan, Plan) else Plan(plan)
+    number, count = (int(part) for part in shard)
+    if not 1 <= number <= count < 1 << 32:
+        raise ValueError(f"there is no part {number} of {count}; parts count from 1")
+    note = plan._note()
+    options = dict(note["options"])
+    if mesh is None:
+        mesh = note["mesh"]
+        if mesh is None:
+            raise ValueError(f"{plan.path} was planned for a mesh in memory; give it as mesh=")
+    if source is None and note["source"] is not None:
+        source = _source_of(note["source"], plan)
+    figures = _native.bake_part(
+        plan._native,
+        (number, count),
+        Mesh.of(mesh)._native,
+        os.fspath(path),
+        _parts(source, options),
+        {**options, "overwrite": overwrite, "memory": int(memory)},
+        progress,
+    )
+    return figures["bytes"]
+
+
+def merge(
+    plan: Union[Plan, Path], parts: Iterable[Path], path: Path, *, overwrite: bool = False
+) -> Asset:
+    """Joins the parts of a plan, given in any order, into the asset that :func:`bake` would have written, byte for byte.
+
+    Args:
+        plan: what :func:`plan` made, or its path.
+        parts: all parts.
+        path: the asset to write. It appears at the end, whole, or not at all.
+        overwrite: replace an existing file.
+
+    Raises:
+        FileExistsError, OSError: as their names say.
+        ValueError: two parts have the same tiles, or a part is of another plan.
+        Error: a part is missing or damaged; ``path`` of a damaged part is the file.
+        KeyboardInterrupt: Ctrl-C; nothing is left of the file.
+    """
+    plan = plan if isinstance(plan, Plan) else Plan(plan)
+    _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite)
+    return Asset(path)
+
+
+def _noted_mesh(mesh: Any) -> Optional[str]:
+    """The model's path; None for what lies in memory."""
+    return os.path.abspath(mesh) if isinstance(mesh, (str, os.PathLike)) else None
+
+
+def _noted_source(source: Union[Source, Function, None]) -> Any:
+    """A source as JSON: None for the model's own, ``"memory"`` for what no file describes."""
+    if source is None:
+        return None
+    if not isinstance(source, Source):
+        return "memory"
+    parts = dict(source._parts)
+    for key in ("path", "images"):
+        if key in parts:
+            parts[key] = os.path.abspath(parts[key])
+    if "mesh" in parts:
+        if not isinstance(source._given, str):
+            return "memory"
+        parts["mesh"] = source._given
+    return {"name": source._name, "parts": parts}
+
+
+def _source_of(noted: Any, plan: Plan) -> Source:
+    if noted == "memory":
+        raise ValueError(f"{plan.path} was planned for a source in memory; give it as source=")
+    parts = dict(noted["parts"])
+    if "mesh" in parts:
+        from ._bake import mesh
+
+        return mesh(parts["mesh"], cage=parts.get("cage"))
+    return Source(noted["name"], **parts)
