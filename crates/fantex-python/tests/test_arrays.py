@@ -20,6 +20,23 @@ def test_any_number_type_and_layout(sphere):
         np.testing.assert_allclose(mesh.positions, plain.positions, atol=1e-6)
 
 
+def unaligned(array):
+    """The array at an odd address, as arrays out of network messages are."""
+    buffer = np.zeros(array.nbytes + 1, np.uint8)
+    moved = buffer[1:].view(array.dtype).reshape(array.shape)
+    moved[...] = array
+    assert not moved.flags.aligned
+    return moved
+
+
+def test_unaligned_arrays(sphere):
+    positions, faces = sphere
+    mesh = fantex.Mesh(unaligned(positions), unaligned(faces.astype(np.int64)))
+    np.testing.assert_array_equal(mesh.positions, fantex.Mesh(positions, faces).positions)
+    _, _, uvs = fantex.parametrize(unaligned(positions), unaligned(faces.astype(np.int64)))
+    assert np.isfinite(uvs).all()
+
+
 def test_what_is_no_mesh_is_named(sphere):
     positions, faces = sphere
     with pytest.raises(ValueError, match=r"positions has the shape .*expected \(n, 3\)"):

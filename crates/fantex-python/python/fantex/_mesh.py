@@ -14,7 +14,7 @@ Progress = Callable[[int, int], Any]
 
 
 def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) -> np.ndarray:
-    """A contiguous array; copied only where type or layout ask for it. Takes lists, numpy, torch (CPU), Open3D's vectors."""
+    """A contiguous, aligned array; copied only where type or layout ask for it. Takes lists, numpy, torch (CPU), Open3D's vectors."""
     if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
         values = values.detach() if hasattr(values, "detach") else values
         try:
@@ -30,7 +30,7 @@ def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) ->
         raise TypeError(f"{name} holds {array.dtype}, not {wanted}")
     if columns is not None and (array.ndim != 2 or array.shape[1] != columns):
         raise ValueError(f"{name} has the shape {array.shape}; expected (n, {columns})")
-    return np.ascontiguousarray(array, dtype)
+    return np.require(array, dtype, ("C", "ALIGNED"))
 
 
 def _linear_rgba(colors: Any, count: int, name: str) -> np.ndarray:
