@@ -13,7 +13,12 @@ const PACKAGES: [(&str, &str); 4] =
     [("pytest", "pytest"), ("numpy", "numpy"), ("trimesh", "trimesh"), ("pillow", "PIL")];
 
 /// What some tests import; those say that they are left out without it.
-const OPTIONAL: [(&str, &str); 2] = [("usd-core", "pxr"), ("MaterialX", "MaterialX")];
+const OPTIONAL: [(&str, &[(&str, &str)]); 4] = [
+    ("usd-core and MaterialX", &[("usd-core", "pxr"), ("MaterialX", "MaterialX")]),
+    ("distributed (Dask)", &[("distributed", "distributed"), ("pyyaml", "yaml")]),
+    ("openjd-cli", &[("openjd-cli", "openjd.cli")]),
+    ("snakemake", &[("snakemake", "snakemake")]),
+];
 
 /// Runs the tests with a virtual environment in the target folder. Without Python 3.10 or the packages they are left out, and `list`
 /// says so. The package is put together from the library that the other tests have built; `slow` builds a wheel instead, in release,
@@ -41,8 +46,10 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
     if !has(&PACKAGES) {
         return skip(list, "no numpy, pytest, trimesh and pillow for Python");
     }
-    if !has(&OPTIONAL) {
-        skip(list, "no usd-core and MaterialX for Python")?;
+    for (names, packages) in OPTIONAL {
+        if !has(packages) {
+            skip(list, &format!("no {names} for Python"))?;
+        }
     }
     let source = root().join("crates/fantex-python");
     let mut tests = Command::new(&own);
@@ -56,6 +63,11 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
     if let Some(data) = data_folder() {
         tests.env("FANTEX_DATA", data);
     }
+    run_cargo(&["build", "--package", "fantex-cli", "--bins"], list)?;
+    tests.env(
+        "FANTEX_PROGRAM",
+        target_folder().join("debug").join(format!("fantex{}", std::env::consts::EXE_SUFFIX)),
+    );
     tests.args(PYTEST).current_dir(&source);
     eprintln!("> python -m pytest");
     let result = run_command(&mut tests);

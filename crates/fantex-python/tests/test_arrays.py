@@ -115,3 +115,33 @@ def test_torch_tensors_and_other_dlpack(sphere):
     positions, faces = sphere
     mesh = fantex.Mesh(Tensor(positions), Tensor(faces))
     assert len(mesh.positions) > 1000
+
+
+def test_tensors_of_torch(sphere):
+    torch = pytest.importorskip("torch", reason="no torch for Python")
+    positions, faces = sphere
+    plain = fantex.Mesh(positions, faces)
+    for dtype in (torch.float32, torch.float64):
+        tensor = torch.tensor(positions, dtype=dtype, requires_grad=True)
+        mesh = fantex.Mesh(tensor, torch.tensor(faces), colors=torch.ones(len(positions), 3))
+        np.testing.assert_allclose(mesh.positions, plain.positions, atol=1e-6)
+    vmapping, _, uvs = fantex.parametrize(torch.tensor(positions), torch.tensor(faces, dtype=torch.int32))
+    assert len(vmapping) == len(uvs)
+    with pytest.raises(TypeError, match="faces holds float32, not integers"):
+        fantex.Mesh(torch.tensor(positions), torch.tensor(faces, dtype=torch.float32))
+    with pytest.raises((TypeError, ValueError)):
+        fantex.Mesh(torch.tensor(positions, device="meta"), torch.tensor(faces))
+
+
+def test_vectors_of_open3d(tmp_path, sphere):
+    open3d = pytest.importorskip("open3d", reason="no open3d for Python")
+    positions, faces = sphere
+    vertices = open3d.utility.Vector3dVector(positions)
+    triangles = open3d.utility.Vector3iVector(faces)
+    plain = fantex.Mesh(positions, faces)
+    np.testing.assert_allclose(fantex.Mesh(vertices, triangles).positions, plain.positions, atol=1e-12)
+    mesh = open3d.geometry.TriangleMesh(vertices, triangles)
+    mesh.vertex_colors = open3d.utility.Vector3dVector(np.full((len(positions), 3), 0.5))
+    asset = fantex.bake(mesh, tmp_path / "a.fan", texels=20_000)
+    # Open3D's colours are encoded: half is 128 of 255.
+    assert np.abs(asset.sample([0, 0, 1], srgb=True)[:3].astype(int) - 128).max() <= 2
