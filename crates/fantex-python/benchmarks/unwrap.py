@@ -160,12 +160,15 @@ def measure(tool, name):
     signed = (f1[:, 0] * f2[:, 1] - f1[:, 1] * f2[:, 0]) / 2
     texels, total = np.abs(signed), area.sum()
     has_area = area > 1e-9 * max(total, 1e-300)
-    lost = has_area & (texels <= 1e-12 * texels.sum())
+    # Coordinates that are no numbers are lost, too.
+    lost = has_area & ~(texels > 1e-12 * np.nansum(texels))
     good = has_area & ~lost
     # Derivatives of space by texels: Ss and St of Sander et al.
     double = 2 * signed[good, None]
     ss = (e1[good] * f2[good, 1:] - e2[good] * f1[good, 1:]) / double
     st = (e2[good] * f1[good, :1] - e1[good] * f2[good, :1]) / double
+    if not good.any():
+        return {"faces": len(faces), "seconds": seconds, "charts": 0, "used": 0.0, "stretch": 0.0, "seams": 0.0, "lost": int(lost.sum())}
     squares = ((ss**2).sum(1) + (st**2).sum(1)) / 2
     stretch = np.sqrt((squares * area[good]).sum() / area[good].sum() * texels[good].sum() / area[good].sum())
     return {

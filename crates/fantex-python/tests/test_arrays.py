@@ -134,7 +134,7 @@ def test_tensors_of_torch(sphere):
 
 
 def test_vectors_of_open3d(tmp_path, sphere):
-    open3d = pytest.importorskip("open3d", reason="no open3d for Python")
+    open3d = pytest.importorskip("open3d", reason="no open3d for Python", exc_type=ImportError)
     positions, faces = sphere
     vertices = open3d.utility.Vector3dVector(positions)
     triangles = open3d.utility.Vector3iVector(faces)
