@@ -13,11 +13,15 @@ const PACKAGES: [(&str, &str); 4] =
     [("pytest", "pytest"), ("numpy", "numpy"), ("trimesh", "trimesh"), ("pillow", "PIL")];
 
 /// What some tests import; those say that they are left out without it.
-const OPTIONAL: [(&str, &[(&str, &str)]); 4] = [
+const OPTIONAL: [(&str, &[(&str, &str)]); 5] = [
     ("usd-core and MaterialX", &[("usd-core", "pxr"), ("MaterialX", "MaterialX")]),
     ("distributed (Dask)", &[("distributed", "distributed"), ("pyyaml", "yaml")]),
     ("openjd-cli", &[("openjd-cli", "openjd.cli")]),
     ("snakemake", &[("snakemake", "snakemake")]),
+    (
+        "nbclient and ipykernel",
+        &[("nbformat", "nbformat"), ("nbclient", "nbclient"), ("ipykernel", "ipykernel")],
+    ),
 ];
 
 /// Runs the tests with a virtual environment in the target folder. Without Python 3.10 or the packages they are left out, and `list`
