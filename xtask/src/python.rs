@@ -67,7 +67,8 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
     if let Some(data) = data_folder() {
         tests.env("FANTEX_DATA", data);
     }
-    run_cargo(&["build", "--package", "fantex-cli", "--bins"], list)?;
+    // Of the whole workspace, so that nothing is compiled twice.
+    run_cargo(&["build", "--workspace", "--bins"], list)?;
     tests.env(
         "FANTEX_PROGRAM",
         target_folder().join("debug").join(format!("fantex{}", std::env::consts::EXE_SUFFIX)),
