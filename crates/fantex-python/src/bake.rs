@@ -1,5 +1,6 @@
 //! Bakes, from everything that the command line takes and from Python's own functions.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -176,11 +177,15 @@ pub(crate) fn merge(
     parts: Vec<PathBuf>,
     path: Option<PathBuf>,
     overwrite: bool,
+    progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<u64> {
     let options = CreateOptions { force: overwrite, ..CreateOptions::default() };
-    let written = watched(py, None, |watch| {
+    let written = watched(py, progress.as_ref(), |watch| {
         let output = path.as_deref().map(|path| (path, &options));
-        merge_parts(&plan.0, &parts, output, &|| watch.is_cancelled())
+        merge_parts(&plan.0, &parts, output, &|done, total| {
+            watch.report(done, total);
+            if watch.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
     })?;
     Ok(written.bytes)
 }

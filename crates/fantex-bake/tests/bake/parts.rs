@@ -1,5 +1,6 @@
 //! Bakes in parts: merged, they are what one process writes; whatever is missing or wrong is named.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{
@@ -45,9 +46,18 @@ fn check_same(mesh: &Mesh, cover: &Cover, source: &dyn Source, format: BakeForma
         let parts = parts(folder.path(), &planned, mesh, source, count, &options);
         let merged = at(&format!("merged-{count}.fan"));
         let create = CreateOptions::default();
-        let written = merge_parts(&planned, &parts, Some((&merged, &create)), &|| false).unwrap();
+        let written =
+            merge_parts(&planned, &parts, Some((&merged, &create)), &|_, _| ControlFlow::Continue(()))
+                .unwrap();
         assert!(std::fs::read(&merged).unwrap() == whole, "{count} parts");
-        let checked = merge_parts(&planned, &parts, None, &|| false).unwrap();
+        let read = std::cell::Cell::new(0);
+        let length: u64 = parts.iter().map(|path| path.metadata().unwrap().len()).sum();
+        let watch = |done, total| {
+            assert!(read.replace(done) <= done && done <= total && total == length);
+            ControlFlow::Continue(())
+        };
+        let checked = merge_parts(&planned, &parts, None, &watch).unwrap();
+        assert!(read.get() > length / 2);
         assert_eq!(checked.clusters, written.clusters);
     }
 }
@@ -92,7 +102,7 @@ fn missing_shards_are_those_that_would_fill_the_gap() {
                 &NoProgress,
             )
             .unwrap();
-            let merged = merge_parts(&planned, &[at("a.part")], None, &|| false);
+            let merged = merge_parts(&planned, &[at("a.part")], None, &|_, _| ControlFlow::Continue(()));
             if kept.len() == groups as usize {
                 merged.unwrap();
                 continue;
@@ -141,7 +151,9 @@ fn parts_that_are_missing_wrong_or_damaged_are_named() {
     let made = parts(folder.path(), &planned, &mesh, &WAVE, 4, &options);
     let create = CreateOptions::default();
     let refused = |parts: &[PathBuf], words: &str| {
-        let error = merge_parts(&planned, parts, Some((&at("out.fan"), &create)), &|| false).unwrap_err();
+        let error =
+            merge_parts(&planned, parts, Some((&at("out.fan"), &create)), &|_, _| ControlFlow::Continue(()))
+                .unwrap_err();
         assert!(error.to_string().contains(words), "{error}");
         assert!(!at("out.fan").exists());
     };
@@ -181,7 +193,7 @@ fn parts_that_are_missing_wrong_or_damaged_are_named() {
         let mut broken = made.clone();
         broken[1] = at("broken.part");
         std::fs::write(&broken[1], bytes).unwrap();
-        merge_parts(&planned, &broken, None, &|| false).unwrap_err();
+        merge_parts(&planned, &broken, None, &|_, _| ControlFlow::Continue(())).unwrap_err();
     }
     std::fs::write(at("broken.part"), [&whole[..], b"more"].concat()).unwrap();
     let mut longer = made.clone();
@@ -197,7 +209,8 @@ fn parts_that_are_missing_wrong_or_damaged_are_named() {
             assert!(read.is_of(&planned.mesh, &planned.channels));
         }
     }
-    let ended = merge_parts(&planned, &made, Some((&at("out.fan"), &create)), &|| true).unwrap_err();
+    let ended = merge_parts(&planned, &made, Some((&at("out.fan"), &create)), &|_, _| ControlFlow::Break(()))
+        .unwrap_err();
     assert_eq!(ended.kind(), fantex_base::ErrorKind::Cancelled);
-    merge_parts(&planned, &made, Some((&at("out.fan"), &create)), &|| false).unwrap();
+    merge_parts(&planned, &made, Some((&at("out.fan"), &create)), &|_, _| ControlFlow::Continue(())).unwrap();
 }

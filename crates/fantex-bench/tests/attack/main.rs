@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
@@ -366,9 +367,10 @@ fn plans_and_parts_are_refused_or_sound() {
         } else {
             drop(baker().write_part(&own, 1, 3, at("other")));
         }
-        let is_sound = merge_parts(&own, &parts, None, &|| false).is_ok();
+        let is_sound = merge_parts(&own, &parts, None, &|_, _| ControlFlow::Continue(())).is_ok();
         let create = CreateOptions { force: true, ..CreateOptions::default() };
-        let merged = merge_parts(&own, &parts, Some((&at("merged"), &create)), &|| false);
+        let merged =
+            merge_parts(&own, &parts, Some((&at("merged"), &create)), &|_, _| ControlFlow::Continue(()));
         assert_eq!(merged.is_ok(), is_sound, "a check finds what a merge finds: {merged:?}");
         if is_sound {
             let asset = fantex::Asset::open(at("merged")).unwrap();

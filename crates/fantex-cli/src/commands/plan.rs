@@ -1,10 +1,12 @@
 //! `fantex plan`, `fantex bake --shard` and `fantex merge`: a bake in parts, on any machines, in any order.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
 use clap::{Args, Parser as _};
+use fantex::bake::Progress as _;
 use fantex::store::{CreateOptions, Plan, merge_parts};
 use fantex::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -153,8 +155,12 @@ pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
     let options = CreateOptions { force: context.force, ..CreateOptions::default() };
     let written = {
         let _deferral = context.defer_interrupt();
+        let progress = context.progress(if args.output.is_some() { "merging" } else { "checking" });
         let output = args.output.as_deref().map(|path| (path, &options));
-        merge_parts(&plan, &args.parts, output, &|| context.is_interrupted())?
+        merge_parts(&plan, &args.parts, output, &|done, total| {
+            progress.report(done, total);
+            if progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?
     };
     let info = MergeInfo {
         output: args.output.clone(),

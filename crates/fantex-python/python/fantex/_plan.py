@@ -163,7 +163,12 @@ def bake_part(
 
 
 def merge(
-    plan: Union[Plan, Path], parts: Iterable[Path], path: Path, *, overwrite: bool = False
+    plan: Union[Plan, Path],
+    parts: Iterable[Path],
+    path: Path,
+    *,
+    overwrite: bool = False,
+    progress: Optional[Progress] = None,
 ) -> Asset:
     """Joins the parts of a plan, given in any order, into the asset that :func:`bake` would have written, byte for byte.
 
@@ -172,6 +177,7 @@ def merge(
         parts: all parts.
         path: the asset to write. It appears at the end, whole, or not at all.
         overwrite: replace an existing file.
+        progress: called with ``(done, total)`` bytes; what it raises ends the merge.
 
     Raises:
         FileExistsError, OSError: as their names say.
@@ -180,7 +186,7 @@ def merge(
         KeyboardInterrupt: Ctrl-C; nothing is left of the file.
     """
     plan = plan if isinstance(plan, Plan) else Plan(plan)
-    _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite)
+    _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite, progress)
     return Asset(path)
 
 

@@ -12,7 +12,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::{exists, persist, temporary_file};
@@ -223,6 +223,8 @@ struct PartReader {
     shard: [u32; 2],
     items: u64,
     means: u64,
+    /// Of the file.
+    length: u64,
 }
 
 struct Item {
@@ -262,7 +264,8 @@ impl PartReader {
         if groups.end as usize > plan.cover.groups.len() || means != expected {
             return Err(damaged(path, "its header names groups that the plan does not have"));
         }
-        Ok(Self { path: path.to_owned(), input, groups, shard, items, means })
+        let length = input.get_ref().metadata().map_err(failed)?.len();
+        Ok(Self { path: path.to_owned(), input, groups, shard, items, means, length })
     }
 
     fn damaged(&self) -> Error {
@@ -311,7 +314,8 @@ impl PartReader {
 }
 
 /// Merges the parts of a plan, given in any order, into the asset that one process would have baked. Parts are copied one after the other;
-/// memory does not grow with them. Nothing is written where `output` is `None`: the parts are checked. `is_cancelled` is asked often.
+/// memory does not grow with them. Nothing is written where `output` is `None`: the parts are checked. `watch` is told often how many bytes of
+/// how many have been read, and may end the merge.
 ///
 /// # Errors
 /// A part is missing, there twice, of another plan, or damaged; the output exists or cannot be written; the merge was ended.
@@ -319,11 +323,12 @@ pub fn merge_parts(
     plan: &Plan,
     parts: &[PathBuf],
     output: Option<(&Path, &CreateOptions)>,
-    is_cancelled: &dyn Fn() -> bool,
+    watch: &dyn Fn(u64, u64) -> ControlFlow<()>,
 ) -> Result<WriteSummary> {
     let mut readers = parts.iter().map(|path| PartReader::open(path, plan)).collect::<Result<Vec<_>>>()?;
     readers.sort_by_key(|reader| (reader.groups.start, reader.groups.end));
     check_complete(plan, &readers)?;
+    let (mut done, total) = (0, readers.iter().map(|reader| reader.length).sum());
     let mut writer = match output {
         Some((path, options)) => {
             Some(AssetWriter::create(path, options, &plan.mesh, &plan.cover, &plan.channels)?)
@@ -346,10 +351,11 @@ pub fn merge_parts(
     };
     for reader in &mut readers {
         for _ in 0..reader.items {
-            if is_cancelled() {
+            if watch(done, total).is_break() {
                 return Err(Error::cancelled("merging was ended; nothing was written"));
             }
             let Item { kind, level, cluster } = reader.item(levels)?;
+            done += (ITEM + cluster.stored.len()) as u64;
             if kind == ItemKind::Packed {
                 put(&mut writer, level, &cluster, &reader.path)?;
                 continue;
