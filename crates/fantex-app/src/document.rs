@@ -384,7 +384,7 @@ fn asset_of_model(
         return Ok(Made::Asset(path));
     }
     let asset = Asset::open(&path)?;
-    if is_same_mesh(asset.mesh(), &mesh) {
+    if is_made_of(asset.mesh(), &mesh) {
         notes.push(format!("{} was there already and is painted on.", path.display()));
         return Ok(Made::Asset(path));
     }
@@ -412,8 +412,16 @@ fn asset_of_model(
     }
 }
 
-fn is_same_mesh(a: &Mesh, b: &Mesh) -> bool {
-    a.world_from_mesh == b.world_from_mesh && a.positions == b.positions && a.triangles == b.triangles
+/// Whether an asset's mesh is the model, or the model with triangles cut, which leaves its vertices in front.
+fn is_made_of(asset: &Mesh, model: &Mesh) -> bool {
+    let same_surface = || {
+        let (a, b) = (asset.area(), model.area());
+        asset.triangles == model.triangles
+            || asset.triangles.len() > model.triangles.len() && (a - b).abs() <= 1e-4 * b
+    };
+    asset.world_from_mesh == model.world_from_mesh
+        && asset.positions.starts_with(&model.positions)
+        && same_surface()
 }
 
 fn make_asset(mesh: &Mesh, new: &NewAsset, path: &Path, progress: &OpenProgress) -> Result<()> {

@@ -50,7 +50,8 @@ pub fn displace(
 ) -> Result<(Mesh, DisplaceReport)> {
     options.check()?;
     let vertices = displaced_vertices(mesh, &height)?;
-    let mut tessellation = Tessellation { vertices, pieces: whole_triangles(mesh), height: &height };
+    let pieces = whole_triangles(mesh);
+    let mut tessellation = Tessellation { vertices, pieces, height: &height, facets: Vec::new() };
     let mut rounds = 0;
     while tessellation.refine(options.refinement.limits(), options.max_triangles)? > 0 {
         rounds += 1;
@@ -64,21 +65,29 @@ pub fn displace(
     Ok((displaced, DisplaceReport { rounds, clean }))
 }
 
-/// Cuts a mesh finer until no edge is longer than `longest_edge`, mesh units. The surface and its shading stay as they are; attributes
-/// are interpolated, and normals are those that the mesh was shaded with.
+/// Facets whose normals have a larger cosine count as one plane.
+const FLAT_COSINE: f32 = 0.99;
+
+/// Cuts a mesh finer where it is bent, until no edge that ends at a bend is longer than `longest_edge`, mesh units; what lies in flat
+/// faces is cut only as far as it takes to keep triangles in shape. The surface and its shading stay as they are; attributes are
+/// interpolated, and normals are those that the mesh was shaded with.
 ///
 /// # Errors
 ///
 /// A length below [`Refinement::MIN_EDGE`], more than `max_triangles`, triangles so thin that single precision cannot cut them, or
 /// edges that lie on each other without a common vertex, whose middles would meet.
-pub fn refine(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh> {
+pub fn refine_at_bends(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh> {
     let refinement = Refinement::Uniform { longest_edge };
     DisplaceOptions { refinement, ..DisplaceOptions::default() }.check()?;
-    let vertex = |&position: &Vec3| Vertex { position, normal: Vec3::Z, height: 0.0 };
-    let vertices = mesh.positions.iter().map(vertex).collect();
-    let mut tessellation =
-        Tessellation { vertices, pieces: whole_triangles(mesh), height: &|_: &DisplacePoint| 0.0 };
-    while tessellation.refine(refinement.limits(), max_triangles)? > 0 {}
+    let facets: Vec<Vec3> = (0..mesh.triangles.len()).map(|t| mesh.facet_normal(t).as_vec3()).collect();
+    let mut tessellation = Tessellation {
+        vertices: undisplaced_vertices(mesh, &facets),
+        pieces: whole_triangles(mesh),
+        height: &|_: &DisplacePoint| 0.0,
+        facets,
+    };
+    let limits = Limits { only_bent: true, ..refinement.limits() };
+    while tessellation.refine(limits, max_triangles)? > 0 {}
     let Tessellation { vertices, pieces, .. } = tessellation;
     let of = &mesh.corners;
     let unit = |v: Vec3| v.normalize_or(Vec3::Z);
@@ -127,6 +136,26 @@ fn materials_of(mesh: &Mesh, pieces: &[Piece]) -> Vec<u32> {
     }
 }
 
+/// The mesh's own vertices; those around which `facets` differ are bent.
+fn undisplaced_vertices(mesh: &Mesh, facets: &[Vec3]) -> Vec<Vertex> {
+    let plain = |&position: &Vec3| Vertex { position, normal: Vec3::Z, height: 0.0, is_bent: false };
+    let mut vertices: Vec<Vertex> = mesh.positions.iter().map(plain).collect();
+    let mut first = vec![NONE; vertices.len()];
+    for ((number, triangle), facet) in (0..).zip(&mesh.triangles).zip(facets) {
+        for &vertex in triangle {
+            match &mut first[vertex as usize] {
+                first if *first == NONE => *first = number,
+                first => vertices[vertex as usize].is_bent |= is_bent(*facet, facets[*first as usize]),
+            }
+        }
+    }
+    vertices
+}
+
+fn is_bent(a: Vec3, b: Vec3) -> bool {
+    a.dot(b) < FLAT_COSINE
+}
+
 /// The mesh's own vertices: their normal is the mean of the shading normals at their corners, weighted by angle.
 fn displaced_vertices(mesh: &Mesh, height: &(impl Fn(&DisplacePoint) -> f32 + Sync)) -> Result<Vec<Vertex>> {
     let normals = shading_normals(mesh);
@@ -143,7 +172,8 @@ fn displaced_vertices(mesh: &Mesh, height: &(impl Fn(&DisplacePoint) -> f32 + Sy
             let lambda = Vec3::AXES[corner as usize % 3];
             heights += height_at(height, corner / 3, lambda, position, normal)?;
         }
-        Ok(Vertex { position, normal, height: (heights / row.len().max(1) as f64) as f32 })
+        let height = (heights / row.len().max(1) as f64) as f32;
+        Ok(Vertex { position, normal, height, is_bent: false })
     };
     (0..corners.len()).into_par_iter().with_min_len(1 << 10).map(of_vertex).collect()
 }
@@ -223,10 +253,11 @@ impl Refinement {
     fn limits(&self) -> Limits {
         match *self {
             Self::Uniform { longest_edge } => {
-                Limits { longest: longest_edge, shortest: longest_edge, tolerance: f32::INFINITY }
+                let tolerance = f32::INFINITY;
+                Limits { longest: longest_edge, shortest: longest_edge, tolerance, only_bent: false }
             }
             Self::Adaptive { longest_edge, shortest_edge, tolerance } => {
-                Limits { longest: longest_edge, shortest: shortest_edge, tolerance }
+                Limits { longest: longest_edge, shortest: shortest_edge, tolerance, only_bent: false }
             }
         }
     }
@@ -237,6 +268,8 @@ struct Limits {
     longest: f32,
     shortest: f32,
     tolerance: f32,
+    /// Edges that are too long are cut only where one of their ends is bent.
+    only_bent: bool,
 }
 
 /// How to displace.
@@ -327,6 +360,7 @@ struct Vertex {
     /// Unit normal along which it is displaced.
     normal: Vec3,
     height: f32,
+    is_bent: bool,
 }
 
 impl Vertex {
@@ -339,6 +373,8 @@ struct Tessellation<'h, H> {
     vertices: Vec<Vertex>,
     pieces: Vec<Piece>,
     height: &'h H,
+    /// Unit normals of the mesh's triangles, where vertices that are bent are to be known.
+    facets: Vec<Vec3>,
 }
 
 /// An edge of a piece: its vertices in ascending order, and the number of its first corner.
@@ -443,7 +479,7 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
     fn is_to_be_cut(&self, sides: &[Side], limits: Limits) -> Result<bool> {
         let [a, b] = self.end_vertices(sides);
         if a.position.distance(b.position) > limits.longest {
-            return Ok(true);
+            return Ok(!limits.only_bent || a.is_bent || b.is_bent);
         }
         if limits.tolerance == f32::INFINITY {
             return Ok(false);
@@ -477,7 +513,11 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
             let lambda = p.lambda * (1.0 - at) + q.lambda * at;
             sum += height_at(self.height, piece.triangle, lambda, position, normal)?;
         }
-        Ok(Vertex { position, normal, height: (sum / sides.len() as f64) as f32 })
+        let facet = |side: &Side| self.facets.get(self.pieces[side.1 as usize / 3].triangle as usize);
+        let first = facet(&sides[0]);
+        let is_bent =
+            sides.iter().skip(1).any(|side| first.zip(facet(side)).is_some_and(|(a, b)| is_bent(*a, *b)));
+        Ok(Vertex { position, normal, height: (sum / sides.len() as f64) as f32, is_bent })
     }
 }
 

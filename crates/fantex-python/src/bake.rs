@@ -9,7 +9,7 @@ use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::WorldFromMesh;
 use fantex::photos::CameraFrame;
 use fantex::store::{self, CreateOptions, merge_parts};
-use fantex::{BakeFormat, Baked, Baker, Fit, PhotoSet, Progress, Quality, Source};
+use fantex::{BakeFormat, Baked, Baker, Fit, LongestEdge, PhotoSet, Progress, Quality, Source};
 use numpy::PyReadonlyArray2;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -315,7 +315,7 @@ impl Settings {
             baker = baker.tile(tile);
         }
         if let Some(texels) = self.longest_edge {
-            baker = baker.longest_edge(texels);
+            baker = baker.longest_edge(LongestEdge::Texels(texels));
         }
         if self.match_source { baker.matching() } else { baker }
     }

@@ -26,8 +26,8 @@ use glam::Vec4;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
 
-use crate::Mesh;
 use crate::look_scene::{LookBake, MaterialResolver};
+use crate::{LongestEdge, Mesh};
 
 /// What is baked.
 pub struct Source<'a>(Kind<'a>);
@@ -211,7 +211,7 @@ pub struct Baker<'a> {
     source: Option<Source<'a>>,
     budget: Budget,
     tile: u32,
-    longest_edge: u32,
+    longest_edge: LongestEdge,
     seed: u64,
     options: BakeOptions,
     progress: Observer<'a>,
@@ -239,7 +239,7 @@ impl<'a> Baker<'a> {
             source: None,
             budget: Budget::Default,
             tile: CoverOptions::default().tile,
-            longest_edge: 0,
+            longest_edge: LongestEdge::Automatic,
             seed: 1,
             options: BakeOptions::default(),
             progress: Observer(&NoProgress),
@@ -271,9 +271,9 @@ impl<'a> Baker<'a> {
         Self { tile: texels, ..self }
     }
 
-    /// Cuts triangles until their edges are at most so many texels long, see [`refined`]; 0, the default, leaves the mesh as it is.
-    pub fn longest_edge(self, texels: u32) -> Self {
-        Self { longest_edge: texels, ..self }
+    /// How large triangles are cut first.
+    pub fn longest_edge(self, longest_edge: LongestEdge) -> Self {
+        Self { longest_edge, ..self }
     }
 
     /// Storage of the texels.
@@ -352,7 +352,24 @@ impl<'a> Baker<'a> {
                 &default
             }
         };
-        let mesh = self.refined();
+        let mesh = match kind {
+            // Whoever wrote such a source knows the triangles.
+            Kind::Custom(_) => Cow::Borrowed(&**model),
+            _ => self.refined(),
+        };
+        let (whole, cut) = (model.triangles.len(), mesh.triangles.len());
+        let mut baked = self.bake_kind(kind, mesh, goal)?;
+        if whole < cut && !matches!(goal, Goal::Part(..)) {
+            baked.notes.push(format!(
+                "{whole} triangles were cut into {cut}, which makes textures sharper; a longest edge of 0 leaves them whole"
+            ));
+        }
+        Ok(baked)
+    }
+
+    /// Bakes one kind of source onto the mesh, whose triangles have been cut.
+    fn bake_kind(&self, kind: &Kind<'_>, mesh: Cow<'_, fantex_mesh::Mesh>, goal: &Goal<'_>) -> Result<Baked> {
+        let model = self.mesh;
         match kind {
             Kind::OwnMaterials => {
                 if !model.has_materials() {
@@ -377,11 +394,11 @@ impl<'a> Baker<'a> {
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
             }
-            Kind::Mesh { path: detailed, cage } => self.transfer(&Mesh::load(detailed)?, *cage, goal),
-            Kind::Loaded(detailed, cage) => self.transfer(detailed, *cage, goal),
+            Kind::Mesh { path: detailed, cage } => self.transfer(&mesh, &Mesh::load(detailed)?, *cage, goal),
+            Kind::Loaded(detailed, cage) => self.transfer(&mesh, detailed, *cage, goal),
             #[cfg(feature = "photos")]
-            Kind::Photos(photos) => self.photographs(photos, goal),
-            Kind::Custom(source) => self.bake(model, *source, None, goal),
+            Kind::Photos(photos) => self.photographs(mesh.into_owned(), photos, goal),
+            Kind::Custom(source) => self.bake(&mesh, *source, None, goal),
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
                 let mesh = without_textures(&mesh);
                 self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, goal)
@@ -460,18 +477,25 @@ impl<'a> Baker<'a> {
 
     /// The mesh with triangles cut as was asked for.
     fn refined(&self) -> Cow<'a, fantex_mesh::Mesh> {
-        let density = match self.budget {
-            Budget::Density(density) => density * self.mesh.world_from_mesh.scale,
-            Budget::Texels(texels) => (texels as f64 / self.mesh.area()).sqrt(),
-            Budget::Default | Budget::Matching => (Self::DEFAULT_TEXELS as f64 / self.mesh.area()).sqrt(),
+        let texels = match self.budget {
+            Budget::Density(density) => {
+                (density * self.mesh.world_from_mesh.scale).powi(2) * self.mesh.area()
+            }
+            Budget::Texels(texels) => texels as f64,
+            Budget::Default | Budget::Matching => Self::DEFAULT_TEXELS as f64,
         };
-        refined(self.mesh, density, if self.tile == 0 { 0 } else { self.longest_edge })
+        self.longest_edge.refined(self.mesh, texels, self.tile)
     }
 
     /// Bakes another model's look and shape, and says how well the two fit.
-    fn transfer(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
-        let mesh = self.refined();
-        let mesh = without_textures(&mesh);
+    fn transfer(
+        &self,
+        mesh: &fantex_mesh::Mesh,
+        detailed: &Mesh,
+        cage: Option<f64>,
+        goal: &Goal<'_>,
+    ) -> Result<Baked> {
+        let mesh = without_textures(mesh);
         let mut notes: Vec<String> =
             detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
         let (materials, vertices);
@@ -540,32 +564,6 @@ pub struct Baked {
     /// What was found out about photographs.
     #[cfg(feature = "photos")]
     pub photos: Option<fantex_photos::PhotoReport>,
-}
-
-/// Triangles that a mesh is cut into at most, unless it has more.
-const MAX_REFINED_TRIANGLES: u64 = 200_000;
-
-/// Cuts triangles whose edges are longer than `longest_edge` texels at `density` texels per mesh unit; 0 leaves the mesh as it is. Tiles
-/// of few large triangles have jagged borders, and what is bent at a corner of the model stretches all the triangles around it; of
-/// many small ones the opposite is true. Surface and shading stay as they are.
-pub fn refined(mesh: &fantex_mesh::Mesh, density: f64, longest_edge: u32) -> Cow<'_, fantex_mesh::Mesh> {
-    if longest_edge == 0 {
-        return Cow::Borrowed(mesh);
-    }
-    let length = |edge: usize| {
-        let [a, b] = [0, 1].map(|i| mesh.positions[mesh.triangles[edge / 3][(edge + i) % 3] as usize]);
-        a.distance(b)
-    };
-    let longest = (0..3 * mesh.triangles.len()).map(length).fold(0.0, f32::max);
-    let mut wanted = (f64::from(longest_edge) / density) as f32;
-    while wanted < longest {
-        match fantex_mesh::refine(mesh, wanted, MAX_REFINED_TRIANGLES.max(mesh.triangles.len() as u64)) {
-            Ok(refined) => return Cow::Owned(refined),
-            // Too many triangles, or too thin ones.
-            Err(_) => wanted *= 2.0,
-        }
-    }
-    Cow::Borrowed(mesh)
 }
 
 /// A closure as a source of base colour.

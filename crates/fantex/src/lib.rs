@@ -79,11 +79,12 @@ mod asset;
 mod baker;
 pub mod look_scene;
 mod model;
+mod refined;
 
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
 pub use baker::PhotoSet;
-pub use baker::{Baked, Baker, Source, refined};
+pub use baker::{Baked, Baker, Source};
 #[cfg(feature = "export")]
 pub use fantex_export as export;
 #[cfg(feature = "gpu")]
@@ -93,6 +94,7 @@ pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
 pub use model::Mesh;
+pub use refined::LongestEdge;
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,
     fantex_mesh as mesh, fantex_render as render, fantex_scene as scene, fantex_store as store,

@@ -10,7 +10,7 @@ use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
-use crate::commands::info::CoverArgs;
+use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Context, peak_memory_bytes};
 use crate::scene::{open_model, show_notes};
@@ -259,8 +259,8 @@ impl BakeJob<'_> {
             if let Some(tile) = cover.tile {
                 baker = baker.tile(tile);
             }
-            if let Some(texels) = cover.longest_edge {
-                baker = baker.longest_edge(texels);
+            if let Some(LongestEdgeArg(longest_edge)) = cover.longest_edge {
+                baker = baker.longest_edge(longest_edge);
             }
             if self.match_source {
                 baker = baker.matching();

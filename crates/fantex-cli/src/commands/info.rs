@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Instant;
 
 use clap::Args;
@@ -11,7 +12,7 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::Asset;
-use fantex::{Error, Mesh, Result, refined};
+use fantex::{Error, LongestEdge, Mesh, Result};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -55,9 +56,27 @@ pub(crate) struct CoverArgs {
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile [default: 1024]
     #[arg(long, value_name = "N")]
     pub(crate) tile: Option<u32>,
-    /// Cut triangles until their edges are at most so many texels long, best 64 or 32 where they are large; not with --tile 0
-    #[arg(long, value_name = "N")]
-    pub(crate) longest_edge: Option<u32>,
+    /// Cut triangles at bends until their edges are at most so many texels long; 0 leaves them whole, as does --tile 0 [default: auto]
+    #[arg(long, value_name = "N|auto")]
+    pub(crate) longest_edge: Option<LongestEdgeArg>,
+}
+
+/// `auto` or texels.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LongestEdgeArg(pub(crate) LongestEdge);
+
+impl FromStr for LongestEdgeArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "auto" => Ok(Self(LongestEdge::Automatic)),
+            _ => match text.parse() {
+                Ok(texels) => Ok(Self(LongestEdge::Texels(texels))),
+                Err(_) => Err("expected a number of texels or auto".into()),
+            },
+        }
+    }
 }
 
 impl CoverArgs {
@@ -67,13 +86,12 @@ impl CoverArgs {
 
     /// The mesh that is covered.
     fn refined<'m>(&self, mesh: &'m fantex::mesh::Mesh, budget: &TexelBudget) -> Cow<'m, fantex::mesh::Mesh> {
-        let density = match budget {
-            TexelBudget::Total(texels) => (*texels as f64 / mesh.area()).sqrt(),
-            TexelBudget::Density(density) => *density,
+        let texels = match budget {
+            TexelBudget::Total(texels) => *texels as f64,
+            TexelBudget::Density(density) => density.powi(2) * mesh.area(),
             TexelBudget::PerTriangle(_) => return Cow::Borrowed(mesh),
         };
-        let longest_edge = self.longest_edge.unwrap_or(0);
-        refined(mesh, density, if self.tile == Some(0) { 0 } else { longest_edge })
+        self.longest_edge.unwrap_or_default().0.refined(mesh, texels, self.options(budget.clone()).tile)
     }
 
     /// The number of texels or the density that was asked for.
@@ -132,6 +150,8 @@ impl Sheet {
 struct ModelInfo {
     kind: &'static str,
     triangles: u64,
+    /// Those of the mesh that is covered.
+    triangles_cut: u64,
     vertices: u64,
     components: u64,
     boundary_edges: u64,
@@ -249,6 +269,7 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
     Ok(ModelInfo {
         kind: "model",
         triangles: mesh.triangles.len() as u64,
+        triangles_cut: covered.triangles.len() as u64,
         vertices: mesh.positions.len() as u64,
         components: shape.components,
         boundary_edges: shape.edges_boundary,
@@ -332,6 +353,7 @@ fn model_text(info: &ModelInfo, path: &Path) -> String {
     table
         .row("model", path.display().to_string())
         .row("triangles", grouped(info.triangles))
+        .row("  cut into", grouped(info.triangles_cut))
         .row("vertices", grouped(info.vertices))
         .row("components", format!("{}{genus}", grouped(info.components)))
         .row("fans", grouped(info.fans))

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use fantex_base::ErrorKind;
 use fantex_mesh::{
     DisplaceOptions, DisplacePoint, Mesh, Model, ObjectSpace, Refinement, Topology, VertexCorners, displace,
-    generate, refine, shading_normals,
+    generate, refine_at_bends, shading_normals,
 };
 use fantex_test::{cleaned, loaded};
 use glam::{Vec2, Vec3, Vec4};
@@ -303,7 +303,7 @@ fn a_refined_mesh_is_the_same_surface_in_smaller_triangles() {
         vec![mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize].truncate()).collect()];
     mesh.corners.tangents = vec![Vec4::new(0.6, 0.8, 0.0, -1.0); corners];
     mesh.triangle_materials = (0..mesh.triangles.len() as u32).map(|t| t % 3).collect();
-    let refined = refine(&mesh, 0.2, 100_000).unwrap();
+    let refined = refine_at_bends(&mesh, 0.2, 100_000).unwrap();
     assert!(refined.triangles.len() > 4 * mesh.triangles.len());
     assert!((refined.area() / mesh.area() - 1.0).abs() < 1e-5);
     assert_no_cracks("refined", &mesh, &refined);
@@ -323,6 +323,26 @@ fn a_refined_mesh_is_the_same_surface_in_smaller_triangles() {
         }
     }
     assert_eq!(refined.triangle_materials.iter().copied().max(), Some(2));
-    assert_eq!(refine(&mesh, 10.0, 100_000).unwrap().triangles, mesh.triangles);
-    assert!(refine(&mesh, 0.01, 1000).is_err() && refine(&mesh, 0.0, 1000).is_err());
+    assert_eq!(refine_at_bends(&mesh, 10.0, 100_000).unwrap().triangles, mesh.triangles);
+    assert!(refine_at_bends(&mesh, 0.01, 1000).is_err() && refine_at_bends(&mesh, 0.0, 1000).is_err());
+}
+
+#[test]
+fn flat_faces_are_cut_only_beside_their_edges() {
+    let mesh = cleaned(generate::cube(1));
+    let refined = refine_at_bends(&mesh, 0.1, 100_000).unwrap();
+    assert_no_cracks("cube", &mesh, &refined);
+    assert!((refined.area() / mesh.area() - 1.0).abs() < 1e-5);
+    let half = mesh.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+    let is_at_edge = |p: Vec3| p.abs().to_array().iter().filter(|x| (**x - half).abs() < 1e-6).count() > 1;
+    let mut longest = 0.0_f32;
+    for t in 0..refined.triangles.len() {
+        let p = refined.triangle_positions(t);
+        for k in 0..3 {
+            let (a, b) = (p[k], p[(k + 1) % 3]);
+            longest = longest.max(a.distance(b));
+            assert!(a.distance(b) <= 0.1 || !is_at_edge(a) && !is_at_edge(b));
+        }
+    }
+    assert!(longest > 0.2, "the middle of a face keeps large triangles, not {longest}");
 }

@@ -132,7 +132,8 @@ def bake(
             ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``: linear floats or sRGB ``uint8``. It is called from
             several threads, with blocks of points. By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
-        longest_edge: cut triangles until their edges are at most so many texels long.
+        longest_edge: cut triangles at bends until their edges are at most so many texels long; 0 leaves them whole. By default
+            they are cut where that makes textures sharper, and the asset's triangles are then not the model's.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
         quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``.

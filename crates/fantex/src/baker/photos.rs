@@ -44,8 +44,12 @@ impl Progress for UntilFailure<'_> {
 
 impl Baker<'_> {
     /// Bakes photographs, and says what they do not show.
-    pub(super) fn photographs(&self, photos: &PhotoSet, goal: &Goal<'_>) -> Result<Baked> {
-        let mut mesh = self.refined().into_owned();
+    pub(super) fn photographs(
+        &self,
+        mut mesh: fantex_mesh::Mesh,
+        photos: &PhotoSet,
+        goal: &Goal<'_>,
+    ) -> Result<Baked> {
         // Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
         for material in &mut mesh.materials {
             let (name, double_sided) = (std::mem::take(&mut material.name), material.double_sided);
