@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use fantex::LongestEdge;
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec3;
 use fantex::mesh::{
@@ -66,14 +67,17 @@ pub(crate) fn rows() -> Measured {
 fn measured(name: &str, model: Model, texels: u64) -> Measured {
     let (mesh, _) = clean(model, &CleanOptions::default())?;
     let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
-    let (_, stats) = build_cover(&mesh, &options)?;
+    let cut = LongestEdge::Automatic.refined(&mesh, texels as f64, options.tile);
+    let (_, stats) = build_cover(&cut, &options)?;
     let seconds = stats.seconds_fans + stats.seconds_groups;
     let mut rows = vec![
         Row::new(format!("{name}, loss"), stats.loss_db, "dB"),
         Row::new(format!("{name}, worst direction"), stats.worst_share, "of ideal"),
         Row::new(format!("{name}, gaps"), stats.gap_share, "of texels"),
+        Row::new(format!("{name}, triangles"), mesh.triangles.len() as f64, ""),
+        Row::new(format!("{name}, triangles after cuts"), cut.triangles.len() as f64, ""),
         Row::new(format!("{name}, tiles"), stats.groups as f64, ""),
-        Row::new(format!("{name}, speed"), mesh.triangles.len() as f64 / seconds / 1e6, "M triangles/s"),
+        Row::new(format!("{name}, speed"), cut.triangles.len() as f64 / seconds / 1e6, "M triangles/s"),
     ];
     match unwrapped(&mesh, texels) {
         Ok(peer) => {

@@ -1,6 +1,8 @@
 //! Primitives compressed by Draco (Khronos Group, "KHR_draco_mesh_compression", 2017). The crate `draco-core` decodes them: Rust without
 //! `unsafe`, with limits on what is decoded.
 
+use std::fmt::Display;
+
 use draco_core::{DataType, DecodeLimits, DecoderBuffer, Mesh, MeshDecoder, PointAttribute, PointIndex};
 use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result};
@@ -79,10 +81,14 @@ fn decode(document: &Document, draco: &Draco, label: &str) -> Result<Mesh> {
         .with_max_points(limits.max_positions as u64)
         .with_max_faces(limits.max_triangles as u64)
         .with_max_decoded_bytes(input::memory_left());
-    let mut mesh = Mesh::new();
-    let decoded = MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh);
-    decoded.map_err(|error| Error::malformed(format!("{label}: its Draco data are not read: {error}")))?;
-    Ok(mesh)
+    let decoded = input::guarded(|| {
+        let mut mesh = Mesh::new();
+        MeshDecoder::new()
+            .decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh)
+            .map(|()| mesh)
+    });
+    let unread = |why: &dyn Display| Error::malformed(format!("{label}: its Draco data are not read: {why}"));
+    decoded.ok_or_else(|| unread(&"they are damaged"))?.map_err(|error| unread(&error))
 }
 
 /// Of all points, where each has one.
