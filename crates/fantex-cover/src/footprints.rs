@@ -155,18 +155,9 @@ impl Footprints {
         for row in first_row..end_row {
             // Barycentric coordinates grow linearly along the row; each bounds the columns from one side.
             let start = triangle.lambda(Vec2::new(x0 + 0.5, y0 + row as f32 + 0.5));
-            let (mut from, mut to) =
-                ((low.x - x0 - 0.5).ceil().max(0.0), (high.x - x0 - 0.5).floor().min(width as f32 - 1.0));
-            for k in 0..3 {
-                let (l, step) = (start[k], triangle.steps[0][k]);
-                if step > 0.0 {
-                    from = from.max((-l / step - ROUNDING).ceil());
-                } else if step < 0.0 {
-                    to = to.min((-l / step + ROUNDING).floor());
-                } else if l < 0.0 {
-                    to = -1.0;
-                }
-            }
+            let bounds =
+                [(low.x - x0 - 0.5).ceil().max(0.0), (high.x - x0 - 0.5).floor().min(width as f32 - 1.0)];
+            let [from, to] = columns(bounds, start, triangle.steps[0]);
             if to < from {
                 continue;
             }
@@ -189,8 +180,18 @@ impl Footprints {
         let margin = EXTENSION_TEXELS + 0.5;
         let from = (low - origin - margin).ceil().clamp(Vec2::ZERO, end).as_uvec2();
         let to = ((high - origin + margin).floor()).clamp(Vec2::ZERO, end).as_uvec2();
+        // What is so far outside of one side that it is out of reach.
+        let reach = Vec3::from_array([0, 1, 2].map(|k| EXTENSION_TEXELS * triangle.slope(k)));
+        let bounds = [from.x as f32, to.x as f32 - 1.0];
         for row in from.y..to.y {
-            for column in from.x..to.x {
+            let start = triangle.lambda(origin + Vec2::new(0.5, row as f32 + 0.5));
+            let [first, last] = columns(bounds, start + reach, triangle.steps[0]);
+            // A column more on either side makes good for rounding.
+            let (first, last) = ((first - 1.0).max(bounds[0]), (last + 1.0).min(bounds[1]));
+            if last < first {
+                continue;
+            }
+            for column in first as u32..=last as u32 {
                 let texel = row as usize * block.extent[0] as usize + column as usize;
                 if self.distance[texel] <= 0.0 {
                     continue;
@@ -225,6 +226,22 @@ impl Footprints {
             }
         }
     }
+}
+
+/// The first and the last column of those between `bounds` where nothing of `lambda`, which grows by `step` per column from column 0 on, is
+/// negative; the last is below the first where there is none.
+fn columns(bounds: [f32; 2], lambda: Vec3, step: Vec3) -> [f32; 2] {
+    let [mut first, mut last] = bounds;
+    for (l, step) in lambda.to_array().into_iter().zip(step.to_array()) {
+        if step > 0.0 {
+            first = first.max((-l / step - ROUNDING).ceil());
+        } else if step < 0.0 {
+            last = last.min((-l / step + ROUNDING).floor());
+        } else if l < 0.0 {
+            return [0.0, -1.0];
+        }
+    }
+    [first, last]
 }
 
 /// The group's region in a triangle, as convex polygons: the triangle, or a kite at every corner in the group (`c e_j m e_k`, drawn above

@@ -256,7 +256,7 @@ struct Settings {
     density: Option<f64>,
     match_source: bool,
     tile: Option<u32>,
-    longest_edge: Option<u32>,
+    longest_edge: LongestEdge,
     format: BakeFormat,
     fit: Fit,
     quality: Quality,
@@ -286,7 +286,7 @@ impl Settings {
             density: optional(options, "density")?,
             match_source: optional(options, "match")?.unwrap_or(false),
             tile: optional(options, "tile")?,
-            longest_edge: optional(options, "longest_edge")?,
+            longest_edge: longest_edge(options)?,
             format: choice(options, "format", &formats)?,
             fit: choice(options, "fit", &fits)?,
             quality: choice(options, "quality", &qualities)?,
@@ -304,7 +304,8 @@ impl Settings {
             .quality(self.quality)
             .overwrite(self.overwrite)
             .memory(self.memory)
-            .seed(self.seed);
+            .seed(self.seed)
+            .longest_edge(self.longest_edge);
         if let Some(texels) = self.texels {
             baker = baker.texels(texels);
         }
@@ -314,11 +315,26 @@ impl Settings {
         if let Some(tile) = self.tile {
             baker = baker.tile(tile);
         }
-        if let Some(texels) = self.longest_edge {
-            baker = baker.longest_edge(LongestEdge::Texels(texels));
-        }
         if self.match_source { baker.matching() } else { baker }
     }
+}
+
+/// Texels or ``auto``.
+fn longest_edge(options: &Bound<'_, PyDict>) -> PyResult<LongestEdge> {
+    match optional(options, "longest_edge")? {
+        None => Ok(LongestEdge::default()),
+        Some(LongestEdgeArg::Texels(texels)) => Ok(LongestEdge::Texels(texels)),
+        Some(LongestEdgeArg::Word(word)) if word == "auto" => Ok(LongestEdge::Automatic),
+        Some(LongestEdgeArg::Word(word)) => Err(PyValueError::new_err(format!(
+            "longest_edge is {word:?}, not a number of texels or \"auto\""
+        ))),
+    }
+}
+
+#[derive(FromPyObject)]
+enum LongestEdgeArg {
+    Texels(u32),
+    Word(String),
 }
 
 /// One of several words; the first where none is given.

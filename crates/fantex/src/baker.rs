@@ -239,7 +239,7 @@ impl<'a> Baker<'a> {
             source: None,
             budget: Budget::Default,
             tile: CoverOptions::default().tile,
-            longest_edge: LongestEdge::Automatic,
+            longest_edge: LongestEdge::default(),
             seed: 1,
             options: BakeOptions::default(),
             progress: Observer(&NoProgress),
@@ -271,7 +271,7 @@ impl<'a> Baker<'a> {
         Self { tile: texels, ..self }
     }
 
-    /// How large triangles are cut first.
+    /// How large triangles are cut first; by default they stay whole. Not for [custom](Source::custom) sources, which may know the triangles.
     pub fn longest_edge(self, longest_edge: LongestEdge) -> Self {
         Self { longest_edge, ..self }
     }
@@ -360,9 +360,7 @@ impl<'a> Baker<'a> {
         let (whole, cut) = (model.triangles.len(), mesh.triangles.len());
         let mut baked = self.bake_kind(kind, mesh, goal)?;
         if whole < cut && !matches!(goal, Goal::Part(..)) {
-            baked.notes.push(format!(
-                "{whole} triangles were cut into {cut}, which makes textures sharper; a longest edge of 0 leaves them whole"
-            ));
+            baked.notes.push(format!("{whole} triangles were cut into {cut}"));
         }
         Ok(baked)
     }

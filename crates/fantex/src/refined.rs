@@ -8,31 +8,37 @@ use fantex_mesh::{Mesh, refine_at_bends};
 /// Triangles that a mesh is cut into at most, unless it has more.
 const MAX_TRIANGLES: u64 = 200_000;
 
-/// The same where nobody asked for cuts.
-const MAX_TRIANGLES_UNASKED: u64 = 64_000;
+/// The same for automatic cuts.
+const MAX_TRIANGLES_AUTOMATIC: u64 = 64_000;
 
-/// Longest edges that are tried where nobody asked for one, texels.
+/// Longest edges that automatic cuts try, texels.
 const LONGEST_EDGES: [u32; 5] = [256, 128, 64, 32, 16];
 
 /// Bytes of a triangle in an asset, beside one byte per texel.
 const TRIANGLE_BYTES: f64 = 6.0;
 
-/// What cuts must gain where nobody asked for them, decibels.
+/// What automatic cuts must gain, decibels.
 const MIN_GAIN: f64 = 0.5;
 
 /// How large triangles are cut before they are covered.
 ///
 /// Tiles overlap by whole triangles: those of few large ones have wide, jagged borders, and what is bent at a corner of the model
 /// stretches all that lies around it. Small triangles at the bends make borders thin. The surface and its shading stay as they are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LongestEdge {
     /// Cuts as far as it makes textures sharper than the same bytes spent on texels, and by at least half a decibel; at most 64 000
     /// triangles.
-    #[default]
     Automatic,
     /// Cuts until edges that end at a bend are at most so many texels long, or twice as many and so on where these were more than 200 000
     /// triangles; 0 leaves the mesh as it is.
     Texels(u32),
+}
+
+impl Default for LongestEdge {
+    /// Triangles stay whole.
+    fn default() -> Self {
+        Self::Texels(0)
+    }
 }
 
 impl LongestEdge {
@@ -66,7 +72,7 @@ impl LongestEdge {
 fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh> {
     let whole = Cow::Borrowed(mesh);
     let edges = LONGEST_EDGES.into_iter().map(f64::from).filter(|edge| *edge < longest);
-    if 2 * mesh.triangles.len() as u64 > MAX_TRIANGLES_UNASKED || edges.clone().next().is_none() {
+    if 2 * mesh.triangles.len() as u64 > MAX_TRIANGLES_AUTOMATIC || edges.clone().next().is_none() {
         return whole;
     }
     let budget = TexelBudget::Total(texels as u64);
@@ -83,7 +89,7 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
             break;
         }
         let edge = (edge / longest) as f32 * longest_edge(mesh) as f32;
-        let Ok(refined) = refine_at_bends(mesh, edge, MAX_TRIANGLES_UNASKED) else { break };
+        let Ok(refined) = refine_at_bends(mesh, edge, MAX_TRIANGLES_AUTOMATIC) else { break };
         if let Some(cost) = cost(&refined).filter(|cost| *cost < best.0) {
             best = (cost, Cow::Owned(refined));
         }

@@ -4,6 +4,7 @@
 
 mod building;
 mod common;
+mod footprints;
 mod meshes;
 mod sheets;
 mod texture_function;

@@ -111,7 +111,7 @@ def bake(
     match: bool = False,
     source: Union[Source, Function, None] = None,
     tile: Optional[int] = None,
-    longest_edge: Optional[int] = None,
+    longest_edge: Union[int, str, None] = None,
     format: str = "bc7",
     fit: str = "sharp",
     quality: str = "ultra-fast",
@@ -132,8 +132,8 @@ def bake(
             ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``: linear floats or sRGB ``uint8``. It is called from
             several threads, with blocks of points. By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
-        longest_edge: cut triangles at bends until their edges are at most so many texels long; 0 leaves them whole. By default
-            they are cut where that makes textures sharper, and the asset's triangles are then not the model's.
+        longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
+            textures sharper, which it does on models of few large triangles. The asset's triangles are then not the model's.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
         quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``.

@@ -68,7 +68,7 @@ def plan(
     match: bool = False,
     source: Union[Source, Function, None] = None,
     tile: Optional[int] = None,
-    longest_edge: Optional[int] = None,
+    longest_edge: Union[int, str, None] = None,
     format: str = "bc7",
     fit: str = "sharp",
     quality: str = "ultra-fast",
