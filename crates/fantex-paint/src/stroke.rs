@@ -323,8 +323,9 @@ impl Path {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Goal {
-    Point(SurfacePoint),
+enum Goal<'p> {
+    /// On each triangle that has it.
+    Point(&'p [SurfacePoint]),
     Length(f64),
 }
 
@@ -335,15 +336,47 @@ const MAX_DETOUR: f64 = 4.0;
 
 /// The way from one point to another along the cut of the plane through both that stands upright on the surface between
 /// them: a straight line on a plane, nearly the shortest way elsewhere. None where the cut does not lead there.
-fn path_between(surface: &Surface, from: SurfacePoint, to: SurfacePoint) -> Option<Path> {
-    let (p, q) = (surface.position(from), surface.position(to));
-    if from.triangle == to.triangle {
+fn path_between(surface: &Surface, start: SurfacePoint, to: SurfacePoint) -> Option<Path> {
+    let (p, q) = (surface.position(start), surface.position(to));
+    let (starts, goals) = (places_of(surface, start), places_of(surface, to));
+    let shared = |from: &SurfacePoint| Some((*from, *goals.iter().find(|to| to.triangle == from.triangle)?));
+    if let Some((from, to)) = starts.iter().find_map(shared) {
         return Some(Path { points: vec![(from, 0.0), (to, p.distance(q))] });
     }
-    let up = surface.facet_normal(from.triangle) + surface.facet_normal(to.triangle);
+    let up = surface.facet_normal(start.triangle) + surface.facet_normal(to.triangle);
     let plane = (q - p).cross(up).try_normalize()?;
-    walk(surface, from, q - p, plane, Goal::Point(to))
+    // Along edges, which lie in the plane, triangles on either side lead there.
+    let sideways = 1e-5 * p.distance(q);
+    [0.0, sideways, -sideways].into_iter().find_map(|aside| {
+        starts.iter().find_map(|from| walk(surface, *from, q - p, plane, aside, Goal::Point(&goals)))
+    })
 }
+
+/// Triangles around a vertex that are looked at.
+const MAX_AROUND: usize = 64;
+
+/// The point as a point of each triangle that it lies on, the given one first: several at edges and vertices.
+fn places_of(surface: &Surface, point: SurfacePoint) -> Vec<SurfacePoint> {
+    let mut places = vec![point];
+    let mut next = 0;
+    while let Some(&place) = places.get(next).filter(|_| places.len() < MAX_AROUND) {
+        next += 1;
+        for k in 0..3_u32 {
+            // The edge from corner k on lies opposite of corner k + 2.
+            let is_on_edge = place.lambda[(k as usize + 2) % 3].abs() < ON_EDGE;
+            let edge = 3 * place.triangle + k;
+            if let Some(other) = surface.opposite(edge).filter(|_| is_on_edge)
+                && places.iter().all(|known| known.triangle != other / 3)
+            {
+                places.push(on_other_side(surface, place, edge, other));
+            }
+        }
+    }
+    places
+}
+
+/// Weight of a corner below which a point lies on the opposite edge.
+const ON_EDGE: f32 = 1e-5;
 
 /// Points of a way through space.
 const MAX_HOPS: usize = 64;
@@ -374,24 +407,32 @@ pub(crate) fn walk_straight(
 ) -> SurfacePoint {
     let length = length.min(MAX_WALK);
     let plane = direction.cross(surface.facet_normal(from.triangle)).try_normalize();
-    let path = plane.and_then(|plane| walk(surface, from, direction, plane, Goal::Length(length)));
+    let path = plane.and_then(|plane| walk(surface, from, direction, plane, 0.0, Goal::Length(length)));
     path.map_or(from, |path| path.at(length))
 }
 
-/// Follows the cut of a plane through `from`.
-fn walk(surface: &Surface, from: SurfacePoint, direction: DVec3, plane: DVec3, goal: Goal) -> Option<Path> {
-    let origin = surface.position(from);
+/// Follows the cut of a plane, given by its normal, that lies so far `aside` of `from`.
+fn walk(
+    surface: &Surface,
+    from: SurfacePoint,
+    direction: DVec3,
+    plane: DVec3,
+    aside: f64,
+    goal: Goal<'_>,
+) -> Option<Path> {
+    let start = surface.position(from);
+    let origin = start + aside * plane;
     let longest = match goal {
         Goal::Point(_) => MAX_DETOUR * direction.length(),
         Goal::Length(length) => length,
     };
     let mut path = Path { points: vec![(from, 0.0)] };
-    let (mut triangle, mut entered, mut at, mut along) = (from.triangle, None, origin, 0.0);
+    let (mut triangle, mut entered, mut at, mut along) = (from.triangle, None, start, 0.0);
     for _ in 0..MAX_STEPS {
-        if let Goal::Point(to) = goal
-            && to.triangle == triangle
+        if let Goal::Point(places) = goal
+            && let Some(&reached) = places.iter().find(|place| place.triangle == triangle)
         {
-            path.points.push((to, along + at.distance(surface.position(to))));
+            path.points.push((reached, along + at.distance(surface.position(reached))));
             return Some(path);
         }
         let exit = exit_edge(surface, triangle, origin, plane, direction, entered, at);

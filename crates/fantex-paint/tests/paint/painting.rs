@@ -473,3 +473,27 @@ fn tiles_agree_on_normals_that_are_laid_and_moved() {
     );
     assert!(back.iter().all(|part| part.length() < 0.01), "the back stays flat: {back:?}");
 }
+
+/// Where a stroke begins and ends in vertices and along edges, several triangles lead on.
+#[test]
+fn strokes_between_vertices_lack_no_dab() {
+    let mesh = plate(6, 0.5);
+    let baked = Baked::new(&mesh, &cover(&mesh, 1024, 60_000), BakeFormat::Rgba8);
+    let painter = baked.painter();
+    let surface = painter.surface();
+    let mesh = surface.mesh();
+    let top = mesh.positions.iter().map(|p| p.y).fold(f32::NEG_INFINITY, f32::max);
+    let on_top: Vec<Vec3> = mesh.positions.iter().copied().filter(|p| p.y == top).collect();
+    assert_eq!(on_top.len(), 49);
+    let mut longest = 0.0_f32;
+    for (i, &from) in on_top.iter().enumerate() {
+        for &to in &on_top[i + 1..] {
+            let dabs = dabs_of(surface, &stroke(surface, 30.0, &[from, to]));
+            let spacing = 0.1 * 30.0 / surface.cover().density as f32;
+            let expected = from.distance(to) / spacing;
+            assert!((dabs.len() as f32 - expected).abs() < 2.0, "{from} {to}: {} of {expected}", dabs.len());
+            longest = longest.max(expected);
+        }
+    }
+    assert!(longest > 100.0, "{longest}");
+}
