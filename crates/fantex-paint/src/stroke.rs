@@ -324,8 +324,8 @@ impl Path {
 
 #[derive(Clone, Copy, Debug)]
 enum Goal<'p> {
-    /// On each triangle that has it.
-    Point(&'p [SurfacePoint]),
+    /// On each triangle that has it, reached on no longer way.
+    Point { places: &'p [SurfacePoint], longest: f64 },
     Length(f64),
 }
 
@@ -336,6 +336,9 @@ const MAX_DETOUR: f64 = 4.0;
 
 /// The way from one point to another along the cut of the plane through both that stands upright on the surface between
 /// them: a straight line on a plane, nearly the shortest way elsewhere. None where the cut does not lead there.
+///
+/// From a vertex or an edge a cut may set out on several triangles, and only some of them lie towards the goal: the shortest
+/// way counts.
 fn path_between(surface: &Surface, start: SurfacePoint, to: SurfacePoint) -> Option<Path> {
     let (p, q) = (surface.position(start), surface.position(to));
     let (starts, goals) = (places_of(surface, start), places_of(surface, to));
@@ -343,14 +346,35 @@ fn path_between(surface: &Surface, start: SurfacePoint, to: SurfacePoint) -> Opt
     if let Some((from, to)) = starts.iter().find_map(shared) {
         return Some(Path { points: vec![(from, 0.0), (to, p.distance(q))] });
     }
-    let up = surface.facet_normal(start.triangle) + surface.facet_normal(to.triangle);
-    let plane = (q - p).cross(up).try_normalize()?;
-    // Along edges, which lie in the plane, triangles on either side lead there.
-    let sideways = 1e-5 * p.distance(q);
-    [0.0, sideways, -sideways].into_iter().find_map(|aside| {
-        starts.iter().find_map(|from| walk(surface, *from, q - p, plane, aside, Goal::Point(&goals)))
-    })
+    let straight = p.distance(q);
+    let mean = |places: &[SurfacePoint]| -> DVec3 {
+        places.iter().map(|place| surface.facet_normal(place.triangle)).sum::<DVec3>().normalize_or_zero()
+    };
+    let of_the_points = surface.facet_normal(start.triangle) + surface.facet_normal(to.triangle);
+    let mut shortest: Option<Path> = None;
+    for up in [of_the_points, mean(&starts) + mean(&goals)] {
+        let Some(plane) = (q - p).cross(up).try_normalize() else { continue };
+        // Along edges, which lie in the plane, triangles on either side lead there.
+        for aside in [0.0, SIDEWAYS * straight, -SIDEWAYS * straight] {
+            for from in &starts {
+                let longest = shortest.as_ref().map_or(MAX_DETOUR * straight, Path::length);
+                if longest <= straight * (1.0 + NEARLY_STRAIGHT) {
+                    return shortest;
+                }
+                let goal = Goal::Point { places: &goals, longest };
+                let path = walk(surface, *from, q - p, plane, aside, goal);
+                shortest = path.filter(|path| path.length() < longest).or(shortest);
+            }
+        }
+    }
+    shortest
 }
+
+/// How far beside an edge along which a stroke goes its cut lies, in lengths of the stroke.
+const SIDEWAYS: f64 = 1e-5;
+
+/// A way that is longer than the straight line by no more than this share need not be shortened.
+const NEARLY_STRAIGHT: f64 = 1e-3;
 
 /// Triangles around a vertex that are looked at.
 const MAX_AROUND: usize = 64;
@@ -423,13 +447,13 @@ fn walk(
     let start = surface.position(from);
     let origin = start + aside * plane;
     let longest = match goal {
-        Goal::Point(_) => MAX_DETOUR * direction.length(),
+        Goal::Point { longest, .. } => longest,
         Goal::Length(length) => length,
     };
     let mut path = Path { points: vec![(from, 0.0)] };
     let (mut triangle, mut entered, mut at, mut along) = (from.triangle, None, start, 0.0);
     for _ in 0..MAX_STEPS {
-        if let Goal::Point(places) = goal
+        if let Goal::Point { places, .. } = goal
             && let Some(&reached) = places.iter().find(|place| place.triangle == triangle)
         {
             path.points.push((reached, along + at.distance(surface.position(reached))));

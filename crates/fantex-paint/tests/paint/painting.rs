@@ -485,14 +485,9 @@ fn strokes_between_vertices_lack_no_dab() {
     let top = mesh.positions.iter().map(|p| p.y).fold(f32::NEG_INFINITY, f32::max);
     let on_top: Vec<Vec3> = mesh.positions.iter().copied().filter(|p| p.y == top).collect();
     assert_eq!(on_top.len(), 49);
-    let outermost = on_top.iter().map(|p| p.x).fold(0.0, f32::max);
     let mut longest = 0.0_f32;
     for (i, &from) in on_top.iter().enumerate() {
         for &to in &on_top[i + 1..] {
-            // A rim is as well on the side as on the top.
-            if (0..3).any(|k| k != 1 && from[k] == to[k] && from[k].abs() == outermost) {
-                continue;
-            }
             let dabs = dabs_of(surface, &stroke(surface, 30.0, &[from, to]));
             let spacing = 0.1 * 30.0 / surface.cover().density as f32;
             let expected = from.distance(to) / spacing;
@@ -500,5 +495,5 @@ fn strokes_between_vertices_lack_no_dab() {
             longest = longest.max(expected);
         }
     }
-    assert!(longest > 100.0, "{longest}");
+    assert!(longest > 60.0, "{longest}");
 }
