@@ -325,7 +325,10 @@ impl Path {
 #[derive(Clone, Copy, Debug)]
 enum Goal<'p> {
     /// On each triangle that has it, reached on no longer way.
-    Point { places: &'p [SurfacePoint], longest: f64 },
+    Point {
+        places: &'p [SurfacePoint],
+        longest: f64,
+    },
     Length(f64),
 }
 

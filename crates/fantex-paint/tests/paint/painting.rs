@@ -489,7 +489,7 @@ fn strokes_between_vertices_lack_no_dab() {
     for (i, &from) in on_top.iter().enumerate() {
         for &to in &on_top[i + 1..] {
             let dabs = dabs_of(surface, &stroke(surface, 30.0, &[from, to]));
-            let spacing = 0.1 * 30.0 / surface.cover().density as f32;
+            let spacing = 0.1 * 30.0 / surface.cover().density;
             let expected = from.distance(to) / spacing;
             assert!((dabs.len() as f32 - expected).abs() < 2.0, "{from} {to}: {} of {expected}", dabs.len());
             longest = longest.max(expected);
