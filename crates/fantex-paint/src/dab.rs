@@ -4,6 +4,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::Arc;
 
+use fantex_base::Result;
+use fantex_base::input::{Held, reserve};
 use fantex_mesh::interpolate;
 use fantex_texture::Image;
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -127,16 +129,23 @@ pub(crate) fn tangent_axes(normal: DVec3) -> (DVec3, DVec3) {
 // Pictures that shape a dab.
 
 /// A picture whose alpha (or, where that is opaque everywhere, whose brightness) shapes a dab.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Stamp {
     extent: [usize; 2],
     coverage: Vec<f32>,
+    _held: Held,
 }
 
 impl Stamp {
     /// From a picture; its longer side spans the brush's diameter.
-    pub fn new(image: &Image) -> Self {
-        Self { extent: [image.width as usize, image.height as usize], coverage: coverage_of(image) }
+    ///
+    /// # Errors
+    /// The budget of memory for input does not allow it.
+    pub fn new(image: &Image) -> Result<Self> {
+        let (width, height) = (image.width, image.height);
+        let bytes = u64::from(width) * u64::from(height) * size_of::<f32>() as u64;
+        let _held = reserve(format_args!("a stamp of {width} x {height} texels"), bytes)?;
+        Ok(Self { extent: [width as usize, height as usize], coverage: coverage_of(image), _held })
     }
 
     /// Columns and rows, and the coverage of each texel, row-major.
@@ -305,16 +314,16 @@ mod tests {
     fn a_stamp_covers_where_its_picture_is_opaque() {
         let texels: Vec<[f32; 4]> =
             (0..64).map(|i| [0.0, 0.0, 0.0, if i % 8 < 4 { 1.0 } else { 0.0 }]).collect();
-        let stamp = Stamp::new(&Image::from_linear_rgba(8, 8, &texels));
+        let stamp = Stamp::new(&Image::from_linear_rgba(8, 8, &texels)).unwrap();
         let found = [(-0.5, 0.3), (0.5, 0.3), (-1.3, 0.0), (-0.5, 1.2)].map(|(x, y)| stamp.coverage(x, y));
         assert_eq!(found, [1.0, 0.0, 0.0, 0.0]);
         // An alpha that is opaque everywhere says nothing.
         let dim: Vec<[f32; 4]> =
             (0..64).map(|i| if i % 8 < 4 { [1.0; 4] } else { [0.0, 0.0, 0.0, 1.0] }).collect();
-        let opaque = Stamp::new(&Image::from_linear_rgba(8, 8, &dim));
+        let opaque = Stamp::new(&Image::from_linear_rgba(8, 8, &dim)).unwrap();
         assert_eq!([-0.5, 0.5].map(|x| opaque.coverage(x, 0.3)), [1.0, 0.0]);
         // Without alpha brightness counts, and wide pictures keep their shape.
-        let grey = Stamp::new(&Image::from_linear_rgb(8, 4, &[[0.25, 0.25, 0.25, 1.0]; 32]));
+        let grey = Stamp::new(&Image::from_linear_rgb(8, 4, &[[0.25, 0.25, 0.25, 1.0]; 32])).unwrap();
         assert!((grey.coverage(0.5, 0.2) - 0.25).abs() < 1e-6);
         assert_eq!(grey.coverage(0.0, 0.8), 0.0);
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
+use fantex_base::input::{Held, guarded, reserve};
 use fantex_base::{Error, Result};
 use fantex_cover::TexelTriangle;
 use fantex_mesh::interpolate;
@@ -19,11 +20,21 @@ use crate::{PaintColor, Region, Surface, SurfacePoint, Symmetry};
 /// A picture with coarser versions of itself, so that a texel sees the mean of what it covers.
 ///
 /// Coordinates: x to the right and y upwards, -1..1 over the picture's longer side, the origin in the middle.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Picture {
     /// Finest first.
     levels: Vec<Level>,
+    _held: Held,
 }
+
+impl PartialEq for Picture {
+    fn eq(&self, other: &Self) -> bool {
+        self.levels == other.levels
+    }
+}
+
+/// Bytes of a texel with its share of the coarser levels.
+const TEXEL_BYTES: u64 = (size_of::<Vec4>() * 4).div_ceil(3) as u64;
 
 /// Linear RGBA, multiplied by alpha.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,30 +45,38 @@ struct Level {
 
 impl Picture {
     /// From an image.
-    pub fn new(image: &Image) -> Self {
+    ///
+    /// # Errors
+    /// The budget of memory for input does not allow it.
+    pub fn new(image: &Image) -> Result<Self> {
         let texel = |x, y| Vec4::from_array(image.linear_texel(x, y));
         let texels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| texel(x, y)));
-        Self::from_texels([image.width as usize, image.height as usize], texels.collect())
+        Self::from_texels([image.width as usize, image.height as usize], texels)
     }
 
     /// The shape of an image in white: its alpha, or, where it has none, its brightness.
-    pub fn shape(image: &Image) -> Self {
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn shape(image: &Image) -> Result<Self> {
         Self::from_coverage([image.width as usize, image.height as usize], &coverage_of(image))
     }
 
     /// A shape in white: coverage 0..1, row-major from the top, as many as `extent` has texels.
-    fn from_coverage(extent: [usize; 2], coverage: &[f32]) -> Self {
-        Self::from_texels(extent, coverage.iter().map(|&a| Vec4::new(1.0, 1.0, 1.0, a)).collect())
+    fn from_coverage(extent: [usize; 2], coverage: &[f32]) -> Result<Self> {
+        Self::from_texels(extent, coverage.iter().map(|&a| Vec4::new(1.0, 1.0, 1.0, a)))
     }
 
     /// Straight alpha.
-    fn from_texels(extent: [usize; 2], mut texels: Vec<Vec4>) -> Self {
-        texels.iter_mut().for_each(|t| *t = (t.xyz() * t.w).extend(t.w));
+    fn from_texels([width, height]: [usize; 2], texels: impl Iterator<Item = Vec4>) -> Result<Self> {
+        let what = format_args!("a picture of {width} x {height} texels");
+        let _held = reserve(what, (width as u64 * height as u64).saturating_mul(TEXEL_BYTES))?;
+        let (extent, texels) = ([width, height], texels.map(|t| (t.xyz() * t.w).extend(t.w)).collect());
         let mut levels = vec![Level { extent, texels }];
         while let Some(coarser) = levels.last().and_then(Level::halved) {
             levels.push(coarser);
         }
-        Self { levels }
+        Ok(Self { levels, _held })
     }
 
     /// Columns and rows.
@@ -253,11 +272,19 @@ struct Line {
     width: f32,
 }
 
+/// Texels that all characters may cover together, each counted with those beneath it: four times the largest text.
+const MAX_GLYPH_TEXELS: f32 = 4.0 * MAX_EXTENT * MAX_EXTENT;
+
 /// Draws a text. Lines are centred; neighbouring characters are kerned.
 ///
 /// # Errors
-/// The font cannot be read, or no character is visible.
+/// The font cannot be read or is damaged, no character is visible, or the budget of memory for input does not allow the picture.
 pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture> {
+    guarded(|| draw(text, font))
+        .unwrap_or_else(|| Err(Error::malformed("the font is damaged; choose another one")))
+}
+
+fn draw(text: &str, font: &[u8]) -> Result<TextPicture> {
     let font = FontRef::try_from_slice(font).map_err(|_| {
         Error::malformed("the font is neither TrueType nor OpenType; give the path of a .ttf or .otf file")
     })?;
@@ -268,7 +295,10 @@ pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture> {
     let widest = lines.iter().map(|line| line.width).fold(0.0, f32::max);
     // Half a line beside the text for what hangs over.
     let extent = [(widest + texels).ceil() as usize, (lines.len() as f32 * texels).ceil() as usize];
+    let texel_count = extent[0] as u64 * extent[1] as u64;
+    let _held = reserve("the shape of a text", texel_count * size_of::<f32>() as u64)?;
     let mut coverage = vec![0.0f32; extent[0] * extent[1]];
+    let mut left_to_cover = MAX_GLYPH_TEXELS;
     let scale = scale_of(&font, texels);
     let ascent = font.as_scaled(scale).ascent();
     for (number, line) in lines.iter().enumerate() {
@@ -276,7 +306,15 @@ pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture> {
         for &(id, x) in &line.glyphs {
             let glyph = id.with_scale_and_position(scale, point(left + x, number as f32 * texels + ascent));
             let Some(outline) = font.outline_glyph(glyph) else { continue };
-            let corner = outline.px_bounds().min;
+            let bounds = outline.px_bounds();
+            left_to_cover -= bounds.width() * bounds.height();
+            // Not a number is not enough, either.
+            if !(left_to_cover >= 0.0) {
+                return Err(Error::malformed(
+                    "the font's characters are far larger than its lines; choose another one",
+                ));
+            }
+            let corner = bounds.min;
             outline.draw(|dx, dy, covered| {
                 let (x, y) = (corner.x as i64 + i64::from(dx), corner.y as i64 + i64::from(dy));
                 if (0..extent[0] as i64).contains(&x) && (0..extent[1] as i64).contains(&y) {
@@ -290,7 +328,7 @@ pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture> {
         return Err(Error::invalid("the text has no visible characters in this font"));
     }
     let lines = extent[0].max(extent[1]) as f32 / texels;
-    Ok(TextPicture { picture: Picture::from_coverage(extent, &coverage), lines })
+    Ok(TextPicture { picture: Picture::from_coverage(extent, &coverage)?, lines })
 }
 
 /// The scale at which lines are so many texels apart.
@@ -319,16 +357,52 @@ fn set_lines(text: &str, font: &FontRef<'_>, texels: f32) -> Vec<Line> {
 
 #[cfg(test)]
 mod tests {
-    use fantex_base::ErrorKind;
+    use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
     use glam::Vec2;
 
     use super::*;
+
+    /// The bytes of a font's table.
+    fn table(font: &[u8], name: &[u8; 4]) -> std::ops::Range<usize> {
+        let record = font[12..].chunks_exact(16).find(|record| &record[..4] == name).unwrap();
+        let [start, length] =
+            [8, 12].map(|at| u32::from_be_bytes(record[at..at + 4].try_into().unwrap()) as usize);
+        start..start + length
+    }
+
+    #[test]
+    fn fonts_with_characters_larger_than_lines_are_refused() {
+        let mut font = DEFAULT_FONT.to_vec();
+        // Lines of two units, characters of 2000, but none wide in its line.
+        let widths = table(&font, b"hmtx");
+        font[widths].fill(0);
+        let lines = [(b"hhea", 4), (b"OS/2", 68)].map(|(name, offset)| table(&font, name).start + offset);
+        let numbers = lines.into_iter().flat_map(|at| [(at, 1i16), (at + 2, -1), (at + 4, 0)]);
+        for (at, value) in numbers {
+            font[at..at + 2].copy_from_slice(&value.to_be_bytes());
+        }
+        let sentence = draw_text("W", &font).map(drop).unwrap_err().to_string();
+        assert!(sentence.contains("far larger than its lines"), "{sentence}");
+    }
+
+    #[test]
+    fn pictures_and_texts_count_against_the_budget() {
+        let options = ReadOptions { memory_bytes: 4 << 20, ..ReadOptions::default() };
+        ReadLimits::new(options).run(|| {
+            let text = "a line of many\n".repeat(40);
+            assert_eq!(draw_text(&text, DEFAULT_FONT).map(drop).unwrap_err().kind(), ErrorKind::TooLarge);
+            let image = Image::from_linear_rgba(512, 512, &vec![[1.0; 4]; 1 << 18]);
+            assert_eq!(Picture::new(&image).map(drop).unwrap_err().kind(), ErrorKind::TooLarge);
+            drop(draw_text("a", DEFAULT_FONT).unwrap());
+            assert_eq!(ReadLimits::current().memory_left(), 4 << 20);
+        });
+    }
 
     #[test]
     fn far_away_a_picture_is_its_mean() {
         let texels: Vec<[f32; 4]> =
             (0..64).map(|i| [1.0, 0.0, 0.0, if i % 8 < 4 { 1.0 } else { 0.0 }]).collect();
-        let picture = Picture::new(&Image::from_linear_rgba(8, 8, &texels));
+        let picture = Picture::new(&Image::from_linear_rgba(8, 8, &texels)).unwrap();
         assert_eq!(picture.at(Vec2::new(-0.5, 0.3), 0.0).w, 1.0);
         assert_eq!(picture.at(Vec2::new(0.5, 0.3), 0.0).w, 0.0);
         assert_eq!(picture.at(Vec2::new(-0.5, 1.3), 0.0).w, 0.0);
@@ -339,7 +413,7 @@ mod tests {
     #[test]
     fn odd_extents_keep_their_middle() {
         let texels = vec![[1.0, 1.0, 1.0, 1.0]; 25 * 15];
-        let picture = Picture::new(&Image::from_linear_rgba(25, 15, &texels));
+        let picture = Picture::new(&Image::from_linear_rgba(25, 15, &texels)).unwrap();
         for width in [0.0, 0.08, 0.16] {
             assert!((picture.at(Vec2::ZERO, width).w - 1.0).abs() < 1e-6, "{width}");
         }

@@ -311,8 +311,8 @@ impl Preparation<'_> {
         let Some(settings) = &self.settings.stencil else { return Ok(None) };
         let image = self.image(&settings.image)?;
         let picture = match settings.by {
-            StencilBy::Shape => Picture::shape(&image),
-            StencilBy::Alpha => Picture::new(&image),
+            StencilBy::Shape => Picture::shape(&image)?,
+            StencilBy::Alpha => Picture::new(&image)?,
         };
         let projection = self.projection(Arc::new(picture))?;
         projection.map(|p| Some(Arc::new(p))).ok_or_else(|| {
@@ -365,7 +365,7 @@ impl Preparation<'_> {
 
     fn decal_shape(&self, path: Option<&Path>) -> Result<Picture> {
         if let Some(path) = path {
-            return Ok(Picture::shape(&self.image(path)?));
+            return Picture::shape(&self.image(path)?);
         }
         let colors = self.settings.channels.iter().map(|channel| &channel.color);
         let image = colors.filter_map(|color| match color {
@@ -378,7 +378,7 @@ impl Preparation<'_> {
                 self.stroke
             ))
         })?;
-        Ok(Picture::new(&self.image(first)?))
+        Picture::new(&self.image(first)?)
     }
 
     fn dabs(&self, stamp: Option<&Arc<Stamp>>) -> Result<Vec<Dab>> {
@@ -409,7 +409,7 @@ impl Preparation<'_> {
     fn stroke(&self, missed: &mut usize) -> Result<Stroke> {
         let brush = self.brush()?;
         let stamp = brush.stamp.as_ref().map(|path| self.image(path)).transpose()?;
-        let stamp = stamp.map(|image| Arc::new(Stamp::new(&image)));
+        let stamp = stamp.map(|image| Stamp::new(&image).map(Arc::new)).transpose()?;
         let mut samples = Vec::with_capacity(self.settings.samples.len());
         for (index, sample) in self.settings.samples.iter().enumerate() {
             self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;

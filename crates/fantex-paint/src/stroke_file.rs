@@ -460,7 +460,7 @@ pub(crate) fn color_of(
             return Ok(PaintColor::Texture(texture));
         }
         ColorSettings::Image(path) => {
-            let picture = Arc::new(Picture::new(&preparation.image_for(kind, path)?));
+            let picture = Arc::new(Picture::new(&preparation.image_for(kind, path)?)?);
             let projection = preparation.projection(Arc::clone(&picture))?;
             return Ok(match projection {
                 Some(projection) => PaintColor::Projected(Arc::new(projection)),

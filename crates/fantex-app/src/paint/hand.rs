@@ -304,9 +304,9 @@ impl Painting {
         {
             return Some(stamp.clone());
         }
-        match Image::load(&path) {
-            Ok(image) => {
-                let stamp = Arc::new(Stamp::new(&image));
+        match Image::load(&path).and_then(|image| Stamp::new(&image)) {
+            Ok(stamp) => {
+                let stamp = Arc::new(stamp);
                 self.stamp = Some((path, stamp.clone()));
                 Some(stamp)
             }

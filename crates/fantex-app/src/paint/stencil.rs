@@ -111,7 +111,7 @@ impl StencilPicture {
     /// It cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
         let image = Image::load(path)?;
-        let (shape, colors) = (Arc::new(Picture::shape(&image)), Arc::new(Picture::new(&image)));
+        let (shape, colors) = (Arc::new(Picture::shape(&image)?), Arc::new(Picture::new(&image)?));
         Ok(Self { path: path.to_owned(), image, shape, colors })
     }
 

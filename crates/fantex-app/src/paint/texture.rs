@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex::base::{Error, ErrorKind, Result};
+use fantex::base::{Error, Result, input};
 use fantex::glam::{Vec2, Vec3, Vec4};
 use fantex::paint::{
     DEFAULT_FONT, Decal, LookSettings, Picture, Surface, SurfacePoint, TextureGraph, draw_text,
@@ -71,10 +71,7 @@ impl TextureChoice {
                 let path = self.look.clone().ok_or_else(|| {
                     Error::not_found("No look is chosen: choose its file in the panel at the right.")
                 })?;
-                let look = std::fs::read_to_string(&path).map_err(|source| {
-                    let sentence = format!("cannot read the look {}: {source}", path.display());
-                    Error::new(ErrorKind::Io, sentence).with_path(&path).with_source(source)
-                })?;
+                let look = input::read_text(&path).map_err(|error| error.context("the look"))?;
                 let folder = path.parent().unwrap_or(Path::new("")).to_owned();
                 let folder = std::path::absolute(&folder).unwrap_or(folder);
                 let graph = TextureGraph { look, folder };
@@ -183,7 +180,7 @@ pub(crate) fn sticker(
                 .picture
                 .as_ref()
                 .ok_or_else(|| Error::invalid("There is no picture: choose one in the panel at the left."))?;
-            (Picture::new(&Image::load(path)?), line)
+            (Picture::new(&Image::load(path)?)?, line)
         }
     };
     // Surfaces are wound either way: what is laid is right for whoever looks at them.

@@ -142,7 +142,7 @@ fn start_projection(painter: &mut Painter, folder: &Path) {
         lens: fantex_paint::Lens::Parallel(3.0),
         place: PicturePlace::default(),
     };
-    let picture = Arc::new(Picture::new(&Image::load(&path).unwrap()));
+    let picture = Arc::new(Picture::new(&Image::load(&path).unwrap()).unwrap());
     let thrown = Arc::new(Projection::new(&surface, &view, picture).unwrap());
     let paint = Paint {
         channels: vec![ChannelPaint::new(0, PaintColor::Projected(Arc::clone(&thrown)))],
