@@ -238,11 +238,19 @@ pub fn read_text(path: &Path) -> Result<String> {
 /// # Errors
 /// It leads out of the folder.
 pub fn check_inside(owner: &Path, named: &Path) -> Result<()> {
+    check_below(owner, crate::files::folder_of(owner), named)
+}
+
+/// As [`check_inside`], for names that are relative to another folder than that of `owner`.
+///
+/// # Errors
+/// It leads out of the folder.
+pub fn check_below(owner: &Path, folder: &Path, named: &Path) -> Result<()> {
     if ReadLimits::current().options().allow_outside {
         return Ok(());
     }
     let absolute = |path: &Path| lexical(&std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
-    let folder = absolute(crate::files::folder_of(owner));
+    let folder = absolute(folder);
     if absolute(&folder.join(named)).starts_with(&folder) {
         return Ok(());
     }

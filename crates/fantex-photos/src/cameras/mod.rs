@@ -14,6 +14,7 @@ mod transforms;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
+use fantex_base::input::check_below;
 use fantex_base::{Error, Result};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -53,7 +54,8 @@ pub enum CameraFrame {
 ///
 /// # Errors
 /// The sentence names the file, the place in it and what was expected there. Photographs that are not there are an
-/// error, too; their content is not looked at.
+/// error, too; their content is not looked at. So are names that lead out of the folder that they are relative to, unless that is
+/// [allowed](fantex_base::ReadOptions::allow_outside).
 pub fn read_cameras(path: &Path, images: Option<&Path>, frame: CameraFrame) -> Result<Vec<Photograph>> {
     let metadata = path.metadata().map_err(|source| Error::reading(path, source))?;
     let mut photographs = match metadata.is_dir() {
@@ -134,6 +136,7 @@ fn without_detours(path: PathBuf) -> PathBuf {
 }
 
 fn located(listed: Vec<Listed>, cameras: &Cameras, file: &Path, folder: &Path) -> Result<Vec<Photograph>> {
+    listed.iter().try_for_each(|listed| check_below(file, folder, Path::new(&listed.name)))?;
     let photograph = |Listed { name, camera, camera_from_world }: Listed| {
         let camera = *cameras.get(&camera)?;
         let mask = mask_beside(folder, &name);
@@ -148,8 +151,10 @@ fn located(listed: Vec<Listed>, cameras: &Cameras, file: &Path, folder: &Path) -
 
 /// The mask of a photograph as COLMAP has it: in `masks` beside the folder of photographs, by the whole name with `.png` after it.
 fn mask_beside(images: &Path, name: &str) -> Option<PathBuf> {
-    let mask = images.parent()?.join("masks").join(format!("{name}.png"));
-    mask.is_file().then_some(mask)
+    let masks = images.parent()?.join("masks");
+    let name = format!("{name}.png");
+    let is_inside = check_below(&masks, &masks, Path::new(&name)).is_ok();
+    Some(masks.join(name)).filter(|mask| is_inside && mask.is_file())
 }
 
 fn checked_name(name: &str) -> Result<String> {

@@ -8,6 +8,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::write_whole;
+use fantex_base::input::{check_below, check_inside};
 use fantex_base::{Error, Place, Result};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::Deserialize;
@@ -99,6 +100,7 @@ pub(super) fn read(path: &Path, images: Option<&Path>, camera_frame: CameraFrame
     let frames = document.frames.iter().enumerate();
     frames
         .map(|(i, frame)| {
+            frame.check_places(path, images)?;
             let photograph = frame.photograph(&document.camera, folder, images).map_err(|p| wrong(i, p))?;
             Ok(Photograph { camera_from_world: moved.undone(photograph.camera_from_world), ..photograph })
         })
@@ -141,6 +143,16 @@ impl Document {
 }
 
 impl Frame {
+    /// # Errors
+    /// A name leads out of its folder. Where the folder of photographs is given, [`image_path`] has names without their own folders.
+    fn check_places(&self, path: &Path, images: Option<&Path>) -> Result<()> {
+        let photograph = images.is_none().then_some(&self.file_path);
+        [photograph, self.mask_path.as_ref()]
+            .into_iter()
+            .flatten()
+            .try_for_each(|name| check_inside(path, Path::new(name)))
+    }
+
     fn photograph(&self, shared: &Intrinsics, folder: &Path, images: Option<&Path>) -> Result<Photograph> {
         let name = checked_name(&self.file_path)?;
         let path = image_path(&name, folder, images);
@@ -159,7 +171,8 @@ fn image_path(name: &str, folder: &Path, images: Option<&Path>) -> PathBuf {
         None => vec![folder.join(name)],
         Some(images) => {
             let file_name = Path::new(name).file_name().unwrap_or_default();
-            vec![images.join(name), images.join(file_name)]
+            let whole = check_below(images, images, Path::new(name)).is_ok().then(|| images.join(name));
+            whole.into_iter().chain([images.join(file_name)]).collect()
         }
     };
     let with_extensions = places.iter().flat_map(|place| {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use fantex_base::Result;
+use fantex_base::{ReadLimits, ReadOptions, Result};
 use fantex_photos::{
     CameraFrame, CameraFromWorld, Distortion, Lens, PhotoCamera, Photograph, read_cameras,
     write_colmap_binary, write_colmap_text, write_transforms,
@@ -543,4 +543,42 @@ fn bad_cameras_are_refused_in_a_sentence() {
     assert!(camera_of("PINHOLE 8 6 1 1 1 1", "2 0 0 0 inf inf inf").is_err());
     let scaled = camera_of("PINHOLE 8 6 1 1 1 1", "2 0 0 0 1 1 1").unwrap();
     assert_eq!(scaled.camera_from_world.rotation, DMat3::IDENTITY);
+}
+
+#[test]
+fn names_lead_out_of_no_folder() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("set");
+    fs::create_dir_all(folder.join("images")).unwrap();
+    fs::write(root.path().join("secret.png"), b"not looked at").unwrap();
+    fs::write(folder.join("images/secret.png"), b"not looked at").unwrap();
+    let secret = root.path().join("secret.png").display().to_string();
+    fs::write(folder.join("cameras.txt"), "1 PINHOLE 8 6 1 1 4 3\n").unwrap();
+    let refused = |result: Result<Vec<Photograph>>| result.unwrap_err().to_string();
+    for name in ["../../secret.png", &secret] {
+        fs::write(folder.join("images.txt"), format!("1 {UPRIGHT} 1 {name}\n\n")).unwrap();
+        let sentence = refused(cameras_of(&folder, None));
+        assert!(sentence.contains("--allow-outside") && sentence.contains("secret.png"), "{sentence}");
+    }
+    let transforms = folder.join("transforms.json");
+    let write = |name: &str, mask: &str| {
+        let frame = format!(
+            r#"{{"file_path": "{name}"{mask}, "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}"#
+        );
+        fs::write(&transforms, format!(r#"{{"w": 8, "h": 6, "fl_x": 5, "frames": [{frame}]}}"#)).unwrap();
+    };
+    for (name, mask) in
+        [("../secret.png", ""), (&secret, ""), ("images/secret.png", r#", "mask_path": "../secret.png""#)]
+    {
+        write(name, mask);
+        assert!(refused(cameras_of(&transforms, None)).contains("--allow-outside"), "{name}");
+    }
+    // Where photographs have a folder of their own, only that is looked at.
+    write(&secret, "");
+    let images = folder.join("images");
+    let found = cameras_of(&transforms, Some(&images)).unwrap();
+    assert_eq!(found[0].path, images.join("secret.png"));
+    let options = ReadOptions { allow_outside: true, ..ReadOptions::default() };
+    let found = ReadLimits::new(options).run(|| cameras_of(&transforms, None)).unwrap();
+    assert_eq!(found[0].path, Path::new(&secret));
 }
