@@ -230,6 +230,68 @@ fn models_are_refused_or_sound() {
     });
 }
 
+/// Files that name others, which lie with them.
+#[test]
+#[ignore = "thousands of damaged files"]
+fn materials_beside_models_are_refused_or_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let material = "newmtl a\nKd 1 0.5 0\nmap_Kd -s 2 2 -o 0.5 0 -bm 0.3 a.png\nmap_d a.png\nnorm a.png\nmap_Pr a.png\n\
+        map_Pm a.png\nPr 0.3\nPm 1\nKe 1 1 1\nillum 2\nd 0.5\n";
+    let texels: Vec<[f32; 4]> = (0..64).map(|i| [i as f32 / 64.0; 4]).collect();
+    Image::from_linear_rgba(8, 8, &texels).save(at("a.png")).unwrap();
+    let model = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n";
+    std::fs::write(at("a.obj"), model).unwrap();
+    attack(&[("a.mtl".to_owned(), material.as_bytes().to_vec())], 2000, |name, bytes| {
+        std::fs::write(at(name), bytes).unwrap();
+        let Ok(mesh) = fantex::Mesh::load(at("a.obj")) else { return };
+        drop(Baker::new(&mesh).texels(2000).overwrite(true).write(&at("a.fan")));
+    });
+}
+
+#[test]
+#[ignore = "thousands of damaged files"]
+fn cameras_of_photographs_are_refused_or_sound() {
+    use fantex::glam::DVec3;
+    use fantex::photos::{CameraFrame, CameraFromWorld, PhotoCamera, Photograph};
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir(at("images")).unwrap();
+    let photographs: Vec<_> = (0..3)
+        .map(|i| {
+            let name = format!("{i}.png");
+            std::fs::write(at("images").join(&name), "not looked at").unwrap();
+            Photograph {
+                path: at("images").join(&name),
+                mask: None,
+                name,
+                camera: PhotoCamera::pinhole([64, 48], 50.0),
+                camera_from_world: CameraFromWorld::looking_at(
+                    DVec3::new(3.0, f64::from(i), 1.0),
+                    DVec3::ZERO,
+                    DVec3::Y,
+                ),
+            }
+        })
+        .collect();
+    fantex::photos::write_colmap_text(folder.path(), &photographs).unwrap();
+    fantex::photos::write_colmap_binary(folder.path(), &photographs).unwrap();
+    fantex::photos::write_transforms(&at("transforms.json"), &photographs, "images").unwrap();
+    let names = ["cameras.bin", "images.bin", "cameras.txt", "images.txt", "transforms.json"];
+    let files = names.map(|name| (name.to_owned(), std::fs::read(at(name)).unwrap()));
+    attack(&files, 2000, |name, bytes| {
+        // Each kind alone in a folder, so that it is what is read.
+        let alone = at("alone");
+        std::fs::create_dir(&alone).unwrap();
+        let kind = name.rsplit('.').next().unwrap();
+        for (other, content) in files.iter().filter(|(other, _)| other.ends_with(kind)) {
+            std::fs::write(alone.join(other), if other == name { bytes } else { content }).unwrap();
+        }
+        drop(fantex::photos::read_cameras(&alone, Some(&at("images")), CameraFrame::Original));
+        std::fs::remove_dir_all(alone).unwrap();
+    });
+}
+
 #[test]
 #[ignore = "thousands of damaged files"]
 fn looks_are_refused_or_sound() {
@@ -260,6 +322,59 @@ fn stroke_files_are_refused_or_read() {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         drop(fantex::paint::StrokeFile::load(&path));
+    });
+}
+
+/// Strokes of every tool are applied, with what they name: pictures, looks, texts in other fonts.
+#[test]
+#[ignore = "thousands of damaged files"]
+fn strokes_are_refused_or_applied() {
+    let strokes = r##"{ "version": 1, "strokes": [
+        { "layer": { "name": "wood", "opacity": 0.5, "fill": { "look": { "file": "a.toml" },
+            "textures": [{ "kind": "base_color", "texture": "a" }] } } },
+        { "brush": { "size": { "world": 0.8 }, "hardness": 0.5, "flow": 0.7, "spacing": 0.2, "stamp": "a.png", "smoothing": 0.3 },
+            "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }], "symmetry": { "radial": { "axis": 1, "center": [0, 0, 0], "count": 3 } },
+            "samples": [{ "at": { "position": [1, 0, 0] }, "pressure": 0.5 }, { "at": { "position": [0, 1, 0] }, "tilt": [0.1, 0.2] }] },
+        { "brush": { "size": { "texels": 9 } }, "tool": { "blur": { "radius": { "world": 0.1 } } },
+            "samples": [{ "at": { "position": [0, 0, 1] } }] },
+        { "text": { "text": "two\nlines", "size": { "world": 0.3 }, "angle": 20, "font": "a.ttf" },
+            "channels": [{ "kind": "base_color", "color": { "srgb": [0.1, 0.9, 0.1] } }],
+            "samples": [{ "at": { "position": [0, 0, 1] } }] },
+        { "decal": { "size": { "world": 0.5 }, "shape": "a.png" },
+            "channels": [{ "kind": "base_color", "color": { "image": "a.png" } }],
+            "samples": [{ "at": { "position": [0, -1, 0] } }] }] }"##;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.fan");
+    let mesh = fantex::Mesh::from_model(generate::icosphere(2), "ball").unwrap();
+    Baker::new(&mesh).source(Source::solid("clouds")).texels(8000).write(&path).unwrap();
+    let asset = std::fs::read(&path).unwrap();
+    let texels: Vec<[f32; 4]> = (0..64).map(|i| [i as f32 / 64.0; 4]).collect();
+    let at = |name: &str| folder.path().join(name);
+    Image::from_linear_rgba(8, 8, &texels).save(at("a.png")).unwrap();
+    let files = [
+        ("strokes.json", strokes.as_bytes()),
+        ("a.ttf", fantex::paint::DEFAULT_FONT),
+        ("a.toml", b"[textures.a]\nkind = 'wood'\n"),
+        ("a.png", &std::fs::read(at("a.png")).unwrap()),
+    ]
+    .map(|(name, bytes)| (name.to_owned(), bytes.to_vec()));
+    let apply = |strict: bool| {
+        std::fs::write(&path, &asset).unwrap();
+        let mut painter = Painter::open(&path, &PaintOptions { memory_bytes: 8 << 20, history: true })?;
+        let strokes = fantex::paint::StrokeFile::load(&at("strokes.json"))?;
+        let applied = replay(&mut painter, &strokes, folder.path());
+        drop(painter.commit());
+        drop(painter);
+        drop(verify_asset(fantex::Asset::open(&path)?.shared(), &VerifyOptions { memory_bytes: 1 << 20 }));
+        if strict { applied.map(drop) } else { Ok(()) }
+    };
+    files.iter().for_each(|(name, bytes)| std::fs::write(at(name), bytes).unwrap());
+    apply(true).unwrap();
+    attack(&files, 150, |name, bytes| {
+        std::fs::write(at(name), bytes).unwrap();
+        drop(apply(false));
+        let (_, good) = files.iter().find(|(known, _)| known == name).unwrap();
+        std::fs::write(at(name), good).unwrap();
     });
 }
 
