@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use fantex_base::Result;
 use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::material::{
-    ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
-    normal_map_tangents, occlusion_roughness_metallic, vertex_color,
+    ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, normal_map_tangents,
+    occlusion_roughness_metallic, vertex_color,
 };
 use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
 use glam::{Vec2, Vec3, Vec4};
@@ -25,18 +24,18 @@ pub(crate) struct ImageSource<'a> {
 }
 
 impl<'a> ImageSource<'a> {
-    /// Decodes the images.
-    ///
-    /// # Errors
-    /// An image that is used cannot be read.
-    pub(crate) fn new(mesh: &'a Mesh) -> Result<Self> {
-        let materials = load_material_textures(mesh)?;
+    /// `materials`: the decoded images, an entry per material.
+    pub(crate) fn new(mesh: &'a Mesh, materials: Vec<MaterialTextures>) -> Self {
         let has_normal_maps = materials.iter().any(|m| m.normal.is_some());
         let normals = if has_normal_maps { shading_normals(mesh) } else { Vec::new() };
         let tangents = normal_map_tangents(mesh, &normals, &materials);
         let kinds = channel_kinds(mesh, &materials);
         let has_alpha = mesh.materials.iter().any(|m| m.alpha != AlphaMode::Opaque);
-        Ok(Self { mesh, materials, tangents, normals, kinds, has_alpha })
+        Self { mesh, materials, tangents, normals, kinds, has_alpha }
+    }
+
+    pub(crate) fn tangents(&self) -> &[Vec4] {
+        &self.tangents
     }
 
     pub(crate) fn has_textures(&self) -> bool {

@@ -10,7 +10,7 @@ use fantex_texture::look::{
     Anisotropy, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity, Relief,
     Slot, height_change, look_tangents, normal_by_map,
 };
-use fantex_texture::material::{TangentFrame, vertex_color};
+use fantex_texture::material::{MaterialTextures, TangentFrame, load_material_textures, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -61,7 +61,20 @@ impl<'a> LookSource<'a> {
     /// # Errors
     /// An image that is used cannot be read.
     pub fn of_model(mesh: &'a Mesh) -> Result<Self> {
-        Ok(Self(Materials::Images(ImageSource::new(mesh)?)))
+        Ok(Self::of_decoded(mesh, load_material_textures(mesh)?))
+    }
+
+    /// As [`of_model`](Self::of_model), with the images of its materials, an entry per material.
+    pub fn of_decoded(mesh: &'a Mesh, materials: Vec<MaterialTextures>) -> Self {
+        Self(Materials::Images(ImageSource::new(mesh, materials)))
+    }
+
+    /// The tangents that normal maps of models are relative to, one per corner; empty without normal maps, and in looks.
+    pub fn normal_map_tangents(&self) -> &[Vec4] {
+        match &self.0 {
+            Materials::Images(source) => source.tangents(),
+            Materials::Textures(_) => &[],
+        }
     }
 
     /// Whether a material of the model has an image; true for looks.

@@ -67,7 +67,7 @@ pub(crate) fn rows() -> Measured {
 fn measured(name: &str, model: Model, texels: u64) -> Measured {
     let (mesh, _) = clean(model, &CleanOptions::default())?;
     let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
-    let cut = LongestEdge::Automatic.refined(&mesh, texels as f64, options.tile);
+    let cut = LongestEdge::Automatic.refined(&mesh, &options.budget, options.tile);
     let (_, stats) = build_cover(&cut, &options)?;
     let seconds = stats.seconds_fans + stats.seconds_groups;
     let mut rows = vec![

@@ -136,12 +136,13 @@ impl Mesh {
 
     /// Surface area in square mesh units, summed in double precision.
     pub fn area(&self) -> f64 {
-        (0..self.triangles.len())
-            .map(|t| {
-                let [a, b, c] = self.triangle_positions(t).map(|p| p.as_dvec3());
-                0.5 * (b - a).cross(c - a).length()
-            })
-            .sum()
+        (0..self.triangles.len()).map(|t| self.triangle_area(t)).sum()
+    }
+
+    /// Area of a triangle, square mesh units.
+    pub fn triangle_area(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.triangle_positions(triangle).map(|p| p.as_dvec3());
+        0.5 * (b - a).cross(c - a).length()
     }
 }
 

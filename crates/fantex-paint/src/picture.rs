@@ -308,8 +308,7 @@ fn draw(text: &str, font: &[u8]) -> Result<TextPicture> {
             let Some(outline) = font.outline_glyph(glyph) else { continue };
             let bounds = outline.px_bounds();
             left_to_cover -= bounds.width() * bounds.height();
-            // Not a number is not enough, either.
-            if !(left_to_cover >= 0.0) {
+            if left_to_cover.is_nan() || left_to_cover < 0.0 {
                 return Err(Error::malformed(
                     "the font's characters are far larger than its lines; choose another one",
                 ));

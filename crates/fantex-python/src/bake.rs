@@ -256,7 +256,7 @@ struct Settings {
     density: Option<f64>,
     match_source: bool,
     tile: Option<u32>,
-    longest_edge: LongestEdge,
+    longest_edge: Option<LongestEdge>,
     format: BakeFormat,
     fit: Fit,
     quality: Quality,
@@ -304,8 +304,10 @@ impl Settings {
             .quality(self.quality)
             .overwrite(self.overwrite)
             .memory(self.memory)
-            .seed(self.seed)
-            .longest_edge(self.longest_edge);
+            .seed(self.seed);
+        if let Some(longest_edge) = self.longest_edge {
+            baker = baker.longest_edge(longest_edge);
+        }
         if let Some(texels) = self.texels {
             baker = baker.texels(texels);
         }
@@ -320,11 +322,11 @@ impl Settings {
 }
 
 /// Texels or ``auto``.
-fn longest_edge(options: &Bound<'_, PyDict>) -> PyResult<LongestEdge> {
+fn longest_edge(options: &Bound<'_, PyDict>) -> PyResult<Option<LongestEdge>> {
     match optional(options, "longest_edge")? {
-        None => Ok(LongestEdge::default()),
-        Some(LongestEdgeArg::Texels(texels)) => Ok(LongestEdge::Texels(texels)),
-        Some(LongestEdgeArg::Word(word)) if word == "auto" => Ok(LongestEdge::Automatic),
+        None => Ok(None),
+        Some(LongestEdgeArg::Texels(texels)) => Ok(Some(LongestEdge::Texels(texels))),
+        Some(LongestEdgeArg::Word(word)) if word == "auto" => Ok(Some(LongestEdge::Automatic)),
         Some(LongestEdgeArg::Word(word)) => Err(PyValueError::new_err(format!(
             "longest_edge is {word:?}, not a number of texels or \"auto\""
         ))),

@@ -26,6 +26,7 @@ mod decode;
 mod directory;
 mod edit;
 mod encode;
+mod encoder_print;
 mod error;
 mod header;
 mod layout;

@@ -20,6 +20,7 @@ use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
 use fantex_mesh::{Material, ObjectSpace};
 use fantex_store::{Plan, Quality};
+use fantex_texture::material::load_material_textures;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
@@ -211,7 +212,8 @@ pub struct Baker<'a> {
     source: Option<Source<'a>>,
     budget: Budget,
     tile: u32,
-    longest_edge: LongestEdge,
+    /// As the kind of source suggests where nothing was said.
+    longest_edge: Option<LongestEdge>,
     seed: u64,
     options: BakeOptions,
     progress: Observer<'a>,
@@ -239,7 +241,7 @@ impl<'a> Baker<'a> {
             source: None,
             budget: Budget::Default,
             tile: CoverOptions::default().tile,
-            longest_edge: LongestEdge::default(),
+            longest_edge: None,
             seed: 1,
             options: BakeOptions::default(),
             progress: Observer(&NoProgress),
@@ -271,9 +273,10 @@ impl<'a> Baker<'a> {
         Self { tile: texels, ..self }
     }
 
-    /// How large triangles are cut first; by default they stay whole. Not for [custom](Source::custom) sources, which may know the triangles.
+    /// How large triangles are cut first; by default [automatically](LongestEdge::Automatic). They stay whole for [closures](Source::function)
+    /// and looks with baked light unless this is called, and for [custom](Source::custom) sources, which may know the triangles, in any case.
     pub fn longest_edge(self, longest_edge: LongestEdge) -> Self {
-        Self { longest_edge, ..self }
+        Self { longest_edge: Some(longest_edge), ..self }
     }
 
     /// Storage of the texels.
@@ -352,21 +355,16 @@ impl<'a> Baker<'a> {
                 &default
             }
         };
-        let mesh = match kind {
-            // Whoever wrote such a source knows the triangles.
-            Kind::Custom(_) => Cow::Borrowed(&**model),
-            _ => self.refined(),
-        };
-        let (whole, cut) = (model.triangles.len(), mesh.triangles.len());
-        let mut baked = self.bake_kind(kind, mesh, goal)?;
-        if whole < cut && !matches!(goal, Goal::Part(..)) {
-            baked.notes.push(format!("{whole} triangles were cut into {cut}"));
+        let mut baked = self.bake_kind(kind, goal)?;
+        let whole = model.triangles.len() as u64;
+        if whole < baked.triangles && !matches!(goal, Goal::Part(..)) {
+            baked.notes.push(format!("{whole} triangles were cut into {}", baked.triangles));
         }
         Ok(baked)
     }
 
-    /// Bakes one kind of source onto the mesh, whose triangles have been cut.
-    fn bake_kind(&self, kind: &Kind<'_>, mesh: Cow<'_, fantex_mesh::Mesh>, goal: &Goal<'_>) -> Result<Baked> {
+    /// Bakes one kind of source.
+    fn bake_kind(&self, kind: &Kind<'_>, goal: &Goal<'_>) -> Result<Baked> {
         let model = self.mesh;
         match kind {
             Kind::OwnMaterials => {
@@ -376,9 +374,7 @@ impl<'a> Baker<'a> {
                         model.path().display()
                     )));
                 }
-                let source = LookSource::of_model(&mesh)?;
-                let density = source.has_textures().then(|| source.density());
-                self.bake(&mesh, &source, density, goal)
+                self.own_materials(goal)
             }
             Kind::Look(look) => {
                 let (file, images) = (LookFile::read(look)?, LookImages::default());
@@ -387,21 +383,62 @@ impl<'a> Baker<'a> {
                     seed: folded_seed(self.seed),
                     ..ResolveOptions::default()
                 };
-                let mut mesh = mesh.into_owned();
+                let mut mesh = (**model).clone();
                 let resolver = MaterialResolver { file: &file, images: &images, options };
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
+                // Light starts from the smooth surface that large triangles stand for; pieces of them say less of it.
+                let cuts = self.longest_edge.unwrap_or(match look.has_light() {
+                    true => LongestEdge::Texels(0),
+                    false => LongestEdge::Automatic,
+                });
+                let mesh = self.refined(&mesh, cuts, None);
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
             }
-            Kind::Mesh { path: detailed, cage } => self.transfer(&mesh, &Mesh::load(detailed)?, *cage, goal),
-            Kind::Loaded(detailed, cage) => self.transfer(&mesh, detailed, *cage, goal),
+            Kind::Mesh { path: detailed, cage } => self.transfer(&Mesh::load(detailed)?, *cage, goal),
+            Kind::Loaded(detailed, cage) => self.transfer(detailed, *cage, goal),
             #[cfg(feature = "photos")]
-            Kind::Photos(photos) => self.photographs(mesh.into_owned(), photos, goal),
-            Kind::Custom(source) => self.bake(&mesh, *source, None, goal),
+            Kind::Photos(photos) => {
+                let mesh = self.refined(model, self.longest_edge.unwrap_or_default(), None);
+                self.photographs(mesh.into_owned(), photos, goal)
+            }
+            // Whoever wrote such a source knows the triangles.
+            Kind::Custom(source) => self.bake(model, *source, None, goal),
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
+                let whole = LongestEdge::Texels(0);
+                let default = if let Kind::Function(_) = kind { whole } else { LongestEdge::Automatic };
+                let mesh = self.refined(model, self.longest_edge.unwrap_or(default), None);
                 let mesh = without_textures(&mesh);
                 self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, goal)
             }
         }
+    }
+
+    /// Bakes the model's materials.
+    fn own_materials(&self, goal: &Goal<'_>) -> Result<Baked> {
+        let model: &fantex_mesh::Mesh = self.mesh;
+        let textures = load_material_textures(model)?;
+        let source = LookSource::of_decoded(model, textures.clone());
+        let density = source.has_textures().then(|| source.density());
+        let cuts = self.longest_edge.unwrap_or_default();
+        let tangents = source.normal_map_tangents();
+        if cuts.leaves_whole(model, self.tile) {
+            return self.bake(model, &source, density, goal);
+        }
+        // Normal maps were made for the axes of the whole triangles.
+        let mut framed = Cow::Borrowed(model);
+        if model.corners.tangents.is_empty() && !tangents.is_empty() {
+            framed.to_mut().corners.tangents = tangents.to_vec();
+        }
+        let Cow::Owned(framed) = self.refined(&framed, cuts, density.as_deref()) else {
+            return self.bake(model, &source, density, goal);
+        };
+        let mut cut = framed.clone();
+        if model.corners.tangents.is_empty() {
+            cut.corners.tangents.clear();
+        }
+        let source = LookSource::of_decoded(&framed, textures);
+        let density = source.has_textures().then(|| source.density());
+        self.bake(&cut, &source, density, goal)
     }
 
     /// Covers the mesh and bakes. `own_density`: texels per mesh unit of the source's own texels, per triangle, where it has any.
@@ -473,27 +510,26 @@ impl<'a> Baker<'a> {
         }
     }
 
-    /// The mesh with triangles cut as was asked for.
-    fn refined(&self) -> Cow<'a, fantex_mesh::Mesh> {
-        let texels = match self.budget {
-            Budget::Density(density) => {
-                (density * self.mesh.world_from_mesh.scale).powi(2) * self.mesh.area()
-            }
-            Budget::Texels(texels) => texels as f64,
-            Budget::Default | Budget::Matching => Self::DEFAULT_TEXELS as f64,
+    /// A mesh with its triangles cut. `own_density` as in [`bake`](Self::bake).
+    fn refined<'m>(
+        &self,
+        mesh: &'m fantex_mesh::Mesh,
+        cuts: LongestEdge,
+        own_density: Option<&[f32]>,
+    ) -> Cow<'m, fantex_mesh::Mesh> {
+        let budget = match (self.budget, own_density) {
+            (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density.to_vec()),
+            (Budget::Default | Budget::Matching, None) => TexelBudget::Total(Self::DEFAULT_TEXELS),
+            (Budget::Texels(texels), _) => TexelBudget::Total(texels),
+            (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
         };
-        self.longest_edge.refined(self.mesh, texels, self.tile)
+        cuts.refined(mesh, &budget, self.tile)
     }
 
     /// Bakes another model's look and shape, and says how well the two fit.
-    fn transfer(
-        &self,
-        mesh: &fantex_mesh::Mesh,
-        detailed: &Mesh,
-        cage: Option<f64>,
-        goal: &Goal<'_>,
-    ) -> Result<Baked> {
-        let mesh = without_textures(mesh);
+    fn transfer(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
+        let mesh = self.refined(self.mesh, self.longest_edge.unwrap_or_default(), None);
+        let mesh = without_textures(&mesh);
         let mut notes: Vec<String> =
             detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
         let (materials, vertices);

@@ -20,38 +20,49 @@ const TRIANGLE_BYTES: f64 = 6.0;
 /// What automatic cuts must gain, decibels.
 const MIN_GAIN: f64 = 0.5;
 
+/// Models whose triangles have fewer texels than this on average have borders that are thin enough.
+const MIN_TEXELS_PER_TRIANGLE: f64 = 256.0;
+
+/// Cuts that give fewer triangles than this, times those there are, change too little to be tried.
+const MIN_GROWTH: f64 = 1.25;
+
 /// How large triangles are cut before they are covered.
 ///
 /// Tiles overlap by whole triangles: those of few large ones have wide, jagged borders, and what is bent at a corner of the model
-/// stretches all that lies around it. Small triangles at the bends make borders thin. The surface and its shading stay as they are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// stretches all that lies around it. Small triangles at the bends make borders thin. The surface and its shading stay as they are, and
+/// so do the vertices, which come before those that cuts add.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LongestEdge {
     /// Cuts as far as it makes textures sharper than the same bytes spent on texels, and by at least half a decibel; at most 64 000
     /// triangles.
+    #[default]
     Automatic,
     /// Cuts until edges that end at a bend are at most so many texels long, or twice as many and so on where these were more than 200 000
     /// triangles; 0 leaves the mesh as it is.
     Texels(u32),
 }
 
-impl Default for LongestEdge {
-    /// Triangles stay whole.
-    fn default() -> Self {
-        Self::Texels(0)
-    }
-}
-
 impl LongestEdge {
-    /// The mesh that is covered with about `texels` texels in tiles of at most `tile` texels; one fan per tile, 0, leaves it as it is.
-    pub fn refined(self, mesh: &Mesh, texels: f64, tile: u32) -> Cow<'_, Mesh> {
+    /// The mesh that is covered with such a budget in tiles of at most `tile` texels; one fan per tile, 0, leaves it as it is.
+    pub fn refined<'m>(self, mesh: &'m Mesh, budget: &TexelBudget, tile: u32) -> Cow<'m, Mesh> {
+        let texels = match budget {
+            TexelBudget::Total(texels) => *texels as f64,
+            TexelBudget::Density(density) => density.powi(2) * mesh.area(),
+            TexelBudget::PerTriangle(densities) => {
+                let of = |(t, density): (usize, &f32)| f64::from(*density).powi(2) * mesh.triangle_area(t);
+                densities.iter().enumerate().map(of).sum()
+            }
+        };
+        if self.leaves_whole(mesh, tile) {
+            return Cow::Borrowed(mesh);
+        }
         let longest = longest_edge(mesh);
         let density = (texels / mesh.area()).sqrt();
-        if tile == 0 || !density.is_normal() {
+        if !density.is_normal() {
             return Cow::Borrowed(mesh);
         }
         match self {
             Self::Automatic => automatic(mesh, texels, tile, longest * density),
-            Self::Texels(0) => Cow::Borrowed(mesh),
             Self::Texels(edge) => {
                 let most = MAX_TRIANGLES.max(mesh.triangles.len() as u64);
                 let mut wanted = f64::from(edge) / density;
@@ -66,35 +77,55 @@ impl LongestEdge {
             }
         }
     }
+
+    /// Whether a mesh stays as it is, however many texels it gets.
+    pub(crate) fn leaves_whole(self, mesh: &Mesh, tile: u32) -> bool {
+        tile == 0
+            || match self {
+                Self::Automatic => 2 * mesh.triangles.len() as u64 > MAX_TRIANGLES_AUTOMATIC,
+                Self::Texels(edge) => edge == 0,
+            }
+    }
 }
 
-/// `longest`: the mesh's longest edge, texels.
+/// Tries one length after the other until the next costs more. `longest`: the mesh's longest edge, texels.
 fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh> {
     let whole = Cow::Borrowed(mesh);
-    let edges = LONGEST_EDGES.into_iter().map(f64::from).filter(|edge| *edge < longest);
-    if 2 * mesh.triangles.len() as u64 > MAX_TRIANGLES_AUTOMATIC || edges.clone().next().is_none() {
+    let triangles = mesh.triangles.len() as f64;
+    let mut edges = LONGEST_EDGES.into_iter().map(f64::from).filter(|edge| *edge < longest).peekable();
+    if texels < MIN_TEXELS_PER_TRIANGLE * triangles || edges.peek().is_none() {
         return whole;
     }
     let budget = TexelBudget::Total(texels as u64);
     let options = CoverOptions { budget, tile, ..CoverOptions::default() };
+    let cost_of_bytes =
+        |mesh: &Mesh| 20.0 * (1.0 + TRIANGLE_BYTES * mesh.triangles.len() as f64 / texels).log10();
     let cost = |mesh: &Mesh| {
         let (_, CoverStats { loss_db, .. }) = build_cover(mesh, &options).ok()?;
-        let bytes = texels + TRIANGLE_BYTES * mesh.triangles.len() as f64;
-        Some(loss_db + 20.0 * (bytes / texels).log10())
+        Some(loss_db + cost_of_bytes(mesh))
     };
     let Some(cost_of_whole) = cost(mesh) else { return whole };
-    let mut best = (cost_of_whole - MIN_GAIN, whole);
+    let limit = cost_of_whole - MIN_GAIN;
+    let mut best: Option<(f64, Mesh)> = None;
     for edge in edges {
-        if best.0 <= 0.0 {
-            break;
-        }
         let edge = (edge / longest) as f32 * longest_edge(mesh) as f32;
         let Ok(refined) = refine_at_bends(mesh, edge, MAX_TRIANGLES_AUTOMATIC) else { break };
-        if let Some(cost) = cost(&refined).filter(|cost| *cost < best.0) {
-            best = (cost, Cow::Owned(refined));
+        if cost_of_bytes(&refined) >= best.as_ref().map_or(limit, |(cost, _)| *cost) {
+            break;
         }
+        if (refined.triangles.len() as f64) < MIN_GROWTH * triangles {
+            continue;
+        }
+        let Some(cost) = cost(&refined) else { continue };
+        if best.as_ref().is_some_and(|(least, _)| cost > *least) {
+            break;
+        }
+        best = Some((cost, refined));
     }
-    best.1
+    match best {
+        Some((cost, refined)) if cost < limit => Cow::Owned(refined),
+        _ => whole,
+    }
 }
 
 /// Mesh units.

@@ -12,7 +12,7 @@ use glam::DVec3;
 const TEXELS: u64 = 1_000_000;
 
 fn automatic(mesh: &Mesh) -> Mesh {
-    LongestEdge::Automatic.refined(mesh, TEXELS as f64, 1024).into_owned()
+    LongestEdge::Automatic.refined(mesh, &TexelBudget::Total(TEXELS), 1024).into_owned()
 }
 
 fn loss(mesh: &Mesh) -> f64 {
@@ -78,8 +78,8 @@ fn nothing_is_cut_where_there_is_one_fan_per_tile_or_where_that_was_asked_for() 
     for (longest_edge, tile) in
         [(LongestEdge::Automatic, 0), (LongestEdge::Texels(16), 0), (LongestEdge::Texels(0), 1024)]
     {
-        assert_eq!(longest_edge.refined(&mesh, TEXELS as f64, tile).triangles, mesh.triangles);
+        assert_eq!(longest_edge.refined(&mesh, &TexelBudget::Total(TEXELS), tile).triangles, mesh.triangles);
     }
-    let cut = LongestEdge::Texels(64).refined(&mesh, TEXELS as f64, 1024).into_owned();
+    let cut = LongestEdge::Texels(64).refined(&mesh, &TexelBudget::Total(TEXELS), 1024).into_owned();
     assert!(cut.triangles.len() > 100);
 }

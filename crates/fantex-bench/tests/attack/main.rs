@@ -245,7 +245,7 @@ fn materials_beside_models_are_refused_or_sound() {
     attack(&[("a.mtl".to_owned(), material.as_bytes().to_vec())], 2000, |name, bytes| {
         std::fs::write(at(name), bytes).unwrap();
         let Ok(mesh) = fantex::Mesh::load(at("a.obj")) else { return };
-        drop(Baker::new(&mesh).texels(2000).overwrite(true).write(&at("a.fan")));
+        drop(Baker::new(&mesh).texels(2000).overwrite(true).write(at("a.fan")));
     });
 }
 

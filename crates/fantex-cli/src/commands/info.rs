@@ -57,7 +57,7 @@ pub(crate) struct CoverArgs {
     #[arg(long, value_name = "N")]
     pub(crate) tile: Option<u32>,
     /// Cut triangles at bends until their edges are at most so many texels long; auto: as far as it makes textures sharper, which it does on
-    /// models of few large triangles. 0 and --tile 0 leave them whole [default: 0]
+    /// models of few large triangles. 0 and --tile 0 leave them whole [default: auto]
     #[arg(long, value_name = "N|auto")]
     pub(crate) longest_edge: Option<LongestEdgeArg>,
 }
@@ -87,12 +87,7 @@ impl CoverArgs {
 
     /// The mesh that is covered.
     fn refined<'m>(&self, mesh: &'m fantex::mesh::Mesh, budget: &TexelBudget) -> Cow<'m, fantex::mesh::Mesh> {
-        let texels = match budget {
-            TexelBudget::Total(texels) => *texels as f64,
-            TexelBudget::Density(density) => density.powi(2) * mesh.area(),
-            TexelBudget::PerTriangle(_) => return Cow::Borrowed(mesh),
-        };
-        self.longest_edge.unwrap_or_default().0.refined(mesh, texels, self.options(budget.clone()).tile)
+        self.longest_edge.unwrap_or_default().0.refined(mesh, budget, self.options(budget.clone()).tile)
     }
 
     /// The number of texels or the density that was asked for.

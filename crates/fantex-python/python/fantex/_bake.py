@@ -133,7 +133,8 @@ def bake(
             several threads, with blocks of points. By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
-            textures sharper, which it does on models of few large triangles. The asset's triangles are then not the model's.
+            textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
+            and looks with baked light. The triangles of the asset are then not the model's; its vertices come first.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
         quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``.

@@ -75,7 +75,8 @@ impl PartWriter {
     /// Creates the temporary file of shard `number` of `count`.
     ///
     /// # Errors
-    /// The file exists and is not to be overwritten, or cannot be written; there is no such shard.
+    /// The file exists and is not to be overwritten, or cannot be written; there is no such shard; the plan was made on a processor whose
+    /// block encoders give other bytes.
     pub fn create(
         path: &Path,
         options: &CreateOptions,
@@ -84,6 +85,7 @@ impl PartWriter {
         count: u32,
     ) -> Result<Self> {
         let groups = plan.shard(number, count)?;
+        plan.check_encoders()?;
         if !options.force && path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }

@@ -10,13 +10,15 @@ use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::{NewFile, check_contents, pack_section};
+use crate::encoder_print::encoder_fingerprint;
 use crate::error::damaged;
 use crate::header::{FLAG_PLAN, Sections, read_slot_with};
 use crate::{ByteSource as _, Channel, FileSource, channel, cover_section, mesh_section};
 
 /// Everything of an asset but its texels.
 ///
-/// A file has the layout of an asset without clusters, the flag of plans, and `about` in place of the directory.
+/// A file has the layout of an asset without clusters, the flag of plans, and, in place of the directory, a fingerprint of the block
+/// encoders and `about`.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Where it lies.
@@ -29,6 +31,8 @@ pub struct Plan {
     pub channels: Vec<Channel>,
     /// What its writer noted, for whoever bakes.
     pub about: Vec<u8>,
+    /// Of the block encoders of the processor that planned.
+    pub(super) encoders: u64,
     /// Of the contents but `about`: parts of one plan have the same.
     pub(super) identity: u128,
 }
@@ -47,11 +51,13 @@ impl Plan {
         about: &[u8],
     ) -> Result<u64> {
         check_contents(path, force, mesh, cover, channels)?;
+        let mut notes = encoders_of(channels)?.to_le_bytes().to_vec();
+        notes.extend_from_slice(about);
         let write = || {
             let mut file = NewFile::create(path, 1, 0)?;
             file.slot.flags = FLAG_PLAN;
             file.contents(mesh, cover, channels)?;
-            let (stored, record) = pack_section(about)?;
+            let (stored, record) = pack_section(&notes)?;
             file.section(3, &stored, record)?;
             file.seal(None)
         };
@@ -72,14 +78,18 @@ impl Plan {
             return Err(Error::invalid(sentence).with_path(path));
         }
         let sections = Sections::read(&source, &slot)?;
-        let [channels, cover, mesh, about] = [0, 1, 2, 3].map(|index| sections.unpack(index));
-        let (channel_bytes, cover_bytes, mesh_bytes) = (channels?, cover?, mesh?);
+        let [channels, cover, mesh, notes] = [0, 1, 2, 3].map(|index| sections.unpack(index));
+        let (channel_bytes, cover_bytes, mesh_bytes, notes) = (channels?, cover?, mesh?, notes?);
         let wrong = |error: Error| damaged(path, error);
+        let Some((encoders, about)) = notes.split_first_chunk() else {
+            return Err(wrong(Error::damaged("what a plan notes begins with 8 bytes on the block encoders")));
+        };
         let mesh = mesh_section::decode(&mesh_bytes).map_err(wrong)?;
         let cover = cover_section::decode(&cover_bytes, mesh.triangles.len()).map_err(wrong)?;
         let channels = channel::decode_channels(&channel_bytes).map_err(wrong)?;
         let identity = identity(&[&channel_bytes, &cover_bytes, &mesh_bytes]);
-        Ok(Self { path: path.to_owned(), mesh, cover, channels, about: about?, identity })
+        let (encoders, about) = (u64::from_le_bytes(*encoders), about.to_vec());
+        Ok(Self { path: path.to_owned(), mesh, cover, channels, about, encoders, identity })
     }
 
     /// Whether this is the mesh, and these are the channels, that were planned.
@@ -90,6 +100,21 @@ impl Plan {
             mesh_section::encode(mesh),
         ];
         identity(&[&sections[0], &sections[1], &sections[2]]) == self.identity
+    }
+
+    /// Whether this processor's block encoders write the bytes that those of the processor that planned do.
+    ///
+    /// # Errors
+    /// They do not.
+    pub(super) fn check_encoders(&self) -> Result<()> {
+        if self.encoders == encoders_of(&self.channels)? {
+            return Ok(());
+        }
+        Err(Error::unsupported(format!(
+            "{} was made on a processor whose block encoders give other bytes than this one's; plan and bake on one kind of processor, or \
+             bake uncompressed texels (--format rgba8), which are the same on all",
+            self.path.display()
+        )))
     }
 
     /// The groups of shard `number` of `count`, counted from 1: runs with as many texels each as whole groups allow.
@@ -118,6 +143,11 @@ impl Plan {
     }
 }
 
+fn encoders_of(channels: &[Channel]) -> Result<u64> {
+    let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
+    encoder_fingerprint(&formats)
+}
+
 fn identity(sections: &[&[u8]]) -> u128 {
     let mut hash = Xxh3::new();
     for section in sections {
@@ -125,4 +155,33 @@ fn identity(sections: &[&[u8]]) -> u128 {
         hash.update(section);
     }
     hash.digest128()
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_cover::{CoverOptions, build_cover};
+    use fantex_mesh::generate::cube;
+    use fantex_mesh::{CleanOptions, clean};
+
+    use super::*;
+    use crate::{ChannelKind, TexelFormat};
+
+    #[test]
+    fn plans_of_other_encoders_are_refused_where_texels_are_compressed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.plan");
+        let (mesh, _) = clean(cube(1), &CleanOptions::default()).unwrap();
+        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+        for (format, is_compressed) in [(TexelFormat::Bc1, true), (TexelFormat::Rgba8, false)] {
+            let channels = [Channel { kind: ChannelKind::BaseColor, format, srgb: true }];
+            Plan::write(&path, true, &mesh, &cover, &channels, b"notes").unwrap();
+            let mut plan = Plan::open(&path).unwrap();
+            assert_eq!(plan.about, b"notes");
+            assert_eq!(plan.encoders != 0, is_compressed);
+            plan.check_encoders().unwrap();
+            plan.encoders ^= 1;
+            let sentence = plan.check_encoders().unwrap_err().to_string();
+            assert!(sentence.contains("a.plan was made on a processor whose block encoders"), "{sentence}");
+        }
+    }
 }

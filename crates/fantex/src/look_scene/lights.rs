@@ -281,6 +281,11 @@ impl LookBake {
         Ok(Self { materials, time: bake.time as f32, heights, light })
     }
 
+    /// Whether light is baked in.
+    pub fn has_light(&self) -> bool {
+        self.light.is_some()
+    }
+
     /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].
     ///
     /// # Errors
