@@ -98,7 +98,7 @@ impl CoverStats {
 const CHUNK: usize = 1024;
 
 /// Texels eight times as long as the ideal show nothing of detail that takes sixteen of those.
-const LARGEST_ERROR: f64 = 4096.0;
+const MAX_ERROR: f64 = 4096.0;
 
 /// 2^18 triangles tell percentiles as well as two million do.
 const SAMPLED_CHUNKS: usize = 256;
@@ -141,7 +141,7 @@ impl Part {
                 part.worst_texels += f64::from(small * small) * weight;
                 let fourth = |length: f32| f64::from(length).powi(4).max(f64::MIN_POSITIVE);
                 let error = 0.5 * ideal * ideal * (1.0 / fourth(large) + 1.0 / fourth(small));
-                part.error += weight * error.min(LARGEST_ERROR);
+                part.error += weight * error.min(MAX_ERROR);
                 part.read_texels += texels * a * region_share(groups, slot, f64::from(cover.delta));
                 part.stretch.add(small / density, weight);
                 part.spread.add(large * small / (density * density), weight);

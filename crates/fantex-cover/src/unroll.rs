@@ -37,7 +37,7 @@ const STEPS: usize = 24;
 const TOLERANCE: f64 = 0.05;
 
 /// A round that lowers the energy by less of itself is the last.
-const LEAST_GAIN: f64 = 1e-3;
+const MIN_GAIN: f64 = 1e-3;
 
 /// How often a step is halved that raises the energy.
 const HALVINGS: usize = 12;
@@ -359,7 +359,7 @@ impl Unroller {
             *places = moved;
             let gain = energy - next;
             energy = next;
-            if gain < LEAST_GAIN * energy || gain < 0.01 * (energy - least) {
+            if gain < MIN_GAIN * energy || gain < 0.01 * (energy - least) {
                 return;
             }
         }

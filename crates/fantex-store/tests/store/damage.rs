@@ -41,7 +41,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// Far above what the small test file needs, far below what its patched counts claim.
-const LARGEST_ALLOCATION: usize = 32 << 20;
+const MAX_ALLOCATION: usize = 32 << 20;
 
 /// A small asset: its path and bytes.
 fn small_asset(folder: &Path) -> (PathBuf, Vec<u8>) {
@@ -57,7 +57,7 @@ fn small_asset(folder: &Path) -> (PathBuf, Vec<u8>) {
 fn use_all(path: &Path) -> Result<(Arc<Asset>, VerifyReport), Error> {
     LARGEST.set(0);
     let asset = Asset::open(path);
-    assert!(LARGEST.get() < LARGEST_ALLOCATION, "{} bytes at once", LARGEST.get());
+    assert!(LARGEST.get() < MAX_ALLOCATION, "{} bytes at once", LARGEST.get());
     let asset = Arc::new(asset?);
     let cache = PageCache::new(Arc::clone(&asset), 1 << 20);
     for id in pages(asset.cover()).take(64) {

@@ -299,13 +299,13 @@ pub struct IrradianceHarmonics {
 }
 
 /// Sides above this are not needed: averages enter here only.
-const ENOUGH_ROWS: u32 = 128;
+const MAX_ROWS: u32 = 128;
 
 impl IrradianceHarmonics {
     /// Projects an environment.
     pub fn of_map(map: &EnvironmentMap) -> Self {
         let last = map.level_count() - 1;
-        let level = (0..=last).find(|&level| map.level_size(level)[1] <= ENOUGH_ROWS).unwrap_or(last);
+        let level = (0..=last).find(|&level| map.level_size(level)[1] <= MAX_ROWS).unwrap_or(last);
         let sums = map.integrate(level, |direction, steradians, color| {
             let light = color * steradians;
             let mut terms = [Vec3::ZERO; 10];
