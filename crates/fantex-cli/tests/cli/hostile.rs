@@ -316,7 +316,10 @@ fn damaged_tiles_are_said_and_strictly_refused() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "colored.ply", COLORED_PLY);
     let asset = folder.path().join("good.fan");
-    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"64k", &"--format", &"rgba8"]);
+    let whole: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--longest-edge", &"0"];
+    let bake: [&dyn AsRef<std::ffi::OsStr>; 8] =
+        [&"bake", &model, &"-o", &asset, &"--texels", &"64k", &"--format", &"rgba8"];
+    succeeds(&[bake.as_slice(), &whole].concat());
     let mut bytes = std::fs::read(&asset).unwrap();
     // In every cluster: each begins at a multiple of 4096, after one for the sections.
     bytes[3 * 4096 + 16..].iter_mut().step_by(4096).for_each(|byte| *byte ^= 0x10);
