@@ -14,8 +14,9 @@ use fantex_store::{
 };
 use rayon::prelude::*;
 
-use crate::Source;
+use crate::light::BYTES_PER_TEXEL;
 use crate::tile::{BakedTile, ChannelPlan, TileBaker};
+use crate::{LightMapNoise, LightMapSource, Source};
 
 /// Bytes that one texel of a batch takes in encoded form, per channel: an uncompressed byte format with its levels.
 const ENCODED_BYTES_PER_TEXEL: u64 = 6;
@@ -161,7 +162,9 @@ impl<'a> Job<'a> {
         let normals = shading_normals(mesh);
         let own = &cover.groups[groups.start as usize..groups.end as usize];
         let meter = Meter::new(progress, own.iter().map(Group::texels).sum());
-        let limits = BatchLimits::new(options, plans.len());
+        let is_noisy = source.light_map().is_some_and(LightMapSource::denoises);
+        let extra = if is_noisy { BYTES_PER_TEXEL } else { 0 };
+        let limits = BatchLimits::new(options, plans.len(), extra);
         let in_work = limits.in_work;
         let baker = TileBaker {
             mesh,
@@ -203,6 +206,7 @@ impl<'a> Job<'a> {
             bake_seconds: baked.bake_time.as_secs_f64(),
             encode_seconds: baked.encode_time.as_secs_f64(),
             write_seconds: baked.write_time.as_secs_f64(),
+            light: self.source.light_map().map(LightMapSource::noise),
         }
     }
 }
@@ -227,14 +231,15 @@ struct BatchLimits {
 }
 
 impl BatchLimits {
-    fn new(options: &BakeOptions, channels: usize) -> Self {
+    /// `extra`: bytes of a texel in work besides those of its channels.
+    fn new(options: &BakeOptions, channels: usize, extra: u64) -> Self {
         let per_texel = match options.format {
             BakeFormat::Float => ENCODED_BYTES_PER_FLOAT_TEXEL,
             _ => ENCODED_BYTES_PER_TEXEL,
         };
-        let quarter = input::share_of_cache(options.memory_bytes) / 4 / channels as u64;
-        let in_work = 3 * quarter / WORKING_BYTES_PER_TEXEL;
-        let texels = (quarter / per_texel).min(in_work);
+        let quarter = input::share_of_cache(options.memory_bytes) / 4;
+        let in_work = 3 * quarter / (WORKING_BYTES_PER_TEXEL * channels as u64 + extra);
+        let texels = (quarter / channels as u64 / per_texel).min(in_work);
         Self { texels: texels.clamp(*BATCH_TEXELS.start(), *BATCH_TEXELS.end()), in_work }
     }
 }
@@ -330,6 +335,8 @@ pub struct BakeSummary {
     pub encode_seconds: f64,
     /// Seconds spent packing and writing.
     pub write_seconds: f64,
+    /// The noise of baked light; of a part of the asset where that was baked.
+    pub light: Option<LightMapNoise>,
 }
 
 // Progress of a long operation, and the wish to end it.
@@ -395,7 +402,7 @@ mod tests {
         for memory_bytes in [0, 1 << 20, 16 << 20, 1 << 40] {
             for (format, channels) in [(BakeFormat::Bc7, 1), (BakeFormat::Bc7, 4), (BakeFormat::Float, 2)] {
                 let options = BakeOptions { memory_bytes, format, ..BakeOptions::default() };
-                let BatchLimits { texels, in_work } = BatchLimits::new(&options, channels);
+                let BatchLimits { texels, in_work } = BatchLimits::new(&options, channels, 0);
                 let smallest = *BATCH_TEXELS.start();
                 // Those that wait, and those in work, with 40 bytes each.
                 let per_texel = if format == BakeFormat::Float { 22 } else { 6 };

@@ -13,8 +13,9 @@
 //! of which those that give most are asked most often. No choice changes the mean.
 //!
 //! Noise is measured, not guessed: every texel is estimated four times, independently, and the spread of the four is the
-//! standard error of their mean. Texels do not depend on threads, nor on each other.
+//! standard error of their mean. A bake then takes out what the errors explain (`denoise.rs`). Nothing depends on threads.
 
+mod denoise;
 mod sky_table;
 mod tracer;
 
@@ -26,6 +27,8 @@ use fantex_mesh::{Mesh, SurfacePoint, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use glam::{DVec3, Vec3, Vec4};
 
+use crate::light::denoise::Estimate;
+pub(crate) use crate::light::denoise::{BYTES_PER_TEXEL, NoisyLight, REACH_TEXELS, SmoothLight};
 use crate::light::sky_table::SkyTable;
 pub use crate::light::tracer::BakeLight;
 use crate::light::tracer::{Lamp, Sequence, Tracer, mixed};
@@ -90,8 +93,25 @@ impl<'a> LightMapSource<'a> {
     }
 
     /// Light at a point; `lambda_steps` are the sides of the parallelogram around it over which the mean is taken, as changes
-    /// of the barycentric coordinates (zero: the point alone).
+    /// of the barycentric coordinates (zero: the point alone). It is not denoised.
     pub fn illumination(&self, at: SurfacePoint, lambda_steps: [Vec3; 2]) -> Illumination {
+        self.estimates(at, lambda_steps).0
+    }
+
+    /// Light at a texel, for [`NoisyLight`]; its noise is counted.
+    pub(crate) fn estimate(&self, at: SurfacePoint, lambda_steps: [Vec3; 2]) -> Estimate {
+        let (light, [a, b, c, d]) = self.estimates(at, lambda_steps);
+        self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);
+        // Half as many paths have twice the variance.
+        Estimate { halves: [(a + b) / 2.0, (c + d) / 2.0], variance: 2.0 * light.standard_error.powi(2) }
+    }
+
+    /// Light at a point, and the estimates that it is the mean of.
+    fn estimates(
+        &self,
+        at: SurfacePoint,
+        lambda_steps: [Vec3; 2],
+    ) -> (Illumination, [Vec3; ESTIMATES as usize]) {
         let options = &self.tracer.options;
         let seed = at
             .lambda
@@ -114,10 +134,21 @@ impl<'a> LightMapSource<'a> {
             let (value, standard_error) = mean_and_error(&sums, done);
             let good = options.target_error.is_none_or(|target| standard_error <= target);
             if good || done >= most {
-                return Illumination { value, standard_error, samples: done * ESTIMATES };
+                let light = Illumination { value, standard_error, samples: done * ESTIMATES };
+                return (light, sums.map(|sum| (sum / f64::from(done)).as_vec3()));
             }
             goal = (2 * done).min(most);
         }
+    }
+
+    /// Whether bakes take the noise out.
+    pub(crate) fn denoises(&self) -> bool {
+        self.tracer.options.denoise
+    }
+
+    /// Counts what denoising has left.
+    pub(crate) fn count_left(&self, light: &SmoothLight) {
+        light.errors.iter().for_each(|&error| self.meter.add_left(error));
     }
 
     /// The noise of all texels so far. It does not depend on the number of threads.
@@ -146,9 +177,16 @@ impl Source for LightMapSource<'_> {
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let light = self.illumination(point.at, point.lambda_steps);
-        self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);
-        values[0] = light.value.extend(1.0);
+        let [a, b] = self.estimate(point.at, point.lambda_steps).halves;
+        values[0] = (0.5 * (a + b)).extend(1.0);
+    }
+
+    fn light_map(&self) -> Option<&LightMapSource<'_>> {
+        Some(self)
+    }
+
+    fn evaluate_lit(&self, _: &[TexelPoint], light: &[Vec3], values: &mut [Vec4]) {
+        values.iter_mut().zip(light).for_each(|(value, light)| *value = light.extend(1.0));
     }
 }
 
@@ -174,12 +212,14 @@ pub struct LightMapOptions {
     /// Rays start from the smooth surface that vertex normals suggest where it lies above the triangle (J. Hanika,
     /// "Hacking the Shadow Terminator", 2021), so that coarse round objects do not shade themselves triangle by triangle.
     pub smooth_terminator: bool,
+    /// Bakes replace texels by the mean of those of their tile that differ by no more than noise.
+    pub denoise: bool,
     /// Other seeds give other noise.
     pub seed: u32,
 }
 
 impl Default for LightMapOptions {
-    /// All light, 256 paths of up to 4 reflections, not adaptive.
+    /// All light, 256 paths of up to 4 reflections, not adaptive, denoised.
     fn default() -> Self {
         Self {
             quantity: LightQuantity::Full,
@@ -189,6 +229,7 @@ impl Default for LightMapOptions {
             bounces: 4,
             occlusion_distance: None,
             smooth_terminator: true,
+            denoise: true,
             seed: 0,
         }
     }
@@ -356,6 +397,8 @@ pub struct LightMapNoise {
     pub error_95: f64,
     /// The largest standard error (to a quarter of an octave).
     pub largest_error: f64,
+    /// Mean of the standard errors that denoising has left; `mean_error` where nothing was denoised.
+    pub mean_error_left: f64,
 }
 
 /// Sums are whole multiples of this.
@@ -367,6 +410,10 @@ const BUCKETS: usize = 160;
 /// Upper end of the first bucket.
 const FIRST: f64 = UNIT;
 
+fn units(x: f32) -> u64 {
+    (f64::from(x).clamp(0.0, FIXED_POINT_LIMIT) / UNIT).round() as u64
+}
+
 /// Gathers errors from many threads; whole numbers, so that the sums do not depend on the order.
 #[derive(Debug)]
 struct NoiseMeter {
@@ -374,6 +421,9 @@ struct NoiseMeter {
     samples: AtomicU64,
     values: AtomicU64,
     errors: AtomicU64,
+    /// How many texels are denoised, and the sum of their errors.
+    denoised: AtomicU64,
+    errors_left: AtomicU64,
     buckets: Vec<AtomicU64>,
 }
 
@@ -381,18 +431,30 @@ impl Default for NoiseMeter {
     fn default() -> Self {
         let zero = || AtomicU64::new(0);
         let buckets = (0..BUCKETS).map(|_| zero()).collect();
-        Self { texels: zero(), samples: zero(), values: zero(), errors: zero(), buckets }
+        Self {
+            texels: zero(),
+            samples: zero(),
+            values: zero(),
+            errors: zero(),
+            denoised: zero(),
+            errors_left: zero(),
+            buckets,
+        }
     }
 }
 
 impl NoiseMeter {
     pub(crate) fn add(&self, value: f32, error: f32, samples: u32) {
-        let units = |x: f32| (f64::from(x).clamp(0.0, FIXED_POINT_LIMIT) / UNIT).round() as u64;
         self.texels.fetch_add(1, Relaxed);
         self.samples.fetch_add(samples.into(), Relaxed);
         self.values.fetch_add(units(value), Relaxed);
         self.errors.fetch_add(units(error), Relaxed);
         self.buckets[bucket(error.into())].fetch_add(1, Relaxed);
+    }
+
+    pub(crate) fn add_left(&self, error: f32) {
+        self.denoised.fetch_add(1, Relaxed);
+        self.errors_left.fetch_add(units(error), Relaxed);
     }
 
     pub(crate) fn report(&self) -> LightMapNoise {
@@ -405,6 +467,11 @@ impl NoiseMeter {
             below * 20 >= texels * 19
         });
         let largest = counts.iter().rposition(|&count| count > 0);
+        let denoised = self.denoised.load(Relaxed);
+        let (sum, count) = match denoised {
+            0 => (&self.errors, texels),
+            _ => (&self.errors_left, denoised),
+        };
         LightMapNoise {
             texels,
             mean_samples: mean(&self.samples),
@@ -412,6 +479,7 @@ impl NoiseMeter {
             mean_error: mean(&self.errors) * UNIT,
             error_95: error_95.filter(|_| texels > 0).map_or(0.0, upper_end),
             largest_error: largest.map_or(0.0, upper_end),
+            mean_error_left: sum.load(Relaxed) as f64 / count.max(1) as f64 * UNIT,
         }
     }
 }

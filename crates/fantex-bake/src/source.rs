@@ -89,6 +89,18 @@ pub trait Source: Sync {
         let values = values.chunks_mut(channels);
         points.iter().zip(values).for_each(|(point, values)| self.evaluate(point, values));
     }
+
+    /// The light that its values are made of. Where it is to be denoised, bakes do so first, and take values from
+    /// [`Source::evaluate_lit`].
+    fn light_map(&self) -> Option<&LightMapSource<'_>> {
+        None
+    }
+
+    /// As [`Source::evaluate_all`], with the light at each point given (irradiance over pi, linear RGB).
+    fn evaluate_lit(&self, points: &[TexelPoint], light: &[Vec3], values: &mut [Vec4]) {
+        let _ = light;
+        self.evaluate_all(points, values);
+    }
 }
 
 /// Calls `visit` with the points of each run that `together` accepts, and with their values, `channels` for each point.
@@ -293,11 +305,6 @@ impl<'a> LitSource<'a> {
         let colors = source.map(SurfaceColors::new).filter(|colors| colors.base_color.is_some());
         Self { light, colors }
     }
-
-    /// The light, for its noise.
-    pub fn light(&self) -> &LightMapSource<'a> {
-        &self.light
-    }
 }
 
 impl Source for LitSource<'_> {
@@ -311,14 +318,22 @@ impl Source for LitSource<'_> {
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        let at = SurfacePoint { lambda: lambda / lambda.element_sum().max(f32::MIN_POSITIVE), ..point.at };
-        let light = self.light.illumination(at, point.lambda_steps).value;
-        let (color, emission) = self.colors.as_ref().map_or((Vec4::ONE, Vec3::ZERO), |colors| {
-            let all = colors.values(point);
-            let emission = colors.emission.map_or(Vec3::ZERO, |c| all[c].truncate());
-            (colors.base_color.map_or(Vec4::ONE, |c| all[c]), emission)
-        });
-        values[0] = (color.truncate() * light + emission).extend(color.w);
+        let [a, b] = self.light.estimate(point.at, point.lambda_steps).halves;
+        self.evaluate_lit(std::slice::from_ref(point), &[0.5 * (a + b)], values);
+    }
+
+    fn light_map(&self) -> Option<&LightMapSource<'_>> {
+        Some(&self.light)
+    }
+
+    fn evaluate_lit(&self, points: &[TexelPoint], light: &[Vec3], values: &mut [Vec4]) {
+        for ((point, &light), value) in points.iter().zip(light).zip(values) {
+            let (color, emission) = self.colors.as_ref().map_or((Vec4::ONE, Vec3::ZERO), |colors| {
+                let all = colors.values(point);
+                let emission = colors.emission.map_or(Vec3::ZERO, |c| all[c].truncate());
+                (colors.base_color.map_or(Vec4::ONE, |c| all[c]), emission)
+            });
+            *value = (color.truncate() * light + emission).extend(color.w);
+        }
     }
 }

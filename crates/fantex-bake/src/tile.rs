@@ -6,7 +6,7 @@
 //!  block 0,1 | block 1,1      the tile:   SHARED_LEVEL and everything coarser
 //! ```
 //!
-//! Large tiles are cut into blocks with a margin of `HALO` texels, so that a texel's value does not depend on the cut, and
+//! Large tiles are cut into blocks with a margin of `HALO` texels (`NOISY_HALO` for light that is denoised), so that a texel's value does not depend on the cut, and
 //! memory does not grow with the tile.
 
 use std::time::{Duration, Instant};
@@ -23,8 +23,9 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::{Meter, cancelled};
+use crate::light::{NoisyLight, REACH_TEXELS};
 use crate::raster::{CutOut, Fitting, Mean, Overshoot, Raster, StoredRows};
-use crate::{BakeFormat, BakeOptions, Source, SourceChannel, TexelPoint};
+use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint};
 
 /// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
 /// to `SHARED_LEVEL`.
@@ -33,8 +34,11 @@ const BLOCK: u32 = 1024;
 /// The finest level at which a block is smaller than a page.
 const SHARED_LEVEL: u32 = 3;
 
-/// One texel of `SHARED_LEVEL`, twice.
+/// Two texels of `SHARED_LEVEL`.
 const HALO: u32 = 16;
+
+/// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
+const NOISY_HALO: u32 = HALO + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
 
 /// Points that a source is asked for at a time.
 const POINTS: usize = 256;
@@ -137,8 +141,9 @@ impl TileBaker<'_> {
         // Along a short side the block is the whole tile and nothing is cut there.
         let low: [u32; 2] = std::array::from_fn(|k| at[k] * BLOCK);
         let high: [u32; 2] = std::array::from_fn(|k| (low[k] + BLOCK).min(extent[k]));
-        let origin: [u32; 2] = std::array::from_fn(|k| low[k].saturating_sub(HALO));
-        let end: [u32; 2] = std::array::from_fn(|k| (high[k] + HALO).min(extent[k]));
+        let halo = if self.noisy_light().is_some() { NOISY_HALO } else { HALO };
+        let origin: [u32; 2] = std::array::from_fn(|k| low[k].saturating_sub(halo));
+        let end: [u32; 2] = std::array::from_fn(|k| (high[k] + halo).min(extent[k]));
         let block = TexelBlock { origin, extent: [end[0] - origin[0], end[1] - origin[1]] };
         let near: Vec<TexelTriangle> = triangles.iter().filter(|t| t.touches(block)).copied().collect();
         let mut tile = BakedTile::default();
@@ -185,14 +190,20 @@ impl TileBaker<'_> {
         let cut_out = self.cut_out(&footprints.triangles);
         let mut raster = Raster { cut_out, ..self.empty_raster(block.extent) };
         let channels = self.plans.len();
-        let width = block.extent[0];
         let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
         let mut values = Vec::with_capacity(POINTS * channels);
+        let light = self.noisy_light().map(|light| self.smooth_light(light, &footprints, block));
         let mut evaluate = |points: &mut Vec<TexelPoint>, texels: &mut Vec<u32>| {
             // Sources that have nothing to say about a point leave zeros, not what was there before.
             values.clear();
             values.resize(points.len() * channels, Vec4::ZERO);
-            self.source.evaluate_all(points, &mut values);
+            match &light {
+                Some(light) => {
+                    let light: Vec<Vec3> = texels.iter().map(|&texel| light[texel as usize]).collect();
+                    self.source.evaluate_lit(points, &light, &mut values);
+                }
+                None => self.source.evaluate_all(points, &mut values),
+            }
             self.turn_vectors(group, points, &mut values);
             let mut values = values.as_slice();
             // Texels that follow one another are copied together.
@@ -206,22 +217,56 @@ impl TileBaker<'_> {
             points.clear();
             texels.clear();
         };
-        let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
-        footprints.for_each_owner(|triangle, owned| {
-            let plane = self.plane(triangle);
-            for &texel in owned {
-                let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
-                points.push(plane.point(triangle.lambda(corner + place)));
-                texels.push(texel);
-                if texels.len() == POINTS {
-                    evaluate(&mut points, &mut texels);
-                }
+        self.for_each_point(&footprints, block, |texel, point| {
+            points.push(point);
+            texels.push(texel);
+            if texels.len() == POINTS {
+                evaluate(&mut points, &mut texels);
             }
         });
         evaluate(&mut points, &mut texels);
         raster.read = footprints.in_region;
         tile.bake_time += started.elapsed();
         raster
+    }
+
+    /// All texels of a block that a triangle owns, those of a triangle in a row.
+    fn for_each_point(
+        &self,
+        footprints: &Footprints,
+        block: TexelBlock,
+        mut visit: impl FnMut(u32, TexelPoint),
+    ) {
+        let width = block.extent[0];
+        let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
+        footprints.for_each_owner(|triangle, owned| {
+            let plane = self.plane(triangle);
+            for &texel in owned {
+                let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
+                visit(texel, plane.point(triangle.lambda(corner + place)));
+            }
+        });
+    }
+
+    /// The light that is to be denoised.
+    fn noisy_light(&self) -> Option<&LightMapSource<'_>> {
+        self.source.light_map().filter(|light| light.denoises())
+    }
+
+    /// The light at the texels of a block, without its noise.
+    fn smooth_light(
+        &self,
+        light: &LightMapSource<'_>,
+        footprints: &Footprints,
+        block: TexelBlock,
+    ) -> Vec<Vec3> {
+        let mut noisy = NoisyLight::new(block.extent);
+        self.for_each_point(footprints, block, |texel, point| {
+            noisy.set(texel as usize, &light.estimate(point.at, point.lambda_steps), &point);
+        });
+        let smooth = noisy.smoothed();
+        light.count_left(&smooth);
+        smooth.values
     }
 
     fn plane(&self, triangle: &TexelTriangle) -> Plane {
@@ -493,4 +538,62 @@ fn encode_pages(plans: &[ChannelPlan], quality: Quality, pages: &[Window<'_>]) -
         }
     }
     Ok(encoded)
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+    use fantex_mesh::{generate, shading_normals};
+    use fantex_test::cleaned;
+
+    use super::*;
+    use crate::{LightMapOptions, LightMapSource, LightScene, NoProgress};
+
+    /// A block's margin is wide enough: within it, denoised light is that of the whole tile, bit by bit.
+    #[test]
+    fn denoised_light_does_not_depend_on_blocks() {
+        let mesh = cleaned(generate::grid(3));
+        let budget = TexelBudget::Total(200 * 200);
+        let (cover, _) = build_cover(&mesh, &CoverOptions { budget, ..CoverOptions::default() }).unwrap();
+        let sky = |direction: Vec3| direction.abs();
+        let reflector = |_: SurfacePoint| Vec3::ONE;
+        let scene = LightScene { lights: Vec::new(), sky: &sky, reflector: &reflector };
+        let options = LightMapOptions { samples: 8, ..LightMapOptions::default() };
+        let source = LightMapSource::new(&mesh, &scene, options).unwrap();
+        let options = BakeOptions::default();
+        let plans: Vec<_> =
+            source.channels().iter().map(|channel| ChannelPlan::new(channel, options.format)).collect();
+        let baker = TileBaker {
+            mesh: &mesh,
+            cover: &cover,
+            source: &source,
+            normals: &shading_normals(&mesh),
+            plans: &plans,
+            options: &options,
+            in_work: u64::MAX,
+            meter: &Meter::new(&NoProgress, 0),
+        };
+        assert_eq!(cover.groups.len(), 1);
+        let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+        let raster = |block| {
+            let triangles = baker.texel_triangles(0, &all);
+            baker.evaluate(0, triangles, block, &mut BakedTile::default())
+        };
+        let extent = cover.groups[0].extent;
+        let whole = raster(TexelBlock { origin: [0, 0], extent });
+        let (origin, size, margin) = ([50, 30], [80, 90], NOISY_HALO - HALO);
+        let part = raster(TexelBlock { origin, extent: size });
+        let mut differ = false;
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let at_whole = ((y + origin[1]) * extent[0] + x + origin[0]) as usize;
+                let [own, expected] = [part.values[(y * size[0] + x) as usize], whole.values[at_whole]];
+                let is_inside =
+                    (margin..size[0] - margin).contains(&x) && (margin..size[1] - margin).contains(&y);
+                assert!(own == expected || !is_inside, "{x} {y}: {own} {expected}");
+                differ |= own != expected;
+            }
+        }
+        assert!(differ, "texels at the cut know less");
+    }
 }

@@ -554,3 +554,84 @@ fn light_does_not_leak_over_creases() {
         }
     }
 }
+
+/// Nor does light come in where faces meet: inside a closed box, and inside a wedge of 20 degrees, it is as dark at the edges as elsewhere,
+/// however bright it is outside.
+#[test]
+fn closed_rooms_are_dark_up_to_their_edges() {
+    let wedge = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let tips =
+            [-1.0, 1.0].map(|z| [DVec3::new(0.0, 0.0, z), DVec3::new(1.0, 0.0, z), DVec3::new(cos, sin, z)]);
+        let triangles =
+            vec![[0, 2, 1], [3, 4, 5], [0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]];
+        Model { positions: tips.concat(), triangles, ..Model::default() }
+    };
+    let dark = |_: SurfacePoint| Vec3::ZERO;
+    let scene = LightScene { lights: Vec::new(), sky: &white, reflector: &dark };
+    for room in [generate::cube(2), wedge(20.0)] {
+        for is_room in [true, false] {
+            let mesh = cleaned(if is_room { inside_out(room.clone()) } else { room.clone() });
+            let source = LightMapSource::new(&mesh, &scene, direct(64)).unwrap();
+            for triangle in 0..mesh.triangles.len() {
+                // Corners, and points of and beyond the sides.
+                for lambda in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.5, 0.5, 0.0), Vec3::new(0.4, -0.1, 0.7)]
+                {
+                    let light = source.illumination(point(triangle, lambda), [Vec3::ZERO; 2]).value;
+                    assert!(
+                        light == if is_room { Vec3::ZERO } else { Vec3::ONE },
+                        "{triangle} {lambda}: {light}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Root mean square difference of two bakes over the surface.
+fn difference(a: &common::Baked, b: &common::Baked, mesh: &Mesh) -> f64 {
+    let (mut squares, mut sum) = (0.0, 0.0);
+    for triangle in 0..mesh.triangles.len() {
+        let [p, q, r] = mesh.triangle_positions(triangle);
+        let area = f64::from((q - p).cross(r - p).length());
+        for lambda in common::barycentric_points(4) {
+            let [a, b] = [a, b].map(|asset| sample(&asset.cache, 0, 0, triangle, lambda).truncate());
+            squares += area * f64::from((a - b).length_squared() / 3.0);
+            sum += area;
+        }
+    }
+    (squares / sum).sqrt()
+}
+
+/// Under a sky with a soft sun, denoised bakes are nearer to one of many paths, and tell what is left.
+#[test]
+fn bakes_take_the_noise_out() {
+    let mesh = fantex_test::ball_on_a_plane();
+    let to_light = Vec3::new(-1.0, 1.6, 0.3);
+    let sun = BakeLight::Directional { to_light, color: Vec3::ONE, radius_degrees: 8.0 };
+    let sky = |d: Vec3| Vec3::new(0.2, 0.3, 0.5 + 0.3 * d.y);
+    let scene = LightScene { lights: vec![sun], sky: &sky, reflector: &gray };
+    let options = fantex_cover::CoverOptions {
+        budget: fantex_cover::TexelBudget::Total(6_000),
+        cut_creases: true,
+        ..fantex_cover::CoverOptions::default()
+    };
+    let (cover, _) = fantex_cover::build_cover(&mesh, &options).unwrap();
+    let bake_with = |samples: u32, denoise: bool, seed: u32| {
+        let options = LightMapOptions { samples, bounces: 2, denoise, seed, ..LightMapOptions::default() };
+        let source = LightMapSource::new(&mesh, &scene, options).unwrap();
+        let asset = baked(&mesh, &cover, &source, &float_options(Fit::Point));
+        (asset, source.noise())
+    };
+    let (truth, _) = bake_with(256, false, 9);
+    let [(noisy, before), (smooth, after)] = [false, true].map(|denoise| bake_with(16, denoise, 1));
+    let [noisy, smooth] = [noisy, smooth].map(|asset| difference(&asset, &truth, &mesh));
+    eprintln!(
+        "errors {noisy:.5} {smooth:.5}, reported {:.5} {:.5}",
+        before.mean_error, after.mean_error_left
+    );
+    assert!(smooth < 0.67 * noisy, "{smooth} {noisy}");
+    assert_eq!(before.mean_error_left, before.mean_error);
+    assert_eq!((after.mean_error, after.texels), (before.mean_error, before.texels));
+    assert!(after.mean_error_left < 0.33 * before.mean_error, "{after:?}");
+}

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::BakeSummary;
+use fantex::bake::{BakeSummary, LightMapNoise};
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality, Result};
@@ -34,7 +34,8 @@ along the smooth normal, outwards and inwards, not farther than the cage, which 
 Photographs (photos=PATH) need their cameras: a sparse model of COLMAP (text or binary) or a transforms.json, in whose coordinates
 the model lies. They are brought to one exposure unless exposure=off; what none of them sees takes the colours of its surroundings, or
 those of unseen=RRGGBB (docs/photographs.md). With --json the result then has photos, photos_used, photos_masked, unseen_share, gains and
-scratch_bytes, too.
+scratch_bytes, too. With --json, looks that bake light tell its noise: light has mean_samples, mean_light, error and, after denoising,
+error_left.
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
@@ -127,9 +128,29 @@ pub(crate) struct BakeInfo {
     pub(crate) channels: Vec<String>,
     /// `bake` and `encode` are seconds of all threads together, the others wall clock.
     pub(crate) seconds: Seconds,
+    /// The noise of baked light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    light: Option<LightInfo>,
     peak_memory_bytes: Option<u64>,
     #[serde(flatten)]
     photos: Option<PhotosInfo>,
+}
+
+/// Standard errors in units of the light, means over all texels.
+#[derive(Debug, Serialize)]
+struct LightInfo {
+    mean_samples: f64,
+    mean_light: f64,
+    error: f64,
+    /// After denoising.
+    error_left: f64,
+}
+
+impl From<LightMapNoise> for LightInfo {
+    fn from(noise: LightMapNoise) -> Self {
+        let LightMapNoise { mean_samples, mean_value, mean_error, mean_error_left, .. } = noise;
+        Self { mean_samples, mean_light: mean_value, error: mean_error, error_left: mean_error_left }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -277,8 +298,9 @@ impl BakeJob<'_> {
             context.note(format!("{}: {note}", output.display()));
         }
         baked.notes.iter().for_each(|note| context.note(note));
-        let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } =
-            baked.summary;
+        let BakeSummary {
+            texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
+        } = baked.summary;
         Ok(BakeInfo {
             output: output.to_path_buf(),
             source: self.source.to_string(),
@@ -296,6 +318,7 @@ impl BakeJob<'_> {
                 write: write_seconds,
                 total: self.started.elapsed().as_secs_f64(),
             },
+            light: light.map(LightInfo::from),
             peak_memory_bytes: peak_memory_bytes(),
             photos: baked.photos.as_ref().map(PhotosInfo::from),
         })
@@ -304,7 +327,11 @@ impl BakeJob<'_> {
 
 pub(crate) fn text(info: &BakeInfo) -> String {
     let (output, contents) = (info.output.display(), contents(info));
-    format!("{output}: {contents}, {} in {:.1} s", megabytes(info.bytes), info.seconds.total)
+    let light = info.light.as_ref().map_or(String::new(), |light| {
+        let LightInfo { mean_light, error, error_left, .. } = light;
+        format!("; light of {mean_light:.3} with an error of {error_left:.4} ({error:.4} before denoising)")
+    });
+    format!("{output}: {contents}, {} in {:.1} s{light}", megabytes(info.bytes), info.seconds.total)
 }
 
 /// Texels, tiles and channels.

@@ -140,6 +140,15 @@ fn finished_light_is_baked() {
     let baked = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"16k"]);
     assert_eq!(baked["channels"].as_array().unwrap().len(), 1);
     assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // Denoised unless the look says otherwise.
+    let error = |baked: &Value, name: &str| baked["light"][name].as_f64().unwrap();
+    assert!(error(&baked, "error_left") < 0.5 * error(&baked, "error"), "{baked:#}");
+    assert_eq!(baked["light"]["mean_samples"], 16.0);
+    let noisy =
+        write(folder.path(), "noisy.toml", text.replace("bounces = 1", "bounces = 1, denoise = false"));
+    let asset = folder.path().join("noisy.fan");
+    let baked = json(&[&"bake", &model, &"-o", &asset, &"--look", &noisy, &"--texels", &"16k"]);
+    assert_eq!(error(&baked, "error_left"), error(&baked, "error"));
 }
 
 #[test]

@@ -142,6 +142,8 @@ parameters! {
         /// Distance beyond which surfaces do not occlude, in world units; only for ambient occlusion.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub occlusion_distance: Option<f64> = None,
+        /// Whether noise is taken out: texels become the mean of their neighbours that differ by no more than noise.
+        pub denoise: bool = true,
     }
 }
 

@@ -340,6 +340,7 @@ impl MaterialResolver<'_> {
             max_samples: table.max_samples.max(table.samples),
             bounces: table.bounces,
             occlusion_distance: table.occlusion_distance,
+            denoise: table.denoise,
             seed: self.options.seed,
             ..LightMapOptions::default()
         };
