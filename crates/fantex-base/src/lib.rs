@@ -12,6 +12,7 @@
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
 //! | [`text`] | counts in messages |
 //! | [`union_find`] | disjoint sets |
+//! | [`zstandard`] | unpacking of Zstandard frames |
 
 pub mod aabb;
 pub mod error;
@@ -22,6 +23,7 @@ pub mod random;
 pub mod srgb;
 pub mod text;
 pub mod union_find;
+pub mod zstandard;
 
 pub use aabb::Aabb;
 pub use error::{Error, ErrorKind, Place, Result};

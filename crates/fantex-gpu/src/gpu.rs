@@ -57,6 +57,7 @@ impl Gpu {
     ///
     /// # Errors
     /// No adapter, or none that can be opened.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn headless(options: &GpuOptions) -> Result<Self> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Backends::PRIMARY,

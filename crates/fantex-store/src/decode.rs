@@ -12,7 +12,7 @@ use half::f16;
 
 use crate::TexelFormat;
 use crate::bytes::values_from_bytes;
-use crate::encode::is_block_extent;
+use crate::layout::is_block_extent;
 
 /// Common denominator of all values that a BC4 block can hold.
 pub(crate) const BC4_DENOMINATOR: f32 = 8925.0;

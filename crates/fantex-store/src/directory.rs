@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use fantex_base::Result;
+use fantex_base::{Result, zstandard};
 use fantex_cover::Cover;
 use half::f16;
 
@@ -200,7 +200,7 @@ fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<()> {
             return Err(misplaced_cluster(cluster, offset..end, first..last));
         }
         // More would not be one frame of so many bytes.
-        let limit = zstd::zstd_safe::compress_bound(entry.raw_length as usize) as u64;
+        let limit = zstandard::packed_bound(entry.raw_length as usize) as u64;
         if u64::from(entry.stored_length) > limit {
             let got = u64::from(entry.stored_length);
             let expected = u64::from(entry.raw_length);

@@ -17,6 +17,7 @@ use fantex_base::{Error, Result};
 use intel_tex_2::{RSurface, RgSurface, RgbaSurface, bc1, bc4, bc5, bc7};
 
 use crate::TexelFormat;
+use crate::layout::is_block_extent;
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
 ///
@@ -87,11 +88,6 @@ impl<'a> TexelSlice<'a> {
 fn unorm8_from_f32(x: f32) -> u8 {
     // Truncation of a non-negative number plus one half rounds; the conversion clamps, and takes NaN to 0.
     (x * 255.0 + 0.5) as u8
-}
-
-/// True for a rectangle of whole 4x4 blocks.
-pub(crate) fn is_block_extent(extent: [u32; 2]) -> bool {
-    extent.iter().all(|&n| n > 0 && n.is_multiple_of(4))
 }
 
 /// Encodes one page. `extent`: columns and rows, multiples of 4 (up to [`PAGE`](crate::PAGE) where the result is to be

@@ -13,11 +13,10 @@
 //! Opening takes two reads, because a source far away takes its time for each. Sections that lie far from the others (as
 //! appended ones do) are read by themselves.
 
-use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, input, zstandard};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::ByteSource;
@@ -280,16 +279,8 @@ fn unpack_section(
             format!("its {section} section has a wrong checksum; copy or bake it anew"),
         ));
     }
-    let unpacked = zstd::Decoder::new(stored).and_then(|mut decoder| {
-        decoder.window_log_max(MAX_WINDOW_LOG)?;
-        let mut raw = Vec::new();
-        decoder.take(record.raw_length + 1).read_to_end(&mut raw)?;
-        Ok(raw)
-    });
-    match unpacked {
-        Ok(raw) if raw.len() as u64 == record.raw_length => Ok(raw),
-        _ => Err(packing_error(path, section, record)),
-    }
+    let unpacked = zstandard::unpack_exactly(stored, record.raw_length, MAX_WINDOW_LOG);
+    unpacked.ok_or_else(|| packing_error(path, section, record))
 }
 
 /// The fewest ranges that hold all given ones, where those at most [`SECTION_GAP`] apart are joined.

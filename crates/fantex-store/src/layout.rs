@@ -199,6 +199,11 @@ impl ClusterPages {
     }
 }
 
+/// True for a rectangle of whole 4x4 blocks.
+pub(crate) fn is_block_extent(extent: [u32; 2]) -> bool {
+    extent.iter().all(|&n| n > 0 && n.is_multiple_of(4))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

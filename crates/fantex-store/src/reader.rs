@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::{Error, ErrorKind, Place, Result};
+use fantex_base::{Error, ErrorKind, Place, Result, zstandard};
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::xxh3_64;
@@ -20,8 +20,7 @@ use crate::error::{damaged, no_such_page};
 use crate::header::{SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::{
-    ByteSource, Channel, ChannelKind, FileSource, PageId, TexelFormat, channel, cover_section, mesh_section,
-    packing,
+    ByteSource, Channel, ChannelKind, PageId, TexelFormat, channel, cover_section, mesh_section, packing,
 };
 
 /// Decoded texels of one page and channel.
@@ -54,8 +53,9 @@ impl Asset {
     ///
     /// # Errors
     /// The file cannot be read, is no asset, or is damaged.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn open(path: &Path) -> Result<Self> {
-        let file = FileSource::open(path).map_err(|source| Error::reading(path, source))?;
+        let file = crate::FileSource::open(path).map_err(|source| Error::reading(path, source))?;
         Self::open_source(Arc::new(file))
     }
 
@@ -447,7 +447,7 @@ const MAX_KEPT_BYTES: usize = 1 << 20;
 /// What a thread keeps between clusters, so that it needn't be set up for each.
 #[derive(Default)]
 struct Unpacker {
-    zstd: zstd::bulk::Decompressor<'static>,
+    zstd: zstandard::Unpacker,
     raw: Vec<u8>,
 }
 
@@ -456,7 +456,7 @@ impl Unpacker {
     fn unpack(&mut self, formats: &[TexelFormat], stored: &[u8], length: usize) -> Option<Vec<u8>> {
         // What is here already is overwritten.
         self.raw.resize(length, 0);
-        let unpacked = self.zstd.decompress_to_buffer(stored, self.raw.as_mut_slice()).ok();
+        let unpacked = self.zstd.unpack(stored, &mut self.raw);
         let natural = (unpacked == Some(length)).then(|| unarranged(formats, &self.raw));
         if length > MAX_KEPT_BYTES {
             self.raw = Vec::new();
@@ -465,7 +465,7 @@ impl Unpacker {
     }
 }
 
-/// The inverse of what [`OpenCluster::pack`](crate::writer::OpenCluster::pack) does to channels.
+/// The inverse of what `OpenCluster::pack` does to channels.
 fn unarranged(formats: &[TexelFormat], raw: &[u8]) -> Vec<u8> {
     let block_bytes: usize = formats.iter().map(|f| f.block_bytes()).sum();
     let blocks = raw.len() / block_bytes;

@@ -13,13 +13,19 @@
 //! Who decides what: *demand* knows geometry only, *residency* knows the atlas' space only, the *loader* knows files and
 //! threads only. Each is a module with a small interface, so that the whole is simulated and tested without a GPU.
 //!
+//! In WebAssembly there are neither files nor threads: reads are tasks of the page ([`read::task_reader`]), and the loader works in slices of
+//! the caller's time ([`ClusterLoader::without_threads`]).
+//!
 //! What moves is a [`Parcel`]: a page of a tile, or a coarse level of up to 32 neighbouring tiles. The [`PageTable`] that shaders read
 //! knows pages only. What of a parcel is stored is its [`Outline`]; outlines interlock in the atlas.
+
+#![cfg_attr(target_arch = "wasm32", allow(dead_code, reason = "used by what reads files"))]
 
 mod atlas;
 mod camera_path;
 mod cluster_loader;
 mod demand;
+#[cfg(not(target_arch = "wasm32"))]
 mod disk_speed;
 mod loader;
 mod outline;
@@ -33,10 +39,13 @@ pub use atlas::*;
 pub use camera_path::*;
 pub use cluster_loader::*;
 pub use demand::{DemandWork, Detail, PageDemand};
+#[cfg(not(target_arch = "wasm32"))]
 pub use disk_speed::*;
 pub use loader::*;
 pub use outline::*;
 pub use parcel::*;
-pub use read::{open_asset, url_of};
+#[cfg(not(target_arch = "wasm32"))]
+pub use read::open_asset;
+pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;

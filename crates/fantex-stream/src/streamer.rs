@@ -1,13 +1,14 @@
 //! The streamer: demand, residency and a loader together, the prediction of the camera, and when a view is sharp after a cut.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fantex_base::Error;
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use fantex_store::{Asset, PageId};
 use glam::{Mat3, Quat, Vec3};
+use web_time::Instant;
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
 use crate::residency::{COUNTED_LEVELS, FRAME_NANOSECONDS, FrameWork, ParcelCount, RequestLimits, Residency};

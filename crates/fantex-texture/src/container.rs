@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use fantex_base::input::Held;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, zstandard};
 
 use crate::image_file::{ImageLimits, check_sides, reserve};
 use crate::{ColorSpace, Image, Samples};
@@ -310,8 +310,8 @@ impl Ktx2Header {
         let packed = slice_at(bytes, self.offset, self.packed_bytes)?;
         let needed = self.layout.image_bytes() * self.layout.images;
         let level = if self.packing == ZSTANDARD {
-            let unpacked = zstd::bulk::decompress(packed, needed as usize);
-            Cow::Owned(unpacked.map_err(|_| Error::malformed("the packed texels are damaged"))?)
+            let unpacked = zstandard::unpack(packed, needed as usize);
+            Cow::Owned(unpacked.ok_or_else(|| Error::malformed("the packed texels are damaged"))?)
         } else {
             Cow::Borrowed(packed)
         };

@@ -5,6 +5,7 @@
 mod clusters;
 mod readers;
 mod streaming;
+mod tasks;
 
 use fantex_base::Error;
 use std::borrow::Cow;

@@ -21,11 +21,12 @@
 
 mod atlas;
 mod bindings;
+#[cfg(not(target_arch = "wasm32"))]
+mod blocking;
 mod geometry;
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 pub use atlas::AtlasViewer;
 use atlas::{AtlasGrid, PageWords, Uploader};
@@ -36,8 +37,8 @@ use fantex_mesh::{Material, Mesh, OpposedTriangles, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::{Asset, Channel};
 use fantex_stream::{
-    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, Geometry,
-    PageTable, ParcelLoader, StreamView, Streamer, StreamerOptions,
+    AtlasFormat, AtlasShape, FrameChanges, FrameOptions, Geometry, PageTable, ParcelLoader, StreamView,
+    Streamer, StreamerOptions,
 };
 use fantex_texture::Filter;
 use geometry::{FanColors, GeometryChunk, GeometrySource, MaterialRun};
@@ -477,32 +478,10 @@ impl std::fmt::Debug for StreamedModel {
     }
 }
 
-/// Between two looks at what has arrived.
-const PAUSE: Duration = Duration::from_millis(1);
-
 /// Seconds after which another atlas is shown even if it lacks pages.
 const MAX_FILLING_SECONDS: f32 = 3.0;
 
 impl StreamedModel {
-    /// An open asset, read where it was opened, with texels in at most `budget_bytes` of graphics memory.
-    ///
-    /// # Errors
-    /// The file cannot be opened for streaming; the device cannot take the model.
-    pub fn open(gpu: &Gpu, asset: Arc<Asset>, budget_bytes: u64) -> Result<Self> {
-        let loader = Self::loader(gpu, &asset)?;
-        Self::with_pages(gpu, &asset, asset.clone(), Box::new(loader), budget_bytes)
-    }
-
-    /// What reads an asset's pages as a device wants them.
-    ///
-    /// # Errors
-    /// The file cannot be opened for streaming.
-    pub fn loader(gpu: &Gpu, asset: &Arc<Asset>) -> Result<ClusterLoader> {
-        let options =
-            ClusterLoaderOptions { block_compressed: gpu.has_block_compression(), ..Default::default() };
-        ClusterLoader::open(Arc::clone(asset), &options)
-    }
-
     /// An asset whose pages come from `loader`. Mesh and cover are kept as `geometry`, which is the asset's own or a copy; of
     /// the asset nothing else is.
     ///
@@ -551,34 +530,6 @@ impl StreamedModel {
         self.streamer.set_atlas(shape);
         self.filling_seconds = 0.0;
         Ok(())
-    }
-
-    /// Waits until all that a view needs is resident, or for `patience`; whether it is. For offline pictures; windows call [`StreamedModel::advance`].
-    ///
-    /// # Errors
-    /// The device is lost or refuses an upload.
-    pub fn wait_until_sharp(
-        &mut self,
-        gpu: &Gpu,
-        view: &StreamView,
-        filter: &FilterOptions,
-        patience: Duration,
-    ) -> Result<bool> {
-        self.streamer.set_max_anisotropy(max_anisotropy(filter));
-        let frame = FrameOptions { upload_bytes: 16 << 20, ..FrameOptions::default() };
-        let started = Instant::now();
-        loop {
-            self.advance(gpu, Some(view), frame);
-            // Frees the staging buffers that the device is done with.
-            gpu.wait()?;
-            if self.streamer.is_settled() {
-                return Ok(true);
-            }
-            if started.elapsed() > patience {
-                return Ok(false);
-            }
-            std::thread::sleep(PAUSE);
-        }
     }
 }
 

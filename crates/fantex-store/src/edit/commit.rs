@@ -12,9 +12,9 @@ use rayon::prelude::*;
 use super::lock::{is_same_file, is_unread};
 use super::{AssetEditor, EditOptions, Flushed};
 use crate::directory::{self, ClusterEntry, Directory};
+use crate::file_source::write_all_at;
 use crate::header::{SLOT_OFFSETS, SectionRecord, Slot};
 use crate::layout::{PageSize, TilePlace};
-use crate::source::write_all_at;
 use crate::writer::{OpenCluster, PackedCluster, pack_section};
 use crate::{Asset, PageId, write_error};
 

@@ -7,10 +7,10 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
 
 use fantex_base::{Error, ErrorKind};
 use fantex_store::{ClusterId, ClusterPages, io_cause};
+use web_time::Instant;
 
 use super::worker::{ClusterCache, Kept};
 use super::{ClusterLoaderOptions, Effects, LoaderStatistics};

@@ -17,6 +17,9 @@
 //! - The caller's thread never waits: its messages lie in an [`Inbox`] until the scheduler takes them over, and where the board is not
 //!   free, it takes ready parcels in the next frame.
 //!
+//! A web page may have no threads. There ([`ClusterLoader::without_threads`]) scheduler and worker take a step within every
+//! [`poll`](ParcelLoader::poll): the same pieces, in slices of time.
+//!
 //! Memory is bounded by the options, whatever the asset's size: bytes in flight (being read, or read and not unpacked), the cache, and
 //! ready parcels. When nobody takes these, workers pause; when workers pause, reading does.
 //!
@@ -33,16 +36,16 @@ use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use board::{Board, Order};
 use fantex_base::{Error, ErrorKind, Result};
 use fantex_store::{Asset, ClusterId, PageId};
 use scheduler::{FileOrder, Scheduler};
+use web_time::Instant;
 use worker::Worker;
 
-use crate::read::{
-    FileReadOptions, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy, open_reader,
-};
+use crate::read::{FileReadOptions, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy};
 use crate::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader};
 
 /// How a [`ClusterLoader`] works and what it may use.
@@ -164,8 +167,22 @@ pub struct ClusterLoader {
     info: ReaderInfo,
     scheduler: Option<JoinHandle<()>>,
     workers: Vec<JoinHandle<()>>,
+    /// What the caller's own thread does, where there are no others.
+    own_steps: Option<OwnSteps>,
     /// Polls in a row that returned nothing because the board was locked.
     missed_polls: u32,
+}
+
+struct OwnSteps {
+    scheduler: Scheduler,
+    worker: Worker,
+    slice: Duration,
+}
+
+impl std::fmt::Debug for OwnSteps {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("OwnSteps").field("slice", &self.slice).finish_non_exhaustive()
+    }
 }
 
 /// Polls in a row that may return nothing because the board is locked; the next one waits for it.
@@ -176,8 +193,9 @@ impl ClusterLoader {
     ///
     /// # Errors
     /// The file cannot be opened, or the system refuses a thread.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self> {
-        let reader = open_reader(asset.path(), &options.file).map_err(|error| {
+        let reader = crate::read::open_reader(asset.path(), &options.file).map_err(|error| {
             set_up_error(&asset, &format!("open {} for streaming", asset.path().display()), error)
         })?;
         Self::with_reader(asset, reader, options)
@@ -192,6 +210,40 @@ impl ClusterLoader {
         reader: Box<dyn QueuedReader>,
         options: &ClusterLoaderOptions,
     ) -> Result<Self> {
+        let mut loader = Self::idle(asset, &*reader, options);
+        let shared = Arc::clone(&loader.shared);
+        let what = format!("start a thread for streaming {}", shared.asset.path().display());
+        let thread_error = |error| set_up_error(&shared.asset, &what, error);
+        for index in 0..options.worker_threads.max(1) {
+            let worker = Worker::new(Arc::clone(&shared));
+            let thread = std::thread::Builder::new().name(format!("fan-unpack-{index}"));
+            loader.workers.push(thread.spawn(move || worker.run()).map_err(thread_error)?);
+        }
+        let scheduler = Scheduler::new(Arc::clone(&shared), reader, FileOrder::new(&shared.asset));
+        let thread = std::thread::Builder::new().name("fan-schedule".into());
+        loader.scheduler = Some(thread.spawn(move || scheduler.run()).map_err(thread_error)?);
+        Ok(loader)
+    }
+
+    /// A loader without threads of its own: every [`poll`](ParcelLoader::poll) hands bytes that have come from the reader to the one that
+    /// unpacks, which works for `slice`, and one cluster longer at most. The reader must complete reads meanwhile without being waited
+    /// for (see [`task_reader`](crate::read::task_reader)).
+    pub fn without_threads(
+        asset: Arc<Asset>,
+        reader: Box<dyn QueuedReader>,
+        options: &ClusterLoaderOptions,
+        slice: Duration,
+    ) -> Self {
+        let mut loader = Self::idle(asset, &*reader, options);
+        let shared = &loader.shared;
+        let scheduler = Scheduler::new(Arc::clone(shared), reader, FileOrder::new(&shared.asset));
+        let worker = Worker::new(Arc::clone(shared));
+        loader.own_steps = Some(OwnSteps { scheduler, worker, slice });
+        loader
+    }
+
+    /// Nobody works for it yet.
+    fn idle(asset: Arc<Asset>, reader: &dyn QueuedReader, options: &ClusterLoaderOptions) -> Self {
         let info = reader.info();
         let patience =
             if info.kind == ReaderKind::Http { RetryPolicy::NETWORK } else { RetryPolicy::default() };
@@ -199,27 +251,15 @@ impl ClusterLoader {
         let stored_formats = asset.channels().iter().map(|channel| channel.format);
         let formats =
             stored_formats.map(|format| AtlasFormat::of(format, options.block_compressed)).collect();
-        let what = format!("start a thread for streaming {}", asset.path().display());
-        let thread_error = |error| set_up_error(&asset, &what, error);
         let shared = Arc::new(Shared {
             formats,
             options: options.clone(),
             board: SharedBoard::new(Board::new(options, retry)),
             inbox: Inbox::default(),
             scheduler: SchedulerWaker { waker: reader.waker(), pending: AtomicBool::new(false) },
-            asset: Arc::clone(&asset),
+            asset,
         });
-        let mut loader =
-            Self { shared: Arc::clone(&shared), info, scheduler: None, workers: Vec::new(), missed_polls: 0 };
-        for index in 0..options.worker_threads.max(1) {
-            let worker = Worker::new(Arc::clone(&shared));
-            let thread = std::thread::Builder::new().name(format!("fan-unpack-{index}"));
-            loader.workers.push(thread.spawn(move || worker.run()).map_err(thread_error)?);
-        }
-        let scheduler = Scheduler::new(shared, reader, FileOrder::new(&asset));
-        let thread = std::thread::Builder::new().name("fan-schedule".into());
-        loader.scheduler = Some(thread.spawn(move || scheduler.run()).map_err(thread_error)?);
-        Ok(loader)
+        Self { shared, info, scheduler: None, workers: Vec::new(), own_steps: None, missed_polls: 0 }
     }
 
     /// The asset.
@@ -326,6 +366,11 @@ impl ParcelLoader for ClusterLoader {
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
+        if let Some(OwnSteps { scheduler, worker, slice }) = &mut self.own_steps {
+            let deadline = Instant::now() + *slice;
+            scheduler.step();
+            worker.run_until(deadline);
+        }
         let board = if self.missed_polls == MAX_MISSED_POLLS {
             Some(self.shared.board.lock())
         } else if self.shared.inbox.is_long() {

@@ -1,12 +1,13 @@
-//! The thread that decides what is read next, and the order of clusters in the file, by which neighbours are read together.
+//! The thread (or a step of the caller's) that decides what is read next, and the order of clusters in the file, by which neighbours are read together.
 
 use std::collections::HashMap;
 use std::io;
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fantex_store::{Asset, ClusterId};
+use web_time::Instant;
 
 use super::Effects;
 use super::Shared;
@@ -54,6 +55,17 @@ impl Scheduler {
                 None => {}
             }
         }
+    }
+
+    /// Takes what has been read and begins what may be read now; waits for nothing.
+    pub(super) fn step(&mut self) {
+        self.shared.scheduler.clear();
+        if let Some(completion) = self.reader.wait(Some(Duration::ZERO)) {
+            self.complete_all(completion);
+        }
+        self.take_messages();
+        self.cancel_abandoned_reads();
+        self.begin_reads();
     }
 
     /// Brings what the caller has asked for onto the board, a little at a time: others need it, too.

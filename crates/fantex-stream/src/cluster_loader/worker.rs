@@ -4,10 +4,10 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
-use std::time::Instant;
 
 use fantex_base::Error;
 use fantex_store::{ClusterId, ClusterPages, PageId, decode_plain, page_extent};
+use web_time::Instant;
 
 use super::board::Order;
 use super::{ClusterLoaderOptions, Shared};
@@ -26,20 +26,34 @@ impl Worker {
 
     /// Works until the board is closed.
     pub(super) fn run(self) {
+        while self.carry_out(self.shared.board.wait_for_order()) {}
+    }
+
+    /// Carries out what there is to do, until a time; something at least.
+    pub(super) fn run_until(&self, deadline: Instant) {
         loop {
-            match self.shared.board.wait_for_order() {
-                Order::Unpack(cluster, bytes, part) => self.unpack(cluster, bytes, part, true),
-                Order::UnpackKept(cluster, bytes) => {
-                    let all = 0..bytes.len();
-                    self.unpack(cluster, bytes, all, false);
-                }
-                Order::Make(cluster, pages) => self.make(cluster, &pages, true),
-                Order::TellScheduler => {}
-                Order::End => return,
+            let order = self.shared.board.lock().next_order();
+            if !order.is_some_and(|order| self.carry_out(order)) || Instant::now() >= deadline {
+                return;
             }
-            // Reads may have ended, clusters may have to be read again.
-            self.shared.scheduler.wake();
         }
+    }
+
+    /// False at the end.
+    fn carry_out(&self, order: Order) -> bool {
+        match order {
+            Order::Unpack(cluster, bytes, part) => self.unpack(cluster, bytes, part, true),
+            Order::UnpackKept(cluster, bytes) => {
+                let all = 0..bytes.len();
+                self.unpack(cluster, bytes, all, false);
+            }
+            Order::Make(cluster, pages) => self.make(cluster, &pages, true),
+            Order::TellScheduler => {}
+            Order::End => return false,
+        }
+        // Reads may have ended, clusters may have to be read again.
+        self.shared.scheduler.wake();
+        true
     }
 
     /// `is_read`: the bytes come from a read just now.

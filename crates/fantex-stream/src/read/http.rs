@@ -8,10 +8,11 @@ use std::time::{Duration, Instant};
 
 use fantex_store::ByteSource;
 use ureq::Body;
-use ureq::http::{HeaderMap, HeaderValue, Response, StatusCode, header};
+use ureq::http::{HeaderValue, Response, header};
 
-use super::file::{ReadBuffer, start_threads};
-use super::{LaneReader, MAX_READ_BYTES, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
+use super::file::start_threads;
+use super::ranges::{Answered, RangeAnswer, ended_early, other_range, server_error};
+use super::{LaneReader, MAX_READ_BYTES, ReadBuffer, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
 
 /// A file on a web server. Connections are kept and shared by threads.
 #[derive(Debug)]
@@ -22,7 +23,7 @@ pub struct HttpSource {
     agent: ureq::Agent,
     length: OnceLock<u64>,
     /// Tag or date of the file that the first answer came from; none where the server tells neither.
-    version: OnceLock<Option<HeaderValue>>,
+    version: OnceLock<Option<String>>,
 }
 
 /// Bytes that are asked for at once.
@@ -36,27 +37,6 @@ const MAX_READ_TIME: Duration = Duration::from_secs(90);
 
 /// Redirects of one request.
 const MAX_REDIRECTS: u32 = 8;
-
-/// A server's answer that cannot be used.
-fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> io::Error {
-    io::Error::new(kind, message.into())
-}
-
-fn other_range() -> io::Error {
-    let message = "the server answered a range request with a range that was not asked for";
-    server_error(io::ErrorKind::InvalidData, message)
-}
-
-fn status_error(status: StatusCode) -> io::Error {
-    let kind = match status.as_u16() {
-        401 | 403 => io::ErrorKind::PermissionDenied,
-        // Too early, too many, or the server's own trouble: may pass.
-        408 | 425 | 429 | 500..=599 => io::ErrorKind::Other,
-        404 | 410 => io::ErrorKind::NotFound,
-        _ => io::ErrorKind::Unsupported,
-    };
-    server_error(kind, format!("the server answered with status {status}"))
-}
 
 fn client_error(error: ureq::Error) -> io::Error {
     let kind = match &error {
@@ -114,7 +94,7 @@ impl HttpSource {
             let mut request = self.agent.get(&url).header(header::RANGE, range);
             // Weak tags are not for ranges.
             if let Some(Some(version)) = self.version.get()
-                && !version.as_bytes().starts_with(b"W/")
+                && !version.starts_with("W/")
             {
                 request = request.header(header::IF_RANGE, version);
             }
@@ -150,43 +130,24 @@ impl HttpSource {
         let Some(last) = (bytes.len() as u64).checked_sub(1) else { return Ok(0) };
         let range = format!("bytes={offset}-{}", offset.saturating_add(last));
         let mut response = self.request(&range)?;
-        let found = version(response.headers());
-        if let (Some(Some(known)), Some(found)) = (self.version.get(), &found)
-            && known != found
-            && response.status().is_success()
-        {
-            let message = "the file on the server has changed since it was opened; open it again";
-            return Err(server_error(io::ErrorKind::Unsupported, message));
-        }
-        let expected = match response.status() {
-            StatusCode::PARTIAL_CONTENT => {
-                let range = content_range(response.headers()).ok_or_else(other_range)?;
-                self.length.get_or_init(|| range.total);
-                self.version.get_or_init(|| found);
-                match range.first_last {
-                    Some((first, last)) if first == offset && last >= first => {
-                        (last - first + 1).min(bytes.len() as u64) as usize
-                    }
-                    _ => return Err(other_range()),
-                }
-            }
-            // The range lies beyond the end.
-            StatusCode::RANGE_NOT_SATISFIABLE => {
-                if let Some(range) = content_range(response.headers()) {
-                    self.length.get_or_init(|| range.total);
-                }
-                return Ok(0);
-            }
-            StatusCode::OK => {
-                let message = "the server sends only whole files: it does not support range requests, which streaming needs";
-                return Err(server_error(io::ErrorKind::Unsupported, message));
-            }
-            status => return Err(status_error(status)),
+        let text = |name| response.headers().get(name).and_then(|value: &HeaderValue| value.to_str().ok());
+        let answer = RangeAnswer {
+            status: response.status().as_u16(),
+            content_range: text(header::CONTENT_RANGE),
+            version: text(header::ETAG).or_else(|| text(header::LAST_MODIFIED)),
         };
+        let known = self.version.get().and_then(Option::as_deref);
+        let Answered { length: expected, total } = answer.check(offset, bytes.len(), known)?;
+        if let Some(total) = total {
+            self.length.get_or_init(|| total);
+        }
+        if expected == 0 {
+            return Ok(0);
+        }
+        self.version.get_or_init(|| answer.version.map(str::to_owned));
         let got = fill(&mut response.body_mut().as_reader(), &mut bytes[..expected])?;
         if got < expected {
-            let message = format!("the connection ended after {got} of {expected} bytes");
-            return Err(server_error(io::ErrorKind::ConnectionAborted, message));
+            return Err(ended_early(got, expected));
         }
         Ok(got)
     }
@@ -256,30 +217,6 @@ fn redirected(url: &str, target: &str) -> io::Result<String> {
     Ok(format!("{scheme}://{folder}/{target}"))
 }
 
-/// What tells versions of a file apart.
-fn version(headers: &HeaderMap) -> Option<HeaderValue> {
-    headers.get(header::ETAG).or_else(|| headers.get(header::LAST_MODIFIED)).cloned()
-}
-
-/// A `Content-Range` header: first and last byte (none where the request could not be met), and the file's length.
-struct ContentRange {
-    first_last: Option<(u64, u64)>,
-    total: u64,
-}
-
-fn content_range(headers: &HeaderMap) -> Option<ContentRange> {
-    let value = headers.get(header::CONTENT_RANGE)?.to_str().ok()?;
-    let (range, total) = value.trim().strip_prefix("bytes ")?.split_once('/')?;
-    let first_last = match range.trim() {
-        "*" => None,
-        range => {
-            let (first, last) = range.split_once('-')?;
-            Some((first.parse().ok()?, last.parse().ok()?))
-        }
-    };
-    Some(ContentRange { first_last, total: total.trim().parse().ok()? })
-}
-
 /// A queued reader of a file on a web server, over `connections` at a time (browsers use six).
 ///
 /// # Errors
@@ -320,20 +257,6 @@ mod tests {
         for target in ["file:///etc/passwd", "FILE:/etc/passwd", "ftp://b.org/c"] {
             let sentence = to(target).unwrap_err().to_string();
             assert!(sentence.contains(target) && sentence.contains("no http://"), "{sentence}");
-        }
-    }
-
-    #[test]
-    fn content_ranges_are_understood_or_refused() {
-        let parsed = |value: &str| {
-            let mut headers = HeaderMap::new();
-            headers.insert(header::CONTENT_RANGE, value.parse().unwrap());
-            content_range(&headers).map(|range| (range.first_last, range.total))
-        };
-        assert_eq!(parsed("bytes 0-8191/100000"), Some((Some((0, 8191)), 100_000)));
-        assert_eq!(parsed("bytes */17"), Some((None, 17)));
-        for wrong in ["bytes 0-1/*", "bytes 5/7", "items 0-1/2", "bytes a-b/c", ""] {
-            assert_eq!(parsed(wrong), None, "{wrong}");
         }
     }
 }

@@ -11,17 +11,22 @@
 //! - The owner of a [`QueuedReader`] submits, cancels and waits on one thread. Anybody may interrupt its wait by a
 //!   [`ReadWaker`].
 //! - A back end has *lanes*, as many as reads shall be in flight. A lane takes a request, reads it, reports, and takes the
-//!   next. In [`ring_reader`] lanes are tasks on one thread that owns an io_uring (or a completion port); in
-//!   [`threaded_reader`] they are threads.
+//!   next. In `ring_reader` lanes are tasks on one thread that owns an io_uring (or a completion port); in
+//!   `threaded_reader` they are threads. In [`task_reader`] they are tasks of whoever runs them, such as a web page.
 //! - The bytes of a read lie in a [`ReadBuffer`], which may be sent to any thread; when dropped it goes back to the
 //!   back end's [`BufferPool`] and is used again.
 //!
-//! [`open_file_reader`] chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
+//! `open_file_reader` chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
 //! file system takes it, else buffered.
 
+mod buffer;
+mod fetched;
+#[cfg(not(target_arch = "wasm32"))]
 mod file;
 #[cfg(feature = "http")]
 mod http;
+mod ranges;
+mod task;
 
 use std::collections::VecDeque;
 use std::io;
@@ -32,12 +37,19 @@ use std::task::{Poll, Waker};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+#[cfg(not(target_arch = "wasm32"))]
 use fantex_store::Asset;
 
-pub use file::{BufferPool, ReadBuffer, ring_reader, threaded_reader};
+pub use buffer::{BufferPool, ReadBuffer};
+pub use fetched::{Fetched, open_fetched};
+#[cfg(not(target_arch = "wasm32"))]
 pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};
+#[cfg(not(target_arch = "wasm32"))]
+pub use file::{ring_reader, threaded_reader};
 #[cfg(feature = "http")]
 pub use http::{HttpSource, http_reader};
+pub use ranges::{Answered, RangeAnswer, ended_early};
+pub use task::{Task, task_reader};
 
 /// A read to be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,6 +154,7 @@ impl Default for FileReadOptions {
 ///
 /// # Errors
 /// The file cannot be opened, or the system refuses a thread.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
     let options = FileReadOptions { depth: options.depth.clamp(1, 256), ..*options };
     let direct = options.direct && takes_direct_io(path);
@@ -166,6 +179,7 @@ pub fn url_of(location: &Path) -> Option<&str> {
 ///
 /// # Errors
 /// It cannot be read, is no asset, or is damaged; or it is at a URL, and this crate was built without the feature `http`.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
     match url_of(location) {
         #[cfg(feature = "http")]
@@ -177,6 +191,7 @@ pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
 }
 
 /// A reader of a file, or of a file on a web server.
+#[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
     match url_of(location) {
         #[cfg(feature = "http")]
@@ -194,7 +209,7 @@ pub(crate) fn open_reader(location: &Path, options: &FileReadOptions) -> io::Res
 #[cfg(feature = "http")]
 const CONNECTIONS: usize = 6;
 
-#[cfg(not(feature = "http"))]
+#[cfg(not(any(feature = "http", target_arch = "wasm32")))]
 fn no_http() -> io::Error {
     io::Error::new(io::ErrorKind::Unsupported, "this program was built without the feature 'http'")
 }
@@ -385,6 +400,8 @@ impl QueuedReader for LaneReader {
         let event = match timeout {
             // A disconnected channel cannot be: this end holds a sender.
             None => self.events.recv().ok(),
+            // Never blocks, and so needs no clock. Who does not wait need not be woken.
+            Some(Duration::ZERO) => self.events.try_iter().find(|event| matches!(event, Event::Completed(_))),
             Some(timeout) => self.events.recv_timeout(timeout).ok(),
         };
         match event {

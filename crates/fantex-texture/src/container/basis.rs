@@ -5,7 +5,7 @@
 //! caught: that takes a program whose panics unwind.
 
 use basisu::{DecodeFlags, TargetFormat, Transcoder};
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, input, zstandard};
 
 use super::{
     BASIS_LZ, KTX2_MAGIC, LEVEL_INDEX, Layout, TexelFormat, ZSTANDARD, impossible, slice_at, too_short,
@@ -112,8 +112,8 @@ impl Basis {
         let blocks = u64::from(self.layout.width.div_ceil(4)) * u64::from(self.layout.height.div_ceil(4));
         let needed = 16 * blocks * self.layout.images;
         if self.packing == ZSTANDARD {
-            let unpacked = zstd::bulk::decompress(&level, needed as usize);
-            level = unpacked.map_err(|_| Error::malformed("the packed texels are damaged"))?;
+            let unpacked = zstandard::unpack(&level, needed as usize);
+            level = unpacked.ok_or_else(|| Error::malformed("the packed texels are damaged"))?;
         }
         if (level.len() as u64) < needed {
             return Err(too_short(needed, level.len()));

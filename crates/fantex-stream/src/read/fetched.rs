@@ -1,0 +1,108 @@
+//! Opening of assets where reading cannot block.
+
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use fantex_base::{Error, Result};
+use fantex_store::{Asset, ByteSource};
+
+/// Bytes of an asset that have been fetched.
+#[derive(Clone, Debug)]
+pub struct Fetched {
+    /// As many as were asked for, or those up to the end.
+    pub bytes: Vec<u8>,
+    /// Bytes of the whole file, where that is known.
+    pub total: Option<u64>,
+}
+
+/// What is fetched first: the header, and all that small assets have before their texels.
+const FIRST_BYTES: u64 = 64 << 10;
+
+/// Ranges that are fetched to open an asset, at most: the first bytes and every section by itself.
+const MAX_FETCHES: usize = 8;
+
+/// Opens an asset whose bytes `fetch` brings, range by range: two as a rule, one for small assets. Reads that fail because something has not
+/// been fetched say what, so that opening is simply tried again. `location` is for messages. The asset's
+/// attachments are not fetched.
+///
+/// # Errors
+/// Those of `fetch`; what is there is no asset, or damaged.
+pub async fn open_fetched(
+    location: &str,
+    fetch: impl AsyncFn(Range<u64>) -> io::Result<Fetched>,
+) -> Result<Asset> {
+    let path = PathBuf::from(location);
+    let error = |error| Error::reading(&path, error);
+    let first = fetch(0..FIRST_BYTES).await.map_err(error)?;
+    let source = Arc::new(FetchedSource {
+        location: path.clone(),
+        length: first.total.unwrap_or(u64::MAX),
+        state: Mutex::new(State { spans: vec![(0, first.bytes)], missing: None }),
+    });
+    for _ in 0..MAX_FETCHES {
+        let opened = Asset::open_source(source.clone());
+        let missing = source.state().missing.take();
+        match (opened, missing) {
+            (Ok(asset), _) => {
+                source.state().spans = Vec::new();
+                return Ok(asset);
+            }
+            (Err(error), None) => return Err(error),
+            (Err(_), Some(range)) => {
+                let start = range.start;
+                let bytes = fetch(range).await.map_err(error)?.bytes;
+                source.state().spans.push((start, bytes));
+            }
+        }
+    }
+    Err(error(io::Error::other("the server sends less than was asked for")))
+}
+
+#[derive(Debug)]
+struct FetchedSource {
+    location: PathBuf,
+    length: u64,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    /// First byte, and the bytes from there on.
+    spans: Vec<(u64, Vec<u8>)>,
+    /// What the last failed read asked for.
+    missing: Option<Range<u64>>,
+}
+
+impl FetchedSource {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl ByteSource for FetchedSource {
+    fn location(&self) -> &Path {
+        &self.location
+    }
+
+    fn length(&self) -> io::Result<u64> {
+        Ok(self.length)
+    }
+
+    fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        let end = offset.saturating_add(bytes.len() as u64).min(self.length);
+        let length = end.saturating_sub(offset) as usize;
+        let mut state = self.state();
+        let found = state.spans.iter().find_map(|(start, span)| {
+            let from = usize::try_from(offset.checked_sub(*start)?).ok()?;
+            span.get(from..from.checked_add(length)?)
+        });
+        if let Some(found) = found {
+            bytes[..length].copy_from_slice(found);
+            return Ok(length);
+        }
+        state.missing = Some(offset..end);
+        Err(io::Error::new(io::ErrorKind::WouldBlock, "these bytes have not been fetched"))
+    }
+}
