@@ -26,7 +26,7 @@ use crate::TexelFormat;
 #[cfg(test)]
 mod reference;
 
-fn level() -> Level {
+pub(crate) fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
     *LEVEL
 }
