@@ -42,9 +42,14 @@ pub(crate) const CLUSTER_TARGET_BYTES: usize = 256 << 10;
 /// zstd level of the sections, which are written once.
 const SECTION_ZSTD_LEVEL: i32 = 3;
 
-/// The shortest run that zstd may store as a repetition. Blocks of texels repeat in whole or hardly at all: with short runs a
-/// cluster is as large, and takes a tenth longer to unpack.
-const MIN_MATCH: u32 = 7;
+/// The shortest run that zstd may store as a repetition: selectors of a block repeat in whole or hardly at all. With shorter runs
+/// a cluster is as large, and takes a tenth longer to unpack.
+fn min_match(format: TexelFormat) -> u32 {
+    match format {
+        TexelFormat::Bc4 | TexelFormat::Bc5 => 6,
+        _ => 7,
+    }
+}
 
 /// Magic number of a zstd frame that decoders skip.
 const SKIPPABLE_FRAME: u32 = 0x184d_2a50;
@@ -329,19 +334,18 @@ impl OpenCluster {
         (self.length() > 0).then(|| std::mem::replace(self, empty))
     }
 
-    /// Rearranges each channel to pack well, and packs them one after the other.
+    /// Rearranges each channel to pack well, and packs them one after the other, each as a frame: channels have little in common.
     pub(crate) fn pack(&self, formats: &[TexelFormat], zstd_level: i32) -> io::Result<PackedCluster> {
-        let mut raw = vec![0; self.length()];
-        let mut rest = raw.as_mut_slice();
-        for (stream, &format) in self.channels.iter().zip(formats) {
-            let (packed, after) = rest.split_at_mut(stream.len());
-            packing::pack(format, stream, packed);
-            rest = after;
-        }
         let mut compressor = zstd::bulk::Compressor::new(zstd_level)?;
-        compressor.set_parameter(CParameter::MinMatch(MIN_MATCH))?;
-        let stored = compressor.compress(&raw)?;
-        Ok(PackedCluster { first: self.first, raw_length: raw.len() as u32, stored })
+        let mut stored = Vec::new();
+        let mut raw = Vec::new();
+        for (stream, &format) in self.channels.iter().zip(formats) {
+            raw.resize(stream.len(), 0);
+            packing::pack(format, stream, &mut raw);
+            compressor.set_parameter(CParameter::MinMatch(min_match(format)))?;
+            stored.extend(compressor.compress(&raw)?);
+        }
+        Ok(PackedCluster { first: self.first, raw_length: self.length() as u32, stored })
     }
 }
 

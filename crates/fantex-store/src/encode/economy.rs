@@ -256,7 +256,9 @@ impl<L: Layout> Chooser<L> {
     fn block(&mut self, texels: &Planes, candidates: impl Iterator<Item = Block>) -> Block {
         let mut best = Choice { cost: f32::INFINITY, block: 0, selectors: Selectors::Literal };
         for block in candidates {
-            self.consider(&mut best, texels, block, Selectors::Literal);
+            // An encoder may happen to repeat itself.
+            let known = self.patterns.find(L::selectors(block)).map(|pattern| self.patterns.source(pattern));
+            self.consider(&mut best, texels, block, known.map_or(Selectors::Literal, Selectors::Repeated));
         }
         if let Some(before) = self.before {
             let last = self.history.len() as u32 - 1;
