@@ -280,7 +280,6 @@ impl Settings {
             ("very-fast", Quality::VeryFast),
             ("fast", Quality::Fast),
             ("basic", Quality::Basic),
-            ("small", Quality::Small),
         ];
         Ok(Self {
             texels: optional(options, "texels")?,

@@ -18,12 +18,12 @@ use intel_tex_2::{RSurface, RgSurface, RgbaSurface, bc1, bc4, bc5, bc7};
 
 use crate::TexelFormat;
 
-mod economy;
+mod selectors;
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
 ///
 /// Measured on one core, million texels per second and dB for photographs of rock and of the Earth and for a normal map:
-/// `UltraFast` 45 (45.8, 44.9, 31.3), `VeryFast` 6 (46.1, 47.4, 35.6), `Fast` 3 (46.2, 47.6, 35.6). So the default is right
+/// `UltraFast` 23 (45.8, 44.9, 31.3), `VeryFast` 5 (46.1, 47.4, 35.6), `Fast` 3 (46.2, 47.6, 35.6). So the default is right
 /// for colours; channels whose components do not go together (occlusion, roughness, metallic) gain from `VeryFast`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
@@ -36,23 +36,6 @@ pub enum Quality {
     Fast,
     /// All modes; about 1 million texels per second.
     Basic,
-    /// Smallest once packed, at about the error of `UltraFast` in all of a page: BC7, BC5 and BC4 blocks repeat what they can of
-    /// others. About 3 million texels per second. BC1 is as ever.
-    Small,
-}
-
-impl Quality {
-    /// The encoders whose blocks there are to choose from.
-    fn presets(self, format: TexelFormat) -> &'static [Self] {
-        match (self, format) {
-            (Self::UltraFast, _) => &[Self::UltraFast],
-            (Self::VeryFast, _) => &[Self::VeryFast],
-            (Self::Fast, _) => &[Self::Fast],
-            (Self::Basic, _) => &[Self::Basic],
-            (Self::Small, TexelFormat::Bc7) => &[Self::UltraFast, Self::VeryFast],
-            (Self::Small, _) => &[Self::UltraFast],
-        }
-    }
 }
 
 /// Texels to encode, row-major from v = 0, **stored encoding** (sRGB-encoded where the channel is, normals in 0..1).
@@ -144,20 +127,12 @@ pub fn encode_many(format: TexelFormat, quality: Quality, pages: &[PageTexels<'_
     for alpha in [false, true] {
         let chosen: Vec<usize> = (0..pages.len()).filter(|&i| pages[i].has_alpha == alpha).collect();
         let rows: Vec<BlockRow<'_>> = chosen.iter().flat_map(|&i| pages[i].block_rows()).collect();
-        let presets = quality.presets(format).iter();
-        let streams: Vec<Vec<u8>> =
-            presets.map(|&preset| encode_rows(format, preset, alpha, &rows)).collect();
-        let mut start = 0;
+        let bytes = encode_rows(format, quality, alpha, &rows);
+        let mut rest = bytes.as_slice();
         for i in chosen {
-            let page = &pages[i];
-            let end = start + page.texels.len() / 16 * format.block_bytes();
-            let own: Vec<&[u8]> = streams.iter().map(|stream| &stream[start..end]).collect();
-            encoded[i] = if quality == Quality::Small && economy::is_chosen(format) {
-                page.spread(&economy::choose(format, &page.blocks(), &own), format.block_bytes())
-            } else {
-                page.spread(own[0], format.block_bytes())
-            };
-            start = end;
+            let (page, after) = rest.split_at(pages[i].texels.len() / 16 * format.block_bytes());
+            encoded[i] = pages[i].spread(page, format.block_bytes());
+            rest = after;
         }
     }
     Ok(encoded)
@@ -239,15 +214,6 @@ impl<'a> Page<'a> {
         Self { extent, texels, has_alpha, read }
     }
 
-    /// The texels block by block, in the order of the block rows.
-    fn blocks(&self) -> economy::PageBlocks<'_> {
-        economy::PageBlocks {
-            texels: self.block_rows().flat_map(blocks_of_row).collect(),
-            has_alpha: self.has_alpha,
-            numbers: self.read.as_deref(),
-        }
-    }
-
     fn block_rows(&self) -> impl Iterator<Item = BlockRow<'_>> {
         let columns = if self.read.is_some() { BLOCKS_PER_ROW } else { self.extent[0] as usize / 4 };
         self.texels.chunks(16 * columns)
@@ -266,7 +232,13 @@ impl<'a> Page<'a> {
 
 fn blocks_of_row(row: BlockRow<'_>) -> impl Iterator<Item = Block> {
     let width = row.len() / 4;
-    (0..width / 4).map(move |x| std::array::from_fn(|i| row[i / 4 * width + 4 * x + i % 4]))
+    (0..width / 4).map(move |x| {
+        let mut block = [[0; 4]; 16];
+        for (k, texels) in block.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+            texels.copy_from_slice(&row[k * width + 4 * x..][..4]);
+        }
+        block
+    })
 }
 
 /// Texels of a strip: keeps the encoder's working set in the second-level cache.
@@ -282,7 +254,12 @@ fn encode_rows(format: TexelFormat, quality: Quality, alpha: bool, rows: &[Block
             texels <= STRIP_TEXELS
         });
         let (strip, after) = rest.split_at(fitting.count().max(1));
-        bytes.extend(encode_strip(format, quality, alpha, strip));
+        let mut encoded = encode_strip(format, quality, alpha, strip);
+        if format == TexelFormat::Bc7 {
+            let blocks = strip.iter().flat_map(|row| blocks_of_row(row));
+            selectors::prefer_cheap(alpha, &mut encoded, blocks);
+        }
+        bytes.extend(encoded);
         rest = after;
     }
     bytes
@@ -337,11 +314,11 @@ fn strip_of<const CHANNELS: usize>(rows: &[BlockRow<'_>]) -> Vec<u8> {
 fn bc7_settings(quality: Quality, alpha: bool) -> bc7::EncodeSettings {
     match (quality, alpha) {
         (Quality::UltraFast, false) => bc7::opaque_ultra_fast_settings(),
-        (Quality::VeryFast | Quality::Small, false) => bc7::opaque_very_fast_settings(),
+        (Quality::VeryFast, false) => bc7::opaque_very_fast_settings(),
         (Quality::Fast, false) => bc7::opaque_fast_settings(),
         (Quality::Basic, false) => bc7::opaque_basic_settings(),
         (Quality::UltraFast, true) => bc7::alpha_ultra_fast_settings(),
-        (Quality::VeryFast | Quality::Small, true) => bc7::alpha_very_fast_settings(),
+        (Quality::VeryFast, true) => bc7::alpha_very_fast_settings(),
         (Quality::Fast, true) => bc7::alpha_fast_settings(),
         (Quality::Basic, true) => bc7::alpha_basic_settings(),
     }

@@ -83,16 +83,11 @@ pub(crate) const FITS: Choices<Fit, 3> = [
     ("box", "The mean over the texel", Fit::Box),
 ];
 
-const QUALITIES: Choices<Quality, 5> = [
-    ("ultra-fast", "About 60 million texels per second and core", Quality::UltraFast),
-    ("very-fast", "A tenth of that, 2 dB better", Quality::VeryFast),
+const QUALITIES: Choices<Quality, 4> = [
+    ("ultra-fast", "About 30 million texels per second and core", Quality::UltraFast),
+    ("very-fast", "A fifth of that, 2 dB better", Quality::VeryFast),
     ("fast", "Slower, slightly better", Quality::Fast),
     ("basic", "About 1 million texels per second and core", Quality::Basic),
-    (
-        "small",
-        "A smaller file at about the error of ultra-fast; about 3 million texels per second and core",
-        Quality::Small,
-    ),
 ];
 
 /// How texels are found and stored.
@@ -104,7 +99,7 @@ pub(crate) struct EncodingArgs {
     /// How texels are found from the source
     #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
     fit: Fit,
-    /// Effort of the block encoder
+    /// Effort of the BC7 encoder
     #[arg(long, value_parser = one_of(&QUALITIES), default_value = "ultra-fast")]
     quality: Quality,
 }

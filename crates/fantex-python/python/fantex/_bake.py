@@ -136,7 +136,7 @@ def bake(
             textures sharper, which it does on models of few large triangles. The asset's triangles are then not the model's.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
-        quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``, or ``small`` for a smaller file.
+        quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``.
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs may take.
         seed: of recipes.

@@ -55,11 +55,9 @@ fn pages_encode_alike_alone_and_together() {
         .map(|(&extent, p)| PageTexels { extent, texels: TexelSlice::F32(p.as_slice()), read: None })
         .collect();
     for format in TexelFormat::ALL {
-        for quality in [Quality::UltraFast, Quality::Small] {
-            let together = encode_many(format, quality, &pages).unwrap();
-            for (&PageTexels { extent, texels, .. }, bytes) in pages.iter().zip(&together) {
-                assert_eq!(*bytes, encode(format, quality, extent, texels).unwrap(), "{format:?}");
-            }
+        let together = encode_many(format, Quality::UltraFast, &pages).unwrap();
+        for (&PageTexels { extent, texels, .. }, bytes) in pages.iter().zip(&together) {
+            assert_eq!(*bytes, encode(format, Quality::UltraFast, extent, texels).unwrap(), "{format:?}");
         }
     }
 }
@@ -97,8 +95,7 @@ fn opaque_pages_stay_opaque() {
     let extent = [32, 32];
     let texels = picture(extent, false);
     for format in [TexelFormat::Bc1, TexelFormat::Bc7] {
-        for quality in [Quality::UltraFast, Quality::VeryFast, Quality::Fast, Quality::Basic, Quality::Small]
-        {
+        for quality in [Quality::UltraFast, Quality::VeryFast, Quality::Fast, Quality::Basic] {
             let bytes = encode(format, quality, extent, TexelSlice::F32(&texels)).unwrap();
             let back = decode(format, extent, &bytes).unwrap();
             let least = back.iter().map(|t| t[3]).fold(1.0, f32::min);
