@@ -26,7 +26,7 @@ use crate::TexelFormat;
 #[cfg(test)]
 mod reference;
 
-fn level() -> Level {
+pub(crate) fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
     *LEVEL
 }
@@ -39,6 +39,21 @@ pub(crate) fn pack(format: TexelFormat, natural: &[u8], packed: &mut [u8]) {
 /// Inverse of [`pack`].
 pub(crate) fn unpack(format: TexelFormat, packed: &[u8], natural: &mut [u8]) {
     dispatch!(level(), simd => unpack_in(simd, format, packed, natural));
+}
+
+/// Bytes per record of runs of fields whose values are alike, in the order in which they are packed.
+pub(crate) fn alike(format: TexelFormat) -> &'static [usize] {
+    match format {
+        TexelFormat::Bc1 => &[4, 4],
+        TexelFormat::Bc4 => &[2, 6],
+        TexelFormat::Bc5 => &[2, 6, 2, 6],
+        // Red, green, blue, alpha, and what stands between them.
+        TexelFormat::Bc7 => &[2, 2, 2, 2, 8],
+        TexelFormat::R8 => &[1],
+        TexelFormat::Rg8 => &[1, 1],
+        TexelFormat::Rgba8 => &[1, 1, 1, 1],
+        TexelFormat::Rgba32F => &[1; 16],
+    }
 }
 
 // The numbers after a code: its bytes, where they begin in the record, and the record's bytes.

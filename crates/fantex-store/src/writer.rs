@@ -21,6 +21,7 @@ use fantex_mesh::Mesh;
 use rayon::prelude::*;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
+use zstd::stream::write::Encoder;
 use zstd::zstd_safe::{CParameter, compress_bound};
 
 use crate::directory::{self, ALIGNMENT, Attachments, ClusterEntry, Directory, Means};
@@ -45,6 +46,9 @@ const SECTION_ZSTD_LEVEL: i32 = 3;
 /// The shortest run that zstd may store as a repetition. Blocks of texels repeat in whole or hardly at all: with short runs a
 /// cluster is as large, and takes a tenth longer to unpack.
 const MIN_MATCH: u32 = 7;
+
+/// A zstd block has a table of code lengths of its own, which pays from about this many bytes on.
+const MIN_ZSTD_BLOCK_BYTES: usize = 2 << 10;
 
 /// Magic number of a zstd frame that decoders skip.
 const SKIPPABLE_FRAME: u32 = 0x184d_2a50;
@@ -332,17 +336,40 @@ impl OpenCluster {
     /// Rearranges each channel to pack well, and packs them one after the other.
     pub(crate) fn pack(&self, formats: &[TexelFormat], zstd_level: i32) -> io::Result<PackedCluster> {
         let mut raw = vec![0; self.length()];
+        let mut runs = Vec::new();
         let mut rest = raw.as_mut_slice();
         for (stream, &format) in self.channels.iter().zip(formats) {
             let (packed, after) = rest.split_at_mut(stream.len());
             packing::pack(format, stream, packed);
             rest = after;
+            let fields = packing::alike(format);
+            let records = stream.len() / fields.iter().sum::<usize>();
+            runs.extend(fields.iter().map(|bytes| records * bytes));
         }
-        let mut compressor = zstd::bulk::Compressor::new(zstd_level)?;
-        compressor.set_parameter(CParameter::MinMatch(MIN_MATCH))?;
-        let stored = compressor.compress(&raw)?;
+        let stored = packed(&raw, &runs, zstd_level)?;
         Ok(PackedCluster { first: self.first, raw_length: raw.len() as u32, stored })
     }
+}
+
+/// One zstd frame in which runs of bytes are blocks of their own where they are long enough: zstd codes the bytes of a block by how often
+/// each comes, and fields differ in that. A block costs three bytes, so there are never more than [`compress_bound`], which readers allow.
+fn packed(raw: &[u8], runs: &[usize], zstd_level: i32) -> io::Result<Vec<u8>> {
+    let mut encoder = Encoder::new(Vec::with_capacity(compress_bound(raw.len())), zstd_level)?;
+    encoder.set_parameter(CParameter::MinMatch(MIN_MATCH))?;
+    encoder.set_pledged_src_size(Some(raw.len() as u64))?;
+    let mut rest = raw;
+    let mut length = 0;
+    for run in runs {
+        length += run;
+        if length >= MIN_ZSTD_BLOCK_BYTES && length < rest.len() {
+            let (block, after) = rest.split_at(length);
+            encoder.write_all(block)?;
+            encoder.flush()?;
+            (rest, length) = (after, 0);
+        }
+    }
+    encoder.write_all(rest)?;
+    encoder.finish()
 }
 
 pub(crate) struct PackedCluster {
@@ -522,5 +549,64 @@ fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
         stored.extend(SKIPPABLE_FRAME.to_le_bytes());
         stored.extend((skipped as u32).to_le_bytes());
         stored.resize(stored.len() + skipped, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_base::random::nth_random;
+
+    use super::*;
+
+    /// A cluster of one page with `blocks` blocks, and its bytes once packed field by field.
+    fn cluster(formats: &[TexelFormat], blocks: usize, bits: u32) -> (OpenCluster, Vec<u8>) {
+        let byte = |i: usize| (nth_random(blocks as u64, i as u64) >> (64 - bits)) as u8;
+        let channels: Vec<Vec<u8>> = (0..formats.len())
+            .map(|c| (0..blocks * formats[c].block_bytes()).map(|i| byte(i * formats.len() + c)).collect())
+            .collect();
+        let mut rearranged = Vec::new();
+        for (&format, stream) in formats.iter().zip(&channels) {
+            let mut packed = vec![0; stream.len()];
+            packing::pack(format, stream, &mut packed);
+            rearranged.extend(packed);
+        }
+        let mut cluster = OpenCluster::empty(formats.len());
+        cluster.add(TilePlace { group: 0, page: 0 }, &channels, usize::MAX);
+        (cluster, rearranged)
+    }
+
+    /// Readers take clusters of one frame's greatest length; noise in short ones has no room to spare.
+    #[test]
+    fn clusters_of_any_formats_and_lengths_are_what_every_reader_takes() {
+        let [mixed, equal] = [TexelFormat::ALL.to_vec(), vec![TexelFormat::Bc7; 16]];
+        for formats in [&mixed, &equal, &mixed[..1].to_vec()] {
+            for blocks in [1, 2, 7, 60, 300, 1500, 9000] {
+                for bits in [1, 4, 8] {
+                    let (cluster, raw) = cluster(formats, blocks, bits);
+                    let stored = cluster.pack(formats, 1).unwrap().stored;
+                    assert!(stored.len() <= compress_bound(raw.len()), "{blocks} blocks of {bits} bits");
+                    assert_eq!(zstd::bulk::decompress(&stored, raw.len()).unwrap(), raw);
+                    assert_eq!(zstd::zstd_safe::find_frame_compressed_size(&stored), Ok(stored.len()));
+                }
+            }
+        }
+    }
+
+    /// Bytes of few values beside noise: one table of code lengths for both makes the few ones long.
+    #[test]
+    fn fields_that_differ_take_less_room_than_at_once() {
+        let blocks = 4096;
+        let few = |i: u64| 1 << (nth_random(1, i) >> 62);
+        let noise = |i: u64| nth_random(2, i) as u8;
+        let page: Vec<u8> =
+            (0..blocks * 16).map(|i| if i % 16 < 8 { few(i as u64) } else { noise(i as u64) }).collect();
+        let formats = [TexelFormat::Bc7];
+        let mut cluster = OpenCluster::empty(1);
+        cluster.add(TilePlace { group: 0, page: 0 }, &[&page], usize::MAX);
+        let mut raw = vec![0; page.len()];
+        packing::pack(formats[0], &page, &mut raw);
+        let [at_once, stored] =
+            [packed(&raw, &[raw.len()], 1).unwrap(), cluster.pack(&formats, 1).unwrap().stored];
+        assert!(20 * stored.len() < 19 * at_once.len(), "{} {}", stored.len(), at_once.len());
     }
 }

@@ -20,7 +20,9 @@ const TRIANGLE_BYTES: f64 = 6.0;
 /// What automatic cuts must gain, decibels.
 const MIN_GAIN: f64 = 0.5;
 
-/// Models whose triangles have fewer texels than this on average have borders that are thin enough.
+/// Models of more triangles than this, with fewer texels for each than `MIN_TEXELS_PER_TRIANGLE`, have borders that are thin enough.
+const FEW_TRIANGLES: f64 = 8000.0;
+
 const MIN_TEXELS_PER_TRIANGLE: f64 = 256.0;
 
 /// Cuts that give fewer triangles than this, times those there are, change too little to be tried.
@@ -93,7 +95,8 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
     let whole = Cow::Borrowed(mesh);
     let triangles = mesh.triangles.len() as f64;
     let mut edges = LONGEST_EDGES.into_iter().map(f64::from).filter(|edge| *edge < longest).peekable();
-    if texels < MIN_TEXELS_PER_TRIANGLE * triangles || edges.peek().is_none() {
+    let has_thin_borders = triangles > FEW_TRIANGLES && texels < MIN_TEXELS_PER_TRIANGLE * triangles;
+    if has_thin_borders || edges.peek().is_none() {
         return whole;
     }
     let budget = TexelBudget::Total(texels as u64);
