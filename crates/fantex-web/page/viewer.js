@@ -19,17 +19,22 @@ const sentence = (error) => error?.message ?? String(error);
 let viewer = null;
 let scheduled = false;
 
-/** Says something, with a button where something can be done about it. */
-function say(text, kind = "", action = null) {
-    line.textContent = text;
+/** Says something, with buttons for what can be done about it. Said again, it stays as it is. */
+function say(text, kind = "", ...actions) {
+    if (line.dataset.said === text) return;
+    line.dataset.said = text;
     line.dataset.kind = kind;
-    if (action) {
+    line.textContent = text;
+    for (const { name, run } of actions) {
         const button = document.createElement("button");
-        button.textContent = action.name;
-        button.addEventListener("click", action.run);
+        button.textContent = name;
+        button.addEventListener("click", run);
         line.append(button);
     }
 }
+
+/** For what the page cannot mend: a file that has changed, a lost device. */
+const RELOAD = { name: "Load again", run: () => location.reload() };
 
 /** What the page is doing, for tests and style sheets. */
 function enter(state) {
@@ -42,7 +47,7 @@ function fail(text) {
     enter("failed");
     preview.hidden = false;
     canvas.hidden = true;
-    say(text, "error", { name: "Load again", run: () => location.reload() });
+    say(text, "error", RELOAD);
 }
 
 function schedule() {
@@ -60,8 +65,8 @@ function frame(now) {
         bar.value = progress.share;
         enter(progress.is_settled ? "sharp" : "sharpening");
         if (progress.damaged > 0) {
-            const run = () => { viewer.retry(); say(""); schedule(); };
-            say(`Some of it cannot be read, and stays coarse: ${viewer.damage()}`, "error", { name: "Try again", run });
+            const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
+            say(`Some of it cannot be read, and stays coarse: ${viewer.damage()}`, "error", retry, RELOAD);
         }
         if (!progress.is_settled) schedule();
         progress.free();

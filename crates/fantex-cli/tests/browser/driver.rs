@@ -122,6 +122,14 @@ impl Browser {
         }
     }
 
+    /// Presses a key over the canvas so many times.
+    pub(crate) fn press(&self, key: &str, times: u32) {
+        self.run(&format!(
+            "for (let i = 0; i < {times}; i++)
+                 document.querySelector('canvas').dispatchEvent(new KeyboardEvent('keydown', {{ key: '{key}' }}))"
+        ));
+    }
+
     /// What the canvas shows after a key was pressed; not what the screen shows, as a window that nobody sees may show nothing.
     pub(crate) fn picture_after(&self, key: &str, folder: &std::path::Path) -> Image {
         // The page has asked for a frame when the key's event is over; this one is called after it, in the same frame.

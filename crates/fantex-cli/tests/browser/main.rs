@@ -64,9 +64,9 @@ fn serve(asset: &Path) -> (Running, String) {
     (child, info["url"].as_str().unwrap().to_owned())
 }
 
-fn bottle(folder: &Path) -> PathBuf {
+fn bottle(folder: &Path, texels: &str) -> PathBuf {
     let (model, asset) = (workspace().join("assets/WaterBottle/WaterBottle.gltf"), folder.join("bottle.fan"));
-    fantex(&["bake", text(&model), "-o", text(&asset), "--texels", "1M"]);
+    fantex(&["bake", text(&model), "-o", text(&asset), "--texels", texels]);
     asset
 }
 
@@ -74,7 +74,7 @@ fn bottle(folder: &Path) -> PathBuf {
 fn pictures_are_those_of_the_cpu_renderer() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let asset = bottle(folder.path());
+    let asset = bottle(folder.path(), "1M");
     let (_server, url) = serve(&asset);
     browser.open(&url);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
@@ -89,7 +89,8 @@ fn pictures_are_those_of_the_cpu_renderer() {
     // Edges have 4 samples here and 8 there; measured 48.1 dB.
     assert!(decibels > 42.0, "{decibels} dB");
     // Turned, it is another picture, which becomes sharp, too.
-    (0..4).for_each(|_| drop(browser.picture_after("ArrowLeft", folder.path())));
+    browser.press("ArrowLeft", 4);
+    drop(browser.picture_after("ArrowLeft", folder.path()));
     browser.wait_for(&["sharp"]);
     let turned = browser.picture_after("ArrowLeft", folder.path());
     let difference = psnr_db(&shown, &turned).unwrap();
@@ -100,7 +101,7 @@ fn pictures_are_those_of_the_cpu_renderer() {
 fn an_exported_page_needs_a_server_with_ranges_and_says_so() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (asset, page) = (bottle(folder.path()), folder.path().join("page"));
+    let (asset, page) = (bottle(folder.path(), "1M"), folder.path().join("page"));
     let title = "A <b>bottle</b>";
     fantex(&["export", text(&asset), "-o", text(&page), "--web", "--title", title, "--credits", "CC0"]);
     let preview = Image::load(page.join("preview.png")).unwrap();
@@ -126,11 +127,33 @@ fn an_exported_page_needs_a_server_with_ranges_and_says_so() {
 fn what_is_missing_is_said() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let asset = bottle(folder.path());
+    let asset = bottle(folder.path(), "1M");
     let (_server, url) = serve(&asset);
     std::fs::remove_file(&asset).unwrap();
     browser.open(&url);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!(state, "failed");
     assert!(said.contains("404 Not Found"), "{said}");
+}
+
+#[test]
+fn an_asset_that_changes_underneath_is_named_and_what_is_there_stays() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    // So large that coming closer asks for more of it.
+    let asset = bottle(folder.path(), "8M");
+    let (_server, url) = serve(&asset);
+    browser.open(&url);
+    assert_eq!(browser.wait_for(&["sharp", "failed"]).0, "sharp");
+    let mut changed = std::fs::read(&asset).unwrap();
+    changed.push(0);
+    let other = folder.path().join("other.fan");
+    std::fs::write(&other, changed).unwrap();
+    std::fs::rename(other, &asset).unwrap();
+    browser.press("+", 12);
+    // By then a frame has asked for what the view needs.
+    drop(browser.picture_after("+", folder.path()));
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!(state, "sharp");
+    assert!(said.contains("stays coarse") && said.contains("has changed since it was opened"), "{said}");
 }
