@@ -28,7 +28,8 @@ const CRATES: &str = "
     fantex-assets  | the models and images of the gallery |
     fantex-bottle  | the model of the demo |
     fantex-gallery | the looks of the gallery |
-    fantex-cli     | the command line | fantex assets bottle gallery
+    fantex-web     | the viewer for browsers, and the files of its page | scene store stream gpu
+    fantex-cli     | the command line | fantex assets bottle gallery web
     fantex-app     | the window: viewer and painter | fantex assets
     fantex-python  | the Python package | fantex assets
     fantex-bench   | benchmarks, simulators and faulty disks; not shipped | *

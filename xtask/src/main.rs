@@ -1,4 +1,4 @@
-//! Development chores: `cargo xtask lint | test | python | fuzz | notices | bench | demo | schema | goldens | compare-binaries`.
+//! Development chores: `cargo xtask lint | test | python | web | fuzz | notices | bench | demo | schema | goldens | compare-binaries`.
 
 mod advisories;
 mod bench;
@@ -10,6 +10,7 @@ mod lint;
 mod python;
 mod shell;
 mod test;
+mod web;
 
 use std::process::ExitCode;
 
@@ -21,6 +22,7 @@ usage: cargo xtask CHORE
   lint                       formatting, clippy, direction of the crates, sizes of files, documentation, packages
   test [--slow]              all tests and examples; --slow adds those that are ignored because they take long
   python                     the part of these that tests the Python package
+  web                        builds the viewer for browsers; programs that are built afterwards have it
   fuzz [SECONDS] [SEED]      attacks every reader with damaged files, each for so long (600); says the seed of what it finds
   notices                    writes the licences of all that is in the programs to assets/NOTICES.txt, which they print
   bench                      figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
@@ -39,6 +41,8 @@ fn main() -> ExitCode {
         ["test"] => test::run(false),
         ["test", "--slow"] => test::run(true),
         ["python"] => test::run_python(),
+        ["web"] => web::build(),
+        ["web-scripts"] => web::write_scripts(),
         ["bench"] => bench::run(),
         ["schema"] => shell::cargo(&["run", "-p", "fantex-look", "--example", "write_reference"]),
         ["goldens"] => goldens::run(None),

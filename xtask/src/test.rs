@@ -5,6 +5,7 @@ use std::process::Command;
 
 use crate::python;
 use crate::shell::{Failure, capture, cargo_command, data_folder, root, run as run_command, succeeds};
+use crate::web;
 
 /// Examples of the library. All of them end by themselves without arguments.
 const EXAMPLES: [&str; 6] = [
@@ -32,6 +33,13 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
         (false, _) => {}
     }
     prepare_graphics();
+    if web::has_target() {
+        // Programs that are built from here on have it; the tests in a browser want it.
+        prepare_browser();
+        web::build()?;
+    } else {
+        eprintln!("no viewer for browsers: {}", web::HOW);
+    }
     let result = run_cargo(&arguments, &list);
     let documentation = run_cargo(&["test", "--workspace", "--doc", "--quiet"], &list);
     let examples = run_examples(&list);
@@ -128,23 +136,36 @@ fn prepare_graphics() {
     if !cfg!(target_os = "linux") || (has_vulkan() && has_display()) {
         return;
     }
-    if is_root() && succeeds(Command::new("apt-get").arg("--version")) {
-        eprintln!("> apt-get install {}", PACKAGES.join(" "));
-        if install() {
-            return;
-        }
-        // The package lists may be old or missing.
-        let updated = run_command(Command::new("apt-get").args(["update", "-qq"])).is_ok();
-        if updated && install() {
-            return;
-        }
+    if !installed(&PACKAGES) {
+        eprintln!("no Vulkan driver or no virtual display; on Debian install {}", PACKAGES.join(" "));
     }
-    eprintln!("no Vulkan driver or no virtual display; on Debian install {}", PACKAGES.join(" "));
 }
 
-fn install() -> bool {
+/// Debian's packages: a browser, and what drives it.
+const BROWSER: [&str; 2] = ["chromium", "chromium-driver"];
+
+/// The same for tests in a browser.
+fn prepare_browser() {
+    let is_there = succeeds(Command::new("chromedriver").arg("--version"));
+    if cfg!(target_os = "linux") && !is_there && !installed(&BROWSER) {
+        eprintln!("no browser for the tests of the page; on Debian install {}", BROWSER.join(" "));
+    }
+}
+
+/// Installs packages where that is possible without asking anybody.
+fn installed(packages: &[&str]) -> bool {
+    if !is_root() || !succeeds(Command::new("apt-get").arg("--version")) {
+        return false;
+    }
+    eprintln!("> apt-get install {}", packages.join(" "));
+    // The package lists may be old or missing.
+    install(packages)
+        || run_command(Command::new("apt-get").args(["update", "-qq"])).is_ok() && install(packages)
+}
+
+fn install(packages: &[&str]) -> bool {
     let mut command = Command::new("apt-get");
-    command.args(["install", "-y", "-qq", "--no-install-recommends"]).args(PACKAGES);
+    command.args(["install", "-y", "-qq", "--no-install-recommends"]).args(packages);
     run_command(command.env("DEBIAN_FRONTEND", "noninteractive")).is_ok()
 }
 

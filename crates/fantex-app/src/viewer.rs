@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex::base::Result;
-use fantex::glam::{DVec2, DVec3};
+use fantex::glam::DVec2;
 use fantex::paint::PaintOptions;
 use fantex::scene::{Background, Camera, Lights};
 use fantex::stream::CameraPath;
@@ -751,16 +751,6 @@ impl Viewer {
             self.pacing.changed();
         }
         self.looks = Some(looks);
-    }
-}
-
-impl CameraRig {
-    /// Turns to a point and takes it as the pivot.
-    pub fn look_at(&mut self, point: DVec3) {
-        let camera = Camera { target: point, ..self.camera() };
-        if camera.defect().is_none() {
-            *self = Self::of_camera(&camera);
-        }
     }
 }
 

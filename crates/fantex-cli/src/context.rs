@@ -8,7 +8,7 @@ use std::fmt;
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fantex::bake::Progress;
@@ -124,6 +124,11 @@ impl Context {
         self.interrupt.is_requested()
     }
 
+    /// Waits for Ctrl-C.
+    pub(crate) fn wait_for_interrupt(&self) {
+        self.interrupt.wait();
+    }
+
     /// Checks for Ctrl-C between steps.
     pub(crate) fn check_interrupt(&self) -> Result<()> {
         if self.interrupt.is_requested() { Err(Error::cancelled(INTERRUPTED)) } else { Ok(()) }
@@ -196,6 +201,7 @@ pub(crate) const INTERRUPTED: &str = "interrupted; no unfinished file was left b
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Interrupt {
     state: Arc<Mutex<State>>,
+    requested: Arc<Condvar>,
 }
 
 #[derive(Debug, Default)]
@@ -223,9 +229,17 @@ impl Interrupt {
         Deferral { interrupt: self }
     }
 
+    fn wait(&self) {
+        let mut state = self.lock();
+        while !state.requested {
+            state = self.requested.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
     fn request(&self) {
         let mut state = self.lock();
         state.requested = true;
+        self.requested.notify_all();
         // The lock stays taken: no operation can begin to write now.
         if state.deferrals == 0 {
             remove_temporaries();

@@ -7,7 +7,7 @@ use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
-    render, table, verify, view, warp,
+    render, serve, table, verify, view, warp,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
@@ -15,6 +15,7 @@ use crate::text::bytes;
 mod context;
 mod cover_pictures;
 mod scene;
+mod server;
 mod shipped;
 mod sources;
 mod text;
@@ -35,6 +36,7 @@ mod commands {
     pub(crate) mod paint;
     pub(crate) mod plan;
     pub(crate) mod render;
+    pub(crate) mod serve;
     pub(crate) mod table;
     pub(crate) mod verify;
     pub(crate) mod view;
@@ -131,6 +133,7 @@ pub(crate) enum Command {
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),
     View(view::ViewArgs),
+    Serve(serve::ServeArgs),
     Notices(notices::NoticesArgs),
 }
 
@@ -154,6 +157,7 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Warp(args) => warp::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
+        Command::Serve(args) => serve::run(args, context),
         Command::Notices(_) => notices::run(context),
     }?;
     Ok(ExitCode::SUCCESS)

@@ -3,6 +3,7 @@
 //! ```text
 //!  Camera --Projection--> pixels          Lights: AmbientLight (two colours or an EnvironmentLight), Light(s)
 //!  Background, FilterOptions, ToneMap     split_sum, smith_visibility: the parts of shading that renderers share
+//!  CameraRig: a camera that is moved by hand
 //!  LampView, lamp_views: what shadow maps look at          Picture, Glow: what comes out
 //! ```
 //!
@@ -12,6 +13,7 @@ mod camera;
 mod lamp_view;
 mod light;
 mod picture;
+mod rig;
 mod shading;
 
 pub use camera::{Camera, Projection, view_axes, world_bounds};
@@ -22,6 +24,7 @@ pub use light::{
     Projector, ShadowOptions, SpotLight,
 };
 pub use picture::{Background, Glow, Picture, ToneMap, luminance};
+pub use rig::{CameraRig, SceneScale};
 pub use shading::{
     Interpolation, LightQuantity, SPLIT_SUM_NODES, Shading, ShadingRate, smith_visibility, split_sum,
     split_sum_nodes,

@@ -1,6 +1,7 @@
 //! `fantex export`: assets for programs that know no fans.
 
 pub(super) mod turntable;
+mod web;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -30,14 +31,16 @@ Example:
   fantex export bottle.fan -o normal.png --channel normal --depth 16
   fantex export bottle.fan -o turn.png --turntable 48 --size 640x640
   fantex export bottle.fan -o pictures --turntable 120
+  fantex export bottle.fan -o page --web --title \"A bottle\" --credits \"by Ada, CC BY 4.0\"
 
 A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A single channel becomes .png, .exr or
 .ktx2 and lies as in the model. A turntable becomes one animated PNG (.png) or numbered pictures in a folder.
+A page (--web) is a folder for any web server that sends ranges of files; browsers show it by WebGPU.
 Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
 pub(crate) struct ExportArgs {
     /// An asset (.fan, also at an http:// or https:// address)
     asset: PathBuf,
-    /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder
+    /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder; with --web a folder
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Texture coordinates: a packing of its own, or those of the model that was baked
@@ -62,6 +65,18 @@ pub(crate) struct ExportArgs {
     /// .usda with a MaterialX file and pictures beside it
     #[arg(long, conflicts_with_all = ["channel", "turntable", "uv", "model", "size", "textures"])]
     fans: bool,
+    /// Write a page that shows the asset in a browser
+    #[arg(long, conflicts_with_all = ["channel", "turntable", "fans", "uv", "model", "size", "padding", "textures"])]
+    web: bool,
+    /// What the page is called [default: the asset's name]
+    #[arg(long, requires = "web")]
+    title: Option<String>,
+    /// Who made what it shows, and under which licence
+    #[arg(long, requires = "web", default_value = "", hide_default_value = true)]
+    credits: String,
+    /// Where the folder will be on the web, so that links to it have a preview (https://...)
+    #[arg(long, value_name = "URL", requires = "web", default_value = "", hide_default_value = true)]
+    base_url: String,
     /// Write one channel alone
     #[arg(long, value_parser = one_of(&CHANNELS), conflicts_with = "turntable")]
     channel: Option<ChannelMap>,
@@ -162,6 +177,9 @@ struct ExportInfo {
 pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     if let Some(count) = args.turntable {
         return turntable::run(args, count, context);
+    }
+    if args.web {
+        return web::run(args, context);
     }
     if args.surroundings.is_given() {
         return Err(Error::invalid(

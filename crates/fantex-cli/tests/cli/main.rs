@@ -12,6 +12,7 @@ mod memory;
 mod outputs;
 mod photographs;
 mod round_trip;
+mod serve;
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,103 @@
+//! `fantex serve`: an asset at an address of this machine, for browsers and for whatever reads ranges.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use fantex::store::Asset;
+use fantex::{Error, Result};
+use fantex_web::Page;
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::server::{Content, Server, Site};
+
+/// Serve an asset to browsers and programs on this machine.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex serve bunny.fan
+  fantex serve bunny.fan --port 8080
+
+A browser shows the asset at the address that is printed (it needs WebGPU), and other programs read it at the address of the file.
+The server is reached from this machine only, sends nothing but what it names, and ends with Ctrl-C. An asset that changes is
+served as it is then; who has the old one open is told so.")]
+pub(crate) struct ServeArgs {
+    /// An asset (.fan)
+    asset: PathBuf,
+    /// The port of the address [default: any that is free]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    port: Option<u16>,
+    /// Let pages at other addresses read the asset (CORS)
+    #[arg(long)]
+    share: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct ServeInfo {
+    /// Where a browser begins.
+    url: String,
+    /// The asset.
+    asset_url: String,
+}
+
+pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
+    // What is no asset is refused at once, not by the browser.
+    drop(Asset::open(&args.asset)?);
+    let name = file_name(&args.asset)?;
+    let encoded = encoded(&name);
+    let mut site = Site::new(args.share);
+    site.add(&name, Content::File(args.asset.clone()));
+    let title = args.asset.file_stem().and_then(|stem| stem.to_str()).unwrap_or(&name);
+    let page = match fantex_web::files() {
+        Some(files) => {
+            files.iter().for_each(|(name, content)| site.add(name, Content::Bytes((*content).into())));
+            Page { title, asset: &encoded, ..Page::default() }.html()
+        }
+        None => {
+            context.note(format!("the page at this address only names the asset: {NO_VIEWER}"));
+            plain_page(&name, &encoded)
+        }
+    };
+    site.add("", Content::Bytes(page.into_bytes().into()));
+    let port = args.port.unwrap_or(0);
+    let cannot = |error: std::io::Error| {
+        let place = if port == 0 { String::new() } else { format!(" at port {port}") };
+        Error::unavailable(format!("cannot listen{place} on this machine: {error}; ask for another --port"))
+    };
+    let server = Server::bind(site, port).map_err(cannot)?;
+    let url = format!("http://{}/", server.address().map_err(cannot)?);
+    let info = ServeInfo { asset_url: format!("{url}{encoded}"), url };
+    // From here on Ctrl-C is how the server ends.
+    let _deferral = context.defer_interrupt();
+    context.print(&info, |info| format!("{}\n", info.url))?;
+    context.note(format!("serving {} at {}; Ctrl-C ends it", args.asset.display(), info.asset_url));
+    let serving = std::thread::Builder::new().name("fan-listen".into()).spawn(move || server.run());
+    serving.map_err(|error| Error::unavailable(format!("cannot start a thread for the server: {error}")))?;
+    context.wait_for_interrupt();
+    Ok(())
+}
+
+/// Why a page cannot show an asset, and what to do.
+pub(crate) const NO_VIEWER: &str = "this program was built without the viewer for browsers; in a copy of its sources, 'cargo xtask web' builds \
+                                    the viewer, and then 'cargo build --release' the program with it";
+
+pub(crate) fn file_name(path: &Path) -> Result<String> {
+    let name = path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+    name.ok_or_else(|| Error::invalid(format!("the name of {} is no text; rename it", path.display())))
+}
+
+/// As a part of a URL.
+pub(crate) fn encoded(name: &str) -> String {
+    const PART: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+    utf8_percent_encode(name, PART).to_string()
+}
+
+/// What a browser is told where there is no viewer for it.
+fn plain_page(name: &str, encoded: &str) -> String {
+    let name = name.replace('&', "&amp;").replace('<', "&lt;");
+    format!(
+        "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>{name}</title>\n\
+         <p><a href=\"{encoded}\">{name}</a>: give this address to <code>fantex view</code>.\n"
+    )
+}

@@ -1,0 +1,159 @@
+//! The viewer for browsers in a real one: its pictures beside the CPU renderer's, and what it says where it cannot show any.
+//!
+//! Skipped where the viewer has not been built (`cargo xtask web`), or where there is no Chromium with its driver.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod driver;
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use driver::Browser;
+use fantex::texture::Image;
+use fantex::texture::compare::psnr_db;
+use fantex_test::{skip, workspace};
+use serde_json::Value;
+
+const SIZE: [u32; 2] = [640, 480];
+
+/// A browser, where the page can be shown at all.
+fn browser() -> Option<Browser> {
+    if fantex_web::files().is_none() {
+        skip("the viewer for browsers is not built (cargo xtask web)");
+        return None;
+    }
+    let browser = Browser::start(SIZE);
+    if browser.is_none() {
+        skip("no chromium with chromedriver");
+    }
+    browser
+}
+
+fn fantex(arguments: &[&str]) {
+    let output = Command::new(env!("CARGO_BIN_EXE_fantex")).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A program that ends with the value.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.0.kill().unwrap_or_default();
+        drop(self.0.wait());
+    }
+}
+
+/// Serves an asset and its page; the page's address.
+fn serve(asset: &Path) -> (Running, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fantex"));
+    command.args(["--json", "--quiet", "serve"]).arg(asset).stdout(Stdio::piped());
+    let mut child = Running(command.spawn().unwrap());
+    let mut output = BufReader::new(child.0.stdout.take().unwrap());
+    let mut json = String::new();
+    while !json.trim_end().ends_with('}') {
+        assert_ne!(output.read_line(&mut json).unwrap(), 0, "{json}");
+    }
+    let info: Value = serde_json::from_str(&json).unwrap();
+    (child, info["url"].as_str().unwrap().to_owned())
+}
+
+fn bottle(folder: &Path, texels: &str) -> PathBuf {
+    let (model, asset) = (workspace().join("assets/WaterBottle/WaterBottle.gltf"), folder.join("bottle.fan"));
+    fantex(&["bake", text(&model), "-o", text(&asset), "--texels", texels]);
+    asset
+}
+
+#[test]
+fn pictures_are_those_of_the_cpu_renderer() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, url) = serve(&asset);
+    browser.open(&url);
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+    let shown = browser.picture_after("Home", folder.path());
+    let expected = folder.path().join("expected.png");
+    let size = format!("{}x{}", SIZE[0], SIZE[1]);
+    fantex(&["render", text(&asset), "-o", text(&expected), "--size", &size]);
+    let expected = Image::load(&expected).unwrap();
+    let decibels = psnr_db(&expected, &shown).unwrap();
+    println!("{decibels:.1} dB");
+    // Edges have 4 samples here and 8 there; measured 48.1 dB.
+    assert!(decibels > 42.0, "{decibels} dB");
+    // Turned, it is another picture, which becomes sharp, too.
+    browser.press("ArrowLeft", 4);
+    drop(browser.picture_after("ArrowLeft", folder.path()));
+    browser.wait_for(&["sharp"]);
+    let turned = browser.picture_after("ArrowLeft", folder.path());
+    let difference = psnr_db(&shown, &turned).unwrap();
+    assert!(difference < 30.0, "the arrow keys turn nothing");
+}
+
+#[test]
+fn an_exported_page_needs_a_server_with_ranges_and_says_so() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (asset, page) = (bottle(folder.path(), "1M"), folder.path().join("page"));
+    let title = "A <b>bottle</b>";
+    fantex(&["export", text(&asset), "-o", text(&page), "--web", "--title", title, "--credits", "CC0"]);
+    let preview = Image::load(page.join("preview.png")).unwrap();
+    assert_eq!([preview.width, preview.height], [1200, 630]);
+    // Python's server knows no ranges.
+    let mut python = Command::new("python3");
+    python.args(["-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory"]).arg(&page);
+    let Ok(child) = python.stdout(Stdio::piped()).stderr(Stdio::null()).spawn() else {
+        return skip("no python3");
+    };
+    let mut python = Running(child);
+    let mut line = String::new();
+    BufReader::new(python.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let port = line.split("port ").nth(1).unwrap().split(' ').next().unwrap();
+    browser.open(&format!("http://127.0.0.1:{port}/"));
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!(state, "failed");
+    assert!(said.contains("does not support range requests"), "{said}");
+    assert_eq!(browser.run("return document.title"), title);
+}
+
+#[test]
+fn what_is_missing_is_said() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, url) = serve(&asset);
+    std::fs::remove_file(&asset).unwrap();
+    browser.open(&url);
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!(state, "failed");
+    assert!(said.contains("404 Not Found"), "{said}");
+}
+
+#[test]
+fn an_asset_that_changes_underneath_is_named_and_what_is_there_stays() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    // So large that coming closer asks for more of it.
+    let asset = bottle(folder.path(), "8M");
+    let (_server, url) = serve(&asset);
+    browser.open(&url);
+    assert_eq!(browser.wait_for(&["sharp", "failed"]).0, "sharp");
+    let mut changed = std::fs::read(&asset).unwrap();
+    changed.push(0);
+    let other = folder.path().join("other.fan");
+    std::fs::write(&other, changed).unwrap();
+    std::fs::rename(other, &asset).unwrap();
+    browser.press("+", 12);
+    // By then a frame has asked for what the view needs.
+    drop(browser.picture_after("+", folder.path()));
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!(state, "sharp");
+    assert!(said.contains("stays coarse") && said.contains("has changed since it was opened"), "{said}");
+}

@@ -1,0 +1,237 @@
+//! `fantex serve`, as browsers, `curl` and our own reader ask it.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::{COLORED_PLY, fails, fantex, json, run, succeeds, write};
+
+/// The program while it serves, and what it has printed.
+struct Serving {
+    child: Child,
+    port: u16,
+    asset_url: String,
+    _stdout: BufReader<ChildStdout>,
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        self.child.kill().unwrap_or_default();
+        drop(self.child.wait());
+    }
+}
+
+fn serve(asset: &Path, options: &[&str]) -> Serving {
+    let mut command = fantex();
+    command.args(["--json", "serve"]).arg(asset).args(options);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    let mut text = String::new();
+    while !text.trim_end().ends_with('}') {
+        assert_ne!(stdout.read_line(&mut text).unwrap(), 0, "{text}");
+    }
+    let info: Value = serde_json::from_str(&text).unwrap();
+    let url = info["url"].as_str().unwrap();
+    let port = url.trim_end_matches('/').rsplit_once(':').unwrap().1.parse().unwrap();
+    Serving { child, port, asset_url: info["asset_url"].as_str().unwrap().to_owned(), _stdout: stdout }
+}
+
+/// Status, headers in lower case, body.
+type Answer = (u16, Vec<String>, Vec<u8>);
+
+fn read_answer(input: &mut impl BufRead, has_body: bool) -> Answer {
+    let mut line = String::new();
+    input.read_line(&mut line).unwrap();
+    let status = line.split(' ').nth(1).unwrap().parse().unwrap();
+    let mut headers = Vec::new();
+    loop {
+        line.clear();
+        input.read_line(&mut line).unwrap();
+        match line.trim() {
+            "" => break,
+            header => headers.push(header.to_ascii_lowercase()),
+        }
+    }
+    let length = header(&headers, "content-length").map_or(0, |length| length.parse().unwrap());
+    let mut body = vec![0; if has_body { length } else { 0 }];
+    input.read_exact(&mut body).unwrap();
+    (status, headers, body)
+}
+
+fn header<'a>(headers: &'a [String], name: &str) -> Option<&'a str> {
+    headers.iter().find_map(|header| header.strip_prefix(name)?.strip_prefix(": "))
+}
+
+/// One request, with these lines below `Host`.
+fn ask(port: u16, line: &str, headers: &str) -> Answer {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    let host = if headers.contains("Host:") { "" } else { "Host: localhost\r\n" };
+    write!(stream, "{line} HTTP/1.1\r\n{host}{headers}\r\n").unwrap();
+    read_answer(&mut BufReader::new(stream), !line.starts_with("HEAD"))
+}
+
+fn small_asset(folder: &Path) -> Vec<u8> {
+    let model = write(folder, "colored.ply", COLORED_PLY);
+    succeeds(&[&"bake", &model, &"-o", &folder.join("a b.fan"), &"--texels", &"16k"]);
+    std::fs::read(folder.join("a b.fan")).unwrap()
+}
+
+#[test]
+fn ranges_versions_and_refusals_are_those_of_the_standard() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = small_asset(folder.path());
+    let length = bytes.len();
+    let Serving { port, ref asset_url, .. } = serve(&folder.path().join("a b.fan"), &[]);
+    assert_eq!(*asset_url, format!("http://127.0.0.1:{port}/a%20b.fan"));
+    let get = "GET /a%20b.fan";
+
+    let (status, headers, body) = ask(port, get, "");
+    assert_eq!((status, &body), (200, &bytes));
+    assert_eq!(header(&headers, "accept-ranges"), Some("bytes"));
+    assert_eq!(header(&headers, "content-type"), Some("application/octet-stream"));
+    assert_eq!(header(&headers, "access-control-allow-origin"), None);
+    let tag = header(&headers, "etag").unwrap().to_owned();
+    let (status, headers, body) = ask(port, "HEAD /a%20b.fan", "");
+    assert_eq!((status, body.len()), (200, 0));
+    assert_eq!(header(&headers, "content-length"), Some(length.to_string().as_str()));
+
+    let (status, headers, body) = ask(port, get, "Range: bytes=100-8191\r\n");
+    assert_eq!((status, &body[..]), (206, &bytes[100..8192]));
+    assert_eq!(header(&headers, "content-range"), Some(format!("bytes 100-8191/{length}").as_str()));
+    assert_eq!(header(&headers, "etag"), Some(tag.as_str()));
+    let (status, _, body) = ask(port, get, "Range: bytes=-10\r\n");
+    assert_eq!((status, &body[..]), (206, &bytes[length - 10..]));
+    let (status, headers, _) = ask(port, get, &format!("Range: bytes={length}-\r\n"));
+    assert_eq!(
+        (status, header(&headers, "content-range")),
+        (416, Some(format!("bytes */{length}").as_str()))
+    );
+
+    let if_range = |tag: &str| ask(port, get, &format!("Range: bytes=0-9\r\nIf-Range: {tag}\r\n"));
+    assert_eq!((if_range(&tag).0, if_range("\"other\"").0), (206, 200));
+    let (status, _, body) = ask(port, get, &format!("If-None-Match: W/{tag}\r\n"));
+    assert_eq!((status, body.len()), (304, 0));
+    assert_eq!(ask(port, get, "If-Match: \"other\"\r\n").0, 412);
+
+    for (line, headers, status) in [
+        ("GET /", "", 200),
+        ("GET /?x=1", "", 200),
+        ("POST /", "Content-Length: 3\r\n", 405),
+        ("GET /../etc/passwd", "", 404),
+        ("GET /%2e%2e/%2e%2e/etc/passwd", "", 404),
+        ("GET //etc/passwd", "", 404),
+        ("GET /colored.ply", "", 404),
+        ("GET /", "Host: example.org\r\n", 403),
+        ("GET x", "", 400),
+    ] {
+        assert_eq!(ask(port, line, headers).0, status, "{line}");
+    }
+    // Several requests over one connection, the first two at once.
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    let request = format!("{get} HTTP/1.1\r\nHost: 127.0.0.1\r\nRange: bytes=5-9\r\n\r\n");
+    stream.write_all(request.repeat(2).as_bytes()).unwrap();
+    let mut input = BufReader::new(stream.try_clone().unwrap());
+    for round in 0..3 {
+        assert_eq!(read_answer(&mut input, true).2, bytes[5..10], "{round}");
+        stream.write_all(request.as_bytes()).unwrap();
+    }
+}
+
+#[test]
+fn our_own_reader_reads_what_is_served() {
+    let folder = tempfile::tempdir().unwrap();
+    small_asset(folder.path());
+    let serving = serve(&folder.path().join("a b.fan"), &["--share"]);
+    let url = &serving.asset_url;
+    let of_file = json(&[&"info", &folder.path().join("a b.fan")]);
+    let of_url = json(&[&"info", url]);
+    assert_eq!(of_file["triangles"], of_url["triangles"]);
+    assert!(of_url["triangles"].is_number(), "{of_url}");
+    succeeds(&[&"verify", url]);
+    let curl = Command::new("curl").args(["-s", "-S", "-r", "0-7", "-D", "-", url]).output();
+    let Ok(output) = curl else { return fantex_test::skip("no curl") };
+    let text = String::from_utf8_lossy(&output.stdout).to_ascii_lowercase();
+    assert!(text.starts_with("http/1.1 206 ") && output.stdout.ends_with(b"\x89FAN\r\n\x1a\n"), "{text}");
+    assert!(text.contains("access-control-allow-origin: *"), "{text}");
+}
+
+#[test]
+fn an_asset_that_is_replaced_has_another_version() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = small_asset(folder.path());
+    let path = folder.path().join("a b.fan");
+    let serving = serve(&path, &[]);
+    let get = "GET /a%20b.fan";
+    let tag = |answer: Answer| header(&answer.1, "etag").unwrap().to_owned();
+    let first = tag(ask(serving.port, get, "Range: bytes=0-9\r\n"));
+    std::fs::rename(write(folder.path(), "new.fan", [&bytes[..], b"more"].concat()), &path).unwrap();
+    let (status, headers, body) =
+        ask(serving.port, get, &format!("Range: bytes=0-9\r\nIf-Range: {first}\r\n"));
+    assert_eq!((status, body.len()), (200, bytes.len() + 4));
+    assert_ne!(header(&headers, "etag"), Some(first.as_str()));
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(ask(serving.port, get, "").0, 404);
+}
+
+#[test]
+fn what_cannot_be_served_is_said_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = small_asset(folder.path());
+    let model = folder.path().join("colored.ply");
+    fails(1, &["colored.ply", "is not a .fan asset"], &[&"serve", &model]);
+    fails(1, &["missing.fan"], &[&"serve", &folder.path().join("missing.fan")]);
+    assert_eq!(run(&[&"serve", &"a.fan", &"--port", &"0"]).status.code(), Some(2));
+    let damaged = write(folder.path(), "half.fan", &bytes[..bytes.len() / 2]);
+    fails(1, &["half.fan", "truncated"], &[&"serve", &damaged]);
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    fails(1, &["port", &port, "--port"], &[&"serve", &folder.path().join("a b.fan"), &"--port", &port]);
+}
+
+#[test]
+fn pages_that_cannot_be_written_are_refused_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    small_asset(folder.path());
+    let (asset, page) = (folder.path().join("a b.fan"), folder.path().join("page"));
+    let export = [&"export" as &dyn AsRef<std::ffi::OsStr>, &asset, &"-o", &page, &"--web"];
+    let with_base = [&export[..], &[&"--base-url", &"example.org"]].concat();
+    fails(2, &["--base-url", "https://"], &with_base);
+    fails(2, &["--web"], &[&"export", &asset, &"-o", &page, &"--title", &"x"]);
+    match fantex_web::files() {
+        None => {
+            fails(1, &["without the viewer", "cargo xtask web"], &export);
+            assert!(!page.exists(), "nothing is left behind");
+        }
+        Some(_) => {
+            succeeds(&export);
+            assert!(page.join("index.html").is_file() && page.join("a b.fan").is_file());
+            fails(1, &["exists", "--force"], &export);
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+#[expect(unsafe_code, reason = "a signal to the program")]
+fn ctrl_c_ends_it_well() {
+    let folder = tempfile::tempdir().unwrap();
+    small_asset(folder.path());
+    let mut serving = serve(&folder.path().join("a b.fan"), &[]);
+    // A connection that asks nothing keeps it from nothing.
+    let _idle = TcpStream::connect(("127.0.0.1", serving.port)).unwrap();
+    // SAFETY: the process is a child that has not been waited for, so the number names it.
+    assert_eq!(unsafe { libc::kill(serving.child.id() as libc::pid_t, libc::SIGINT) }, 0);
+    let deadline = Instant::now() + Duration::from_secs(30);
+    let status = loop {
+        match serving.child.try_wait().unwrap() {
+            Some(status) => break status,
+            None => assert!(Instant::now() < deadline, "it goes on"),
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    assert_eq!(status.code(), Some(0));
+}

@@ -1,0 +1,195 @@
+// The page around the viewer: events, animation frames, what is said. What is drawn and loaded is decided in WebAssembly.
+
+import init, { Viewer } from "./fantex_web.js";
+
+const canvas = document.querySelector("canvas");
+const line = document.getElementById("line");
+const bar = document.querySelector("progress");
+const preview = document.querySelector("img");
+
+/** Graphics memory for texels. */
+const POOL_BYTES = (navigator.deviceMemory ?? 8) < 4 ? 128 * 2 ** 20 : 256 * 2 ** 20;
+
+/** Radians are Rust's affair: a step of the keyboard in canvas heights. */
+const KEY_STEP = 0.05;
+
+/** What an error says. */
+const sentence = (error) => error?.message ?? String(error);
+
+let viewer = null;
+let scheduled = false;
+
+/** Says something, with buttons for what can be done about it. Said again, it stays as it is. */
+function say(text, kind = "", ...actions) {
+    if (line.dataset.said === text) return;
+    line.dataset.said = text;
+    line.dataset.kind = kind;
+    line.textContent = text;
+    for (const { name, run } of actions) {
+        const button = document.createElement("button");
+        button.textContent = name;
+        button.addEventListener("click", run);
+        line.append(button);
+    }
+}
+
+/** For what the page cannot mend: a file that has changed, a lost device. */
+const RELOAD = { name: "Load again", run: () => location.reload() };
+
+/** What the page is doing, for tests and style sheets. */
+function enter(state) {
+    document.documentElement.dataset.state = state;
+    bar.hidden = state !== "loading" && state !== "sharpening";
+}
+
+function fail(text) {
+    viewer = null;
+    enter("failed");
+    preview.hidden = false;
+    canvas.hidden = true;
+    say(text, "error", RELOAD);
+}
+
+function schedule() {
+    if (!scheduled && viewer) {
+        scheduled = true;
+        requestAnimationFrame(frame);
+    }
+}
+
+function frame(now) {
+    scheduled = false;
+    if (!viewer) return;
+    try {
+        const progress = viewer.frame(now);
+        bar.value = progress.share;
+        enter(progress.is_settled ? "sharp" : "sharpening");
+        if (progress.damaged > 0) {
+            const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
+            say(`Some of it cannot be read, and stays coarse: ${viewer.damage()}`, "error", retry, RELOAD);
+        }
+        if (!progress.is_settled) schedule();
+        progress.free();
+    } catch (error) {
+        fail(sentence(error));
+    }
+}
+
+// The canvas has as many pixels as the screen gives it.
+
+function fit(entry) {
+    const box = entry?.devicePixelContentBoxSize?.[0];
+    const width = box ? box.inlineSize : Math.round(canvas.clientWidth * devicePixelRatio);
+    const height = box ? box.blockSize : Math.round(canvas.clientHeight * devicePixelRatio);
+    if (!viewer) {
+        canvas.width = Math.max(width, 1);
+        canvas.height = Math.max(height, 1);
+        return;
+    }
+    viewer.resize(width, height);
+    schedule();
+}
+
+function watchSize() {
+    const observer = new ResizeObserver((entries) => fit(entries[entries.length - 1]));
+    try {
+        observer.observe(canvas, { box: "device-pixel-content-box" });
+    } catch {
+        observer.observe(canvas);
+    }
+}
+
+// Hands: one pointer turns, with another button or the shift key it shifts; two come closer and shift.
+
+const pointers = new Map();
+
+function change(act) {
+    if (!viewer) return;
+    act();
+    schedule();
+}
+
+function place(event) {
+    const box = canvas.getBoundingClientRect();
+    return { x: (event.clientX - box.left) / box.width, y: (event.clientY - box.top) / box.height, height: box.height };
+}
+
+canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    canvas.focus({ preventScroll: true });
+});
+
+canvas.addEventListener("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const others = [...pointers.entries()].filter(([id]) => id !== event.pointerId).map(([, point]) => point);
+    const { height } = place(event);
+    const [right, down] = [(event.clientX - before.x) / height, (event.clientY - before.y) / height];
+    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    change(() => {
+        if (others.length === 0) {
+            const shifts = event.shiftKey || (event.buttons & 6) !== 0;
+            shifts ? viewer.pan(right, down) : viewer.orbit(right, down);
+            return;
+        }
+        const [other] = others;
+        const length = (x, y) => Math.max(Math.hypot(x - other.x, y - other.y), 1);
+        const middle = place({ clientX: (event.clientX + other.x) / 2, clientY: (event.clientY + other.y) / 2 });
+        viewer.pan(right / 2, down / 2);
+        viewer.zoom(middle.x, middle.y, length(before.x, before.y) / length(event.clientX, event.clientY));
+    });
+});
+
+for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, (event) => pointers.delete(event.pointerId));
+}
+
+canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+
+canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : 1;
+    const { x, y } = place(event);
+    change(() => viewer.zoom(x, y, Math.exp(Math.max(-200, Math.min(200, event.deltaY * lines)) * 0.002)));
+}, { passive: false });
+
+canvas.addEventListener("keydown", (event) => {
+    const keys = {
+        ArrowLeft: [-KEY_STEP, 0], ArrowRight: [KEY_STEP, 0], ArrowUp: [0, -KEY_STEP], ArrowDown: [0, KEY_STEP],
+    };
+    const actions = {
+        "+": () => viewer.zoom(0.5, 0.5, 0.9), "=": () => viewer.zoom(0.5, 0.5, 0.9), "-": () => viewer.zoom(0.5, 0.5, 1 / 0.9),
+        Home: () => viewer.reset(), "0": () => viewer.reset(),
+    };
+    const step = keys[event.key];
+    const action = step ? () => (event.shiftKey ? viewer.pan(...step) : viewer.orbit(...step)) : actions[event.key];
+    if (action && !event.ctrlKey && !event.metaKey && !event.altKey) {
+        event.preventDefault();
+        change(action);
+    }
+});
+
+async function main() {
+    enter("loading");
+    if (!navigator.gpu) {
+        const where = isSecureContext ? "" : " It is off for pages whose address begins with http:// and is not this machine's.";
+        fail(`This browser has no WebGPU, which is what the viewer draws with; current versions of Chrome, Edge, Safari and Firefox do.${where}`);
+        return;
+    }
+    say("Loading ...");
+    fit();
+    try {
+        await init({ module_or_path: new URL("fantex_web_bg.wasm", import.meta.url) });
+        const asset = new URL(document.body.dataset.asset, location.href).href;
+        viewer = await Viewer.open(canvas, asset, POOL_BYTES);
+    } catch (error) {
+        fail(sentence(error));
+        return;
+    }
+    say("");
+    watchSize();
+    schedule();
+}
+
+main();

@@ -1,0 +1,92 @@
+//! Ranges of a file by the browser's `fetch`.
+
+use std::cell::RefCell;
+use std::io;
+use std::ops::Range;
+
+use fantex_stream::read::{Answered, Fetched, RangeAnswer, ended_early};
+use js_sys::Uint8Array;
+use wasm_bindgen::{JsCast, JsValue};
+use wasm_bindgen_futures::JsFuture;
+use web_sys::{AbortSignal, Request, RequestInit, Response, Window};
+
+/// Time for one request.
+const MAX_REQUEST_MILLISECONDS: u32 = 60_000;
+
+/// Requests at a time: what browsers allow one server by HTTP/1.1.
+pub(crate) const CONNECTIONS: usize = 6;
+
+/// A file at an address, of which one version is read.
+#[derive(Debug)]
+pub(crate) struct RemoteFile {
+    url: String,
+    version: RefCell<Option<String>>,
+}
+
+impl RemoteFile {
+    pub(crate) fn new(url: String) -> Self {
+        Self { url, version: RefCell::new(None) }
+    }
+
+    pub(crate) fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// The bytes of a range, or those up to the file's end.
+    pub(crate) async fn fetch(&self, range: Range<u64>) -> io::Result<Fetched> {
+        let length = (range.end - range.start) as usize;
+        let response = self.ask(&range).await?;
+        let header = |name| response.headers().get(name).ok().flatten();
+        let version = header("etag").or_else(|| header("last-modified"));
+        let content_range = header("content-range");
+        let answer = RangeAnswer {
+            status: response.status(),
+            content_range: content_range.as_deref(),
+            version: version.as_deref(),
+        };
+        let checked = answer.check(range.start, length, self.version.borrow().as_deref());
+        // Servers elsewhere may keep that header from pages.
+        let is_hidden = response.status() == 206 && content_range.is_none();
+        let Answered { length: expected, total } = match checked {
+            Err(_) if is_hidden => Answered { length, total: None },
+            checked => checked?,
+        };
+        if self.version.borrow().is_none() {
+            *self.version.borrow_mut() = version;
+        }
+        if expected == 0 {
+            return Ok(Fetched { bytes: Vec::new(), total });
+        }
+        let body = JsFuture::from(response.array_buffer().map_err(|error| broken(&error))?).await;
+        let bytes = Uint8Array::new(&body.map_err(|error| broken(&error))?).to_vec();
+        if !is_hidden && bytes.len() < expected {
+            return Err(ended_early(bytes.len(), expected));
+        }
+        Ok(Fetched { bytes, total })
+    }
+
+    async fn ask(&self, range: &Range<u64>) -> io::Result<Response> {
+        let options = RequestInit::new();
+        options.set_signal(Some(&AbortSignal::timeout_with_u32(MAX_REQUEST_MILLISECONDS)));
+        let request = Request::new_with_str_and_init(&self.url, &options).map_err(|error| broken(&error))?;
+        let bytes = format!("bytes={}-{}", range.start, range.end - 1);
+        request.headers().set("range", &bytes).map_err(|error| broken(&error))?;
+        let window: Window = js_sys::global().unchecked_into();
+        let response =
+            JsFuture::from(window.fetch_with_request(&request)).await.map_err(|error| broken(&error))?;
+        Ok(response.unchecked_into())
+    }
+}
+
+/// What `fetch` throws: no connection, no permission (CORS), no time left. It does not say which.
+fn broken(error: &JsValue) -> io::Error {
+    io::Error::new(io::ErrorKind::ConnectionAborted, text_of(error))
+}
+
+/// What a thrown value says.
+fn text_of(error: &JsValue) -> String {
+    match error.dyn_ref::<js_sys::Error>() {
+        Some(error) => String::from(error.message()),
+        None => format!("{error:?}"),
+    }
+}

@@ -1,0 +1,94 @@
+//! The files of a page with the viewer in it.
+
+/// Name and content.
+pub type File = (&'static str, &'static [u8]);
+
+/// What the page needs beside its own text, an asset and a picture; none where this program was built without the viewer (see
+/// `cargo xtask web`).
+pub fn files() -> Option<&'static [File]> {
+    #[cfg(has_viewer)]
+    return Some(&[
+        ("viewer.js", include_bytes!("../page/viewer.js")),
+        ("fantex_web.js", include_bytes!("../built/fantex_web.js")),
+        ("fantex_web_bg.wasm", include_bytes!("../built/fantex_web_bg.wasm")),
+    ]);
+    #[cfg(not(has_viewer))]
+    None
+}
+
+/// What a page says about an asset.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Page<'a> {
+    /// What the asset is called.
+    pub title: &'a str,
+    /// Who made it, and what may be done with it; nothing where empty.
+    pub credits: &'a str,
+    /// The asset's address, as seen from the page.
+    pub asset: &'a str,
+    /// Address of the folder, with the slash at its end, for previews of links: most services take whole addresses only.
+    pub base: &'a str,
+}
+
+impl Page<'_> {
+    /// The page, `index.html`.
+    pub fn html(&self) -> String {
+        let credits = match self.credits {
+            "" => String::new(),
+            credits => format!(" \u{2013} {}", escaped(credits)),
+        };
+        let description = if self.credits.is_empty() { self.title } else { self.credits };
+        let fields = [
+            ("title", escaped(self.title)),
+            ("description", escaped(description)),
+            ("credits", credits),
+            ("asset", escaped(self.asset)),
+            ("base", escaped(self.base)),
+        ];
+        let mut html = String::new();
+        let mut rest = include_str!("../page/index.html");
+        // In one pass: what is filled in is not searched for fields.
+        while let Some((before, after)) = rest.split_once("{{") {
+            let (name, after) = after.split_once("}}").unwrap_or_default();
+            html += before;
+            html += fields.iter().find(|(field, _)| *field == name).map_or("", |(_, text)| text);
+            rest = after;
+        }
+        html + rest
+    }
+}
+
+/// As text or in an attribute.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped += "&amp;",
+            '<' => escaped += "&lt;",
+            '>' => escaped += "&gt;",
+            '"' => escaped += "&quot;",
+            '\'' => escaped += "&#39;",
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_hold_what_they_are_told_and_no_more() {
+        let title = "A \"vase\" <script>alert(1)</script> & {{base}}";
+        let page = Page { title, credits: "by Åsa", asset: "a%20b.fan", base: "https://a.org/x/" }.html();
+        assert!(page.contains(
+            "<title>A &quot;vase&quot; &lt;script&gt;alert(1)&lt;/script&gt; &amp; {{base}}</title>"
+        ));
+        assert!(page.contains(r#"data-asset="a%20b.fan""#));
+        assert!(page.contains(r#"content="https://a.org/x/preview.png""#));
+        assert!(page.contains("\u{2013} by Åsa</footer>"));
+        assert_eq!(page.matches("<script").count(), 1);
+        let plain = Page { title: "x", ..Page::default() }.html();
+        assert!(plain.contains("<footer>x</footer>") && !plain.contains("{{"), "{plain}");
+    }
+}
