@@ -41,6 +41,8 @@ pub mod paint;
 #[doc(hidden)]
 pub mod panels;
 #[doc(hidden)]
+pub mod pen;
+#[doc(hidden)]
 pub mod scene_view;
 #[doc(hidden)]
 pub mod session;

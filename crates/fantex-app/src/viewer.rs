@@ -25,6 +25,7 @@ use crate::live::LiveLook;
 use crate::notices::Notices;
 use crate::pacing::Pacing;
 use crate::paint::{PaintTool, Painting, PenEvent, StickerKind};
+use crate::pen::PenReadings;
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
@@ -166,6 +167,8 @@ pub struct Viewer {
     /// Memory for pages while painting, bytes.
     pub paint_memory_bytes: usize,
     pub brushes_file: Option<PathBuf>,
+    /// Pressure of a tablet, from outside the window library.
+    pub pen: PenReadings,
     /// The scene's size on the screen in pixels; zero while it is not shown.
     pub scene_pixels: [u32; 2],
     /// The scene's upper left corner in the window, points.

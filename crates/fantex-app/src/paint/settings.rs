@@ -39,6 +39,8 @@ pub struct PaintSettings {
     pub sticker_degrees: f32,
     /// How far around blurring looks, diameters of the brush.
     pub blur_radius: f32,
+    /// -1 for a pen that needs much force, 1 for one that needs little.
+    pub pen_softness: f32,
     pub has_brush_panel: bool,
     pub has_layer_panel: bool,
 }
@@ -63,6 +65,7 @@ impl Default for PaintSettings {
             picture: None,
             sticker_degrees: 0.0,
             blur_radius: 0.15,
+            pen_softness: 0.0,
             has_brush_panel: true,
             has_layer_panel: true,
         }

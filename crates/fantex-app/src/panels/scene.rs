@@ -15,6 +15,7 @@ use crate::display::Overlay;
 use crate::document::Stage;
 use crate::notices::{Notice, Severity};
 use crate::paint::{PenEvent, PenPhase};
+use crate::pen::felt;
 use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{SceneInput, Viewer};
@@ -40,7 +41,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>)
         }
         input = scene_input(ui, &response, rect);
         if viewer.painting.is_some() {
-            input.pen = pen(ui, &response, rect);
+            input.pen = pen(ui, &response, rect, viewer);
             paint::adjust(ui, viewer, &response, rect, &mut input);
             paint::overlay(ui, viewer, rect, input.cursor);
         }
@@ -107,7 +108,7 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
 }
 
 /// What the pen or the first button did in this frame, every move of it.
-fn pen(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<PenEvent> {
+fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<PenEvent> {
     let can_start = response.contains_pointer();
     let pressure_id = Id::unique("pen pressure");
     let mut pressure = ui.data(|data| data.get_temp::<f32>(pressure_id)).unwrap_or(1.0);
@@ -115,9 +116,15 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<PenEvent> {
         let share = (at - rect.min) / rect.size();
         DVec2::new(f64::from(share.x), f64::from(share.y))
     };
+    let softness = viewer.settings.paint.pen_softness;
     let mut events = Vec::new();
     ui.input(|i| {
+        let has_reading = |event: &&egui::Event| {
+            matches!(event, egui::Event::PointerMoved(_) | egui::Event::PointerButton { pressed: true, .. })
+        };
+        let mut readings = viewer.pen.take(i.events.iter().filter(has_reading).count()).into_iter();
         for event in &i.events {
+            let of_tablet = if has_reading(&event) { readings.next().flatten() } else { None };
             let (phase, at) = match event {
                 egui::Event::Touch { force, phase, .. } => {
                     let is_over = matches!(phase, egui::TouchPhase::End | egui::TouchPhase::Cancel);
@@ -136,6 +143,7 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<PenEvent> {
                 egui::Event::PointerMoved(pos) => (PenPhase::Move, *pos),
                 _ => continue,
             };
+            let pressure = felt(of_tablet.unwrap_or(pressure), softness);
             events.push(PenEvent { phase, at: share(at), pressure });
         }
     });

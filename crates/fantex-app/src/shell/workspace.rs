@@ -88,6 +88,9 @@ impl Workspace {
         let allow_outside = start.arguments.allow_outside;
         ReadLimits::new(ReadOptions { allow_outside, ..ReadOptions::default() }).make_default();
         viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
+        // Without an X display there is nothing to listen to.
+        #[cfg(target_os = "linux")]
+        crate::pen::x11::listen(None, viewer.pen.clone()).ok();
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         Self {
             viewer,

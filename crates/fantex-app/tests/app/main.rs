@@ -11,6 +11,7 @@ mod figures;
 mod live;
 mod painting;
 mod panels;
+mod pen;
 mod session;
 mod settings;
 mod shell;

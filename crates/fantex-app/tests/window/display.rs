@@ -60,6 +60,12 @@ impl Display {
     #[cfg(not(unix))]
     fn wait_until_it_answers(&self) {}
 
+    /// As `DISPLAY` has it.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn name(&self) -> String {
+        format!(":{}", self.number)
+    }
+
     /// Runs the viewer with a session until it ends. Files of the session and its pictures are in `folder`.
     pub(crate) fn run(&self, folder: &Path, arguments: &[&str], steps: &str) -> Output {
         let session = folder.join("session.json");

@@ -5,6 +5,8 @@
 
 mod display;
 mod painting;
+#[cfg(target_os = "linux")]
+mod pen;
 
 use std::path::{Path, PathBuf};
 use std::process::Output;

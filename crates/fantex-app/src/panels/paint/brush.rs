@@ -76,6 +76,8 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         percent(ui, "Pen → size", &mut brush.pressure.size, "How far pressure goes into the size");
         asks_stamp = stamp(ui, brush);
         percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
+        let tip = "Above 0 less force does more, below 0 more force is needed";
+        number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
     });
     open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
     if asks_stamp {
