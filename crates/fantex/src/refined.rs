@@ -47,6 +47,9 @@ pub enum LongestEdge {
 impl LongestEdge {
     /// The mesh that is covered with such a budget in tiles of at most `tile` texels; one fan per tile, 0, leaves it as it is.
     pub fn refined<'m>(self, mesh: &'m Mesh, budget: &TexelBudget, tile: u32) -> Cow<'m, Mesh> {
+        if self.leaves_whole(mesh, tile) {
+            return Cow::Borrowed(mesh);
+        }
         let texels = match budget {
             TexelBudget::Total(texels) => *texels as f64,
             TexelBudget::Density(density) => density.powi(2) * mesh.area(),
@@ -55,16 +58,13 @@ impl LongestEdge {
                 densities.iter().enumerate().map(of).sum()
             }
         };
-        if self.leaves_whole(mesh, tile) {
-            return Cow::Borrowed(mesh);
-        }
         let longest = longest_edge(mesh);
         let density = (texels / mesh.area()).sqrt();
         if !density.is_normal() {
             return Cow::Borrowed(mesh);
         }
         match self {
-            Self::Automatic => automatic(mesh, texels, tile, longest * density),
+            Self::Automatic => automatic(mesh, texels, tile, longest),
             Self::Texels(edge) => {
                 let most = MAX_TRIANGLES.max(mesh.triangles.len() as u64);
                 let mut wanted = f64::from(edge) / density;
@@ -90,13 +90,15 @@ impl LongestEdge {
     }
 }
 
-/// Tries one length after the other until the next costs more. `longest`: the mesh's longest edge, texels.
+/// Tries one length after the other until the next costs more. `longest`: the mesh's longest edge, mesh units.
 fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh> {
     let whole = Cow::Borrowed(mesh);
     let triangles = mesh.triangles.len() as f64;
-    let mut edges = LONGEST_EDGES.into_iter().map(f64::from).filter(|edge| *edge < longest).peekable();
+    let density = (texels / mesh.area()).sqrt();
+    let lengths = LONGEST_EDGES.into_iter().map(|edge| f64::from(edge) / density);
+    let mut lengths = lengths.filter(|length| *length < longest).peekable();
     let has_thin_borders = triangles > FEW_TRIANGLES && texels < MIN_TEXELS_PER_TRIANGLE * triangles;
-    if has_thin_borders || edges.peek().is_none() {
+    if has_thin_borders || lengths.peek().is_none() {
         return whole;
     }
     let budget = TexelBudget::Total(texels as u64);
@@ -110,9 +112,8 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
     let Some(cost_of_whole) = cost(mesh) else { return whole };
     let limit = cost_of_whole - MIN_GAIN;
     let mut best: Option<(f64, Mesh)> = None;
-    for edge in edges {
-        let edge = (edge / longest) as f32 * longest_edge(mesh) as f32;
-        let Ok(refined) = refine_at_bends(mesh, edge, MAX_TRIANGLES_AUTOMATIC) else { break };
+    for length in lengths {
+        let Ok(refined) = refine_at_bends(mesh, length as f32, MAX_TRIANGLES_AUTOMATIC) else { break };
         if cost_of_bytes(&refined) >= best.as_ref().map_or(limit, |(cost, _)| *cost) {
             break;
         }

@@ -85,7 +85,7 @@ pub(crate) const FITS: Choices<Fit, 3> = [
 ];
 
 const QUALITIES: Choices<Quality, 4> = [
-    ("ultra-fast", "About 30 million texels per second and core", Quality::UltraFast),
+    ("ultra-fast", "About 25 million texels per second and core", Quality::UltraFast),
     ("very-fast", "A fifth of that, 2 dB better", Quality::VeryFast),
     ("fast", "Slower, slightly better", Quality::Fast),
     ("basic", "About 1 million texels per second and core", Quality::Basic),
