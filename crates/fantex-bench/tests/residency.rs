@@ -426,7 +426,7 @@ fn edited_pages_are_uploaded_again_where_they_are() {
 fn no_mesh_streams_nothing() {
     let geometry = covered(generate::cube(1), 1 << 12, 64);
     let mut cover = geometry.cover.clone();
-    (cover.groups, cover.corner_groups, cover.unfolded) = (Vec::new(), Vec::new(), Vec::new());
+    (cover.groups, cover.corner_groups, cover.unfolded) = Default::default();
     let nothing = Arc::new(CoveredMesh { mesh: Mesh::default(), cover });
     let mut stage = Stage::new(&nothing, AtlasShape { side: 256, layers: 1 }, DiskModel::default());
     stage.settle(Some(&CameraKeyframe::looking(0.0, DVec3::Z, DVec3::ZERO)));

@@ -359,6 +359,7 @@ fn assemble(
         })
         .collect();
     unfolded.par_sort_unstable_by_key(|u| u.corner);
+    let unfolded = unfolded.into();
     let corner_groups = (0..surface.mesh.triangles.len())
         .into_par_iter()
         .with_min_len(1 << 12)

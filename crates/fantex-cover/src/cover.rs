@@ -3,6 +3,8 @@
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use glam::{Vec2, Vec3};
 
+use crate::UnfoldedCorners;
+
 /// How a group's surface is laid into its tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GroupKind {
@@ -48,15 +50,6 @@ pub struct Group {
     pub extent: [u32; 2],
 }
 
-/// Coordinates of one triangle in the tile of an unfolded group.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnfoldedCorner {
-    /// Corner index `3 * triangle + k` of a vertex whose fan is in the group.
-    pub corner: u32,
-    /// Tile coordinates, 0..1, of the triangle's corners 0, 1, 2.
-    pub uv: [Vec2; 3],
-}
-
 /// A cover of a mesh by groups of partial fans.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cover {
@@ -73,8 +66,8 @@ pub struct Cover {
     pub corner_groups: Vec<[u32; 3]>,
     /// All groups, ordered along a space-filling curve over the surface.
     pub groups: Vec<Group>,
-    /// Coordinates of unfolded groups, ascending by `corner`.
-    pub unfolded: Vec<UnfoldedCorner>,
+    /// Coordinates of unfolded groups.
+    pub unfolded: UnfoldedCorners,
 }
 
 impl Cover {
@@ -87,10 +80,7 @@ impl Cover {
             GroupKind::Projected => mesh.triangle_positions(triangle).map(|p| group.tile_from_mesh(p)),
             GroupKind::Unfolded => {
                 let corner = (3 * triangle + slot) as u32;
-                match self.unfolded.binary_search_by_key(&corner, |u| u.corner) {
-                    Ok(i) => self.unfolded[i].uv,
-                    Err(_) => [Vec2::splat(0.5); 3],
-                }
+                self.unfolded.find(corner).map_or([Vec2::splat(0.5); 3], |entry| entry.uv)
             }
         }
     }

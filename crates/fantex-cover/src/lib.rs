@@ -27,6 +27,7 @@ mod rectangle;
 mod stats;
 mod stored;
 mod surface;
+mod unfolded;
 mod unroll;
 
 pub use build::*;
@@ -35,3 +36,4 @@ pub use footprints::*;
 pub use pack::*;
 pub use stats::*;
 pub use stored::StoredBlocks;
+pub use unfolded::*;

@@ -233,6 +233,20 @@ impl TileSource for PageCache {
         }
     }
 
+    /// Most look-ups touch one page only, which is asked for without a handle to the tile.
+    #[inline]
+    fn bilinear(&self, channel: usize, id: TileId, uv: Vec2) -> [f32; 4] {
+        let TileId { group, level } = id;
+        let size = PageSize::new(self.shared.asset.cover().groups[group as usize].extent, level);
+        if size.extent()[0] > 0
+            && let (Some(page), quad) = TexelQuad::new(uv, size.extent()).in_one_page()
+            && let Some(page) = self.page(channel, PageId { group, level, page })
+        {
+            return page_bilinear(&page, &quad);
+        }
+        self.tile(channel, id).bilinear(uv)
+    }
+
     fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
         self.shared.asset.mean(channel, group)
     }
@@ -321,7 +335,7 @@ impl Clone for Recent {
 }
 
 /// The four texels around a point, and how far it lies between them.
-struct TexelQuad {
+pub(crate) struct TexelQuad {
     columns: [u32; 2],
     rows: [u32; 2],
     fraction: Vec2,
@@ -329,7 +343,7 @@ struct TexelQuad {
 
 impl TexelQuad {
     /// Texel centres lie at `(i + 0.5) / n`; the point is clamped to the rectangle that they span. NaN reads as 0.
-    fn new(uv: Vec2, extent: [u32; 2]) -> Self {
+    pub(crate) fn new(uv: Vec2, extent: [u32; 2]) -> Self {
         let axis = |u: f32, n: u32| {
             let last = n - 1;
             let x = (u * n as f32 - 0.5).max(0.0).min(last as f32);
@@ -339,6 +353,17 @@ impl TexelQuad {
         let (columns, fx) = axis(uv.x, extent[0]);
         let (rows, fy) = axis(uv.y, extent[1]);
         Self { columns, rows, fraction: Vec2::new(fx, fy) }
+    }
+
+    /// The page that all four lie in, and the same relative to it; none, and the same, across borders of pages.
+    #[inline]
+    pub(crate) fn in_one_page(self) -> (Option<[u32; 2]>, Self) {
+        let [[x0, x1], [y0, y1]] = [self.columns, self.rows];
+        if x0 / PAGE != x1 / PAGE || y0 / PAGE != y1 / PAGE {
+            return (None, self);
+        }
+        let [columns, rows] = [self.columns, self.rows].map(|i| i.map(|n| n % PAGE));
+        (Some([x0 / PAGE, y0 / PAGE]), Self { columns, rows, ..self })
     }
 
     /// The same relative to a page's upper left texel.
@@ -419,12 +444,11 @@ impl Tile {
 
     /// Across page borders. A look-up that touches a damaged page is made in the coarser level as a whole.
     fn paged_bilinear(&self, cache: &PageCache, recent: &Recent, uv: Vec2) -> [f32; 4] {
-        let quad = TexelQuad::new(uv, self.extent);
+        let (page, quad) = TexelQuad::new(uv, self.extent).in_one_page();
         let [[x0, x1], [y0, y1]] = [quad.columns, quad.rows];
-        if x0 / PAGE == x1 / PAGE && y0 / PAGE == y1 / PAGE {
-            if let Some(page) = self.recent_page(cache, recent, x0, y0) {
-                let [columns, rows] = [quad.columns, quad.rows].map(|i| i.map(|n| n % PAGE));
-                return page_bilinear(&page, &TexelQuad { columns, rows, ..quad });
+        if let Some(page) = page {
+            if let Some(page) = self.recent_page(cache, recent, page) {
+                return page_bilinear(&page, &quad);
             }
         } else if let (Some(a), Some(b), Some(c), Some(d)) = (
             self.paged_texel(cache, recent, x0, y0),
@@ -443,12 +467,12 @@ impl Tile {
     }
 
     fn paged_texel(&self, cache: &PageCache, recent: &Recent, x: u32, y: u32) -> Option<[f32; 4]> {
-        self.recent_page(cache, recent, x, y).map(|page| page.linear(x % PAGE, y % PAGE))
+        let page = self.recent_page(cache, recent, [x / PAGE, y / PAGE])?;
+        Some(page.linear(x % PAGE, y % PAGE))
     }
 
-    /// The page that holds a texel; none where it is damaged.
-    fn recent_page(&self, cache: &PageCache, recent: &Recent, x: u32, y: u32) -> Option<Arc<DecodedPage>> {
-        let place = [x / PAGE, y / PAGE];
+    /// A page by column and row; none where it is damaged.
+    fn recent_page(&self, cache: &PageCache, recent: &Recent, place: [u32; 2]) -> Option<Arc<DecodedPage>> {
         let slot = &recent.0[(place[0] % 2 + 2 * (place[1] % 2)) as usize];
         if let Some((held, page)) = &*slot.lock().unwrap_or_else(PoisonError::into_inner)
             && *held == place

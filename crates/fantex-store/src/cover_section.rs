@@ -143,6 +143,10 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
     let extents = input.words::<2>(groups, "the extents of groups")?;
     let maps = input.floats::<13>(groups, "tile map of group")?;
     let corners = input.words::<1>(unfolded, "unfolded corners")?;
+    // Before a table of them is made.
+    for (i, &[corner]) in corners.iter().enumerate() {
+        below("unfolded corner", i, corner, 3 * triangles)?;
+    }
     let coordinates = input.floats::<6>(unfolded, "unfolded corner")?;
     let marks = if input.remaining() > 0 { input.u8("the marks of the cover")? } else { 0 };
     if marks & !(CREASED | PAIRED_BY_ANGLE) != 0 {

@@ -45,7 +45,7 @@ fn cover() -> Arc<Cover> {
     Arc::new(Cover {
         groups: vec![group; 2000],
         corner_groups,
-        unfolded,
+        unfolded: unfolded.into(),
         delta: 0.25,
         density: 1.0,
         is_creased: false,

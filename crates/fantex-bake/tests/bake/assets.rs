@@ -87,9 +87,11 @@ fn a_torn_fan_is_not_certified() {
         let groups = cover.corner_groups[u.corner as usize / 3];
         cover.groups[groups[u.corner as usize % 3] as usize].kind == GroupKind::Unfolded
     });
-    let entry = &mut cover.unfolded[tip.unwrap()];
+    let mut entries = cover.unfolded.to_vec();
+    let entry = &mut entries[tip.unwrap()];
     let triangle = entry.corner / 3;
     entry.uv.iter_mut().for_each(|uv| uv.x = (uv.x + 0.11) % 1.0);
+    cover.unfolded = entries.into();
     let report = verified(&mesh, &cover, BakeFormat::Float);
     assert!(!report.ok && report.continuity.largest_jump > JUMP_BOUND, "{report:?}");
     assert!(report.continuity.worst.unwrap().triangles.contains(&triangle));

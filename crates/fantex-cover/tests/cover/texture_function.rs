@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use fantex_base::Random;
 use fantex_cover::{
-    Cover, Frame, Group, GroupKind, GroupTriangles, TexelBudget, build_cover, level_count, level_length,
-    stretch_axes,
+    Cover, Frame, Group, GroupKind, GroupTriangles, TexelBudget, UnfoldedCorner, UnfoldedCorners,
+    build_cover, level_count, level_length, stretch_axes,
 };
 use fantex_mesh::{Mesh, SurfacePoint};
 use glam::{Vec2, Vec3};
@@ -67,7 +67,7 @@ fn every_group_gets_the_triangles_that_name_it_once() {
         is_paired_by_angle: false,
         corner_groups,
         groups,
-        unfolded: Vec::new(),
+        unfolded: UnfoldedCorners::default(),
     };
     let triangles = GroupTriangles::of(&cover);
     let rows = [0, 1, 2, 3].map(|g| triangles.of_group(g));
@@ -89,7 +89,7 @@ fn taps_are_the_weighted_tiles_of_the_corners() {
         is_paired_by_angle: false,
         corner_groups,
         groups,
-        unfolded: Vec::new(),
+        unfolded: UnfoldedCorners::default(),
     };
     for lambda in [Vec3::X, Vec3::splat(1.0 / 3.0), Vec3::new(0.1, 0.4, 0.5)] {
         let point = SurfacePoint { triangle: 0, lambda };
@@ -135,6 +135,22 @@ fn stored_texels_are_those_near_look_ups() {
                 "{name}: {seen} of {}",
                 stats.texels
             );
+        }
+    }
+}
+
+/// Corners are found by bits and counts as a search finds them.
+#[test]
+fn unfolded_corners_are_found_by_corner() {
+    let mut random = Random::new(5);
+    for share in [0.0, 0.01, 0.3, 1.0] {
+        let corners: Vec<u32> = (0..3000).filter(|_| random.unit() < share).collect();
+        let entry = |&corner: &u32| UnfoldedCorner { corner, uv: [Vec2::splat(corner as f32); 3] };
+        let unfolded: UnfoldedCorners = corners.iter().map(entry).collect();
+        assert!(unfolded.iter().map(|entry| entry.corner).eq(corners.iter().copied()));
+        for corner in (0..3100).chain([u32::MAX]) {
+            let expected = corners.binary_search(&corner).ok().map(|i| &unfolded[i]);
+            assert_eq!(unfolded.find(corner), expected, "{corner} of {}", corners.len());
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_cover::{Cover, Frame, Group, GroupKind};
+use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorners};
 use fantex_mesh::{Mesh, interpolate};
 use fantex_render::{
     AmbientLight, Background, Camera, FanSurface, FilterOptions, Hit, Light, Lights, Picture, RenderOptions,
@@ -412,7 +412,7 @@ pub(crate) fn fan_cover(mesh: &Mesh, extent: [u32; 2]) -> Cover {
         is_paired_by_angle: false,
         corner_groups: mesh.triangles.clone(),
         groups,
-        unfolded: Vec::new(),
+        unfolded: UnfoldedCorners::default(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use fantex_cover::{Cover, Frame, Group, GroupKind};
+use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorners};
 use fantex_mesh::{ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, interpolate};
 use fantex_render::{
     Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, LookSurface,
@@ -226,7 +226,7 @@ fn twice_the_same(size: u32, texel: impl Fn(u32, u32) -> f32) -> (Mesh, Cover, M
         is_paired_by_angle: false,
         corner_groups,
         groups: vec![group],
-        unfolded: Vec::new(),
+        unfolded: UnfoldedCorners::default(),
     };
     (mesh, cover, tiles)
 }

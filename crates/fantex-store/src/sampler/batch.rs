@@ -18,6 +18,7 @@ use super::lookup::TileLookup;
 use super::{
     Footprint, SamplePoint, Sampler, SurfaceValues, TileSource, TileTexels, VALUE_KINDS, value_of_sum,
 };
+use crate::cache::TexelQuad;
 use crate::{PAGE, TileId, page_extent};
 
 /// Fewer points than this are sampled one by one.
@@ -75,12 +76,7 @@ impl PageNames {
         let (page, corner) = if extent[0].max(extent[1]) <= PAGE {
             (Some([0; 2]), Vec2::ZERO)
         } else {
-            let page_of = |place: f32, n: u32| {
-                let first = (place - 0.5).clamp(0.0, (n - 1) as f32) as u32;
-                (first / PAGE == (first + 1).min(n - 1) / PAGE).then_some(first / PAGE)
-            };
-            let page = page_of(place.x, extent[0]).zip(page_of(place.y, extent[1]));
-            let page = page.map(|(column, row)| [column, row]);
+            let (page, _) = TexelQuad::new(uv, extent).in_one_page();
             (page, page.map_or(Vec2::ZERO, |page| Vec2::from(page.map(|n| (n * PAGE) as f32))))
         };
         (self.index(PageName { tile, extent, page }), place - corner)

@@ -106,12 +106,18 @@ impl TileLookup {
     /// Linear RGBA of a channel.
     #[inline]
     pub fn sample<S: TileSource>(&self, tiles: &S, channel: usize) -> Vec4 {
-        let value = self.at_level(&tiles.tile(channel, self.fine));
+        let at_level = |id| {
+            if self.probes == 1 && Self::has_probes(self.filter) {
+                return Vec4::from_array(tiles.bilinear(channel, id, self.uv));
+            }
+            self.in_tile(&tiles.tile(channel, id))
+        };
+        let value = at_level(self.fine);
         if self.coarse_share == 0.0 {
             return value;
         }
         let coarse = match self.coarse() {
-            Some(id) => self.at_level(&tiles.tile(channel, id)),
+            Some(id) => at_level(id),
             None => Vec4::from_array(tiles.mean(channel, self.fine.group)),
         };
         value.lerp(coarse, self.coarse_share)
@@ -141,17 +147,14 @@ impl TileLookup {
     }
 
     #[inline]
-    fn at_level<T: TileTexels>(&self, tile: &T) -> Vec4 {
+    fn in_tile<T: TileTexels>(&self, tile: &T) -> Vec4 {
         match self.filter {
             Filter::Nearest => nearest(tile, self.uv),
             Filter::Bicubic => bicubic(tile, self.uv),
             Filter::Ewa => ewa(tile, self.uv, self.footprint),
             Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic => {
-                let probe = |uv| Vec4::from_array(tile.bilinear(uv));
-                match self.probes {
-                    1 => probe(self.uv),
-                    count => (0..count).map(|i| probe(self.probe(i))).sum::<Vec4>() / count as f32,
-                }
+                let probe = |i| Vec4::from_array(tile.bilinear(self.probe(i)));
+                (0..self.probes).map(probe).sum::<Vec4>() / self.probes as f32
             }
         }
     }

@@ -42,6 +42,11 @@ pub trait TileSource: Sync {
         self.tile(channel, id)
     }
 
+    /// One bilinear look-up in a tile, as [`TileTexels::bilinear`] makes it.
+    fn bilinear(&self, channel: usize, id: TileId, uv: Vec2) -> [f32; 4] {
+        self.tile(channel, id).bilinear(uv)
+    }
+
     /// Mean linear RGBA of a group.
     fn mean(&self, channel: usize, group: u32) -> [f32; 4];
 }
@@ -73,6 +78,10 @@ impl<S: TileSource + ?Sized> TileSource for &S {
 
     fn tile_at_page(&self, channel: usize, id: TileId, page: [u32; 2]) -> Self::Tile {
         (**self).tile_at_page(channel, id, page)
+    }
+
+    fn bilinear(&self, channel: usize, id: TileId, uv: Vec2) -> [f32; 4] {
+        (**self).bilinear(channel, id, uv)
     }
 
     fn mean(&self, channel: usize, group: u32) -> [f32; 4] {

@@ -129,7 +129,7 @@ pub(crate) fn fan_cover(mesh: &Mesh, extent: impl Fn(usize) -> [u32; 2]) -> Cove
         is_paired_by_angle: false,
         corner_groups,
         groups,
-        unfolded,
+        unfolded: unfolded.into(),
     }
 }
 

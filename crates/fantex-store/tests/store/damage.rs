@@ -230,7 +230,7 @@ fn bombs_are_refused_but_honest_repetition_is_not() {
     for group in &mut cover.groups {
         group.kind = fantex_cover::GroupKind::Projected;
     }
-    cover.unfolded.clear();
+    cover.unfolded = fantex_cover::UnfoldedCorners::default();
     write(&path, &mesh, &cover, &block_channels(), 100).unwrap();
     let length = std::fs::metadata(&path).unwrap().len();
     assert!(length < 200_000, "{length} bytes: it did not pack as well as this test needs");

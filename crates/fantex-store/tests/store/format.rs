@@ -403,8 +403,8 @@ fn contents_against_the_rules_are_refused() {
         |_, cover, _| cover.groups[1].extent = [1 << 17, 8],
         |_, cover, _| cover.groups[0].uv_scale.x = f32::INFINITY,
         |_, cover, _| cover.corner_groups[0][1] = 4,
-        |_, cover, _| _ = cover.unfolded.pop(),
-        |_, cover, _| cover.unfolded.swap(0, 1),
+        |_, cover, _| cover.unfolded = cover.unfolded.iter().copied().skip(1).collect(),
+        |_, cover, _| cover.unfolded = cover.unfolded.iter().copied().rev().collect(),
         |mesh, _, _| mesh.triangles[2][0] = 77,
         |mesh, _, _| mesh.triangles[2][0] = mesh.triangles[2][1],
         |mesh, _, _| mesh.positions[0].x = f32::NAN,
@@ -439,7 +439,9 @@ fn unrolled_corners_must_agree() {
     };
     let twin = (1..cover.unfolded.len()).find(|&i| groups(&cover, i) == groups(&cover, i - 1)).unwrap();
     assert_eq!(cover.unfolded[twin].uv, cover.unfolded[twin - 1].uv);
-    cover.unfolded[twin].uv[1].x += 0.01;
+    let mut entries = cover.unfolded.to_vec();
+    entries[twin].uv[1].x += 0.01;
+    cover.unfolded = entries.into();
     let path = tempfile::tempdir().unwrap().path().join("a.fan");
     let result = AssetWriter::create(&path, &CreateOptions::default(), &mesh, &cover, &plain_channels());
     let error = result.unwrap_err();

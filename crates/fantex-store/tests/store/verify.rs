@@ -49,7 +49,9 @@ fn the_report_depends_neither_on_memory_nor_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = sheet(4);
     let mut cover = fan_cover(&mesh, mixed_extent);
-    cover.unfolded[3].uv[1].x += 0.05;
+    let mut entries = cover.unfolded.to_vec();
+    entries[3].uv[1].x += 0.05;
+    cover.unfolded = entries.into();
     let path = written(folder.path(), &mesh, &cover);
     let reports = [(1, 1), (2, 1 << 20), (4, 1 << 28)].map(|(threads, memory_bytes)| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -72,7 +74,9 @@ fn a_crack_in_the_cover_is_found_and_located() {
             v == 11 || v == 17
         })
         .unwrap();
-    cover.unfolded[entry].uv[0].y += 0.1;
+    let mut entries = cover.unfolded.to_vec();
+    entries[entry].uv[0].y += 0.1;
+    cover.unfolded = entries.into();
     let report = verified(&mesh, &cover);
     assert!(!report.ok);
     assert!(report.continuity.largest_jump > JUMP_BOUND, "{report:?}");

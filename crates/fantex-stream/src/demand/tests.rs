@@ -90,7 +90,7 @@ fn no_picture_and_no_mesh_need_nothing() {
         assert!(demand.details.iter().all(|d| d.is_visible()));
     }
     let mut cover = geometry.cover.clone();
-    (cover.groups, cover.corner_groups, cover.unfolded) = (Vec::new(), Vec::new(), Vec::new());
+    (cover.groups, cover.corner_groups, cover.unfolded) = Default::default();
     let nothing = CoveredMesh { mesh: Mesh::default(), cover };
     let (mut surface, mut demand) = demand_for(&nothing, 16.0);
     demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
