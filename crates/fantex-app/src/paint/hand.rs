@@ -23,6 +23,9 @@ use crate::paint::{
 };
 use crate::settings::label_of;
 
+/// A drag that is shorter, in shares of the scene's sides, is a click.
+const CLICK_SHARE: f64 = 0.006;
+
 impl Painting {
     /// What the pen did in this frame. `is_line` and `is_pick`: Shift and Alt are held.
     pub fn pen(
@@ -41,7 +44,12 @@ impl Painting {
                 self.missed = None;
             }
             match event.phase {
+                PenPhase::Turn => self.hand = Hand::Turn,
                 PenPhase::Down => match sample {
+                    _ if is_pick && settings.alt_turns => {
+                        self.hand = Hand::AltTurn(sample.map(|sample| (sample.point, event.at)));
+                    }
+                    None if settings.alt_turns && settings.tool.has_brush() => self.hand = Hand::Wait,
                     None => {
                         self.hand = Hand::Turn;
                         self.missed = Some(notices.now);
@@ -52,6 +60,18 @@ impl Painting {
                     Some(sample) => self.touch(sample, settings, view, is_line, notices),
                 },
                 PenPhase::Move => {
+                    match (self.hand, sample) {
+                        (Hand::Wait, Some(sample)) => {
+                            self.hand = Hand::Idle;
+                            self.missed = None;
+                            self.touch(sample, settings, view, false, notices);
+                            continue;
+                        }
+                        (Hand::AltTurn(Some((_, down))), _) if (event.at - down).length() > CLICK_SHARE => {
+                            self.hand = Hand::AltTurn(None);
+                        }
+                        _ => {}
+                    }
                     if let Hand::Stroke(last) = &mut self.hand {
                         if let Some(sample) = sample {
                             samples.push(sample);
@@ -64,12 +84,15 @@ impl Painting {
                         *last = sample;
                     }
                 }
-                PenPhase::Up => {
-                    if let Hand::Stroke(last) = std::mem::take(&mut self.hand) {
+                PenPhase::Up => match std::mem::take(&mut self.hand) {
+                    Hand::Stroke(last) => {
                         self.thread.order(Order::Move(std::mem::take(&mut samples)));
                         self.thread.order(Order::End(last));
                     }
-                }
+                    Hand::AltTurn(Some((point, _))) => self.pick(point, settings, notices),
+                    Hand::Wait => self.missed = Some(notices.now),
+                    Hand::Idle | Hand::Turn | Hand::AltTurn(None) => {}
+                },
             }
         }
         if !samples.is_empty() {

@@ -41,6 +41,8 @@ pub struct PaintSettings {
     pub blur_radius: f32,
     /// -1 for a pen that needs much force, 1 for one that needs little.
     pub pen_softness: f32,
+    /// Whether `Alt` + drag turns the view; then strokes may begin beside the model.
+    pub alt_turns: bool,
     pub has_brush_panel: bool,
     pub has_layer_panel: bool,
 }
@@ -66,6 +68,7 @@ impl Default for PaintSettings {
             sticker_degrees: 0.0,
             blur_radius: 0.15,
             pen_softness: 0.0,
+            alt_turns: false,
             has_brush_panel: true,
             has_layer_panel: true,
         }

@@ -505,6 +505,42 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
     }
 }
 
+/// With *Alt turns*, `Alt` + drag turns the view, `Alt` + click picks, and strokes begin where they meet the model.
+#[test]
+fn alt_turns_and_strokes_begin_beside_the_model() {
+    let mut studio = Studio::open();
+    studio.settings.alt_turns = true;
+    let outside = |studio: &mut Studio, phase| studio.pen(phase, 0.02, 0.85, [false; 2]);
+    outside(&mut studio, PenPhase::Down);
+    assert!(!studio.painting.is_turning() && !studio.painting.is_drawing());
+    studio.pen(PenPhase::Move, 0.5, 0.85, [false; 2]);
+    assert!(studio.painting.is_drawing());
+    studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+    studio.wait();
+    assert_eq!(studio.painting.snapshot.done, ["paint"]);
+    assert_eq!(studio.painting.missed_for(0.0), None);
+    // One that does not meet it is told of.
+    outside(&mut studio, PenPhase::Down);
+    outside(&mut studio, PenPhase::Up);
+    assert!(studio.painting.missed_for(1.0).is_some());
+    // A click with a little shake picks, a drag turns and picks nothing.
+    for (shift, is_click) in [(0.001, true), (0.1, false)] {
+        studio.settings.colors.foreground = [0; 3];
+        studio.pen(PenPhase::Down, 0.5, 0.85, [false, true]);
+        studio.pen(PenPhase::Move, 0.5 + shift, 0.85, [false, true]);
+        assert!(studio.painting.is_turning() && !studio.painting.is_drawing());
+        // Coming back is no click.
+        studio.pen(PenPhase::Move, 0.5, 0.85, [false, true]);
+        studio.pen(PenPhase::Up, 0.5, 0.85, [false, true]);
+        studio.wait();
+        let picked = studio.settings.colors.foreground;
+        // The dab is as small as the texels: what is picked is between its red and the grey around.
+        let is_reddish = picked[0] > 200 && picked[1] < 160;
+        assert!(if is_click { is_reddish } else { picked == [0; 3] }, "{shift}: {picked:?}");
+    }
+    assert_eq!(studio.painting.snapshot.done, ["paint"]);
+}
+
 /// Why nothing is painted is told for a while, and no longer once the pen meets the model.
 #[test]
 fn a_stroke_beside_the_model_is_told_of() {
@@ -515,6 +551,10 @@ fn a_stroke_beside_the_model_is_told_of() {
     studio.pen(PenPhase::Up, 0.02, 0.02, [false; 2]);
     assert!(studio.painting.missed_for(1.0).is_some_and(|left| left < 4.0));
     assert_eq!(studio.painting.missed_for(100.0), None);
+    // Where a kept picture lies over the model the view is turned, and there is nothing to tell.
+    studio.pen(PenPhase::Turn, 0.5, 0.85, [false; 2]);
+    assert!(studio.painting.is_turning());
+    studio.pen(PenPhase::Up, 0.6, 0.85, [false; 2]);
     studio.stroke();
     assert_eq!(studio.painting.missed_for(1.0), None);
     assert_eq!(studio.painting.snapshot.done, ["paint"]);

@@ -78,6 +78,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
         let tip = "Above 0 less force does more, below 0 more force is needed";
         number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
+        let tip =
+            "Alt + drag turns the view, and strokes may begin beside the model (Alt + click still picks)";
+        row(ui, "Alt turns", |ui| ui.checkbox(&mut paint.alt_turns, "").on_hover_text(tip));
     });
     open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
     if asks_stamp {
