@@ -18,6 +18,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, Result};
+use fantex::paint::KindName;
 use serde::Deserialize;
 
 use crate::camera::{CameraMode, ViewPreset};
@@ -94,6 +95,8 @@ pub enum Step {
     },
     /// Copies the asset.
     SaveCopy(PathBuf),
+    /// Gives the asset that is painted on further channels.
+    AddChannels(Vec<KindName>),
     /// Waits until it is exported or copied, at most so many seconds.
     WaitExported(f64),
     /// Answers what is asked before a model is painted on.

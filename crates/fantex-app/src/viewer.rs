@@ -8,6 +8,7 @@ use fantex::base::Result;
 use fantex::glam::DVec2;
 use fantex::paint::PaintOptions;
 use fantex::scene::{Background, Camera, Lights};
+use fantex::store::ChannelKind;
 use fantex::stream::CameraPath;
 
 use crate::camera::{
@@ -175,6 +176,8 @@ pub struct Viewer {
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
+    /// Channels that what is opened next is given.
+    adds: Vec<ChannelKind>,
     /// Memory for pages while painting, bytes.
     pub paint_memory_bytes: usize,
     pub brushes_file: Option<PathBuf>,

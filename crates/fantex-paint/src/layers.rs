@@ -218,6 +218,17 @@ pub(crate) fn page_name(target: Target, id: PageId) -> String {
     format!("{}{:010}/{:05}/{:05}", prefix(target), id.group, id.page[1], id.page[0])
 }
 
+/// The page of any level whose base an attachment keeps, by its name after the prefix.
+pub(crate) fn base_page_of_suffix(suffix: &str) -> Option<PageId> {
+    match suffix.match_indices('/').nth(2) {
+        None => page_of_suffix(suffix),
+        Some((end, _)) => {
+            let level = suffix[end + 1..].parse().ok()?;
+            Some(PageId { level, ..page_of_suffix(&suffix[..end])? })
+        }
+    }
+}
+
 /// The page that a name stands for, after its prefix.
 pub(crate) fn page_of_suffix(suffix: &str) -> Option<PageId> {
     let mut numbers = suffix.split('/').map(|number| number.parse::<u32>().ok());
@@ -261,21 +272,24 @@ impl Held {
         values.chain(parts).map(half_of).flat_map(f16::to_le_bytes).collect()
     }
 
-    /// Inverse of [`encode`](Self::encode); a page of another length is empty: transparent.
+    /// Inverse of [`encode`](Self::encode). Channels that were added later are empty: transparent; so is a page of another length.
     fn decode(bytes: &[u8], channels: usize, texels: usize) -> Self {
-        let all = channels * texels * TEXEL_BYTES;
-        if bytes.len() != all && bytes.len() != all + texels * PARTS_BYTES {
-            return Self { values: vec![vec![Vec4::ZERO; texels]; channels], parts: Vec::new() };
+        let empty = vec![Vec4::ZERO; texels];
+        let known = bytes.len() / (texels * TEXEL_BYTES).max(1);
+        let all = known * texels * TEXEL_BYTES;
+        let is_whole = bytes.len() == all || bytes.len() == all + texels * PARTS_BYTES;
+        if !is_whole || known > channels {
+            return Self { values: vec![empty; channels], parts: Vec::new() };
         }
         let half = |b: &[u8], k: usize| float_of([b[2 * k], b[2 * k + 1]]);
         let texel = |b: &[u8]| Vec4::from_array(std::array::from_fn(|k| half(b, k)));
         let (values, parts) = bytes.split_at(all);
         let channel = |c: &[u8]| c.chunks_exact(TEXEL_BYTES).map(texel).collect();
         let part = |b: &[u8]| Vec3::from_array(std::array::from_fn(|k| half(b, k)));
-        Self {
-            values: values.chunks_exact((texels * TEXEL_BYTES).max(1)).map(channel).collect(),
-            parts: parts.chunks_exact(PARTS_BYTES).map(part).collect(),
-        }
+        let mut values: Vec<Vec<Vec4>> =
+            values.chunks_exact((texels * TEXEL_BYTES).max(1)).map(channel).collect();
+        values.resize(channels, empty);
+        Self { values, parts: parts.chunks_exact(PARTS_BYTES).map(part).collect() }
     }
 
     /// Alphas of a texel's components; `value` is that of the channel that has them.

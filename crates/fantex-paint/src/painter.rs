@@ -143,6 +143,7 @@ impl Painter {
             next_stroke,
             work: None,
         };
+        painter.finish_adding()?;
         painter.take_up_work()?;
         Ok(painter)
     }

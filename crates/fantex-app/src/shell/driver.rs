@@ -130,6 +130,9 @@ impl Driver {
                 viewer.export_to(path);
             }
             Step::SaveCopy(path) => viewer.copy_to(path),
+            Step::AddChannels(kinds) => {
+                viewer.add_channels(&kinds.iter().map(|kind| kind.0).collect::<Vec<_>>());
+            }
             Step::Answer(answer) => viewer.answer(Some(answer)),
             Step::Surroundings(name) => {
                 viewer.settings.light.surroundings = match name.as_str() {

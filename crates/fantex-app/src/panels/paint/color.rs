@@ -12,7 +12,7 @@ use crate::paint::{
     ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, color_of_hex, parse_hex, text_hex,
 };
 use crate::panels::widgets::{
-    cached_texture, file_button, framed_picture, heading, named_choice, number, row, segments,
+    cached_texture, file_button, framed_picture, named_choice, number, row, segments,
 };
 use crate::theme;
 use crate::viewer::{FileDialog, Request, Viewer};
@@ -94,7 +94,30 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
 /// Which channels are painted, with what, and which one is shown.
 pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
-    heading(ui, "Channels");
+    let missing: Vec<(ChannelKind, &str)> = ADDED
+        .into_iter()
+        .filter(|(kind, _)| painting.channels.iter().all(|channel| channel.kind != *kind))
+        .collect();
+    let mut added = None;
+    ui.add_space(6.0);
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Channels").color(theme::STRONG).strong());
+        if missing.is_empty() {
+            return;
+        }
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let menu = ui.menu_button(RichText::new("Add channel").size(11.0), |ui| {
+                for (kind, name) in &missing {
+                    if ui.button(*name).clicked() {
+                        added = Some(*kind);
+                        ui.close();
+                    }
+                }
+            });
+            menu.response
+                .on_hover_text("Give the asset a further channel; it looks as before until that is painted");
+        });
+    });
     let paint = &mut viewer.settings.paint;
     for channel in &painting.channels {
         let Some((name, view)) = name_and_view(channel.kind) else { continue };
@@ -112,7 +135,19 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
         });
         material(ui, channel.kind, paint);
     }
+    if let Some(kind) = added {
+        viewer.add_channels(&[kind]);
+    }
 }
+
+/// Channels that can be added.
+const ADDED: [(ChannelKind, &str); 5] = [
+    (ChannelKind::BaseColor, "Base colour, opacity"),
+    (ChannelKind::OcclusionRoughnessMetallic, "Occlusion, roughness, metallic"),
+    (ChannelKind::Emission, "Emission"),
+    (ChannelKind::Normal, "Normal"),
+    (ChannelKind::Displacement, "Height"),
+];
 
 /// What is painted besides the colour.
 fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
@@ -158,7 +193,7 @@ fn name_and_view(kind: ChannelKind) -> Option<(&'static str, Option<ShadingView>
             Some(("Roughness, metallic", Some(ShadingView::OcclusionRoughnessMetallic)))
         }
         ChannelKind::Emission => Some(("Emission", Some(ShadingView::Emission))),
-        ChannelKind::Displacement => Some(("Displacement", None)),
+        ChannelKind::Displacement => Some(("Height", None)),
         ChannelKind::Light | ChannelKind::Anisotropy => None,
     }
 }
