@@ -20,6 +20,7 @@
 //! | `painter` | the [`Painter`]: an open stroke, and how it ends |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_moves` | layers over the base, flattened into the asset's texels; copies, merges, what layers hold |
+//! | `relief` | painted height bends the normals |
 //! | `added` | channels that an asset is given while it is painted on |
 //! | `mask_source` | masks from the shape of the model |
 //! | `history` | undo and redo, kept in the asset |
@@ -48,6 +49,7 @@ mod painter;
 mod picture;
 mod projection;
 mod region;
+mod relief;
 mod replay;
 mod room;
 mod smudge;
@@ -72,6 +74,7 @@ pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
 pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};
 pub use projection::{Lens, PicturePlace, Projection, ProjectionView, Sight};
 pub use region::{Region, RegionTriangle};
+pub use relief::HEIGHT_RANGE;
 pub use replay::{ReplaySummary, replay};
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
 pub use stroke_file::{

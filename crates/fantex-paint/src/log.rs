@@ -322,7 +322,7 @@ fn settings_of(
         return None;
     }
     let mut channels = Vec::with_capacity(paint.channels.len());
-    for painted in &paint.channels {
+    for painted in paint.channels.iter().filter(|painted| !matches!(painted.color, PaintColor::Relief)) {
         let color = match &painted.color {
             PaintColor::Constant(color) => ColorSettings::Linear(color.to_array()),
             _ if paint.tool.reads_surface() => ColorSettings::default(),

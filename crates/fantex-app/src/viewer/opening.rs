@@ -299,7 +299,9 @@ impl Viewer {
             return self.notices.error(format!("Channels cannot be added: {reason}"));
         }
         let place = document.place.clone();
-        for &kind in kinds {
+        // Normals that come with height follow it by themselves.
+        let follows = |kind| kind == ChannelKind::Normal && kinds.contains(&ChannelKind::Displacement);
+        for &kind in kinds.iter().filter(|kind| !follows(**kind)) {
             if let Some(is_painted) = self.settings.paint.channels.of(kind) {
                 *is_painted = true;
             }

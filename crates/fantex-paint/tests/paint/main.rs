@@ -6,6 +6,7 @@ mod added;
 mod layers;
 mod painting;
 mod regions;
+mod relief;
 mod tools;
 mod values;
 mod views;

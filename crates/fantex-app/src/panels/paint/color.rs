@@ -136,7 +136,13 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
         material(ui, channel.kind, paint);
     }
     if let Some(kind) = added {
-        viewer.add_channels(&[kind]);
+        // Height is seen by the normals that follow it.
+        let with_normals = [ChannelKind::Normal, ChannelKind::Displacement];
+        viewer.add_channels(if kind == ChannelKind::Displacement {
+            &with_normals
+        } else {
+            std::slice::from_ref(&kind)
+        });
     }
 }
 
@@ -156,7 +162,7 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
     }
     let components = &mut paint.channels.components;
     let material = &mut paint.material;
-    let number = |name| number(name, "", 2, "");
+    let number = |name, tip| number(name, "", 2, tip);
     match kind {
         ChannelKind::OcclusionRoughnessMetallic => {
             let rows = [
@@ -172,7 +178,7 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
                     name_field(&ui.add(switch).on_hover_text("Whether the brush changes it"), name);
                     ui.add_enabled_ui(components[component], |ui| {
                         ui.spacing_mut().slider_width = 74.0;
-                        number(name).show(ui, value, 0.0..=1.0);
+                        number(name, "").show(ui, value, 0.0..=1.0);
                     });
                 });
             }
@@ -180,7 +186,10 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
         ChannelKind::Emission => {
             row(ui, "   Emission", |ui| ui.color_edit_button_srgb(&mut material.emission));
         }
-        ChannelKind::Displacement => number("   Height").show(ui, &mut material.height, 0.0..=1.0),
+        ChannelKind::Displacement => {
+            let tip = "0.5 is level, more is raised, less is carved; the normals follow";
+            number("   Height", tip).show(ui, &mut material.height, 0.0..=1.0);
+        }
         ChannelKind::BaseColor | ChannelKind::Normal | ChannelKind::Light | ChannelKind::Anisotropy => {}
     }
 }
