@@ -27,8 +27,8 @@ use crate::display::{Overlay, ShadingView};
 use crate::document::Answer;
 use crate::export::Preset;
 use crate::paint::{
-    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, StencilSettings, SymmetrySettings,
-    TextureChoice, parse_hex,
+    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
+    SymmetrySettings, TextureChoice, parse_hex,
 };
 use crate::settings::{Tab, read_limited};
 
@@ -154,6 +154,8 @@ pub enum Step {
     Fill(FillReach),
     /// Lays this picture with the next click of the tool `sticker`.
     Picture(PathBuf),
+    /// What that picture shows.
+    PictureUse(PictureUse),
     Symmetry(SymmetrySettings),
     /// Draws with the first button through points of the scene.
     Stroke {

@@ -18,8 +18,8 @@ use crate::paint::painting::Hand;
 use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::texture::{sticker, text_lines};
 use crate::paint::{
-    ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
-    StrokeStart, Viewpoint,
+    ChannelSwitches, ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent,
+    PenPhase, PictureUse, StickerKind, StrokeStart, Viewpoint,
 };
 use crate::settings::label_of;
 
@@ -117,7 +117,22 @@ impl Painting {
         is_line: bool,
         notices: &mut Notices,
     ) {
-        let mut start = match self.start(sample.point, settings, view, notices) {
+        let before = settings.channels;
+        let is_other = settings.tool == PaintTool::Sticker
+            && settings.sticker == StickerKind::Picture
+            && settings.picture_use != PictureUse::Color
+            && !matches!(self.target, Target::Mask(_));
+        if is_other {
+            let kind = settings.picture_use.kind();
+            if self.channels.iter().all(|channel| channel.kind != kind) {
+                let name = if kind == ChannelKind::Normal { "normals" } else { "height" };
+                return notices.warning(format!("The asset has no {name}: Add channel gives it some."));
+            }
+            settings.channels = ChannelSwitches::only(kind);
+        }
+        let start = self.start(sample.point, settings, view, notices);
+        settings.channels = before;
+        let mut start = match start {
             Ok(start) => start,
             Err(reason) => return notices.warning(reason),
         };
@@ -233,10 +248,13 @@ impl Painting {
             let text = settings.text.clone();
             start.recorded.text = Some(TextSettings { text, font: None, size, angle, mirrored });
         } else {
-            let shape = settings.picture.clone();
+            let is_mask = matches!(self.target, Target::Mask(_));
+            let kind = if is_mask { ChannelKind::BaseColor } else { settings.picture_use.kind() };
+            // Normals and heights lie where their picture is opaque.
+            let shape = settings.picture.clone().filter(|_| kind == ChannelKind::BaseColor);
             start.recorded.decal = Some(DecalSettings { shape, size: world(decal.size), angle, mirrored });
             for (paint, recorded) in start.paint.channels.iter_mut().zip(&mut start.recorded.channels) {
-                if self.channels[paint.channel].kind == ChannelKind::BaseColor {
+                if self.channels[paint.channel].kind == kind {
                     paint.color = PaintColor::Image(decal.shape.clone());
                     recorded.color = ColorSettings::Image(settings.picture.clone().unwrap_or_default());
                 }

@@ -10,15 +10,15 @@ use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
 use fantex::paint::{BlendMode, MaskMeasure, PaintOptions, Painter, Target};
-use fantex::store::{Asset, PageId, VerifyOptions, verify};
+use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
 use fantex_app::camera::ViewPreset;
 use fantex_app::notices::Notices;
 use fantex_app::paint::{
     BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool, Painting,
-    PenEvent, PenPhase, SaveState, Section, StencilSettings, StencilUse, StickerKind, SymmetryKind,
-    TextureChoice, Viewpoint,
+    PenEvent, PenPhase, PictureUse, SaveState, Section, StencilSettings, StencilUse, StickerKind,
+    SymmetryKind, TextureChoice, Viewpoint,
 };
 
 /// A torus with 60 000 texels.
@@ -589,4 +589,62 @@ fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
     studio.wait();
     assert!(studio.painting.snapshot.layers.is_empty());
     assert_eq!(crate::errors(&studio.notices), 0);
+}
+
+/// A picture is laid as a normal map or as height; without such a channel it is told how to get one. The log lays it again.
+#[test]
+fn pictures_are_laid_as_normals_and_heights() {
+    let mut studio = Studio::open();
+    studio.settings.tool = PaintTool::Sticker;
+    studio.settings.sticker = StickerKind::Picture;
+    studio.settings.picture_use = PictureUse::Normal;
+    studio.stroke();
+    assert!(studio.painting.snapshot.done.is_empty());
+    assert!(studio.notices.shown().any(|notice| notice.text.contains("Add channel")));
+    let path = studio.path.clone();
+    let folder = studio.close();
+    let kinds = [ChannelKind::Normal, ChannelKind::Displacement];
+    Painter::open(&path, &PaintOptions::default()).unwrap().add_channels(&kinds).unwrap();
+    // Slopes by half to the right everywhere; half a step up.
+    let [slope, height] =
+        [("slope.png", [0.75, 0.5, 0.86]), ("height.png", [0.8; 3])].map(|(name, numbers)| {
+            let file = folder.path().join(name);
+            let [r, g, b] = numbers.map(fantex::base::srgb::linear_from_srgb);
+            let texels = [[r, g, b, 1.0]; 64];
+            fantex::texture::Image::from_linear_rgba(8, 8, &texels).save(&file).unwrap();
+            file
+        });
+    let mut studio = Studio::open_at(folder, path.clone(), None);
+    studio.settings.tool = PaintTool::Sticker;
+    studio.settings.sticker = StickerKind::Picture;
+    studio.settings.brush.size = 120.0;
+    let switches = studio.settings.channels;
+    let at = studio.view.hit(&studio.painting.surface, DVec2::new(0.5, 0.85)).unwrap();
+    for (file, picture_use) in [(slope, PictureUse::Normal), (height, PictureUse::Height)] {
+        studio.settings.picture = Some(file);
+        studio.settings.picture_use = picture_use;
+        studio.stroke();
+    }
+    assert_eq!(studio.settings.channels, switches, "what the brush paints stays");
+    assert_eq!(studio.painting.snapshot.done.len(), 2);
+    let _folder = studio.close();
+    let values = |path: &Path| Painter::open(path, &PaintOptions::default()).unwrap().pick_all(at).unwrap();
+    let found = values(&path);
+    let count = found.len();
+    // A flat part: the normal leans by half, whatever way the tile lies.
+    let leaning = (2.0 * found[count - 2].truncate().truncate() - 1.0).length();
+    assert!((leaning - 0.5).abs() < 0.1, "{leaning} {found:?}");
+    assert!((found[count - 1].x - 0.8).abs() < 0.02, "{found:?}");
+    let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut again = Painter::open(&path, &PaintOptions::default()).unwrap();
+    assert_eq!(log.replay(&mut again).unwrap().unrecorded, 0);
+    again.commit().unwrap();
+    drop(again);
+    let replayed = values(&path);
+    assert!(
+        (0..count).all(|k| (found[k] - replayed[k]).abs().max_element() < 0.05),
+        "{found:?} {replayed:?}"
+    );
 }

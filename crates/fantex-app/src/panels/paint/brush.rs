@@ -1,7 +1,8 @@
 //! The brush: its preview, its numbers, and the brushes that are kept.
 
 use crate::paint::{
-    BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, preview_stroke,
+    BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit, StickerKind,
+    preview_stroke,
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
@@ -117,6 +118,10 @@ fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
         StickerKind::Picture => {
             let tip = "A picture to lay onto the surface";
             is_asked = row(ui, "Picture", |ui| file_button(ui, paint.picture.as_deref(), tip)).clicked();
+            let shown = ui.horizontal(|ui| segments(ui, &mut paint.picture_use, &PictureUse::ALL));
+            shown
+                .response
+                .on_hover_text("A colour, a normal map (green upwards), or a height whose grey is level");
         }
     }
     size(ui, &mut paint.brush);
