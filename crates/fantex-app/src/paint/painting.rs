@@ -237,6 +237,11 @@ impl Painting {
         self.source.map(|point| world_position(&self.surface, point))
     }
 
+    /// Where the pen was last, world units; before that the middle of the model.
+    pub fn last_position(&self) -> DVec3 {
+        self.last.map_or(self.bounds.center(), |point| world_position(&self.surface, point))
+    }
+
     /// Keeps the brush among the presets, on the disk too.
     pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices) {
         self.presets.keep(&settings.brush);
