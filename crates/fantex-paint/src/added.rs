@@ -22,7 +22,7 @@ impl Painter {
     /// own normals, a middle height. Rewrites the file, which needs room for a copy.
     ///
     /// # Errors
-    /// As [`AssetEditor::add_channels`]. If the file cannot be written, the asset stays as it is.
+    /// As [`AssetEditor::add_channels`](fantex_store::AssetEditor::add_channels). If the file cannot be written, the asset stays as it is.
     pub fn add_channels(&mut self, kinds: &[ChannelKind]) -> Result<()> {
         let channels = self.editor.asset().channels();
         let mut missing: Vec<ChannelKind> = Vec::new();
