@@ -32,6 +32,8 @@ pub enum Command {
     StepShading(isize),
     ToggleWireframe,
     ToggleShadows,
+    /// Keep the picture of the scene beside it, or let it go.
+    Compare,
     /// Brighter or darker by so many quarters of a stop.
     Exposure(i32),
     ToggleInspector,
@@ -129,6 +131,7 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Display, SHIFT, Key::V, Command::StepShading(-1), "Previous shading"),
         row(Display, NONE, Key::Z, Command::ToggleWireframe, "Wireframe"),
         row(Display, NONE, Key::X, Command::ToggleShadows, "Shadows"),
+        row(Display, NONE, Key::Y, Command::Compare, "Keep this picture beside what comes (A/B)"),
         row(Display, NONE, Key::OpenBracket, Command::Exposure(-1), "Darker"),
         row(Display, NONE, Key::CloseBracket, Command::Exposure(1), "Brighter"),
         row(Panels, NONE, Key::I, Command::ToggleInspector, "Inspector"),

@@ -107,14 +107,16 @@ pub enum Stage {
     Reading,
     Cleaning,
     Baking,
+    Adding,
     Preparing,
 }
 
 impl Stage {
-    pub const ALL: [(Self, &'static str); 4] = [
+    pub const ALL: [(Self, &'static str); 5] = [
         (Self::Reading, "Reading"),
         (Self::Cleaning, "Cleaning the mesh"),
         (Self::Baking, "Making an asset to paint on"),
+        (Self::Adding, "Adding channels"),
         (Self::Preparing, "Preparing textures"),
     ];
 }
@@ -215,7 +217,7 @@ impl Document {
     }
 
     /// Opens an asset to paint on it. A model becomes an asset beside it first, unless that is there already; without an answer to
-    /// how, that is asked. Takes no longer for more texels.
+    /// how, that is asked. Takes no longer for more texels, unless channels are to be added.
     ///
     /// # Errors
     /// One sentence for the user.
@@ -223,6 +225,7 @@ impl Document {
         place: &Place,
         memory_bytes: usize,
         answer: Option<&Answer>,
+        added: &[ChannelKind],
         progress: &OpenProgress,
     ) -> Result<ForPainting> {
         progress.enter(Stage::Reading)?;
@@ -242,7 +245,15 @@ impl Document {
             },
         };
         progress.enter(Stage::Preparing)?;
-        let painter = Painter::open(&path, &PaintOptions { memory_bytes, history: true })?;
+        let mut painter = Painter::open(&path, &PaintOptions { memory_bytes, history: true })?;
+        if !added.is_empty() {
+            progress.enter(Stage::Adding)?;
+            // What is open stays so.
+            if let Err(error) = painter.add_channels(added) {
+                notes.push(error.to_string());
+            }
+            progress.enter(Stage::Preparing)?;
+        }
         let asset = painter.editor().asset().clone();
         let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
         Ok(ForPainting::Ready(Box::new((document, painter))))

@@ -18,6 +18,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, Result};
+use fantex::paint::KindName;
 use serde::Deserialize;
 
 use crate::camera::{CameraMode, ViewPreset};
@@ -26,8 +27,8 @@ use crate::display::{Overlay, ShadingView};
 use crate::document::Answer;
 use crate::export::Preset;
 use crate::paint::{
-    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, StencilSettings, SymmetrySettings,
-    TextureChoice, parse_hex,
+    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
+    SymmetrySettings, TextureChoice, parse_hex,
 };
 use crate::settings::{Tab, read_limited};
 
@@ -94,6 +95,8 @@ pub enum Step {
     },
     /// Copies the asset.
     SaveCopy(PathBuf),
+    /// Gives the asset that is painted on further channels.
+    AddChannels(Vec<KindName>),
     /// Waits until it is exported or copied, at most so many seconds.
     WaitExported(f64),
     /// Answers what is asked before a model is painted on.
@@ -151,6 +154,8 @@ pub enum Step {
     Fill(FillReach),
     /// Lays this picture with the next click of the tool `sticker`.
     Picture(PathBuf),
+    /// What that picture shows.
+    PictureUse(PictureUse),
     Symmetry(SymmetrySettings),
     /// Draws with the first button through points of the scene.
     Stroke {

@@ -8,6 +8,7 @@ use fantex::base::Result;
 use fantex::glam::DVec2;
 use fantex::paint::PaintOptions;
 use fantex::scene::{Background, Camera, Lights};
+use fantex::store::ChannelKind;
 use fantex::stream::CameraPath;
 
 use crate::camera::{
@@ -137,6 +138,17 @@ pub struct SceneInput {
     pub movement: MoveInput,
 }
 
+/// A picture of the scene that stays beside it: A, to the left of a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kept {
+    /// Where it was seen from.
+    pub rig: CameraRig,
+    /// Its size.
+    pub pixels: [u32; 2],
+    /// Where the line is, as a share of the scene's width.
+    pub divider: f32,
+}
+
 #[derive(Default)]
 pub struct Viewer {
     pub settings: Settings,
@@ -164,11 +176,15 @@ pub struct Viewer {
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
+    /// Channels that what is opened next is given.
+    adds: Vec<ChannelKind>,
     /// Memory for pages while painting, bytes.
     pub paint_memory_bytes: usize,
     pub brushes_file: Option<PathBuf>,
     /// Pressure of a tablet, from outside the window library.
     pub pen: PenReadings,
+    /// What the scene is compared with.
+    pub kept: Option<Kept>,
     /// The scene's size on the screen in pixels; zero while it is not shown.
     pub scene_pixels: [u32; 2],
     /// The scene's upper left corner in the window, points.
@@ -460,6 +476,7 @@ impl Viewer {
             Command::StepShading(by) => self.settings.display.step_shading(by),
             Command::ToggleWireframe => toggle(&mut self.settings.display.has_wireframe),
             Command::ToggleShadows => toggle(&mut self.settings.light.has_shadows),
+            Command::Compare => self.compare(),
             Command::Exposure(quarters) => self.settings.display.change_exposure(quarters as f32 * 0.25),
             Command::ToggleInspector => toggle(&mut self.settings.panels.has_inspector),
             Command::ToggleAtlas => toggle(&mut self.settings.panels.has_atlas),
@@ -478,6 +495,19 @@ impl Viewer {
             Command::TogglePainting => self.toggle_painting(),
             Command::Paint(command) => self.paint_command(&command),
             Command::Light(preset) => self.settings.light = preset.light(&self.settings.light),
+        }
+    }
+
+    fn compare(&mut self) {
+        let kept = Kept { rig: self.rig, pixels: self.scene_pixels, divider: 0.5 };
+        self.kept = (self.kept.is_none() && self.document.is_some()).then_some(kept);
+    }
+
+    /// Goes to where the kept picture was seen from.
+    pub fn see_kept(&mut self) {
+        if let Some(kept) = self.kept {
+            self.rig = kept.rig;
+            self.after_jump();
         }
     }
 

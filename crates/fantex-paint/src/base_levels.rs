@@ -8,15 +8,18 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use fantex_base::Result;
-use fantex_store::{Channel, PageId, page_extent, page_origin};
+use fantex_store::{AssetEditor, Channel, PageId, page_extent, page_origin};
 
-use crate::Painter;
 use crate::composite::copy_blocks;
 use crate::history::PageStep;
-use crate::layers::{base_bytes, base_mean_name, base_name};
+use crate::layers::{base_bytes, base_mean_name, base_name, base_page_of_suffix, prefix};
 use crate::levels::{CoarserLevels, dirty_levels, fine_rect, pages_of, pages_read};
 use crate::painter::Changes;
 use crate::texel_page::{Rect, blocks_of};
+use crate::{Painter, Target};
+
+/// Bytes of a mean that is put aside.
+const MEAN_BYTES: usize = 16;
 
 impl Painter {
     /// What coarser levels of a group change, page by page. First layered are pages whose base is to be put aside.
@@ -170,7 +173,7 @@ impl Painter {
                 let name = base_mean_name(group);
                 let mut means = self.editor.attachment(&name)?.unwrap_or_default();
                 for (channel, mean) in result.means {
-                    if let Some(kept) = means.chunks_exact_mut(16).nth(channel) {
+                    if let Some(kept) = means.chunks_exact_mut(MEAN_BYTES).nth(channel) {
                         kept.copy_from_slice(&mean.map(f32::to_le_bytes).concat());
                     }
                 }
@@ -179,6 +182,38 @@ impl Painter {
         }
         Ok(())
     }
+}
+
+/// An attachment that keeps pages or means under the layers, with the channels that the asset was given since it was written. Over
+/// these nothing has been painted: what is seen is their base.
+pub(crate) fn with_added_channels(
+    editor: &AssetEditor,
+    name: &str,
+    mut contents: Vec<u8>,
+) -> Result<Vec<u8>> {
+    let Some(suffix) = name.strip_prefix(&prefix(Target::Base)) else { return Ok(contents) };
+    if contents.is_empty() {
+        return Ok(contents);
+    }
+    let channels = editor.asset().channels().len();
+    if let Some(group) = suffix.strip_suffix("/mean").and_then(|group| group.parse::<u32>().ok()) {
+        if (group as usize) < editor.asset().cover().groups.len() {
+            let missing = contents.len() / MEAN_BYTES..channels;
+            missing.for_each(|channel| {
+                contents.extend(editor.mean(channel, group).into_iter().flat_map(f32::to_le_bytes));
+            });
+        }
+        return Ok(contents);
+    }
+    let Some(id) = base_page_of_suffix(suffix) else { return Ok(contents) };
+    let mut known = 0;
+    for channel in 0..channels {
+        if known == contents.len() {
+            contents.extend(editor.read_page_raw(channel, id)?);
+        }
+        known += editor.asset().channels()[channel].format.bytes(editor.asset().page_extent(channel, id)?);
+    }
+    Ok(contents)
 }
 
 /// The blocks of a page that differ from another of the same extent, relative to the page.

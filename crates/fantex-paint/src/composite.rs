@@ -12,6 +12,7 @@ use fantex_texture::material::vertex_color;
 use fantex_texture::{Filtering, ShadingPoint, UvPoint};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
+use crate::relief::Relief;
 use crate::stroke::walk_straight;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage, blocks_of};
@@ -29,7 +30,13 @@ pub(crate) fn composite(
 ) -> Result<Vec<Vec<u8>>> {
     let extent = map.block.extent;
     let mut changed = Vec::with_capacity(context.paint.channels.len());
-    let rect = page.stale.blocks();
+    let relief = context.painted_relief();
+    let rect = match relief {
+        Some(_) => Relief::reach(page.stale, extent).blocks(),
+        None => page.stale.blocks(),
+    };
+    // Heights around count, too.
+    let evaluated = if relief.is_some() { Relief::reach(rect, extent) } else { rect };
     let originals = match page.decoded.get() {
         Some(decoded) => decoded,
         None => {
@@ -38,9 +45,10 @@ pub(crate) fn composite(
         }
     };
     let channels = context.paint.channels.iter().enumerate();
-    for (((number, painted), original), mut bytes) in channels.zip(originals).zip(shown) {
+    let mut painted_values = Vec::with_capacity(context.paint.channels.len());
+    for ((number, painted), original) in channels.zip(originals) {
         let mut values = original.clone();
-        for place in rect.texels() {
+        for place in evaluated.texels() {
             let texel = map.texel(place);
             let coverage = page.covered(texel);
             if coverage > 0.0
@@ -51,8 +59,26 @@ pub(crate) fn composite(
                     painted.keep(values[texel], context.paint.apply(values[texel], color, coverage));
             }
         }
+        painted_values.push(values);
+    }
+    let mut is_bent = Vec::new();
+    if let Some((relief, [height, normal])) = relief {
+        is_bent = vec![false; map.owner.len()];
+        let mut normals = std::mem::take(&mut painted_values[normal]);
+        let heights = [originals[height].as_slice(), &painted_values[height]];
+        relief.bend(context.surface, map, rect, heights, &mut normals, |texel| is_bent[texel] = true);
+        painted_values[normal] = normals;
+    }
+    let channels = context.paint.channels.iter().enumerate();
+    for (((number, painted), values), mut bytes) in channels.zip(painted_values).zip(shown) {
         let channel = &asset.channels()[painted.channel];
-        let is_changed = |texel: usize| page.covered(texel) > 0.0 && map.is_known(texel);
+        let follows = relief.is_some_and(|(_, [_, normal])| normal == number);
+        if follows {
+            // What was bent may be straight by now.
+            copy_blocks(channel, extent, &page.originals[number], &mut bytes, rect);
+        }
+        let is_changed =
+            |texel: usize| map.is_known(texel) && (page.covered(texel) > 0.0 || follows && is_bent[texel]);
         replace_blocks(channel, extent, &mut bytes, &values, rect, is_changed)?;
         changed.push(bytes);
     }
@@ -83,6 +109,7 @@ pub(crate) struct PaintContext<'a> {
     /// The texture function before the stroke, where the tool asks for it.
     pub(crate) before: Option<&'a PageCache>,
     normals: Option<usize>,
+    relief: Option<Relief>,
 }
 
 /// Points of a ring around the centre of a blur.
@@ -99,7 +126,15 @@ impl<'a> PaintContext<'a> {
         paint: &'a Paint,
         before: Option<&'a PageCache>,
     ) -> Self {
-        Self { surface, paint, before, normals: asset.channel_of_kind(ChannelKind::Normal) }
+        let normals = asset.channel_of_kind(ChannelKind::Normal);
+        Self { surface, paint, before, normals, relief: Relief::of(surface, asset) }
+    }
+
+    /// Where the stroke paints heights that show in normals: the numbers of both among the painted channels.
+    fn painted_relief(&self) -> Option<(Relief, [usize; 2])> {
+        let relief = self.relief?;
+        let number = |channel| self.paint.channels.iter().position(|painted| painted.channel == channel);
+        Some((relief, [number(relief.height)?, number(relief.normal)?]))
     }
 
     /// The colour of a channel, by its number among the painted ones, at a texel that shows the surface, given by column and
@@ -112,6 +147,9 @@ impl<'a> PaintContext<'a> {
         number: usize,
     ) -> Option<Vec4> {
         let painted = &self.paint.channels[number];
+        if matches!(painted.color, PaintColor::Relief) {
+            return None;
+        }
         let value = page.color(number, map.texel(place)).or_else(|| self.at(map, place, painted))?;
         if !self.is_tangent(painted) {
             return Some(value);
@@ -144,7 +182,7 @@ impl<'a> PaintContext<'a> {
             PaintColor::Texture(texture) => {
                 Some(shade(self.surface, triangle, point.lambda, |point| texture.evaluate(point)))
             }
-            PaintColor::Image(_) => None,
+            PaintColor::Image(_) | PaintColor::Relief => None,
             PaintColor::Projected(projection) => {
                 let point = point.clamped();
                 let steps = position_steps(self.surface, triangle);

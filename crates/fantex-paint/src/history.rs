@@ -14,6 +14,7 @@ use fantex_base::Result;
 use fantex_store::{AssetEditor, PageId};
 use serde::{Deserialize, Serialize};
 
+use crate::base_levels::with_added_channels;
 use crate::error::{damaged, encoded};
 use crate::layers::{base_bytes, base_name};
 use crate::log;
@@ -274,6 +275,8 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
             if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
                 return Err(damaged(editor, "history", "a step changes what is neither layer nor log"));
             }
+            // A step from before channels were added knows nothing of them.
+            let contents = with_added_channels(editor, &name, contents)?;
             if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
         }
         Record::Mean { channel, group, values } => {

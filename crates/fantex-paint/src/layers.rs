@@ -27,6 +27,7 @@ use crate::error::encoded;
 use crate::graph::{FillTextures, check_files, found_folder, kept_folder};
 use crate::history::PageStep;
 use crate::painter::Changes;
+use crate::relief::Relief;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
 use crate::work::{FlattenWork, Work};
@@ -218,6 +219,17 @@ pub(crate) fn page_name(target: Target, id: PageId) -> String {
     format!("{}{:010}/{:05}/{:05}", prefix(target), id.group, id.page[1], id.page[0])
 }
 
+/// The page of any level whose base an attachment keeps, by its name after the prefix.
+pub(crate) fn base_page_of_suffix(suffix: &str) -> Option<PageId> {
+    match suffix.match_indices('/').nth(2) {
+        None => page_of_suffix(suffix),
+        Some((end, _)) => {
+            let level = suffix[end + 1..].parse().ok()?;
+            Some(PageId { level, ..page_of_suffix(&suffix[..end])? })
+        }
+    }
+}
+
 /// The page that a name stands for, after its prefix.
 pub(crate) fn page_of_suffix(suffix: &str) -> Option<PageId> {
     let mut numbers = suffix.split('/').map(|number| number.parse::<u32>().ok());
@@ -261,21 +273,24 @@ impl Held {
         values.chain(parts).map(half_of).flat_map(f16::to_le_bytes).collect()
     }
 
-    /// Inverse of [`encode`](Self::encode); a page of another length is empty: transparent.
+    /// Inverse of [`encode`](Self::encode). Channels that were added later are empty: transparent; so is a page of another length.
     fn decode(bytes: &[u8], channels: usize, texels: usize) -> Self {
-        let all = channels * texels * TEXEL_BYTES;
-        if bytes.len() != all && bytes.len() != all + texels * PARTS_BYTES {
-            return Self { values: vec![vec![Vec4::ZERO; texels]; channels], parts: Vec::new() };
+        let empty = vec![Vec4::ZERO; texels];
+        let known = bytes.len() / (texels * TEXEL_BYTES).max(1);
+        let all = known * texels * TEXEL_BYTES;
+        let is_whole = bytes.len() == all || bytes.len() == all + texels * PARTS_BYTES;
+        if !is_whole || known > channels {
+            return Self { values: vec![empty; channels], parts: Vec::new() };
         }
         let half = |b: &[u8], k: usize| float_of([b[2 * k], b[2 * k + 1]]);
         let texel = |b: &[u8]| Vec4::from_array(std::array::from_fn(|k| half(b, k)));
         let (values, parts) = bytes.split_at(all);
         let channel = |c: &[u8]| c.chunks_exact(TEXEL_BYTES).map(texel).collect();
         let part = |b: &[u8]| Vec3::from_array(std::array::from_fn(|k| half(b, k)));
-        Self {
-            values: values.chunks_exact((texels * TEXEL_BYTES).max(1)).map(channel).collect(),
-            parts: parts.chunks_exact(PARTS_BYTES).map(part).collect(),
-        }
+        let mut values: Vec<Vec<Vec4>> =
+            values.chunks_exact((texels * TEXEL_BYTES).max(1)).map(channel).collect();
+        values.resize(channels, empty);
+        Self { values, parts: parts.chunks_exact(PARTS_BYTES).map(part).collect() }
     }
 
     /// Alphas of a texel's components; `value` is that of the channel that has them.
@@ -538,15 +553,35 @@ impl<'a> LayerStack<'a> {
     /// The bytes of the page in all channels of the asset.
     fn flatten(&self) -> Result<Vec<Vec<u8>>> {
         let asset = self.editor.asset();
+        let shows = |relief: &Relief| self.layers.stack.iter().any(|layer| layer.shows(relief.height));
+        let Some(relief) = Relief::of(self.surface, asset).filter(shows) else {
+            return self.flatten_around(self.rect, None);
+        };
+        // Normals follow heights around them.
+        let extent = self.map.block.extent;
+        let rect = Relief::reach(self.rect, extent).blocks();
+        let evaluated = Relief::reach(rect, extent).blocks();
+        LayerStack { rect: evaluated, ..*self }.flatten_around(rect, Some(relief))
+    }
+
+    /// The same, written in a part of the rectangle that is evaluated.
+    fn flatten_around(&self, written: Rect, relief: Option<Relief>) -> Result<Vec<Vec<u8>>> {
+        let asset = self.editor.asset();
         let (extent, texels) = (self.map.block.extent, self.map.block.texel_count());
         let pages = self.pages(texels)?;
         let mut flat = Vec::with_capacity(asset.channels().len());
+        let mut heights = [Vec::new(), Vec::new()];
+        let mut layered = Vec::with_capacity(asset.channels().len());
+        let base = self.base()?;
         let parts = asset.channel_of_kind(ChannelKind::OcclusionRoughnessMetallic);
-        for (index, (channel, base)) in asset.channels().iter().zip(self.base()?).enumerate() {
-            let decoded = asset.decode_page_raw(index, self.id, &base)?;
+        for (index, base) in base.iter().enumerate() {
+            let decoded = asset.decode_page_raw(index, self.id, base)?;
             let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
+            let is_height = relief.is_some_and(|relief| relief.height == index);
+            if is_height {
+                heights[0].clone_from(&values);
+            }
             let mut changed = vec![false; texels];
-            let mut rect = Rect::EMPTY;
             for place in self.rect.texels() {
                 let texel = self.map.texel(place);
                 let value = &mut values[texel];
@@ -564,15 +599,30 @@ impl<'a> LayerStack<'a> {
                         page.layer.blend.compose(*value, source, share)
                     };
                 }
-                if *value != before {
-                    changed[texel] = true;
-                    rect.add(place);
-                }
+                changed[texel] |= *value != before;
             }
+            if is_height {
+                heights[1].clone_from(&values);
+            }
+            layered.push((values, changed));
+        }
+        if let Some(relief) = relief {
+            let (normals, changed) = &mut layered[relief.normal];
+            let [before, after] = &heights;
+            relief.bend(self.surface, self.map, written, [before, after], normals, |texel| {
+                changed[texel] = true
+            });
+        }
+        for ((index, channel), (base, (values, changed))) in
+            asset.channels().iter().enumerate().zip(base.iter().zip(&layered))
+        {
+            let mut rect = Rect::EMPTY;
+            let is_changed = |place: &[u32; 2]| changed[self.map.texel(*place)];
+            written.texels().filter(is_changed).for_each(|place| rect.add(place));
             let mut bytes = self.editor.read_page_raw(index, self.id)?;
-            copy_blocks(channel, extent, &base, &mut bytes, self.rect);
+            copy_blocks(channel, extent, base, &mut bytes, written);
             if !rect.is_empty() {
-                replace_blocks(channel, extent, &mut bytes, &values, rect, |texel| changed[texel])?;
+                replace_blocks(channel, extent, &mut bytes, values, rect, |texel| changed[texel])?;
             }
             flat.push(bytes);
         }

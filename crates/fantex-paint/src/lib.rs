@@ -20,6 +20,8 @@
 //! | `painter` | the [`Painter`]: an open stroke, and how it ends |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_moves` | layers over the base, flattened into the asset's texels; copies, merges, what layers hold |
+//! | `relief` | painted height bends the normals |
+//! | `added` | channels that an asset is given while it is painted on |
 //! | `mask_source` | masks from the shape of the model |
 //! | `history` | undo and redo, kept in the asset |
 //! | `stroke_file`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
@@ -27,6 +29,7 @@
 //!
 //! Everything is a function of its input only, on any number of threads. There is no window in this crate.
 
+mod added;
 mod base_levels;
 mod composite;
 mod cover;
@@ -46,6 +49,7 @@ mod painter;
 mod picture;
 mod projection;
 mod region;
+mod relief;
 mod replay;
 mod room;
 mod smudge;
@@ -70,12 +74,13 @@ pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
 pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};
 pub use projection::{Lens, PicturePlace, Projection, ProjectionView, Sight};
 pub use region::{Region, RegionTriangle};
+pub use relief::HEIGHT_RANGE;
 pub use replay::{ReplaySummary, replay};
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
 pub use stroke_file::{
     ChannelSettings, ColorSettings, DabSettings, DecalSettings, FillLayerSettings, FillSettings,
-    FillTextureSettings, LayerSettings, LookSettings, SampleSettings, StencilBy, StencilSettings, StrokeFile,
-    StrokeSettings, TextSettings, ToolSettings, Where,
+    FillTextureSettings, KindName, LayerSettings, LookSettings, SampleSettings, StencilBy, StencilSettings,
+    StrokeFile, StrokeSettings, TextSettings, ToolSettings, Where,
 };
 pub use surface::Surface;
 pub use work::WorkProgress;

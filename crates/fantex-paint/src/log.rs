@@ -18,6 +18,7 @@ use fantex_store::{Asset, AssetEditor};
 use fantex_texture::Image;
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::added::added_channels;
 use crate::error::{malformed, temporary};
 use crate::graph::{check_files, found_folder, kept_folder};
 use crate::layers::{check_stack, find_folders};
@@ -111,7 +112,8 @@ impl StrokeLog {
                 strokes.push(stroke);
             }
         }
-        Ok(Self { strokes: StrokeFile { version: 1, strokes }, files })
+        let add_channels = added_channels(asset)?;
+        Ok(Self { strokes: StrokeFile { version: 1, add_channels, strokes }, files })
     }
 
     /// Writes a stroke file that can be replayed, and beside it the folder `files` with what it mentions.
@@ -320,7 +322,7 @@ fn settings_of(
         return None;
     }
     let mut channels = Vec::with_capacity(paint.channels.len());
-    for painted in &paint.channels {
+    for painted in paint.channels.iter().filter(|painted| !matches!(painted.color, PaintColor::Relief)) {
         let color = match &painted.color {
             PaintColor::Constant(color) => ColorSettings::Linear(color.to_array()),
             _ if paint.tool.reads_surface() => ColorSettings::default(),

@@ -8,7 +8,7 @@ use std::f32::consts::{PI, TAU};
 
 use fantex_mesh::{SurfacePoint, interpolate};
 use fantex_texture::noise::{Fractal, FractalKind, FractalNoise, NoiseFamily, smoothstep};
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +41,11 @@ pub enum MaskMeasure {
         /// What is farther away does not count, in diagonals of the model's box.
         radius: f32,
     },
+    /// How far a place is from another, in diagonals of the model's box.
+    Distance {
+        /// World units.
+        to: [f64; 3],
+    },
     /// Along the model's box.
     Height {
         /// 0 x, 1 y, 2 z.
@@ -66,6 +71,7 @@ impl MaskMeasure {
         let [from, to] = match self {
             Self::Curvature { .. } => [0.53, 0.62],
             Self::Occlusion { .. } => [0.1, 0.6],
+            Self::Distance { .. } => [0.3, 0.1],
             Self::Height { .. } => [0.0, 1.0],
             Self::Slope { .. } => [0.4, 0.25],
             Self::Noise { .. } => [0.45, 0.55],
@@ -90,6 +96,8 @@ impl MaskSource {
 #[derive(Clone, Debug)]
 pub(crate) enum Measured {
     Lattices(Lattices),
+    /// From a place, and the diagonal of the box, mesh units.
+    Distance(DVec3, f64),
     /// Axis, lower end and length of the box, mesh units.
     Height(usize, f32, f32),
     Slope(usize),
@@ -117,6 +125,10 @@ impl Measured {
                 radius.max(1e-3) * mesh_diagonal,
                 |at, normal, radius, count| hidden(surface, at, normal, radius, count, |cosine| cosine),
             )),
+            MaskMeasure::Distance { to } => {
+                let to = surface.mesh().world_from_mesh.inverse_point(DVec3::from(to)).as_dvec3();
+                Self::Distance(to, f64::from(mesh_diagonal).max(f64::MIN_POSITIVE))
+            }
             MaskMeasure::Height { axis } => {
                 let axis = axis.min(2);
                 Self::Height(axis, bounds.min[axis], bounds.extent()[axis].max(f32::MIN_POSITIVE))
@@ -134,6 +146,9 @@ impl Measured {
     pub(crate) fn at(&self, surface: &Surface, point: SurfacePoint, footprint: f32) -> f32 {
         match self {
             Self::Lattices(lattices) => lattices.at(point),
+            Self::Distance(to, diagonal) => {
+                ((surface.position(point) - *to).length() / diagonal).clamp(0.0, 1.0) as f32
+            }
             Self::Height(axis, low, length) => {
                 ((surface.position(point).as_vec3()[*axis] - low) / length).clamp(0.0, 1.0)
             }

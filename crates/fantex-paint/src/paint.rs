@@ -54,6 +54,8 @@ pub enum PaintColor {
     Image(Arc<Picture>),
     /// A picture through a camera, onto what the camera sees.
     Projected(Arc<Projection>),
+    /// Normals follow the height that the same stroke paints. Strokes that paint height do so by themselves.
+    Relief,
 }
 
 /// What is painted into one channel.

@@ -14,7 +14,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::{Error, Result};
-use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_origin};
+use fantex_store::{
+    Asset, AssetEditor, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_extent, page_origin,
+};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -29,6 +31,7 @@ use crate::levels::{Base, Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnd
 use crate::log::{self, Portable, Recording, portable};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
+use crate::relief::Relief;
 use crate::room::Room;
 use crate::smudge::{LaidDown, PagesUnder, SmudgeBuffer, SmudgeDab, buffer_of};
 use crate::stroke_page::{StrokePage, StrokePages};
@@ -143,6 +146,7 @@ impl Painter {
             next_stroke,
             work: None,
         };
+        painter.finish_adding()?;
         painter.take_up_work()?;
         Ok(painter)
     }
@@ -175,7 +179,7 @@ impl Painter {
     ///
     /// # Errors
     /// There is no such layer or channel, or an open stroke cannot be ended.
-    pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<()> {
+    pub fn begin_on(&mut self, target: Target, label: &str, mut paint: Paint) -> Result<()> {
         self.finish_work()?;
         if self.stroke.is_some() {
             self.end()?;
@@ -186,6 +190,11 @@ impl Painter {
             return Err(Error::not_found(format!("there is no layer number {id} to paint on")));
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
+        if !matches!(target, Target::Mask(_))
+            && let Some(relief) = Relief::of(&self.surface, self.editor.asset())
+        {
+            relief.join(&mut paint);
+        }
         let count = self.editor.asset().channels().len();
         self.fills.update(&self.surface, &self.layers)?;
         let affected = match target {
@@ -432,6 +441,14 @@ impl OpenStroke {
         Ok(originals)
     }
 
+    /// The texels of a page that a stroke changes which covers some.
+    pub(crate) fn changed(&self, surface: &Surface, asset: &Asset, id: PageId, covered: Rect) -> Rect {
+        let is_relief = Relief::of(surface, asset)
+            .is_some_and(|relief| [relief.height, relief.normal].iter().all(|c| self.affected.contains(c)));
+        let extent = page_extent(surface.cover().groups[id.group as usize].extent, id.page);
+        if is_relief { Relief::reach(covered, extent) } else { covered }
+    }
+
     /// True where the page has layers, and the stroke changes one of their attachments.
     fn is_layered(&self, page: &StrokePage) -> bool {
         page.originals.len() > self.affected.len()
@@ -565,7 +582,7 @@ impl Painter {
         let mut changes = Changes { is_base: stroke.target == Target::Base, ..Changes::default() };
         for &id in &ids {
             let Some(page) = stroke.pages.take(id)? else { continue };
-            changes.add(id, page.touched);
+            changes.add(id, stroke.changed(&self.surface, self.editor.asset(), id, page.touched));
             self.remember_page(&stroke, id, page)?;
             self.relieve()?;
         }
@@ -799,8 +816,10 @@ impl Painter {
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let groups: BTreeSet<u32> = shown.iter().map(|id| id.group).collect();
         let finest = |group: u32| -> Dirty {
+            let (surface, asset) = (&self.surface, self.editor.asset());
             let touched = stroke.pages.touched(group);
-            touched.map(|(id, rect)| (id.page, rect.moved(page_origin(id.page)))).collect()
+            let changed = touched.map(|(id, rect)| (id, stroke.changed(surface, asset, id, rect)));
+            changed.map(|(id, rect)| (id.page, rect.moved(page_origin(id.page)))).collect()
         };
         let groups = groups.into_iter().map(|group| (group, finest(group))).collect();
         let is_base = stroke.target == Target::Base;

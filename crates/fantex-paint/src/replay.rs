@@ -75,13 +75,16 @@ impl StrokeFile {
     }
 }
 
-/// Applies all strokes of a file, one step of the history each. Commits nothing. `folder`: what paths in the file are relative
+/// Applies all strokes of a file, one step of the history each. Commits nothing, but where the file adds channels that the asset does not
+/// have: that commits what was there before. `folder`: what paths in the file are relative
 /// to.
 ///
 /// # Errors
 /// A stroke is wrong or mentions what is not there: then nothing is painted. Or painting fails.
 pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary> {
     let mut summary = ReplaySummary::default();
+    let kinds: Vec<ChannelKind> = file.add_channels.iter().map(|kind| kind.0).collect();
+    painter.add_channels(&kinds)?;
     // All are checked before the first one is applied.
     let mut prepared = Vec::with_capacity(file.strokes.len());
     for (index, settings) in file.strokes.iter().enumerate() {

@@ -23,6 +23,9 @@ use crate::{
 pub struct StrokeFile {
     /// 1.
     pub version: u32,
+    /// Channels that the asset is given first, where it does not have them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub add_channels: Vec<KindName>,
     /// In order.
     pub strokes: Vec<StrokeSettings>,
 }
@@ -386,6 +389,11 @@ enum ChannelKindName {
     Light,
     Anisotropy,
 }
+
+/// A kind of channel, by its name in stroke files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct KindName(#[serde(with = "ChannelKindName")] pub ChannelKind);
 
 /// Where the pen was.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

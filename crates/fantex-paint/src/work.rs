@@ -558,7 +558,8 @@ impl Painter {
         let shown: Vec<ShownPage> = pages.par_iter().map(shown_page).collect::<Result<_>>()?;
         for ((id, page, _), shown) in pages.into_iter().zip(shown) {
             work.summary.pages += 1;
-            work.slices.changes.add(id, page.touched);
+            let changed = work.stroke.changed(&self.surface, self.editor.asset(), id, page.touched);
+            work.slices.changes.add(id, changed);
             shown.put(&mut self.editor, id, &work.stroke.affected)?;
             self.remember_page(&work.stroke, id, page)?;
         }

@@ -94,7 +94,7 @@ pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
 pub use model::Mesh;
-pub use refined::LongestEdge;
+pub use refined::{LongestEdge, budget_texels};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,
     fantex_mesh as mesh, fantex_render as render, fantex_scene as scene, fantex_store as store,

@@ -28,6 +28,18 @@ const MIN_TEXELS_PER_TRIANGLE: f64 = 256.0;
 /// Cuts that give fewer triangles than this, times those there are, change too little to be tried.
 const MIN_GROWTH: f64 = 1.25;
 
+/// Texels of a mesh with a budget.
+pub fn budget_texels(mesh: &Mesh, budget: &TexelBudget) -> f64 {
+    match budget {
+        TexelBudget::Total(texels) => *texels as f64,
+        TexelBudget::Density(density) => density.powi(2) * mesh.area(),
+        TexelBudget::PerTriangle(densities) => {
+            let of = |(t, density): (usize, &f32)| f64::from(*density).powi(2) * mesh.triangle_area(t);
+            densities.iter().enumerate().map(of).sum()
+        }
+    }
+}
+
 /// How large triangles are cut before they are covered.
 ///
 /// Tiles overlap by whole triangles: those of few large ones have wide, jagged borders, and what is bent at a corner of the model
@@ -50,14 +62,7 @@ impl LongestEdge {
         if self.leaves_whole(mesh, tile) {
             return Cow::Borrowed(mesh);
         }
-        let texels = match budget {
-            TexelBudget::Total(texels) => *texels as f64,
-            TexelBudget::Density(density) => density.powi(2) * mesh.area(),
-            TexelBudget::PerTriangle(densities) => {
-                let of = |(t, density): (usize, &f32)| f64::from(*density).powi(2) * mesh.triangle_area(t);
-                densities.iter().enumerate().map(of).sum()
-            }
-        };
+        let texels = budget_texels(mesh, budget);
         let longest = longest_edge(mesh);
         let density = (texels / mesh.area()).sqrt();
         if !density.is_normal() {

@@ -6,6 +6,7 @@ use fantex::bake::{
     BakeOptions, LookSource, Prefilter, Progress, Source, SourceChannel, TexelPoint, VertexColorSource, bake,
 };
 use fantex::base::Result;
+use fantex::budget_texels;
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::Mesh;
@@ -62,14 +63,8 @@ impl NewAsset {
 pub fn model_texels(mesh: &Mesh) -> Result<(Vec<ChannelKind>, Option<u64>)> {
     let source = LookSource::of_model(mesh)?;
     let kinds = source.channels().iter().map(|channel| channel.kind).collect();
-    let area = |triangle: usize| {
-        let [a, b, c] = mesh.triangle_positions(triangle);
-        0.5 * f64::from((b - a).cross(c - a).length())
-    };
-    let texels = source.has_textures().then(|| {
-        let densities = source.density().into_iter().enumerate();
-        densities.map(|(triangle, density)| area(triangle) * f64::from(density).powi(2)).sum::<f64>() as u64
-    });
+    let budget = source.has_textures().then(|| TexelBudget::PerTriangle(source.density()));
+    let texels = budget.map(|budget| budget_texels(mesh, &budget) as u64);
     Ok((kinds, texels))
 }
 

@@ -8,6 +8,8 @@ use crate::camera::CameraRig;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PenPhase {
     Down,
+    /// Down where something covers the scene: turns the view.
+    Turn,
     /// It moved, touching.
     Move,
     Up,

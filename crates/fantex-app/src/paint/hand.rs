@@ -18,10 +18,13 @@ use crate::paint::painting::Hand;
 use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::texture::{sticker, text_lines};
 use crate::paint::{
-    ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
-    StrokeStart, Viewpoint,
+    ChannelSwitches, ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent,
+    PenPhase, PictureUse, StickerKind, StrokeStart, Viewpoint,
 };
 use crate::settings::label_of;
+
+/// A drag that is shorter, in shares of the scene's sides, is a click.
+const CLICK_SHARE: f64 = 0.006;
 
 impl Painting {
     /// What the pen did in this frame. `is_line` and `is_pick`: Shift and Alt are held.
@@ -41,7 +44,12 @@ impl Painting {
                 self.missed = None;
             }
             match event.phase {
+                PenPhase::Turn => self.hand = Hand::Turn,
                 PenPhase::Down => match sample {
+                    _ if is_pick && settings.alt_turns => {
+                        self.hand = Hand::AltTurn(sample.map(|sample| (sample.point, event.at)));
+                    }
+                    None if settings.alt_turns && settings.tool.has_brush() => self.hand = Hand::Wait,
                     None => {
                         self.hand = Hand::Turn;
                         self.missed = Some(notices.now);
@@ -52,6 +60,18 @@ impl Painting {
                     Some(sample) => self.touch(sample, settings, view, is_line, notices),
                 },
                 PenPhase::Move => {
+                    match (self.hand, sample) {
+                        (Hand::Wait, Some(sample)) => {
+                            self.hand = Hand::Idle;
+                            self.missed = None;
+                            self.touch(sample, settings, view, false, notices);
+                            continue;
+                        }
+                        (Hand::AltTurn(Some((_, down))), _) if (event.at - down).length() > CLICK_SHARE => {
+                            self.hand = Hand::AltTurn(None);
+                        }
+                        _ => {}
+                    }
                     if let Hand::Stroke(last) = &mut self.hand {
                         if let Some(sample) = sample {
                             samples.push(sample);
@@ -64,12 +84,15 @@ impl Painting {
                         *last = sample;
                     }
                 }
-                PenPhase::Up => {
-                    if let Hand::Stroke(last) = std::mem::take(&mut self.hand) {
+                PenPhase::Up => match std::mem::take(&mut self.hand) {
+                    Hand::Stroke(last) => {
                         self.thread.order(Order::Move(std::mem::take(&mut samples)));
                         self.thread.order(Order::End(last));
                     }
-                }
+                    Hand::AltTurn(Some((point, _))) => self.pick(point, settings, notices),
+                    Hand::Wait => self.missed = Some(notices.now),
+                    Hand::Idle | Hand::Turn | Hand::AltTurn(None) => {}
+                },
             }
         }
         if !samples.is_empty() {
@@ -94,7 +117,22 @@ impl Painting {
         is_line: bool,
         notices: &mut Notices,
     ) {
-        let mut start = match self.start(sample.point, settings, view, notices) {
+        let before = settings.channels;
+        let is_other = settings.tool == PaintTool::Sticker
+            && settings.sticker == StickerKind::Picture
+            && settings.picture_use != PictureUse::Color
+            && !matches!(self.target, Target::Mask(_));
+        if is_other {
+            let kind = settings.picture_use.kind();
+            if self.channels.iter().all(|channel| channel.kind != kind) {
+                let name = if kind == ChannelKind::Normal { "normals" } else { "height" };
+                return notices.warning(format!("The asset has no {name}: Add channel gives it some."));
+            }
+            settings.channels = ChannelSwitches::only(kind);
+        }
+        let start = self.start(sample.point, settings, view, notices);
+        settings.channels = before;
+        let mut start = match start {
             Ok(start) => start,
             Err(reason) => return notices.warning(reason),
         };
@@ -210,10 +248,13 @@ impl Painting {
             let text = settings.text.clone();
             start.recorded.text = Some(TextSettings { text, font: None, size, angle, mirrored });
         } else {
-            let shape = settings.picture.clone();
+            let is_mask = matches!(self.target, Target::Mask(_));
+            let kind = if is_mask { ChannelKind::BaseColor } else { settings.picture_use.kind() };
+            // Normals and heights lie where their picture is opaque.
+            let shape = settings.picture.clone().filter(|_| kind == ChannelKind::BaseColor);
             start.recorded.decal = Some(DecalSettings { shape, size: world(decal.size), angle, mirrored });
             for (paint, recorded) in start.paint.channels.iter_mut().zip(&mut start.recorded.channels) {
-                if self.channels[paint.channel].kind == ChannelKind::BaseColor {
+                if self.channels[paint.channel].kind == kind {
                     paint.color = PaintColor::Image(decal.shape.clone());
                     recorded.color = ColorSettings::Image(settings.picture.clone().unwrap_or_default());
                 }

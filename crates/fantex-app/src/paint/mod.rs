@@ -30,7 +30,7 @@ pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
 pub use painting::{LayerAction, LayerDrag, Painting};
 pub use settings::{
-    ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, StickerKind,
+    ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
     paint_shortcuts,
 };
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};

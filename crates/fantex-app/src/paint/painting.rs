@@ -34,6 +34,10 @@ pub(super) enum Hand {
     Stroke(Option<Sample>),
     /// Turning the view: it touched beside the model.
     Turn,
+    /// It touched beside the model; a stroke begins as soon as the surface is met.
+    Wait,
+    /// Turning the view by `Alt`. As long as it has not moved from this place in the scene, letting go picks the point that it touched.
+    AltTurn(Option<(SurfacePoint, DVec2)>),
 }
 
 #[derive(Debug)]
@@ -209,7 +213,7 @@ impl Painting {
     }
 
     pub fn is_turning(&self) -> bool {
-        self.hand == Hand::Turn
+        matches!(self.hand, Hand::Turn | Hand::AltTurn(_))
     }
 
     /// Seconds for which it is still to be told that the pen went down beside the model; none where it did not, or long ago.
@@ -231,6 +235,11 @@ impl Painting {
     /// Where cloning copies from, world space.
     pub fn source(&self) -> Option<DVec3> {
         self.source.map(|point| world_position(&self.surface, point))
+    }
+
+    /// Where the pen was last, world units; before that the middle of the model.
+    pub fn last_position(&self) -> DVec3 {
+        self.last.map_or(self.bounds.center(), |point| world_position(&self.surface, point))
     }
 
     /// Keeps the brush among the presets, on the disk too.

@@ -35,12 +35,15 @@ pub struct PaintSettings {
     pub sticker: StickerKind,
     pub text: String,
     pub picture: Option<PathBuf>,
+    pub picture_use: PictureUse,
     /// How it is turned, degrees.
     pub sticker_degrees: f32,
     /// How far around blurring looks, diameters of the brush.
     pub blur_radius: f32,
     /// -1 for a pen that needs much force, 1 for one that needs little.
     pub pen_softness: f32,
+    /// Whether `Alt` + drag turns the view; then strokes may begin beside the model.
+    pub alt_turns: bool,
     pub has_brush_panel: bool,
     pub has_layer_panel: bool,
 }
@@ -63,9 +66,11 @@ impl Default for PaintSettings {
             sticker: StickerKind::Text,
             text: "fantex".into(),
             picture: None,
+            picture_use: PictureUse::default(),
             sticker_degrees: 0.0,
             blur_radius: 0.15,
             pen_softness: 0.0,
+            alt_turns: false,
             has_brush_panel: true,
             has_layer_panel: true,
         }
@@ -147,6 +152,31 @@ impl StickerKind {
     pub const ALL: [(Self, &'static str); 2] = [(Self::Text, "Text"), (Self::Picture, "Picture")];
 }
 
+/// What a picture that is laid onto the surface shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PictureUse {
+    #[default]
+    Color,
+    /// A normal map: red to the right, green upwards.
+    Normal,
+    /// Brightness: 0.5 is level.
+    Height,
+}
+
+impl PictureUse {
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Color, "Colour"), (Self::Normal, "Normal"), (Self::Height, "Height")];
+
+    pub fn kind(self) -> ChannelKind {
+        match self {
+            Self::Color => ChannelKind::BaseColor,
+            Self::Normal => ChannelKind::Normal,
+            Self::Height => ChannelKind::Displacement,
+        }
+    }
+}
+
 impl FillReach {
     pub const ALL: [(Self, &'static str); 5] = [
         (Self::Connected, "Connected part"),
@@ -225,6 +255,15 @@ impl Default for Material {
 }
 
 impl ChannelSwitches {
+    /// One kind of channel alone.
+    pub fn only(kind: ChannelKind) -> Self {
+        let mut switches = Self { color: false, ..Self::default() };
+        if let Some(switch) = switches.of(kind) {
+            *switch = true;
+        }
+        switches
+    }
+
     pub fn paints(&self, kind: ChannelKind) -> bool {
         match kind {
             ChannelKind::BaseColor => self.color,

@@ -8,10 +8,10 @@ use fantex::glam::{Vec2, Vec3, Vec4};
 use fantex::paint::{
     DEFAULT_FONT, Decal, LookSettings, Picture, Surface, SurfacePoint, TextureGraph, draw_text,
 };
-use fantex::texture::{Filtering, Image, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
+use fantex::texture::{ColorSpace, Filtering, Image, SOLID_NAMES, Samples, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 
-use crate::paint::{PaintSettings, StickerKind};
+use crate::paint::{PaintSettings, PictureUse, StickerKind};
 
 pub const SOLIDS: [&str; 9] = SOLID_NAMES;
 
@@ -180,7 +180,12 @@ pub(crate) fn sticker(
                 .picture
                 .as_ref()
                 .ok_or_else(|| Error::invalid("There is no picture: choose one in the panel at the left."))?;
-            (Picture::new(&Image::load(path)?)?, line)
+            let image = Image::load(path)?;
+            // Normals and heights are numbers, not colours.
+            let is_color =
+                settings.picture_use == PictureUse::Color || matches!(image.samples, Samples::F32(_));
+            let image = if is_color { image } else { Image { space: ColorSpace::Linear, ..image } };
+            (Picture::new(&image)?, line)
         }
     };
     // Surfaces are wound either way: what is laid is right for whoever looks at them.

@@ -116,6 +116,9 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
             item(ui, (has_document, is_painting), label, Command::View(preset), commands);
         }
         ui.separator();
+        let text = if viewer.kept.is_some() { "Stop comparing" } else { "Keep picture to compare (A/B)" };
+        item(ui, (has_document, is_painting), text, Command::Compare, commands);
+        ui.separator();
         item(ui, (has_document, is_painting), "Record camera path", Command::ToggleRecording, commands);
         item(ui, (viewer.path.is_some(), is_painting), "Play camera path", Command::TogglePlayback, commands);
         item(ui, (true, is_painting), "Load camera path…", Command::LoadPath, commands);
@@ -214,6 +217,7 @@ const BESIDE_GROUND: &str = "No ground below the camera: orbit or fly until it i
 
 /// The pen went down beside the model.
 const MISSED: &str = "Beside the model: nothing is painted, dragging turns the view";
+const MISSED_ALT: &str = "Beside the model: nothing is painted, Alt + drag turns the view";
 
 pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer) {
     let width = ui.available_width();
@@ -245,7 +249,8 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer) {
 fn hint(ui: &Ui, viewer: &Viewer) -> (&'static str, Color32) {
     if let Some(left) = viewer.painting.as_ref().and_then(|painting| painting.missed_for(viewer.now())) {
         ui.ctx().request_repaint_after_secs(left as f32);
-        return (MISSED, theme::WARNING);
+        let is_alt = viewer.settings.paint.alt_turns && viewer.settings.paint.tool.has_brush();
+        return (if is_alt { MISSED_ALT } else { MISSED }, theme::WARNING);
     }
     if viewer.is_beside_ground() {
         return (BESIDE_GROUND, theme::WARNING);

@@ -22,6 +22,7 @@ use crate::viewer::{SceneInput, Viewer};
 
 mod asked;
 mod bar;
+mod compare;
 mod inspector;
 mod live;
 mod paint;
@@ -42,6 +43,8 @@ pub struct AtlasTexture {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Textures {
     pub scene: Option<TextureId>,
+    /// What the scene is compared with.
+    pub kept: Option<TextureId>,
     pub atlas: AtlasTexture,
 }
 
@@ -89,7 +92,7 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures) -> Show
     }
     let mut input = SceneInput::default();
     egui::CentralPanel::no_frame().show(ui, |ui| {
-        input = scene::show(ui, viewer, textures.scene);
+        input = scene::show(ui, viewer, textures);
     });
     if viewer.has_help {
         show_help(ui, viewer);

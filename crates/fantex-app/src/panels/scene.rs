@@ -2,13 +2,13 @@
 
 use eframe::egui::{
     self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
-    Pos2, Rect, RichText, Sense, Spinner, Stroke, TextureId, Ui, UiBuilder, Vec2, pos2, vec2,
+    Pos2, Rect, RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
 };
 use fantex::glam::DVec2;
 
 use super::bar::short_place;
-use super::paint;
 use super::widgets::dot;
+use super::{Textures, compare, paint};
 use crate::camera::MoveInput;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
@@ -24,7 +24,7 @@ use crate::viewer::{SceneInput, Viewer};
 const NOTCH_POINTS: f32 = 50.0;
 
 /// Returns what the user did in the scene.
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>) -> SceneInput {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, textures: &Textures) -> SceneInput {
     let rect = ui.max_rect();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
@@ -35,10 +35,11 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>)
         super::live::picture(ui, viewer, rect);
         input = scene_input(ui, &response, rect);
     } else if viewer.document.is_some() {
-        if let Some(texture) = texture {
+        if let Some(texture) = textures.scene {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
+        compare::show(ui, viewer, rect, textures.kept);
         input = scene_input(ui, &response, rect);
         if viewer.painting.is_some() {
             input.pen = pen(ui, &response, rect, viewer);
@@ -117,6 +118,8 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<P
         DVec2::new(f64::from(share.x), f64::from(share.y))
     };
     let softness = viewer.settings.paint.pen_softness;
+    // What is painted behind a kept picture would not be seen.
+    let is_covered = |at: Pos2| viewer.kept.is_some_and(|kept| share(at).x < f64::from(kept.divider));
     let mut events = Vec::new();
     ui.input(|i| {
         let has_reading = |event: &&egui::Event| {
@@ -135,7 +138,7 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<P
                     if !(can_start && rect.contains(*pos)) {
                         continue;
                     }
-                    (PenPhase::Down, *pos)
+                    (if is_covered(*pos) { PenPhase::Turn } else { PenPhase::Down }, *pos)
                 }
                 egui::Event::PointerButton { pos, button: PointerButton::Primary, .. } => {
                     (PenPhase::Up, *pos)

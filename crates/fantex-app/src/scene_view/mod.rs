@@ -45,6 +45,8 @@ pub struct SceneView {
     capturer: Option<Renderer>,
     model: Option<SceneModel>,
     picture: Option<Picture>,
+    /// What the scene is compared with.
+    kept: Option<Picture>,
     captures: Vec<Capturing>,
     /// In the order in which they were asked for.
     awaited: Vec<Awaited>,
@@ -59,6 +61,7 @@ impl SceneView {
             capturer: None,
             model: None,
             picture: None,
+            kept: None,
             captures: Vec::new(),
             awaited: Vec::new(),
             last_stream_seconds: None,
@@ -73,6 +76,7 @@ impl SceneView {
     pub fn set_model(&mut self, model: Option<SceneModel>) {
         self.model = model;
         self.picture = None;
+        self.kept = None;
         self.last_stream_seconds = None;
     }
 
@@ -84,6 +88,7 @@ impl SceneView {
         let seconds = viewer.now();
         self.finish_picture(viewer);
         self.gpu.check()?;
+        self.keep_picture(viewer);
         let Some(model) = &mut self.model else { return Ok(false) };
         if viewer.scene_pixels.contains(&0) {
             return Ok(false);
@@ -130,6 +135,16 @@ impl SceneView {
         Ok(true)
     }
 
+    /// Keeps the picture that is shown, where one is to be compared with.
+    fn keep_picture(&mut self, viewer: &mut Viewer) {
+        if viewer.kept.is_none() {
+            self.kept = None;
+        } else if self.kept.is_none() && self.picture.is_some() {
+            self.kept = self.picture.take().map(|picture| Picture { is_new: true, ..picture });
+            viewer.pacing.lost();
+        }
+    }
+
     fn finish_picture(&mut self, viewer: &mut Viewer) {
         // Its callbacks are run here; that it may time out means nothing when it does not wait.
         self.gpu.device.poll(wgpu::PollType::Poll).ok();
@@ -148,6 +163,11 @@ impl SceneView {
     /// The texture that shows the scene, and whether it is another one than at the last call.
     pub fn shown(&mut self) -> Option<(&wgpu::TextureView, bool)> {
         self.picture.as_mut().map(Picture::shown)
+    }
+
+    /// The kept picture, likewise.
+    pub fn kept(&mut self) -> Option<(&wgpu::TextureView, bool)> {
+        self.kept.as_mut().map(Picture::shown)
     }
 
     /// The atlas as a picture, where there is an atlas.

@@ -130,6 +130,9 @@ impl Driver {
                 viewer.export_to(path);
             }
             Step::SaveCopy(path) => viewer.copy_to(path),
+            Step::AddChannels(kinds) => {
+                viewer.add_channels(&kinds.iter().map(|kind| kind.0).collect::<Vec<_>>());
+            }
             Step::Answer(answer) => viewer.answer(Some(answer)),
             Step::Surroundings(name) => {
                 viewer.settings.light.surroundings = match name.as_str() {
@@ -184,6 +187,7 @@ impl Driver {
             Step::FitStencil => fit_stencil(viewer),
             Step::Project => viewer.command(Command::Paint(PaintCommand::Project)),
             Step::Fill(fill) => viewer.settings.paint.fill = fill,
+            Step::PictureUse(picture_use) => viewer.settings.paint.picture_use = picture_use,
             Step::Picture(path) => {
                 viewer.settings.paint.sticker = StickerKind::Picture;
                 viewer.settings.paint.picture = Some(path);

@@ -149,6 +149,7 @@ struct Shell<'a> {
     scene: SceneView,
     render_state: egui_wgpu::RenderState,
     scene_texture: Option<TextureId>,
+    kept_texture: Option<TextureId>,
     atlas: AtlasTexture,
     /// Faults of the GPU that nobody asked for.
     gpu_errors: Receiver<String>,
@@ -189,6 +190,7 @@ impl<'a> Shell<'a> {
             scene: SceneView::new(gpu),
             render_state,
             scene_texture: None,
+            kept_texture: None,
             atlas: AtlasTexture::default(),
             gpu_errors,
             last_frame: seconds,
@@ -296,6 +298,7 @@ impl<'a> Shell<'a> {
     fn draw(&mut self) {
         if let Some(model) = self.workspace.viewer.new_model.take() {
             self.scene.set_model(model);
+            self.workspace.viewer.kept = None;
             self.workspace.viewer.pacing.lost();
         }
         if self.scene.gpu().lost().is_some() {
@@ -325,6 +328,7 @@ impl<'a> Shell<'a> {
     fn register_textures(&mut self) {
         let shown = self.scene.shown();
         register(&self.render_state, &mut self.scene_texture, shown);
+        register(&self.render_state, &mut self.kept_texture, self.scene.kept());
         let is_shown = self.workspace.viewer.settings.panels.has_atlas;
         let picture =
             if is_shown { self.scene.atlas(self.atlas.channel, self.workspace.viewer.now()) } else { None };
@@ -453,7 +457,7 @@ impl eframe::App for Shell<'_> {
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.keys(&ctx);
         self.dropped_files(&ctx);
-        let textures = Textures { scene: self.scene_texture, atlas: self.atlas };
+        let textures = Textures { scene: self.scene_texture, kept: self.kept_texture, atlas: self.atlas };
         let shown = panels::show(ui, &mut self.workspace.viewer, &textures);
         if let Some(channel) = shown.atlas_channel {
             self.atlas.channel = channel;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use fantex::FileKind;
 use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
+use fantex::store::ChannelKind;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::display::ShadingView;
@@ -154,13 +155,15 @@ impl Viewer {
         });
         let leaving = if is_same || !self.paints { self.painting.take() } else { None };
         let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.waker());
+        let added = std::mem::take(&mut self.adds);
         let (memory, answered) = (self.paint_memory_bytes, answer.clone());
         let work = move || {
             drop(leaving);
             drop(before.and_then(|opening| opening.job.wait()));
             let (document, painting) = if paints {
                 let (mut document, painter) =
-                    match Document::open_for_painting(&from, memory, answered.as_ref(), &for_thread)? {
+                    match Document::open_for_painting(&from, memory, answered.as_ref(), &added, &for_thread)?
+                    {
                         ForPainting::Ready(ready) => *ready,
                         ForPainting::Question(question) => return Ok(Loaded::Question(question)),
                     };
@@ -287,6 +290,24 @@ impl Viewer {
         if let Some(place) = self.document.as_ref().map(|document| document.place.clone()) {
             self.begin_opening(place, true);
         }
+    }
+
+    /// Gives what is painted on further channels, and lets the brush paint them. It is saved and opened again for that.
+    pub fn add_channels(&mut self, kinds: &[ChannelKind]) {
+        let (Some(painting), Some(document)) = (&self.painting, &self.document) else { return };
+        if let SaveState::Failed(reason) = &painting.save {
+            return self.notices.error(format!("Channels cannot be added: {reason}"));
+        }
+        let place = document.place.clone();
+        // Normals that come with height follow it by themselves.
+        let follows = |kind| kind == ChannelKind::Normal && kinds.contains(&ChannelKind::Displacement);
+        for &kind in kinds.iter().filter(|kind| !follows(**kind)) {
+            if let Some(is_painted) = self.settings.paint.channels.of(kind) {
+                *is_painted = true;
+            }
+        }
+        self.adds = kinds.to_vec();
+        self.begin_opening(place, true);
     }
 
     /// Something of the painter; nothing where nothing is painted on.

@@ -10,15 +10,15 @@ use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
 use fantex::paint::{BlendMode, MaskMeasure, PaintOptions, Painter, Target};
-use fantex::store::{Asset, PageId, VerifyOptions, verify};
+use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
 use fantex_app::camera::ViewPreset;
 use fantex_app::notices::Notices;
 use fantex_app::paint::{
     BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool, Painting,
-    PenEvent, PenPhase, SaveState, Section, StencilSettings, StencilUse, StickerKind, SymmetryKind,
-    TextureChoice, Viewpoint,
+    PenEvent, PenPhase, PictureUse, SaveState, Section, StencilSettings, StencilUse, StickerKind,
+    SymmetryKind, TextureChoice, Viewpoint,
 };
 
 /// A torus with 60 000 texels.
@@ -505,6 +505,42 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
     }
 }
 
+/// With *Alt turns*, `Alt` + drag turns the view, `Alt` + click picks, and strokes begin where they meet the model.
+#[test]
+fn alt_turns_and_strokes_begin_beside_the_model() {
+    let mut studio = Studio::open();
+    studio.settings.alt_turns = true;
+    let outside = |studio: &mut Studio, phase| studio.pen(phase, 0.02, 0.85, [false; 2]);
+    outside(&mut studio, PenPhase::Down);
+    assert!(!studio.painting.is_turning() && !studio.painting.is_drawing());
+    studio.pen(PenPhase::Move, 0.5, 0.85, [false; 2]);
+    assert!(studio.painting.is_drawing());
+    studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+    studio.wait();
+    assert_eq!(studio.painting.snapshot.done, ["paint"]);
+    assert_eq!(studio.painting.missed_for(0.0), None);
+    // One that does not meet it is told of.
+    outside(&mut studio, PenPhase::Down);
+    outside(&mut studio, PenPhase::Up);
+    assert!(studio.painting.missed_for(1.0).is_some());
+    // A click with a little shake picks, a drag turns and picks nothing.
+    for (shift, is_click) in [(0.001, true), (0.1, false)] {
+        studio.settings.colors.foreground = [0; 3];
+        studio.pen(PenPhase::Down, 0.5, 0.85, [false, true]);
+        studio.pen(PenPhase::Move, 0.5 + shift, 0.85, [false, true]);
+        assert!(studio.painting.is_turning() && !studio.painting.is_drawing());
+        // Coming back is no click.
+        studio.pen(PenPhase::Move, 0.5, 0.85, [false, true]);
+        studio.pen(PenPhase::Up, 0.5, 0.85, [false, true]);
+        studio.wait();
+        let picked = studio.settings.colors.foreground;
+        // The dab is as small as the texels: what is picked is between its red and the grey around.
+        let is_reddish = picked[0] > 200 && picked[1] < 160;
+        assert!(if is_click { is_reddish } else { picked == [0; 3] }, "{shift}: {picked:?}");
+    }
+    assert_eq!(studio.painting.snapshot.done, ["paint"]);
+}
+
 /// Why nothing is painted is told for a while, and no longer once the pen meets the model.
 #[test]
 fn a_stroke_beside_the_model_is_told_of() {
@@ -515,6 +551,10 @@ fn a_stroke_beside_the_model_is_told_of() {
     studio.pen(PenPhase::Up, 0.02, 0.02, [false; 2]);
     assert!(studio.painting.missed_for(1.0).is_some_and(|left| left < 4.0));
     assert_eq!(studio.painting.missed_for(100.0), None);
+    // Where a kept picture lies over the model the view is turned, and there is nothing to tell.
+    studio.pen(PenPhase::Turn, 0.5, 0.85, [false; 2]);
+    assert!(studio.painting.is_turning());
+    studio.pen(PenPhase::Up, 0.6, 0.85, [false; 2]);
     studio.stroke();
     assert_eq!(studio.painting.missed_for(1.0), None);
     assert_eq!(studio.painting.snapshot.done, ["paint"]);
@@ -549,4 +589,62 @@ fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
     studio.wait();
     assert!(studio.painting.snapshot.layers.is_empty());
     assert_eq!(crate::errors(&studio.notices), 0);
+}
+
+/// A picture is laid as a normal map or as height; without such a channel it is told how to get one. The log lays it again.
+#[test]
+fn pictures_are_laid_as_normals_and_heights() {
+    let mut studio = Studio::open();
+    studio.settings.tool = PaintTool::Sticker;
+    studio.settings.sticker = StickerKind::Picture;
+    studio.settings.picture_use = PictureUse::Normal;
+    studio.stroke();
+    assert!(studio.painting.snapshot.done.is_empty());
+    assert!(studio.notices.shown().any(|notice| notice.text.contains("Add channel")));
+    let path = studio.path.clone();
+    let folder = studio.close();
+    let kinds = [ChannelKind::Normal, ChannelKind::Displacement];
+    Painter::open(&path, &PaintOptions::default()).unwrap().add_channels(&kinds).unwrap();
+    // Slopes by half to the right everywhere; half a step up.
+    let [slope, height] =
+        [("slope.png", [0.75, 0.5, 0.86]), ("height.png", [0.8; 3])].map(|(name, numbers)| {
+            let file = folder.path().join(name);
+            let [r, g, b] = numbers.map(fantex::base::srgb::linear_from_srgb);
+            let texels = [[r, g, b, 1.0]; 64];
+            fantex::texture::Image::from_linear_rgba(8, 8, &texels).save(&file).unwrap();
+            file
+        });
+    let mut studio = Studio::open_at(folder, path.clone(), None);
+    studio.settings.tool = PaintTool::Sticker;
+    studio.settings.sticker = StickerKind::Picture;
+    studio.settings.brush.size = 120.0;
+    let switches = studio.settings.channels;
+    let at = studio.view.hit(&studio.painting.surface, DVec2::new(0.5, 0.85)).unwrap();
+    for (file, picture_use) in [(slope, PictureUse::Normal), (height, PictureUse::Height)] {
+        studio.settings.picture = Some(file);
+        studio.settings.picture_use = picture_use;
+        studio.stroke();
+    }
+    assert_eq!(studio.settings.channels, switches, "what the brush paints stays");
+    assert_eq!(studio.painting.snapshot.done.len(), 2);
+    let _folder = studio.close();
+    let values = |path: &Path| Painter::open(path, &PaintOptions::default()).unwrap().pick_all(at).unwrap();
+    let found = values(&path);
+    let count = found.len();
+    // A flat part: the normal leans by half, whatever way the tile lies.
+    let leaning = (2.0 * found[count - 2].truncate().truncate() - 1.0).length();
+    assert!((leaning - 0.5).abs() < 0.1, "{leaning} {found:?}");
+    assert!((found[count - 1].x - 0.8).abs() < 0.02, "{found:?}");
+    let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut again = Painter::open(&path, &PaintOptions::default()).unwrap();
+    assert_eq!(log.replay(&mut again).unwrap().unrecorded, 0);
+    again.commit().unwrap();
+    drop(again);
+    let replayed = values(&path);
+    assert!(
+        (0..count).all(|k| (found[k] - replayed[k]).abs().max_element() < 0.05),
+        "{found:?} {replayed:?}"
+    );
 }

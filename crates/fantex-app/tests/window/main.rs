@@ -179,6 +179,58 @@ fn missing_and_broken_files_on_the_command_line_are_failures() {
     }
 }
 
+/// Share of the pixels that are not alike in two columns' range of two pictures of the window, and of its rows in the middle.
+fn difference_between(folder: &Path, a: &str, b: &str, columns: [f64; 2]) -> f64 {
+    let [(width, height, a), (_, _, b)] = [a, b].map(|name| picture(&folder.join(name)));
+    let within = |n: u32, share: f64| (f64::from(n) * share) as usize;
+    let (mut differ, mut count) = (0.0, 0.0);
+    for y in within(height, 0.25)..within(height, 0.8) {
+        for x in within(width, columns[0])..within(width, columns[1]) {
+            let [p, q] = [&a, &b].map(|samples| &samples[3 * (y * width as usize + x)..][..3]);
+            differ += f64::from(u8::from(p.iter().zip(q).any(|(x, y)| x.abs_diff(*y) > 12)));
+            count += 1.0;
+        }
+    }
+    differ / count
+}
+
+/// A stays as it was kept, B is what the scene is now; the line between them is dragged, and A's view comes back.
+#[test]
+fn a_kept_picture_stays_beside_the_scene() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let picture = |name: &str| {
+        format!(r#"{{"wait_frames":5}},{{"wait_sharp":60}},{{"window_screenshot":{{"path":"{name}.png"}}}}"#)
+    };
+    let steps = [
+        // The scene has the whole width.
+        r#"{"wait_loaded":120},{"key":"H"},{"wait_frames":5},{"view":"top"}"#,
+        &picture("before"),
+        r#"{"key":"Y"},{"shading":"normal"}"#,
+        &picture("beside"),
+        r#"{"drag":{"x":0.3,"y":0.0}}"#,
+        &picture("dragged"),
+        r#"{"view":"front"}"#,
+        &picture("elsewhere"),
+        r#"{"key":"Y"},{"view":"top"}"#,
+        &picture("alone"),
+        r#""quit""#,
+    ];
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy()], &steps.join(",")));
+    let at = folder.path();
+    let [left, right] = [[0.02, 0.45], [0.55, 0.98]];
+    assert_eq!(difference_between(at, "before.png", "beside.png", left), 0.0, "A");
+    assert!(difference_between(at, "before.png", "beside.png", right) > 0.1, "B");
+    assert_eq!(difference_between(at, "alone.png", "beside.png", right), 0.0, "B");
+    assert!(difference_between(at, "alone.png", "beside.png", left) > 0.1, "A");
+    // The line has moved to the right by 0.3 of the scene's height, and nothing else.
+    assert_eq!(difference_between(at, "before.png", "dragged.png", [0.02, 0.64]), 0.0, "A");
+    assert_eq!(difference_between(at, "beside.png", "dragged.png", [0.74, 0.98]), 0.0, "B");
+    assert_eq!(difference_between(at, "before.png", "elsewhere.png", [0.02, 0.45]), 0.0, "A");
+    assert!(difference_between(at, "dragged.png", "elsewhere.png", [0.74, 0.98]) > 0.02, "B");
+}
+
 /// The same picture before and after, from where the camera was left, with what was chosen.
 #[test]
 fn a_lost_device_is_replaced() {

@@ -34,6 +34,26 @@ fn strokes_show_in_the_next_frame_are_undone_and_come_back() {
     assert!(difference(at, "done.png", "reopened.png") < 0.001);
 }
 
+/// It is opened again with the channel, which is painted; the camera stays, and so do layers and history.
+#[test]
+fn a_channel_is_added_and_painted() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"layer":"add"},
+        {"stroke":{"points":[[0.5,0.75],[0.6,0.78]]}},{"wait_painted":60},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+        {"add_channels":["emission"]},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"added.png"}},
+        {"expect_painting":{"layers":1,"steps":2}},{"channels":{"color":false,"emission":true}},
+        {"stroke":{"points":[[0.6,0.78]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"glow.png"}},
+        {"key":"Ctrl+Z"},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"undone.png"}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "before.png", "added.png") < 0.001);
+    assert!(difference(at, "added.png", "glow.png") > 0.001);
+    assert!(difference(at, "added.png", "undone.png") < 0.001);
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+}
+
 #[test]
 fn models_become_assets_with_layers_and_panels() {
     let Some(display) = Display::start() else { return };

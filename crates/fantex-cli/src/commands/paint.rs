@@ -9,13 +9,14 @@ use std::time::Instant;
 use clap::Args;
 use fantex::base::files::{persist, temporary_file};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::store::ChannelKind;
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
 use super::view;
 use crate::context::Context;
 use crate::scene::{open_asset, size};
-use crate::text::{counted, megabytes};
+use crate::text::{Choices, counted, megabytes, one_of};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
 #[derive(Args, Debug)]
@@ -26,13 +27,17 @@ Example:
   fantex paint statue.fan --replay strokes.json -o painted.fan
   fantex paint denser.fan --replay-log painted.fan
   fantex paint painted.fan --export-log strokes.json
+  fantex paint statue.fan --add-channel emission,normal -o richer.fan
 
 Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is
 painted is saved all the time, and every step can be undone.
 
 With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all
 strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An
-asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.")]
+asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.
+
+With --add-channel the asset is first given channels that it does not have. They show what was seen without them: the model's
+materials, its own normals, a middle height.")]
 pub(crate) struct PaintArgs {
     /// An asset (.fan); without --replay also a model (.glb .gltf .obj .ply .stl)
     asset: PathBuf,
@@ -45,19 +50,35 @@ pub(crate) struct PaintArgs {
     /// Write the log of the asset as a stroke file (.json), with the pictures that it mentions in the folder 'files' beside it
     #[arg(long, value_name = "STROKES", conflicts_with_all = ["replay", "replay_log", "output"])]
     export_log: Option<PathBuf>,
+    /// Channels to give the asset, if it does not have them
+    #[arg(long, value_name = "CHANNEL", value_delimiter = ',', value_parser = one_of(&ADDED), conflicts_with = "export_log")]
+    add_channel: Vec<ChannelKind>,
     /// The asset to write; without it the given one is changed
     #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
     /// Width and height of the window in points; as it was by default
-    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log"])]
+    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel"])]
     size: Option<[u32; 2]>,
     /// Keep nothing that undoes the strokes
     #[arg(long)]
     no_history: bool,
 }
 
+const ADDED: Choices<ChannelKind, 5> = [
+    ("base-color", "Colour, with opacity", ChannelKind::BaseColor),
+    ("orm", "Occlusion, roughness, metallic", ChannelKind::OcclusionRoughnessMetallic),
+    ("emission", "Emitted light", ChannelKind::Emission),
+    ("normal", "Normals", ChannelKind::Normal),
+    ("displacement", "Height", ChannelKind::Displacement),
+];
+
 enum Strokes {
-    File { file: StrokeFile, folder: PathBuf },
+    /// Only channels are added.
+    None,
+    File {
+        file: StrokeFile,
+        folder: PathBuf,
+    },
     Log(StrokeLog),
 }
 
@@ -73,6 +94,7 @@ impl Strokes {
 
     fn replay(&self, painter: &mut Painter) -> fantex::Result<ReplaySummary> {
         match self {
+            Self::None => Ok(ReplaySummary::default()),
             Self::File { file, folder } => replay(painter, file, folder),
             Self::Log(log) => log.replay(painter),
         }
@@ -108,6 +130,7 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     // Opening says what is wrong with files of other kinds.
     let opens = || open_asset(&args.asset).map(drop);
     let strokes = match (&args.replay, &args.replay_log) {
+        (None, None) if !args.add_channel.is_empty() => opens().map(|()| Strokes::None)?,
         (None, None) => {
             let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
             let mut arguments = vec!["--paint".into(), memory.into(), args.asset.clone().into()];
@@ -178,6 +201,7 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
 fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
     let mut painter = Painter::open(asset, &options)?;
+    painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
     let _deferral = context.defer_interrupt();
     let committed = painter.commit()?;

@@ -206,6 +206,33 @@ fn the_log_of_an_asset_is_replayed_on_a_denser_one() {
 }
 
 #[test]
+fn channels_are_added_and_the_log_brings_them_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    let glow = STROKES.replace("base_color", "emission");
+    std::fs::write(at("strokes.json"), &glow).unwrap();
+    let adding = glow.replace("\"version\": 1,", "\"version\": 1, \"add_channels\": [\"emission\"],");
+    std::fs::write(at("adding.json"), adding).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let before = std::fs::read(at("a.fan")).unwrap();
+    fails(1, &["channel Emission"], &[&"paint", &at("a.fan"), &"--replay", &at("strokes.json")]);
+    fails(2, &["invalid value 'light'"], &[&"paint", &at("a.fan"), &"--add-channel", &"light"]);
+    json(&[&"paint", &at("a.fan"), &"--add-channel", &"emission,normal", &"-o", &at("richer.fan")]);
+    assert!(std::fs::read(at("a.fan")).unwrap() == before);
+    let done = json(&[&"paint", &at("richer.fan"), &"--replay", &at("strokes.json")]);
+    assert_eq!(done["strokes"], 1);
+    assert_eq!(json(&[&"verify", &at("richer.fan")])["ok"], true);
+    json(&[&"paint", &at("a.fan"), &"--replay", &at("adding.json"), &"-o", &at("painted.fan")]);
+    json(&[&"paint", &at("a.fan"), &"--replay-log", &at("richer.fan"), &"-o", &at("again.fan")]);
+    for (name, count) in [("painted.fan", 2), ("again.fan", 3)] {
+        let asset = fantex::store::Asset::open(&at(name)).unwrap();
+        assert_eq!(asset.channels().len(), count, "{name}");
+        assert_eq!(json(&[&"verify", &at(name)])["ok"], true);
+    }
+}
+
+#[test]
 fn painting_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -420,6 +420,12 @@ fn measures_know_edges_and_hollows() {
     assert!(measure(MaskMeasure::Occlusion { radius: 0.2 }, Vec3::X) < 0.01);
     let low = measure(MaskMeasure::Height { axis: 1 }, Vec3::new(1.0, -0.5, 0.1));
     assert!((low - smooth(0.25)).abs() < 0.02, "{low}");
+    // The cube reaches from -1 to 1 in its file.
+    let distance = MaskMeasure::Distance { to: [1.0, 1.0, 1.0] };
+    let far = measure(distance, Vec3::new(1.0, -0.5, 0.1));
+    let expected = (1.5f32 * 1.5 + 0.9 * 0.9).sqrt() / 12.0f32.sqrt();
+    assert!((far - smooth(expected)).abs() < 0.02, "{far} {}", smooth(expected));
+    assert!(measure(distance, Vec3::ONE) < 0.01);
     assert!((measure(MaskMeasure::Slope { axis: 1 }, Vec3::new(0.3, 1.0, 0.1)) - 0.0).abs() < 0.01);
     assert!((measure(MaskMeasure::Slope { axis: 1 }, Vec3::new(1.0, 0.3, 0.1)) - 0.5).abs() < 0.01);
     let ring = cleaned(generate::torus(48, 24));

@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
+mod added;
 mod layers;
 mod painting;
 mod regions;
+mod relief;
 mod tools;
 mod values;
 mod views;

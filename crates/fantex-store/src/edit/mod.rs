@@ -18,8 +18,9 @@
 //!   attempt takes another number.
 //!
 //! Here are the changes and reading through them; in `commit.rs` the steps above, in `space.rs` where changed clusters go, in
-//! `lock.rs` who may write, in `compact.rs` the copy without gaps.
+//! `lock.rs` who may write, in `compact.rs` the copy without gaps, in `added.rs` further channels.
 
+mod added;
 mod commit;
 mod compact;
 pub(crate) mod lock;
@@ -43,6 +44,7 @@ use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
 use crate::reader::read_attachments;
 use crate::{Asset, FileSource, PageId, Texels, write_error};
 
+pub use self::added::MIDDLE_HEIGHT;
 pub use self::commit::{CommitSummary, EditOutput};
 pub use self::compact::CompactSummary;
 

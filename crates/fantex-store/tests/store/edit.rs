@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use fantex_store::{
-    Asset, AssetEditor, EditOptions, EditOutput, PageId, VerifyOptions, is_disk_full, verify, write_all_at,
+    Asset, AssetEditor, Channel, ChannelKind, EditOptions, EditOutput, PageId, TexelFormat, VerifyOptions,
+    decode, is_disk_full, verify, write_all_at,
 };
 
 use crate::common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
@@ -525,4 +526,74 @@ fn compacting_keeps_everything_but_the_gaps() {
     assert_eq!(generation, 14);
     assert_eq!(State::open(&path), (generation, state));
     assert_whole(&path);
+}
+
+/// What was there stays, byte for byte; the new channel holds what the materials say.
+#[test]
+fn channels_are_added_behind_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut dice = Dice::new(9);
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    let mut state = State::read(editor.asset());
+    change(&mut editor, &mut state, &mut dice);
+    let known = editor.asset().channels().to_vec();
+    let kind = ChannelKind::OcclusionRoughnessMetallic;
+    refused(editor.add_channels(&[kind, kind]), "it has one of occlusion");
+    refused(editor.add_channels(&[ChannelKind::Light]), "only a bake makes one of light");
+    editor.add_channels(&[kind]).unwrap();
+    let asset = Asset::open(&path).unwrap();
+    let number = known.len();
+    assert_eq!(asset.channels()[..number], known);
+    assert_eq!(asset.channels()[number], Channel { kind, format: TexelFormat::Rgba8, srgb: false });
+    let is_material = |group: u32, value: [f32; 4]| {
+        let mesh = asset.mesh();
+        let of_group = (0..mesh.triangles.len()).filter(|&t| asset.cover().corner_groups[t].contains(&group));
+        of_group.map(|t| &mesh.materials[mesh.material_of(t)]).any(|material| {
+            let expected = [1.0, material.roughness, material.metallic];
+            expected.iter().zip(value).all(|(a, b)| (a - b).abs() < 0.003)
+        })
+    };
+    for id in pages(asset.cover()) {
+        for channel in 0..number {
+            assert_eq!(asset.read_page_raw(channel, id).unwrap(), state.pages[&(id, channel)]);
+        }
+        let texels = asset.read_page(number, id).unwrap();
+        assert!(texels.rgba.iter().all(|value| is_material(id.group, *value)), "{id}");
+    }
+    for group in 0..asset.cover().groups.len() as u32 {
+        let means: Vec<_> = (0..number).map(|channel| asset.mean(channel, group)).collect();
+        assert_eq!(means, state.means[group as usize * number..][..number]);
+        assert!(is_material(group, asset.mean(number, group)));
+    }
+    let attachments = |asset: &Asset| State::read(asset).attachments;
+    assert_eq!(attachments(&asset), state.attachments);
+    assert_whole(&path);
+    // It goes on as before.
+    let id = pages(asset.cover()).next().unwrap();
+    let bytes = vec![7; asset.read_page_raw(number, id).unwrap().len()];
+    editor.replace(id, number, bytes.clone()).unwrap();
+    editor.commit().unwrap();
+    assert_eq!(Asset::open(&path).unwrap().read_page_raw(number, id).unwrap(), bytes);
+}
+
+#[test]
+fn added_pages_are_empty_where_nothing_is_read() {
+    let channel = |kind, format| Channel { kind, format, srgb: false };
+    let color = channel(ChannelKind::BaseColor, TexelFormat::Bc7);
+    let mut seen = vec![0x40_u8; 32];
+    seen[16..].fill(0);
+    for (kind, format) in [(ChannelKind::Normal, TexelFormat::Bc5), (ChannelKind::Emission, TexelFormat::Bc7)]
+    {
+        let added = Channel::beside(kind, std::slice::from_ref(&color)).unwrap();
+        assert_eq!(added.format, format);
+        let page = added.plain_page([8, 4], [0.5, 0.5, 0.0, 1.0], &[(&color, &seen)]).unwrap();
+        let values = decode(format, [8, 4], &page).unwrap();
+        assert!(page[16..].iter().all(|byte| *byte == 0));
+        assert!((values[0][1] - if added.srgb { 0.735 } else { 0.5 }).abs() < 0.006, "{:?}", values[0]);
+        assert_eq!(
+            added.plain_page([8, 4], [0.5; 4], &[]).unwrap()[..16],
+            added.plain_page([8, 4], [0.5; 4], &[]).unwrap()[16..]
+        );
+    }
 }

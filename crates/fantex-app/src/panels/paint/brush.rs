@@ -1,7 +1,8 @@
 //! The brush: its preview, its numbers, and the brushes that are kept.
 
 use crate::paint::{
-    BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, preview_stroke,
+    BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit, StickerKind,
+    preview_stroke,
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
@@ -78,6 +79,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
         let tip = "Above 0 less force does more, below 0 more force is needed";
         number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
+        let tip =
+            "Alt + drag turns the view, and strokes may begin beside the model (Alt + click still picks)";
+        row(ui, "Alt turns", |ui| ui.checkbox(&mut paint.alt_turns, "").on_hover_text(tip));
     });
     open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
     if asks_stamp {
@@ -114,6 +118,10 @@ fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
         StickerKind::Picture => {
             let tip = "A picture to lay onto the surface";
             is_asked = row(ui, "Picture", |ui| file_button(ui, paint.picture.as_deref(), tip)).clicked();
+            let shown = ui.horizontal(|ui| segments(ui, &mut paint.picture_use, &PictureUse::ALL));
+            shown
+                .response
+                .on_hover_text("A colour, a normal map (green upwards), or a height whose grey is level");
         }
     }
     size(ui, &mut paint.brush);

@@ -12,7 +12,7 @@ use crate::paint::{
     ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, color_of_hex, parse_hex, text_hex,
 };
 use crate::panels::widgets::{
-    cached_texture, file_button, framed_picture, heading, named_choice, number, row, segments,
+    cached_texture, file_button, framed_picture, named_choice, number, row, segments,
 };
 use crate::theme;
 use crate::viewer::{FileDialog, Request, Viewer};
@@ -94,7 +94,30 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
 /// Which channels are painted, with what, and which one is shown.
 pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
-    heading(ui, "Channels");
+    let missing: Vec<(ChannelKind, &str)> = ADDED
+        .into_iter()
+        .filter(|(kind, _)| painting.channels.iter().all(|channel| channel.kind != *kind))
+        .collect();
+    let mut added = None;
+    ui.add_space(6.0);
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Channels").color(theme::STRONG).strong());
+        if missing.is_empty() {
+            return;
+        }
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let menu = ui.menu_button(RichText::new("Add channel").size(11.0), |ui| {
+                for (kind, name) in &missing {
+                    if ui.button(*name).clicked() {
+                        added = Some(*kind);
+                        ui.close();
+                    }
+                }
+            });
+            menu.response
+                .on_hover_text("Give the asset a further channel; it looks as before until that is painted");
+        });
+    });
     let paint = &mut viewer.settings.paint;
     for channel in &painting.channels {
         let Some((name, view)) = name_and_view(channel.kind) else { continue };
@@ -112,7 +135,25 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
         });
         material(ui, channel.kind, paint);
     }
+    if let Some(kind) = added {
+        // Height is seen by the normals that follow it.
+        let with_normals = [ChannelKind::Normal, ChannelKind::Displacement];
+        viewer.add_channels(if kind == ChannelKind::Displacement {
+            &with_normals
+        } else {
+            std::slice::from_ref(&kind)
+        });
+    }
 }
+
+/// Channels that can be added.
+const ADDED: [(ChannelKind, &str); 5] = [
+    (ChannelKind::BaseColor, "Base colour, opacity"),
+    (ChannelKind::OcclusionRoughnessMetallic, "Occlusion, roughness, metallic"),
+    (ChannelKind::Emission, "Emission"),
+    (ChannelKind::Normal, "Normal"),
+    (ChannelKind::Displacement, "Height"),
+];
 
 /// What is painted besides the colour.
 fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
@@ -121,7 +162,7 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
     }
     let components = &mut paint.channels.components;
     let material = &mut paint.material;
-    let number = |name| number(name, "", 2, "");
+    let number = |name, tip| number(name, "", 2, tip);
     match kind {
         ChannelKind::OcclusionRoughnessMetallic => {
             let rows = [
@@ -137,7 +178,7 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
                     name_field(&ui.add(switch).on_hover_text("Whether the brush changes it"), name);
                     ui.add_enabled_ui(components[component], |ui| {
                         ui.spacing_mut().slider_width = 74.0;
-                        number(name).show(ui, value, 0.0..=1.0);
+                        number(name, "").show(ui, value, 0.0..=1.0);
                     });
                 });
             }
@@ -145,7 +186,10 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
         ChannelKind::Emission => {
             row(ui, "   Emission", |ui| ui.color_edit_button_srgb(&mut material.emission));
         }
-        ChannelKind::Displacement => number("   Height").show(ui, &mut material.height, 0.0..=1.0),
+        ChannelKind::Displacement => {
+            let tip = "0.5 is level, more is raised, less is carved; the normals follow";
+            number("   Height", tip).show(ui, &mut material.height, 0.0..=1.0);
+        }
         ChannelKind::BaseColor | ChannelKind::Normal | ChannelKind::Light | ChannelKind::Anisotropy => {}
     }
 }
@@ -158,7 +202,7 @@ fn name_and_view(kind: ChannelKind) -> Option<(&'static str, Option<ShadingView>
             Some(("Roughness, metallic", Some(ShadingView::OcclusionRoughnessMetallic)))
         }
         ChannelKind::Emission => Some(("Emission", Some(ShadingView::Emission))),
-        ChannelKind::Displacement => Some(("Displacement", None)),
+        ChannelKind::Displacement => Some(("Height", None)),
         ChannelKind::Light | ChannelKind::Anisotropy => None,
     }
 }

@@ -330,10 +330,11 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
 }
 
 /// What masks are made from.
-const MEASURES: [(MaskMeasure, &str, &str); 5] = [
+const MEASURES: [(MaskMeasure, &str, &str); 6] = [
     (MaskMeasure::Curvature { radius: 0.03 }, "Edges", "Edges that stick out, or hollows: by curvature"),
     (MaskMeasure::Occlusion { radius: 0.1 }, "Hidden places", "Where little light gets to: occlusion"),
     (MaskMeasure::Height { axis: 1 }, "Height", "By place along an axis"),
+    (MaskMeasure::Distance { to: [0.0; 3] }, "Distance", "By distance from where the pen was last"),
     (MaskMeasure::Slope { axis: 1 }, "Slope", "By the angle to an axis: what lies flat or steep"),
     (MaskMeasure::Noise { scale: 0.15, seed: 1 }, "Noise", "Patches at random"),
 ];
@@ -370,7 +371,10 @@ fn mask(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
             }
         }
         let made = ui.menu_button(RichText::new("From …").size(11.0), |ui| {
-            for (measure, text, tip) in MEASURES {
+            for (mut measure, text, tip) in MEASURES {
+                if let MaskMeasure::Distance { to } = &mut measure {
+                    *to = painting.last_position().to_array();
+                }
                 if ui.button(text).on_hover_text(tip).clicked() {
                     actions.push(LayerAction::MakeMask(id, Some(measure.source())));
                     ui.close();
@@ -407,6 +411,13 @@ fn mask_source(
         MaskMeasure::Curvature { radius } | MaskMeasure::Occlusion { radius } => {
             let reach = number("Reach", "", 3, "How far it looks around, in diagonals of the model");
             reach.logarithmic().show(ui, radius, 0.005..=0.5);
+        }
+        MaskMeasure::Distance { to } => {
+            let bounds = &painting.bounds;
+            let range = bounds.min.to_array().into_iter().zip(bounds.max.to_array());
+            for ((name, value), (low, high)) in ["X", "Y", "Z"].into_iter().zip(to).zip(range) {
+                number(name, "", 3, "World units").show(ui, value, low..=high.max(low + f64::MIN_POSITIVE));
+            }
         }
         MaskMeasure::Height { axis } | MaskMeasure::Slope { axis } => {
             row(ui, "Axis", |ui| {
