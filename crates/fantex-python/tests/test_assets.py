@@ -243,3 +243,11 @@ def test_real_scan(tmp_path, data):
     assert asset.verify()["ok"]
     vmapping, faces, uvs = fantex.parametrize(mesh.positions, mesh.faces)
     np.testing.assert_array_equal(vmapping[faces], mesh.faces)
+
+
+def test_functions_are_never_asked_for_no_points(tmp_path, data):
+    def source(points, normals):
+        assert len(points)
+        return np.ones_like(points)
+
+    fantex.bake(data / "meshes/bunny/stanford_bunny.ply", tmp_path / "a.fan", texels=50_000, source=source)
