@@ -125,31 +125,31 @@ fn files_keep_parts_and_materials() {
             && text.contains("color3f inputs:emission_color = (3, 1.5, 0)")
     );
     // A shader for each material, with what is its own.
-    let path = waves.path("fans.gltf");
+    let path = waves.path("shaded.gltf");
     let shaders = vec![ShaderLanguage::Godot, ShaderLanguage::Glsl];
     let summary =
         export_fans(&waves.asset, &path, &FanFileOptions { shaders, ..options.clone() }, &NoProgress)
             .unwrap();
     let names: Vec<_> = summary.files.iter().map(|(path, _)| path.file_name().unwrap()).collect();
     let expected = [
-        "fans-fans-base-color.png",
-        "fans.bin",
-        "fans.gltf",
-        "fans-material-1.gdshader",
-        "fans-material-2.gdshader",
+        "shaded-fans-base-color.png",
+        "shaded.bin",
+        "shaded.gltf",
+        "shaded-material-1.gdshader",
+        "shaded-material-2.gdshader",
     ];
-    assert_eq!(names, [&expected[..], &["fans.glsl"]].concat());
+    assert_eq!(names, [&expected[..], &["shaded.glsl"]].concat());
     let text = |name: &str| std::fs::read_to_string(waves.path(name)).unwrap();
-    let [plain, lamp] = ["fans-material-1.gdshader", "fans-material-2.gdshader"].map(text);
+    let [plain, lamp] = ["shaded-material-1.gdshader", "shaded-material-2.gdshader"].map(text);
     assert!(!plain.contains("ALPHA") && !plain.contains("unshaded"), "{plain}");
     let own = [
-        "cull_back, unshaded",
+        "cull_disabled, unshaded",
         "SCISSOR_THRESHOLD = 0.25",
         "EMISSION = vec3(3.0, 1.5, 0.0)",
         "ROUGHNESS = 0.25",
     ];
     assert!(own.iter().all(|words| lamp.contains(words)), "{lamp}");
-    assert!(text("fans.glsl").contains("FAN_DELTA = 0.0625;") && lamp.contains(text("fans.glsl").trim()));
+    assert!(text("shaded.glsl").contains("FAN_DELTA = 0.0625;") && lamp.contains(text("shaded.glsl").trim()));
     // One picture may be in memory, not all; and none that is too large.
     let sheets = FanSheetOptions { memory_bytes: 40_000, ..options.sheets };
     let tight = FanFileOptions { sheets, ..options };
