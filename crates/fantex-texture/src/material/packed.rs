@@ -1,6 +1,6 @@
 //! Images of models.
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_mesh::{ImageChannel, ImageSource, PackedImage};
 
 use crate::{AlphaUse, ColorSpace, Depth, Image, Samples};
@@ -9,7 +9,7 @@ use crate::{AlphaUse, ColorSpace, Depth, Image, Samples};
 /// packed images, alpha comes from numbers as they are.
 ///
 /// # Errors
-/// A file cannot be read or decoded.
+/// A file cannot be read or decoded, or the images of a packed one differ too much in shape.
 pub fn read_image(source: &ImageSource, space: ColorSpace) -> Result<Image> {
     let mut image = match source {
         ImageSource::File(path) => Image::load_as(path, space)?,
@@ -21,6 +21,9 @@ pub fn read_image(source: &ImageSource, space: ColorSpace) -> Result<Image> {
     }
     Ok(image)
 }
+
+/// How many times the texels of the largest source an image put together may have.
+const MAX_GROWTH: u64 = 4;
 
 fn pack(packed: &PackedImage, space: ColorSpace) -> Result<Image> {
     let mut read: Vec<(&ImageSource, ColorSpace, Image)> = Vec::new();
@@ -42,6 +45,13 @@ fn pack(packed: &PackedImage, space: ColorSpace) -> Result<Image> {
     let images = || read.iter().map(|(.., image)| image);
     let width = images().map(|image| image.width).max().unwrap_or(1);
     let height = images().map(|image| image.height).max().unwrap_or(1);
+    // Of two stripes that cross, a large square would become.
+    let largest = images().map(|image| u64::from(image.width) * u64::from(image.height)).max().unwrap_or(1);
+    if u64::from(width) * u64::from(height) > MAX_GROWTH * largest {
+        return Err(Error::too_large(format!(
+            "its channels come from images of too different shapes, which together need {width} x {height} texels; give them one shape"
+        )));
+    }
     let depths: Vec<Depth> = images().map(|image| image.samples.depth()).collect();
     let depth =
         [Depth::F32, Depth::U16].into_iter().find(|depth| depths.contains(depth)).unwrap_or(Depth::U8);
@@ -50,14 +60,28 @@ fn pack(packed: &PackedImage, space: ColorSpace) -> Result<Image> {
     let channels =
         channels.map(|channel| channel.map(|(image, channel)| (image, resolved(channel, &images[image]))));
     let count = if channels[3].is_some() { 4 } else { 3 };
-    let mut samples = Vec::with_capacity(width as usize * height as usize * count);
-    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-        samples.extend(channels[..count].iter().map(|channel| match channel {
-            None => 1.0,
-            Some((image, channel)) => number(images[*image].linear_texel(x, y), *channel),
-        }));
+    let mut samples = match depth {
+        Depth::U8 => Samples::U8(Vec::new()),
+        Depth::U16 => Samples::U16(Vec::new()),
+        Depth::F32 => Samples::F32(Vec::new()),
+    };
+    // By rows, so that few texels are floats at once.
+    for y in 0..height {
+        let texel = |x: u32| {
+            channels.map(|channel| {
+                channel.map_or(1.0, |(image, channel)| number(images[image].linear_texel(x, y), channel))
+            })
+        };
+        let row = (0..width).flat_map(|x| texel(x).into_iter().take(count)).collect();
+        let row = Image::from_linear(width, 1, count as u8, row).converted(depth, space);
+        match (&mut samples, row.samples) {
+            (Samples::U8(all), Samples::U8(row)) => all.extend(row),
+            (Samples::U16(all), Samples::U16(row)) => all.extend(row),
+            (Samples::F32(all), Samples::F32(row)) => all.extend(row),
+            _ => {}
+        }
     }
-    Ok(Image::from_linear(width, height, count as u8, samples).converted(depth, space))
+    Ok(Image { width, height, channels: count as u8, space, samples })
 }
 
 /// What stands for the opacity of an image: alpha, unless it says nothing.

@@ -198,4 +198,11 @@ fn packed_images_take_a_channel_of_each_source() {
     // 0.2126 of 255.
     assert_eq!(bytes(&with_opacity(&opaque, ImageChannel::Opacity)), [200, 100, 50, 54]);
     assert_eq!(bytes(&with_opacity(&opaque, ImageChannel::Alpha))[3], 255);
+    // Stripes that cross would become a large square.
+    let (wide, high) = (file("wide.png", 64, 1, &[9; 64]), file("high.png", 1, 1, &[9; 64]));
+    let [red, green] = [&wide, &high]
+        .map(|source| Some(PackedChannel { source: source.clone(), channel: ImageChannel::Red }));
+    let crossed = ImageSource::Packed(Box::new(PackedImage { channels: [red, green, None, None] }));
+    let refused = read_image(&crossed, ColorSpace::Linear).unwrap_err();
+    assert!(refused.to_string().contains("64 x 64 texels"), "{refused}");
 }
