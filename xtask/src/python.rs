@@ -13,8 +13,9 @@ const PACKAGES: [(&str, &str); 4] =
     [("pytest", "pytest"), ("numpy", "numpy"), ("trimesh", "trimesh"), ("pillow", "PIL")];
 
 /// What some tests import; those say that they are left out without it.
-const OPTIONAL: [(&str, &[(&str, &str)]); 5] = [
+const OPTIONAL: [(&str, &[(&str, &str)]); 6] = [
     ("usd-core and MaterialX", &[("usd-core", "pxr"), ("MaterialX", "MaterialX")]),
+    ("moderngl and OpenImageIO", &[("moderngl", "moderngl"), ("openimageio", "OpenImageIO")]),
     ("distributed (Dask)", &[("distributed", "distributed"), ("pyyaml", "yaml")]),
     ("openjd-cli", &[("openjd-cli", "openjd.cli")]),
     ("snakemake", &[("snakemake", "snakemake")]),

@@ -136,9 +136,8 @@ pub(crate) fn write_model(
         let (file, _) = outputs.create(output)?;
         let written = write_glb(document, &mut images, &file).map_err(|bytes| {
             let path = output.display();
-            let other = if document.delta.is_some() { ".usda" } else { ".gltf" };
             let message =
-                format!("{path} would take {bytes} bytes, but a GLB file holds 4 GiB; write a {other}");
+                format!("{path} would take {bytes} bytes, but a GLB file holds 4 GiB; write a .gltf");
             Error::too_large(message).with_path(output)
         })?;
         written.map_err(failed)

@@ -1,16 +1,19 @@
 //! Fans in other programs' files: glTF with four sets of coordinates, USD and MaterialX with the texture function as a graph.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::files::folder_of;
 use fantex_base::{Error, Result};
+use fantex_mesh::Material;
 use fantex_store::Asset;
 use glam::Vec2;
 
+use crate::ShaderLanguage;
 use crate::export::{ExportSummary, damage_of, write_model};
 use crate::fans::{FanSheetOptions, FanSheets, Packer, SheetMap, depth_of};
 use crate::materialx::materialx;
@@ -19,12 +22,23 @@ use crate::pictures::PngSink;
 use crate::texels::RowSink as _;
 use crate::usd::write_usda;
 
-/// Writes an asset with its fans: a `.glb` with sheets inside, or a `.usda` with a MaterialX file and sheets beside it. All files appear
-/// at the end, or none.
+/// How files with fans are written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FanFileOptions {
+    /// How sheets are made.
+    pub sheets: FanSheetOptions,
+    /// Shaders that are written beside the model, named after it.
+    pub shaders: Vec<ShaderLanguage>,
+    /// Overwrite existing files.
+    pub force: bool,
+}
+
+/// Writes an asset with its fans: a `.glb` with sheets inside, a `.gltf` with its buffer and sheets beside it, or a `.usda` with a
+/// MaterialX file and sheets beside it. All files appear at the end, or none.
 ///
 /// Vertices are split by corners. `TEXCOORD_0` to `2` (in USD `st`, `st1`, `st2`, v upwards) are a corner's places in the tiles of the
 /// fans at its triangle's corners 0, 1 and 2; the first two barycentric coordinates are `TEXCOORD_3` (`st3`). Programs that know no fans
-/// show each triangle of a `.glb` by the tile of its first corner.
+/// show each triangle of a glTF by the tile of its first corner.
 ///
 /// # Errors
 /// Those of [`fan_sheets`](crate::fan_sheets), with one picture in memory at a time; the output's extension is none of these, a file
@@ -32,24 +46,23 @@ use crate::usd::write_usda;
 pub fn export_fans(
     asset: &Arc<Asset>,
     output: &Path,
-    options: &FanSheetOptions,
-    force: bool,
+    options: &FanFileOptions,
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
     let extension = output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if !["glb", "usda"].contains(&extension.as_str()) {
+    if !["glb", "gltf", "usda"].contains(&extension.as_str()) {
         let path = output.display();
-        return Err(Error::invalid(format!("fans are written as .glb or .usda, and {path} is neither"))
-            .with_path(output));
+        let message = format!("fans are written as .glb, .gltf or .usda, and {path} is none of them");
+        return Err(Error::invalid(message).with_path(output));
     }
     let is_binary = extension == "glb";
     let mesh = asset.mesh();
-    let packer = Packer::new(asset, options)?;
+    let packer = Packer::new(asset, &options.sheets)?;
     let largest = packer.pictures().map(|(sheet, map)| packer.picture_bytes(sheet, map)).max();
     packer.check_memory(largest.unwrap_or(0))?;
     let sheets = packer.described();
     let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
-    let mut outputs = Outputs::new(force);
+    let mut outputs = Outputs::new(options.force);
     let mut images: Vec<(String, File)> = Vec::new();
     packer.draw(progress, &mut |sheet, map, picture| {
         let name = picture_name(&stem, &sheets, sheet, &sheets.maps[map]);
@@ -73,7 +86,7 @@ pub fn export_fans(
     };
     let sheet = |t: usize| sheets.sheet_of_triangle[t] as usize;
     let geometry = Geometry::new(mesh, &packer.shapes.normals, &[], uv, sheet);
-    if is_binary {
+    if extension != "usda" {
         let document = Document {
             name: &stem,
             parts: &mesh.parts.names,
@@ -92,13 +105,17 @@ pub fn export_fans(
         let (file, _) = outputs.create(output)?;
         write_usda(mesh, &sheets, &geometry, &stem, &file).map_err(|e| Error::writing(output, e))?;
     }
+    for (path, text) in shader_files(&sheets, &geometry, &mesh.materials, output, &options.shaders) {
+        let (mut file, _) = outputs.create(&path)?;
+        file.write_all(text.as_bytes()).map_err(|e| Error::writing(&path, e))?;
+    }
     let texels = sheets.sheets.iter().map(|sheet| u64::from(sheet.size[0]) * u64::from(sheet.size[1])).sum();
     Ok(ExportSummary {
         files: outputs.commit()?,
         sides: sheets.sheets.iter().map(|sheet| sheet.size[0].max(sheet.size[1])).collect(),
         maps: sheets.maps.iter().map(|map| map.map).collect(),
         charts: asset.cover().groups.len(),
-        padding: options.gutter,
+        padding: options.sheets.gutter,
         used_share: sheets.used_share,
         density_share: 1.0,
         texels,
@@ -106,6 +123,30 @@ pub fn export_fans(
         damage: damage_of(&packer.cache),
         ..ExportSummary::default()
     })
+}
+
+/// Shaders, and what their files are called: functions are the same for all materials, a shader for Godot is one material's.
+fn shader_files(
+    sheets: &FanSheets,
+    geometry: &Geometry,
+    materials: &[Material],
+    output: &Path,
+    languages: &[ShaderLanguage],
+) -> BTreeMap<PathBuf, String> {
+    let used: BTreeSet<usize> = geometry.looks().into_iter().map(|(material, _)| material).collect();
+    let default_material = Material::default();
+    let mut files = BTreeMap::new();
+    for language in languages {
+        let path = output.with_extension(language.extension());
+        let is_shared = *language != ShaderLanguage::Godot || used.len() < 2;
+        for &material in used.iter().take(if is_shared { 1 } else { used.len() }) {
+            let text = sheets.shader(*language, materials.get(material).unwrap_or(&default_material));
+            let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+            let numbered = format!("{stem}-material-{}.{}", material + 1, language.extension());
+            files.insert(if is_shared { path.clone() } else { output.with_file_name(numbered) }, text);
+        }
+    }
+    files
 }
 
 /// The name of a sheet's picture, without its extension.

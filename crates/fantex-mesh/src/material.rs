@@ -17,6 +17,41 @@ pub enum ImageSource {
         /// The encoded image (PNG, JPEG, ...), whole.
         bytes: Arc<[u8]>,
     },
+    /// Channels of several images, where a format names a file for each.
+    Packed(Box<PackedImage>),
+}
+
+/// An image put together of channels of others; as wide and as high as the largest, to which the others are scaled.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PackedImage {
+    /// Red, green, blue and alpha; one everywhere where there is none.
+    pub channels: [Option<PackedChannel>; 4],
+}
+
+/// A channel of an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedChannel {
+    /// The image; none that is packed itself.
+    pub source: ImageSource,
+    /// What of it.
+    pub channel: ImageChannel,
+}
+
+/// What of an image stands for a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ImageChannel {
+    /// Red, or grey.
+    Red,
+    /// Green, or grey.
+    Green,
+    /// Blue, or grey.
+    Blue,
+    /// Alpha; one where the image has none.
+    Alpha,
+    /// Grey, or `0.2126 R + 0.7152 G + 0.0722 B`.
+    Luminance,
+    /// Alpha where the image is not opaque everywhere, else luminance.
+    Opacity,
 }
 
 /// How texture coordinates outside 0..1 are folded back, as glTF names it.

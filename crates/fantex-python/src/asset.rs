@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex::export::{
-    Depth, ExportOptions, FanSheetOptions, UvChoice, export_atlas, export_fans, export_model, fan_sheets,
+    Depth, ExportOptions, FanFileOptions, FanSheetOptions, ShaderLanguage, UvChoice, export_atlas,
+    export_fans, export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
 use fantex::mesh::lambda_step;
@@ -41,6 +42,18 @@ const CHANNELS: [(&str, ChannelKind); 7] = [
 
 pub(crate) fn name_of(kind: ChannelKind) -> &'static str {
     CHANNELS.iter().find(|(_, known)| *known == kind).map_or("other", |(name, _)| name)
+}
+
+fn language(name: &str) -> PyResult<ShaderLanguage> {
+    match name {
+        "glsl" => Ok(ShaderLanguage::Glsl),
+        "wgsl" => Ok(ShaderLanguage::Wgsl),
+        "hlsl" => Ok(ShaderLanguage::Hlsl),
+        "godot" => Ok(ShaderLanguage::Godot),
+        _ => Err(PyValueError::new_err(format!(
+            "no shader is written in {name:?}; give \"glsl\", \"wgsl\", \"hlsl\" or \"godot\""
+        ))),
+    }
 }
 
 /// An open asset.
@@ -262,7 +275,7 @@ impl Asset {
         Ok(summary.files.into_iter().map(|(path, _)| path).collect())
     }
 
-    /// Writes the fans themselves: `.glb`, or `.usda` with a MaterialX file and sheets beside it.
+    /// Writes the fans themselves: `.glb`; `.gltf` or `.usda` with sheets beside it; and shaders in the languages that are named.
     #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
     fn export_fans(
         &self,
@@ -270,14 +283,16 @@ impl Asset {
         path: PathBuf,
         gutter: u32,
         largest_side: u32,
+        shaders: Vec<String>,
         overwrite: bool,
         memory: u64,
         progress: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Vec<PathBuf>> {
-        let options = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
+        let shaders = shaders.iter().map(|name| language(name)).collect::<PyResult<_>>()?;
+        let sheets = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
+        let options = FanFileOptions { sheets, shaders, force: overwrite };
         let asset = self.asset.shared();
-        let summary =
-            watched(py, progress.as_ref(), |watch| export_fans(asset, &path, &options, overwrite, watch))?;
+        let summary = watched(py, progress.as_ref(), |watch| export_fans(asset, &path, &options, watch))?;
         Ok(summary.files.into_iter().map(|(path, _)| path).collect())
     }
 

@@ -243,3 +243,47 @@ def test_real_scan(tmp_path, data):
     assert asset.verify()["ok"]
     vmapping, faces, uvs = fantex.parametrize(mesh.positions, mesh.faces)
     np.testing.assert_array_equal(vmapping[faces], mesh.faces)
+
+
+def test_functions_are_never_asked_for_no_points(tmp_path, data):
+    def source(points, normals):
+        assert len(points)
+        return np.ones_like(points)
+
+    fantex.bake(data / "meshes/bunny/stanford_bunny.ply", tmp_path / "a.fan", texels=50_000, source=source)
+
+
+def test_obj_with_a_map_per_number(tmp_path):
+    """Roughness, metalness and opacity in files of their own, as the numbers in them say."""
+    image_module = pytest.importorskip("PIL.Image", reason="no Pillow")
+    random = np.random.default_rng(3)
+    smooth = {}
+    for name in ("c", "d", "r", "m"):
+        coarse = random.integers(40, 220, (4, 4, 3 if name == "c" else 1), np.uint8)
+        size = (64, 64) if name == "r" else (128, 128)
+        picture = image_module.fromarray(coarse.squeeze()).resize(size, image_module.BICUBIC)
+        picture.save(tmp_path / f"{name}.png")
+        smooth[name] = np.asarray(picture).reshape(*size, -1) / 255.0
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd c.png\nmap_d d.png\nmap_Pr r.png\nmap_Pm -imfchan l m.png\n")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n"
+    )
+    asset = fantex.bake(tmp_path / "a.obj", tmp_path / "a.fan", texels=100_000, format="float")
+    points = np.concatenate([random.uniform(0.05, 0.95, (2000, 2)), np.zeros((2000, 1))], 1)
+    color = asset.sample(points)
+    orm = asset.sample(points, channel="orm")
+
+    def expected(name):
+        picture = smooth[name]
+        side = len(picture)
+        x, y = points[:, 0] * side - 0.5, (1 - points[:, 1]) * side - 0.5
+        left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+        fx, fy = (x - left)[:, None], (y - top)[:, None]
+        upper = picture[top, left] * (1 - fx) + picture[top, left + 1] * fx
+        return upper * (1 - fy) + (picture[top + 1, left] * (1 - fx) + picture[top + 1, left + 1] * fx) * fy
+
+    encoded = np.where(color <= 0.0031308, color * 12.92, 1.055 * color.clip(1e-9) ** (1 / 2.4) - 0.055)
+    assert np.abs(encoded[:, :3] - expected("c")).max() < 0.02
+    assert np.abs(color[:, 3] - expected("d")[:, 0]).max() < 0.02
+    assert np.abs(orm[:, 1] - expected("r")[:, 0]).max() < 0.02
+    assert np.abs(orm[:, 2] - expected("m")[:, 0]).max() < 0.02

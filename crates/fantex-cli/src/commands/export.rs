@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use clap::{ArgAction, Args, ValueEnum};
 use fantex::export::{
-    ChannelMap, Depth, ExportOptions, ExportSummary, FanSheetOptions, UvChoice, export_channel, export_fans,
-    export_model,
+    ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
+    UvChoice, export_channel, export_fans, export_model,
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
@@ -27,6 +27,7 @@ Example:
   fantex export bottle.fan -o bottle.glb
   fantex export bottle.fan -o bottle.gltf --size 4096 --textures png+ktx2
   fantex export bottle.fan -o bottle-fans.usda --fans
+  fantex export bottle.fan -o bottle-fans.gltf --fans --shader godot
   fantex export bottle.fan -o bottle.glb --uv source
   fantex export bottle.fan -o normal.png --channel normal --depth 16
   fantex export bottle.fan -o turn.png --turntable 48 --size 640x640
@@ -61,10 +62,13 @@ pub(crate) struct ExportArgs {
     /// The pictures of a model; KTX2 files (BC7, BC5, all levels, zstd) come beside it
     #[arg(long, value_parser = one_of(&TEXTURES), action = ArgAction::Set, default_value = "png", conflicts_with_all = ["channel", "turntable"])]
     textures: bool,
-    /// Write the fans themselves: sheets of tiles and three coordinates per corner, for shaders that blend them; .glb, or
-    /// .usda with a MaterialX file and pictures beside it
+    /// Write the fans themselves: sheets of tiles and three coordinates per corner, for shaders that blend them; .glb, .gltf,
+    /// or .usda with a MaterialX file and pictures beside it
     #[arg(long, conflicts_with_all = ["channel", "turntable", "uv", "model", "size", "textures"])]
     fans: bool,
+    /// Write a shader that blends fans beside the model, too; several with commas
+    #[arg(long, value_name = "LANGUAGE", value_parser = one_of(&SHADERS), value_delimiter = ',', requires = "fans")]
+    shader: Vec<ShaderLanguage>,
     /// Write a page that shows the asset in a browser
     #[arg(long, conflicts_with_all = ["channel", "turntable", "fans", "uv", "model", "size", "padding", "textures"])]
     web: bool,
@@ -123,6 +127,13 @@ const CHANNELS: Choices<ChannelMap, 10> = [
 ];
 
 const DEPTHS: Choices<Depth, 2> = [("8", "Eight bits", Depth::Eight), ("16", "Sixteen bits", Depth::Sixteen)];
+
+const SHADERS: Choices<ShaderLanguage, 4> = [
+    ("glsl", "Functions in GLSL", ShaderLanguage::Glsl),
+    ("wgsl", "Functions in WGSL", ShaderLanguage::Wgsl),
+    ("hlsl", "Functions in HLSL", ShaderLanguage::Hlsl),
+    ("godot", "A spatial shader for Godot 4", ShaderLanguage::Godot),
+];
 
 /// Whether KTX2 files come beside the PNG files.
 const TEXTURES: Choices<bool, 2> = [
@@ -229,7 +240,8 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                     largest_side: args.max_size,
                     memory_bytes: context.memory_bytes,
                 };
-                export_fans(&asset, &args.output, &sheets, context.force, &progress)
+                let fans = FanFileOptions { sheets, shaders: args.shader.clone(), force: context.force };
+                export_fans(&asset, &args.output, &fans, &progress)
             }
             None => export_model(&asset, &args.output, &options, &progress),
             Some(channel) => export_channel(&asset, channel, args.depth, &args.output, &options, &progress),

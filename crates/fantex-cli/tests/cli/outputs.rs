@@ -22,7 +22,7 @@ const fn each(arguments: &'static str) -> Case {
 }
 
 /// Every kind of file that a command writes.
-const CASES: [Case; 31] = [
+const CASES: [Case; 32] = [
     whole("bake IN/cube.ply -o OUT/a.fan --texels 4k"),
     whole("plan IN/cube.ply -o OUT/a.plan --texels 4k"),
     whole("bake IN/bottle.plan --shard 2/2 -o OUT/a.part"),
@@ -38,6 +38,7 @@ const CASES: [Case; 31] = [
     whole("export IN/bottle.fan -o OUT/a.ktx2 --channel base-color --size 64"),
     whole("export IN/bottle.fan -o OUT/a.glb --fans"),
     whole("export IN/bottle.fan -o OUT/a.usda --fans"),
+    whole("export IN/bottle.fan -o OUT/a.gltf --fans --shader godot,hlsl"),
     whole("export IN/bottle.fan -o OUT/turn.png --turntable 2 --size 32x24"),
     each("export IN/bottle.fan -o OUT --turntable 2 --size 32x24"),
     whole("generate landscape -o OUT/a.ply --triangles 500"),

@@ -2,7 +2,9 @@
 
 use fantex_bake::NoProgress;
 use fantex_base::Random;
-use fantex_export::{ChannelMap, FanSheetOptions, FanSheets, export_fans, fan_sheets};
+use fantex_export::{
+    ChannelMap, FanFileOptions, FanSheetOptions, FanSheets, ShaderLanguage, export_fans, fan_sheets,
+};
 use fantex_mesh::{AlphaMode, Material, Parts, SurfacePoint, generate};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::FilterOptions;
@@ -82,8 +84,8 @@ fn files_keep_parts_and_materials() {
     };
     let waves = baked(&mesh, &Waves::color(2.0), 20_000, fantex_bake::BakeFormat::Rgba8);
     let path = waves.path("fans.glb");
-    let options = FanSheetOptions::default();
-    let summary = export_fans(&waves.asset, &path, &options, false, &NoProgress).unwrap();
+    let options = FanFileOptions::default();
+    let summary = export_fans(&waves.asset, &path, &options, &NoProgress).unwrap();
     check_glb(&path);
     let (document, buffers) = gltf_parts(&path);
     assert_eq!((document.meshes().count(), document.images().count()), (2, 1));
@@ -113,7 +115,7 @@ fn files_keep_parts_and_materials() {
     assert_eq!((again.emission, again.unlit), (Vec3::new(3.0, 1.5, 0.0), true));
     assert_eq!(lamp.pbr_metallic_roughness().roughness_factor(), 0.25);
     let path = waves.path("fans.usda");
-    export_fans(&waves.asset, &path, &options, false, &NoProgress).unwrap();
+    export_fans(&waves.asset, &path, &options, &NoProgress).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(
         text.contains("def Mesh \"Surface_0_left\"") && text.contains("def Mesh \"Surface_1_right____\"")
@@ -122,8 +124,35 @@ fn files_keep_parts_and_materials() {
         text.contains("\"ND_convert_float_color3\"")
             && text.contains("color3f inputs:emission_color = (3, 1.5, 0)")
     );
+    // A shader for each material, with what is its own.
+    let path = waves.path("shaded.gltf");
+    let shaders = vec![ShaderLanguage::Godot, ShaderLanguage::Glsl];
+    let summary =
+        export_fans(&waves.asset, &path, &FanFileOptions { shaders, ..options.clone() }, &NoProgress)
+            .unwrap();
+    let names: Vec<_> = summary.files.iter().map(|(path, _)| path.file_name().unwrap()).collect();
+    let expected = [
+        "shaded-fans-base-color.png",
+        "shaded.bin",
+        "shaded.gltf",
+        "shaded-material-1.gdshader",
+        "shaded-material-2.gdshader",
+    ];
+    assert_eq!(names, [&expected[..], &["shaded.glsl"]].concat());
+    let text = |name: &str| std::fs::read_to_string(waves.path(name)).unwrap();
+    let [plain, lamp] = ["shaded-material-1.gdshader", "shaded-material-2.gdshader"].map(text);
+    assert!(!plain.contains("ALPHA") && !plain.contains("unshaded"), "{plain}");
+    let own = [
+        "cull_disabled, unshaded",
+        "SCISSOR_THRESHOLD = 0.25",
+        "EMISSION = vec3(3.0, 1.5, 0.0)",
+        "ROUGHNESS = 0.25",
+    ];
+    assert!(own.iter().all(|words| lamp.contains(words)), "{lamp}");
+    assert!(text("shaded.glsl").contains("FAN_DELTA = 0.0625;") && lamp.contains(text("shaded.glsl").trim()));
     // One picture may be in memory, not all; and none that is too large.
-    let tight = FanSheetOptions { memory_bytes: 40_000, ..options };
-    let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, false, &NoProgress).unwrap_err();
+    let sheets = FanSheetOptions { memory_bytes: 40_000, ..options.sheets };
+    let tight = FanFileOptions { sheets, ..options };
+    let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, &NoProgress).unwrap_err();
     assert!(refused.to_string().contains("give more --memory"), "{refused}");
 }

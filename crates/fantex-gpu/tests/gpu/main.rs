@@ -7,4 +7,5 @@ mod fan;
 mod faults;
 mod pictures;
 mod sampler;
+mod sheets;
 mod views;

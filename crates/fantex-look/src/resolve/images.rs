@@ -9,6 +9,7 @@ use fantex_mesh::{ImageSource, Mesh};
 use fantex_texture::coordinates::{ImageLookup, InSpace, SpaceMatrix, TextureMatrix};
 use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
 use fantex_texture::look::Slot;
+use fantex_texture::material::read_image;
 use fantex_texture::{
     AlphaUse, ByteOrder, ColorSpace, Filter, Filtering, FrameTexture, Image, ImageTexture, RawLayout,
     SampleOptions, Samples, ShadingPoint, Tabulation, Texture, Volume, VolumeFilter, VolumeLookup,
@@ -57,8 +58,8 @@ impl LookImages {
     pub(crate) fn of_model(&self, source: &ImageSource, image_use: ImageUse) -> Result<Arc<ImageTexture>> {
         match source {
             ImageSource::File(path) => self.file(path.clone(), image_use),
-            ImageSource::Embedded { label, bytes } => {
-                Ok(image_use.texture(Image::decode(bytes, label, image_use.space)?))
+            ImageSource::Embedded { .. } | ImageSource::Packed(_) => {
+                Ok(image_use.texture(read_image(source, image_use.space)?))
             }
         }
     }

@@ -1,6 +1,6 @@
 //! MTL material libraries ("Alias/WaveFront Material (.mtl) File Format", 1995), with the physically based additions
-//! `Pr Pm map_Pr map_Pm norm` that current exporters write. `map_Pr` and `map_Pm` of one image are taken as glTF's packing: roughness in
-//! green, metalness in blue.
+//! `Pr Pm map_Pr map_Pm norm` that current exporters write. Without `-imfchan`, `map_Pr` is read from green and `map_Pm` from blue: that is glTF's
+//! packing where both are one image, and any channel of a grey one.
 //!
 //! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. What metallic-roughness cannot express is
 //! left out with a note.
@@ -14,7 +14,9 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::obj::{at_line, line_end, not_a_number, number, too_few_numbers, words};
 use crate::load::{SourceFile, linear_rgba, locate, read_file, relative_path, shown};
-use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
+use crate::{
+    AlphaMode, ImageChannel, ImageSource, Material, PackedChannel, PackedImage, TextureRef, WrapMode,
+};
 
 #[derive(Default)]
 pub(super) struct Library {
@@ -68,10 +70,10 @@ struct Reader<'a> {
 #[derive(Default)]
 struct Pending {
     material: Material,
-    /// Image of `map_d`.
-    opacity_image: Option<usize>,
-    roughness_texture: Option<TextureRef>,
-    metalness_texture: Option<TextureRef>,
+    /// Where `map_d`, `map_Pr` and `map_Pm` are, and the channels that `-imfchan` says.
+    opacity: Option<ScalarMap>,
+    roughness: Option<ScalarMap>,
+    metalness: Option<ScalarMap>,
     has_emission_factor: bool,
     /// `Pr` says it directly, `Ns` only approximates.
     has_roughness: bool,
@@ -151,9 +153,9 @@ impl<'a> Reader<'a> {
             b"norm" | b"map_norm" | b"map_bump" | b"bump" => {
                 self.read_normal_map(pending, keyword, arguments)
             }
-            b"map_d" => pending.opacity_image = self.texture(arguments).map(|t| t.texture.image),
-            b"map_pr" => pending.roughness_texture = self.texture(arguments).map(|t| t.texture),
-            b"map_pm" => pending.metalness_texture = self.texture(arguments).map(|t| t.texture),
+            b"map_d" => pending.opacity = self.scalar_map(arguments),
+            b"map_pr" => pending.roughness = self.scalar_map(arguments),
+            b"map_pm" => pending.metalness = self.scalar_map(arguments),
             // Exporters write zeros for what a material does not have.
             b"ps" if scalar("Ps", arguments)? > 0.0 => pending.skipped.push("sheen (Ps)"),
             b"pc" if scalar("Pc", arguments)? > 0.0 => pending.skipped.push("clearcoat (Pc)"),
@@ -186,35 +188,18 @@ impl<'a> Reader<'a> {
 
     fn end_material(&mut self) {
         let Some(mut pending) = self.current.take() else { return };
-        let material = &mut pending.material;
-        if material.emission_texture.is_some() && !pending.has_emission_factor {
-            material.emission = Vec3::ONE;
+        if pending.material.emission_texture.is_some() && !pending.has_emission_factor {
+            pending.material.emission = Vec3::ONE;
         }
-        match (pending.opacity_image, &material.base_color_texture) {
-            (Some(opacity), Some(base)) if opacity == base.image => material.alpha = AlphaMode::Blend,
-            (Some(_), _) => pending.skipped.push("map_d"),
-            _ => {}
+        if let Some(opacity) = pending.opacity.take() {
+            self.add_opacity(&mut pending, opacity);
         }
-        if material.base_color.w < 1.0 {
-            material.alpha = AlphaMode::Blend;
+        if pending.material.base_color.w < 1.0 {
+            pending.material.alpha = AlphaMode::Blend;
         }
-        // Roughness sits in green and metalness in blue of one texture, so a grey roughness map serves if metalness is 0.
-        match (pending.roughness_texture, pending.metalness_texture) {
-            (Some(texture), Some(other)) if texture == other => {
-                [material.roughness, material.metallic] = [1.0; 2];
-                material.metallic_roughness_texture = Some(texture);
-            }
-            (Some(texture), None) if material.metallic == 0.0 => {
-                material.roughness = 1.0;
-                material.metallic_roughness_texture = Some(texture);
-            }
-            (roughness, metalness) => {
-                pending.skipped.extend(roughness.map(|_| "map_Pr"));
-                pending.skipped.extend(metalness.map(|_| "map_Pm"));
-            }
-        }
+        self.add_surface(&mut pending);
         if !pending.skipped.is_empty() {
-            let (name, list) = (&material.name, pending.skipped.join(", "));
+            let (name, list) = (&pending.material.name, pending.skipped.join(", "));
             self.library.notes.push(format!(
                 "material {name:?}: {list} has no place in metallic-roughness and was left out"
             ));
@@ -223,6 +208,83 @@ impl<'a> Reader<'a> {
         // A later definition of the same name counts.
         self.library.of_name.insert(pending.material.name.clone(), materials.len());
         materials.push(pending.material);
+    }
+
+    /// The alpha of the base colour.
+    fn add_opacity(&mut self, pending: &mut Pending, opacity: ScalarMap) {
+        let material = &mut pending.material;
+        let base = material.base_color_texture.clone();
+        let is_its_alpha = |base: &TextureRef| {
+            base.image == opacity.texture.image && matches!(opacity.channel, None | Some(ImageChannel::Alpha))
+        };
+        if base.as_ref().is_some_and(is_its_alpha) {
+            material.alpha = AlphaMode::Blend;
+            return;
+        }
+        if base.as_ref().is_some_and(|base| !lies_alike(base, &opacity.texture)) {
+            pending.skipped.push("map_d with other options than map_Kd");
+            return;
+        }
+        let color = base.as_ref().map(|base| base.image);
+        let color = |channel| color.map(|image| (image, channel));
+        let alpha = (opacity.texture.image, opacity.channel.unwrap_or(ImageChannel::Opacity));
+        let channels =
+            [color(ImageChannel::Red), color(ImageChannel::Green), color(ImageChannel::Blue), Some(alpha)];
+        let image = self.packed(channels);
+        material.base_color_texture = Some(TextureRef { image, ..base.unwrap_or(opacity.texture) });
+        material.alpha = AlphaMode::Blend;
+    }
+
+    /// Roughness in green and metalness in blue of one texture; a map stands for its number.
+    fn add_surface(&mut self, pending: &mut Pending) {
+        let material = &mut pending.material;
+        let roughness = pending.roughness.take();
+        let mut metalness = pending.metalness.take();
+        if let (Some(first), Some(second)) = (&roughness, &metalness)
+            && !lies_alike(&first.texture, &second.texture)
+        {
+            pending.skipped.push("map_Pm with other options than map_Pr");
+            metalness = None;
+        }
+        let place = |map: &Option<ScalarMap>, usual| {
+            map.as_ref().map(|map| (map.texture.image, map.channel.unwrap_or(usual)))
+        };
+        let green = place(&roughness, ImageChannel::Green);
+        let blue = place(&metalness, ImageChannel::Blue);
+        let Some(texture) = roughness.as_ref().or(metalness.as_ref()).map(|map| map.texture.clone()) else {
+            return;
+        };
+        let is_usual = green.is_some_and(|(image, channel)| {
+            channel == ImageChannel::Green
+                && blue.map_or(material.metallic == 0.0, |blue| blue == (image, ImageChannel::Blue))
+        });
+        let image = if is_usual { texture.image } else { self.packed([None, green, blue, None]) };
+        if green.is_some() {
+            material.roughness = 1.0;
+        }
+        if blue.is_some() {
+            material.metallic = 1.0;
+        }
+        material.metallic_roughness_texture = Some(TextureRef { image, ..texture });
+    }
+
+    /// An image of channels of others.
+    fn packed(&mut self, channels: [Option<(usize, ImageChannel)>; 4]) -> usize {
+        let images = &mut self.library.images;
+        let channels = channels.map(|of| {
+            let (image, channel) = of?;
+            Some(PackedChannel { source: images[image].clone(), channel })
+        });
+        let packed = ImageSource::Packed(Box::new(PackedImage { channels }));
+        let known = images.iter().position(|image| *image == packed);
+        known.unwrap_or_else(|| {
+            images.push(packed);
+            images.len() - 1
+        })
+    }
+
+    fn scalar_map(&mut self, arguments: &[u8]) -> Option<ScalarMap> {
+        self.texture(arguments).map(|ParsedTexture { texture, channel, .. }| ScalarMap { texture, channel })
     }
 
     /// Reads `-option values ... file name`; None without a file name.
@@ -239,7 +301,7 @@ impl<'a> Reader<'a> {
             wrap: [wrap; 2],
             nearest: false,
         };
-        Some(ParsedTexture { texture, bump_scale: options.bump_scale })
+        Some(ParsedTexture { texture, bump_scale: options.bump_scale, channel: options.channel })
     }
 
     fn image(&mut self, path: PathBuf) -> usize {
@@ -254,6 +316,18 @@ impl<'a> Reader<'a> {
 struct ParsedTexture {
     texture: TextureRef,
     bump_scale: f32,
+    channel: Option<ImageChannel>,
+}
+
+/// A map that gives one number.
+struct ScalarMap {
+    texture: TextureRef,
+    channel: Option<ImageChannel>,
+}
+
+/// Whether two textures show a point of the surface at the same place of their images.
+fn lies_alike(a: &TextureRef, b: &TextureRef) -> bool {
+    (a.uv_set, a.uv_transform, a.wrap) == (b.uv_set, b.uv_transform, b.wrap)
 }
 
 struct MapOptions<'a> {
@@ -261,14 +335,22 @@ struct MapOptions<'a> {
     scale: Vec2,
     clamp: bool,
     bump_scale: f32,
+    /// `-imfchan`, except for the depth that no picture has.
+    channel: Option<ImageChannel>,
     file_name: &'a str,
 }
 
 impl<'a> MapOptions<'a> {
     /// File names may hold spaces, so everything after the last option is the name.
     fn parse(text: &'a str) -> Self {
-        let mut options =
-            Self { offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false, bump_scale: 1.0, file_name: text };
+        let mut options = Self {
+            offset: Vec2::ZERO,
+            scale: Vec2::ONE,
+            clamp: false,
+            bump_scale: 1.0,
+            channel: None,
+            file_name: text,
+        };
         while let Some((name, mut rest)) =
             next_word(options.file_name).filter(|(word, _)| word.starts_with('-'))
         {
@@ -282,7 +364,8 @@ impl<'a> MapOptions<'a> {
                 "-clamp" => {
                     options.clamp = take_word(&mut rest).is_some_and(|w| w.eq_ignore_ascii_case("on"))
                 }
-                "-blendu" | "-blendv" | "-cc" | "-imfchan" | "-type" => _ = take_word(&mut rest),
+                "-imfchan" => options.channel = take_word(&mut rest).and_then(channel),
+                "-blendu" | "-blendv" | "-cc" | "-type" => _ = take_word(&mut rest),
                 // A file name that begins with a hyphen.
                 _ => break,
             }
@@ -296,6 +379,17 @@ impl<'a> MapOptions<'a> {
     fn uv_transform(&self) -> Mat3 {
         let translation = Vec2::new(self.offset.x, 1.0 - self.scale.y - self.offset.y);
         Mat3::from_translation(translation) * Mat3::from_scale(self.scale)
+    }
+}
+
+fn channel(name: &str) -> Option<ImageChannel> {
+    match name.to_ascii_lowercase().as_str() {
+        "r" => Some(ImageChannel::Red),
+        "g" => Some(ImageChannel::Green),
+        "b" => Some(ImageChannel::Blue),
+        "m" => Some(ImageChannel::Alpha),
+        "l" => Some(ImageChannel::Luminance),
+        _ => None,
     }
 }
 

@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_mesh::{AlphaMode, ImageSource, LoadOptions, Model, WrapMode, WriteGeometry, load, write_model};
+use fantex_mesh::{
+    AlphaMode, ImageChannel, ImageSource, LoadOptions, Model, TextureRef, WrapMode, WriteGeometry, load,
+    write_model,
+};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::common::*;
@@ -273,12 +276,67 @@ fn physically_based_properties_are_read_or_noted() {
     assert!(material.metallic_roughness_texture.is_some());
     assert_eq!(material.emission_texture.as_ref().unwrap().wrap, [WrapMode::Clamp; 2]);
     assert_eq!(packed.notes, [""; 0]);
-    let apart = model("Pr 0.5\nPm 0.25\nPs 1\nPc 0.5\naniso 0.2\nmap_Pr r.png\nmap_Pm m.png\n");
-    let material = &apart.materials[0];
-    assert_eq!((material.roughness, material.metallic), (0.5, 0.25));
-    assert!(material.metallic_roughness_texture.is_none());
-    let listed = ["\"m\": sheen (Ps), clearcoat (Pc), aniso, map_Pr, map_Pm has"];
+    let noted = model("Ps 1\nPc 0.5\naniso 0.2\n");
+    assert_mentions(&noted.notes.join("\n"), &["\"m\": sheen (Ps), clearcoat (Pc), aniso has"]);
+}
+
+/// Maps of one image each become channels of one image.
+#[test]
+fn maps_of_single_numbers_are_packed() {
+    use ImageChannel::{Alpha, Blue, Green, Luminance, Opacity, Red};
+    let model = |library: &str| {
+        let text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+        let library = format!("newmtl m\n{library}");
+        load_files(&[("a.obj", text.as_bytes()), ("m.mtl", library.as_bytes())]).unwrap()
+    };
+    let name = |source: &ImageSource| match source {
+        ImageSource::File(path) => path.file_name().unwrap().to_string_lossy().into_owned(),
+        other => panic!("{other:?}"),
+    };
+    // File and channel of each channel of a texture.
+    let packed =
+        |model: &Model, texture: &Option<TextureRef>| match &model.images[texture.as_ref().unwrap().image] {
+            ImageSource::Packed(packed) => {
+                packed.channels.clone().map(|c| c.map(|c| (name(&c.source), c.channel)))
+            }
+            other => panic!("{other:?}"),
+        };
+    let of = |file: &str, channel| Some((file.to_owned(), channel));
+    let both = model("Pr 0.5\nPm 0.25\nmap_Pr r.png\nmap_Pm -imfchan r m.png\n");
+    let material = &both.materials[0];
+    assert_eq!((material.roughness, material.metallic), (1.0, 1.0));
+    let surface = packed(&both, &material.metallic_roughness_texture);
+    assert_eq!(surface, [None, of("r.png", Green), of("m.png", Red), None]);
+    // A number without a map stays.
+    let rough = model("Pr 0.5\nPm 0.25\nmap_Pr -imfchan l r.png\n");
+    let material = &rough.materials[0];
+    assert_eq!((material.roughness, material.metallic), (1.0, 0.25));
+    let surface = packed(&rough, &material.metallic_roughness_texture);
+    assert_eq!(surface, [None, of("r.png", Luminance), None, None]);
+    let metal = model("Pr 0.5\nmap_Pm m.png\n");
+    let material = &metal.materials[0];
+    assert_eq!((material.roughness, material.metallic), (0.5, 1.0));
+    assert_eq!(packed(&metal, &material.metallic_roughness_texture), [None, None, of("m.png", Blue), None]);
+    // Opacity of another image, of the colour's own red, and without a colour.
+    let leaf = model("map_Kd c.png\nmap_d d.png\n");
+    let material = &leaf.materials[0];
+    assert_eq!(material.alpha, AlphaMode::Blend);
+    let color = packed(&leaf, &material.base_color_texture);
+    assert_eq!(color, [of("c.png", Red), of("c.png", Green), of("c.png", Blue), of("d.png", Opacity)]);
+    let own = model("map_Kd c.png\nmap_d -imfchan r c.png\n");
+    assert_eq!(packed(&own, &own.materials[0].base_color_texture)[3], of("c.png", Red));
+    let bare = model("Kd 1 0 0\nmap_d -imfchan m d.png\n");
+    assert_eq!(packed(&bare, &bare.materials[0].base_color_texture), [None, None, None, of("d.png", Alpha)]);
+    for model in [&both, &rough, &metal, &leaf, &own, &bare] {
+        assert_eq!(model.notes, [""; 0]);
+    }
+    // What would lie elsewhere on the surface is left out, and said.
+    let apart = model("map_Kd -s 2 2 c.png\nmap_d d.png\nmap_Pr r.png\nmap_Pm -clamp on m.png\n");
+    let listed = ["map_d with other options than map_Kd, map_Pm with other options than map_Pr has"];
     assert_mentions(&apart.notes.join("\n"), &listed);
+    assert_eq!(apart.materials[0].alpha, AlphaMode::Opaque);
+    let rough = apart.materials[0].metallic_roughness_texture.as_ref().unwrap();
+    assert_eq!(name(&apart.images[rough.image]), "r.png");
 }
 
 #[test]
@@ -633,7 +691,7 @@ fn image_of(folder: &Path, written: &str) -> Option<PathBuf> {
     let model = load(&folder.join("a.obj"), &LoadOptions::default()).unwrap();
     model.images.into_iter().next().map(|image| match image {
         ImageSource::File(path) => path,
-        ImageSource::Embedded { label, .. } => panic!("{label} is embedded"),
+        other => panic!("{other:?}"),
     })
 }
 

@@ -283,17 +283,22 @@ class Asset:
         *,
         gutter: int = 4,
         largest_side: int = 8192,
+        shaders: Sequence[str] = (),
         overwrite: bool = False,
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
     ) -> List[str]:
-        """Writes what :meth:`fan_attributes` gives: ``.glb``, or ``.usda`` with a MaterialX file and sheets beside it.
+        """Writes what :meth:`fan_attributes` gives: ``.glb``, ``.gltf`` with sheets beside it, or ``.usda`` with a MaterialX file
+        and sheets beside it.
+
+        Args:
+            shaders: languages in which the shader is written beside the model: ``"glsl"``, ``"wgsl"``, ``"hlsl"``, ``"godot"``.
 
         Returns:
             The paths of all files.
         """
         files = self._native.export_fans(
-            os.fspath(path), gutter, largest_side, overwrite, int(memory), progress
+            os.fspath(path), gutter, largest_side, list(shaders), overwrite, int(memory), progress
         )
         return [os.fspath(file) for file in files]
 

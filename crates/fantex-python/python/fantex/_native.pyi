@@ -73,7 +73,14 @@ class Asset:
         progress: Progress,
     ) -> List[str]: ...
     def export_fans(
-        self, path: str, gutter: int, largest_side: int, overwrite: bool, memory: int, progress: Progress
+        self,
+        path: str,
+        gutter: int,
+        largest_side: int,
+        shaders: List[str],
+        overwrite: bool,
+        memory: int,
+        progress: Progress,
     ) -> List[str]: ...
     def fans(self, gutter: int, largest_side: int, memory: int, progress: Progress) -> Dict[str, Any]: ...
     def verify(self, memory: int) -> Dict[str, Any]: ...

@@ -9,6 +9,7 @@
 //! of the texels is the same for all and stands here.
 
 mod filtering;
+mod packed;
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -20,9 +21,10 @@ use fantex_mesh::{
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{AlphaUse, ColorSpace, Image, ImageTexture, Samples, Wrap};
+use crate::{AlphaUse, ColorSpace, ImageTexture, Wrap};
 
 pub use filtering::*;
+pub use packed::read_image;
 
 /// One `T` for each channel of a material that may have an image.
 #[derive(Clone, Debug, Default)]
@@ -203,14 +205,7 @@ fn channels(material: &Material) -> ImageSlots<(&'static str, Option<&TextureRef
 }
 
 fn decode(source: &ImageSource, ImageUse { space, alpha, .. }: ImageUse) -> Result<ImageTexture> {
-    let mut image = match source {
-        ImageSource::File(path) => Image::load_as(path, space)?,
-        ImageSource::Embedded { label, bytes } => Image::decode(bytes, label, space)?,
-    };
-    if !matches!(image.samples, Samples::F32(_)) {
-        // The channel decides, whatever the file claims (glTF 2.0, section 3.8).
-        image.space = space;
-    }
+    let image = read_image(source, space)?;
     Ok(ImageTexture::with_alpha_use(Arc::new(image), alpha))
 }
 

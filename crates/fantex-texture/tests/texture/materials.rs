@@ -1,7 +1,8 @@
-//! Cut-outs and highlights under minification.
+//! Cut-outs and highlights under minification; images of materials.
 
-use fantex_texture::material::{AlphaCoverage, roughness_with_variance};
-use fantex_texture::{Filter, Image, ImageTexture, SampleOptions};
+use fantex_mesh::{ImageChannel, ImageSource, PackedChannel, PackedImage};
+use fantex_texture::material::{AlphaCoverage, read_image, roughness_with_variance};
+use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
@@ -149,4 +150,59 @@ fn the_averaged_highlight_of_bumps_is_reproduced() {
             assert!(beckmann(Vec3::Z, Vec3::Z, roughness) > 2.0 * peak);
         }
     }
+}
+
+/// Numbers by hand; the smaller image is scaled, grey serves as any channel, and alpha is no light.
+#[test]
+fn packed_images_take_a_channel_of_each_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, width: u32, channels: u8, samples: &[u8]| {
+        let path = folder.path().join(name);
+        let samples = Samples::U8(samples.to_vec());
+        let height = samples.len() as u32 / u32::from(channels) / width;
+        Image { width, height, channels, space: ColorSpace::Linear, samples }.save(&path).unwrap();
+        ImageSource::File(path)
+    };
+    let packed = |channels: [Option<(&ImageSource, ImageChannel)>; 4], space| {
+        let channels =
+            channels.map(|of| of.map(|(source, channel)| PackedChannel { source: source.clone(), channel }));
+        read_image(&ImageSource::Packed(Box::new(PackedImage { channels })), space).unwrap()
+    };
+    let bytes = |image: &Image| match &image.samples {
+        Samples::U8(samples) => samples.clone(),
+        other => panic!("{other:?}"),
+    };
+    let grey = file("grey.png", 2, 1, &[10, 20, 30, 40]);
+    let color = file("color.png", 1, 3, &[200, 100, 50]);
+    let surface = packed(
+        [None, Some((&grey, ImageChannel::Green)), Some((&color, ImageChannel::Red)), None],
+        ColorSpace::Linear,
+    );
+    assert_eq!((surface.width, surface.height, surface.channels), (2, 2, 3));
+    assert_eq!(bytes(&surface), [255, 10, 200, 255, 20, 200, 255, 30, 200, 255, 40, 200]);
+    // Colours keep their encoding, opacity its numbers.
+    let rgb =
+        [ImageChannel::Red, ImageChannel::Green, ImageChannel::Blue].map(|channel| Some((&color, channel)));
+    let with_opacity = |source, channel| {
+        let [r, g, b] = rgb;
+        packed([r, g, b, Some((source, channel))], ColorSpace::Srgb)
+    };
+    let leaf = with_opacity(&grey, ImageChannel::Opacity);
+    assert_eq!(
+        (leaf.space, &bytes(&leaf)[..8]),
+        (ColorSpace::Srgb, &[200, 100, 50, 10, 200, 100, 50, 20][..])
+    );
+    let clear = file("clear.png", 1, 4, &[0, 0, 0, 90]);
+    let opaque = file("opaque.png", 1, 4, &[255, 0, 0, 255]);
+    assert_eq!(bytes(&with_opacity(&clear, ImageChannel::Opacity)), [200, 100, 50, 90]);
+    // 0.2126 of 255.
+    assert_eq!(bytes(&with_opacity(&opaque, ImageChannel::Opacity)), [200, 100, 50, 54]);
+    assert_eq!(bytes(&with_opacity(&opaque, ImageChannel::Alpha))[3], 255);
+    // Stripes that cross would become a large square.
+    let (wide, high) = (file("wide.png", 64, 1, &[9; 64]), file("high.png", 1, 1, &[9; 64]));
+    let [red, green] = [&wide, &high]
+        .map(|source| Some(PackedChannel { source: source.clone(), channel: ImageChannel::Red }));
+    let crossed = ImageSource::Packed(Box::new(PackedImage { channels: [red, green, None, None] }));
+    let refused = read_image(&crossed, ColorSpace::Linear).unwrap_err();
+    assert!(refused.to_string().contains("64 x 64 texels"), "{refused}");
 }
