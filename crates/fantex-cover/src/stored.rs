@@ -84,11 +84,17 @@ impl Cover {
             let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
             let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
             let [columns, rows] = group.extent.map(|n| n / BLOCK);
+            let in_row = |row: u32, [from, to]: [u32; 2]| {
+                let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
+                [from, to].map(|column| first + u64::from(column))
+            };
+            // Of small triangles the neighbours have marked all mostly.
+            let [first, last] = blocks_around(&corners, [columns, rows]);
+            if (first[1]..=last[1]).all(|row| blocks.are_set(in_row(row, [first[0], last[0]]))) {
+                continue;
+            }
             for piece in region_pieces(corners, inside, self.delta) {
-                for_each_run(&piece, [columns, rows], |row, from, to| {
-                    let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
-                    blocks.set(first + u64::from(from), first + u64::from(to));
-                });
+                for_each_run(&piece, [columns, rows], |row, from, to| blocks.set(in_row(row, [from, to])));
             }
         }
     }
@@ -96,29 +102,51 @@ impl Cover {
 
 impl StoredBlocks {
     /// Marks blocks `from` to `to`, both included.
-    fn set(&self, from: u64, to: u64) {
-        for word in from / 64..=to / 64 {
-            let low = from.saturating_sub(word * 64);
-            let high = (to - word * 64).min(63);
-            let mask = (u64::MAX >> (63 - high)) & (u64::MAX << low);
-            let bits = &self.bits[word as usize];
+    fn set(&self, range: [u64; 2]) {
+        for (bits, mask) in self.words(range) {
             if bits.load(Ordering::Relaxed) & mask != mask {
                 bits.fetch_or(mask, Ordering::Relaxed);
             }
         }
     }
+
+    /// Whether blocks `from` to `to`, both included, are marked.
+    fn are_set(&self, range: [u64; 2]) -> bool {
+        self.words(range).all(|(bits, mask)| bits.load(Ordering::Relaxed) & mask == mask)
+    }
+
+    /// The words with blocks `from` to `to`, both included, and their bits.
+    fn words(&self, [from, to]: [u64; 2]) -> impl Iterator<Item = (&AtomicU64, u64)> {
+        (from / 64..=to / 64).map(move |word| {
+            let low = from.saturating_sub(word * 64);
+            let high = (to - word * 64).min(63);
+            (&self.bits[word as usize], (u64::MAX >> (63 - high)) & (u64::MAX << low))
+        })
+    }
 }
 
-/// The blocks that meet a convex polygon (in texels) grown by [`GROWTH`], as `(row, first column, last column)`.
-fn for_each_run(polygon: &[Vec2], [columns, rows]: [u32; 2], mut visit: impl FnMut(u32, u32, u32)) {
+/// The first and the last block, column and row, around a polygon (in texels) grown by [`GROWTH`].
+fn blocks_around(polygon: &[Vec2], count: [u32; 2]) -> [[u32; 2]; 2] {
     let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
     for &p in polygon {
         low = low.min(p);
         high = high.max(p);
     }
-    let block = |x: f32, count: u32| ((x / BLOCK as f32).max(0.0) as u32).min(count - 1);
-    let [first, last] = [low.y - GROWTH, high.y + GROWTH].map(|y| block(y, rows));
-    for row in first..=last {
+    [low - GROWTH, high + GROWTH].map(|p| [block_at(p.x, count[0]), block_at(p.y, count[1])])
+}
+
+/// The column or row of blocks, of so many, that a place in texels lies in.
+fn block_at(x: f32, count: u32) -> u32 {
+    ((x / BLOCK as f32).max(0.0) as u32).min(count - 1)
+}
+
+/// The blocks that meet a convex polygon (in texels) grown by [`GROWTH`], as `(row, first column, last column)`.
+fn for_each_run(polygon: &[Vec2], [columns, rows]: [u32; 2], mut visit: impl FnMut(u32, u32, u32)) {
+    let [first, last] = blocks_around(polygon, [columns, rows]);
+    if first == last {
+        return visit(first[1], first[0], first[0]);
+    }
+    for row in first[1]..=last[1] {
         let band = [(row * BLOCK) as f32 - GROWTH, ((row + 1) * BLOCK) as f32 + GROWTH];
         let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
         for (i, &a) in polygon.iter().enumerate() {
@@ -137,7 +165,7 @@ fn for_each_run(polygon: &[Vec2], [columns, rows]: [u32; 2], mut visit: impl FnM
             }
         }
         if from <= to {
-            visit(row, block(from - GROWTH, columns), block(to + GROWTH, columns));
+            visit(row, block_at(from - GROWTH, columns), block_at(to + GROWTH, columns));
         }
     }
 }
