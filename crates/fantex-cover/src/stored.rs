@@ -88,7 +88,7 @@ impl Cover {
                 let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
                 [from, to].map(|column| first + u64::from(column))
             };
-            // Of small triangles the neighbours have marked all mostly.
+            // Small triangles lie in blocks that their neighbours have marked, mostly.
             let [first, last] = blocks_around(&corners, [columns, rows]);
             if (first[1]..=last[1]).all(|row| blocks.are_set(in_row(row, [first[0], last[0]]))) {
                 continue;
@@ -101,7 +101,7 @@ impl Cover {
 }
 
 impl StoredBlocks {
-    /// Marks blocks `from` to `to`, both included.
+    /// Marks the blocks from the first to the last, both included.
     fn set(&self, range: [u64; 2]) {
         for (bits, mask) in self.words(range) {
             if bits.load(Ordering::Relaxed) & mask != mask {
@@ -110,12 +110,12 @@ impl StoredBlocks {
         }
     }
 
-    /// Whether blocks `from` to `to`, both included, are marked.
+    /// Whether the blocks from the first to the last, both included, are marked.
     fn are_set(&self, range: [u64; 2]) -> bool {
         self.words(range).all(|(bits, mask)| bits.load(Ordering::Relaxed) & mask == mask)
     }
 
-    /// The words with blocks `from` to `to`, both included, and their bits.
+    /// The words that hold the blocks from the first to the last, both included, and the bits of these.
     fn words(&self, [from, to]: [u64; 2]) -> impl Iterator<Item = (&AtomicU64, u64)> {
         (from / 64..=to / 64).map(move |word| {
             let low = from.saturating_sub(word * 64);

@@ -31,6 +31,17 @@ pub(crate) fn small_asset(folder: &Path) -> PathBuf {
     path
 }
 
+/// The log of an asset, replayed onto a [`small_asset`].
+fn replayed_log(of: &Path) -> (tempfile::TempDir, PathBuf) {
+    let log = fantex::paint::StrokeLog::of(&Asset::open(of).unwrap()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+    assert_eq!(log.replay(&mut painter).unwrap().unrecorded, 0);
+    painter.commit().unwrap();
+    (folder, path)
+}
+
 struct Studio {
     path: PathBuf,
     painting: Painting,
@@ -430,13 +441,7 @@ fn what_the_hand_does_is_in_the_log() {
     let found = all(&mut studio);
     let path = studio.path.clone();
     let _folder = studio.close();
-    let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = small_asset(folder.path());
-    let mut again = Painter::open(&path, &PaintOptions::default()).unwrap();
-    assert_eq!(log.replay(&mut again).unwrap().unrecorded, 0);
-    again.commit().unwrap();
-    drop(again);
+    let (folder, path) = replayed_log(&path);
     let mut studio = Studio::open_at(folder, path, None);
     let replayed = all(&mut studio);
     for (a, b) in found.iter().zip(&replayed) {
@@ -635,13 +640,7 @@ fn pictures_are_laid_as_normals_and_heights() {
     let leaning = (2.0 * found[count - 2].truncate().truncate() - 1.0).length();
     assert!((leaning - 0.5).abs() < 0.1, "{leaning} {found:?}");
     assert!((found[count - 1].x - 0.8).abs() < 0.02, "{found:?}");
-    let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = small_asset(folder.path());
-    let mut again = Painter::open(&path, &PaintOptions::default()).unwrap();
-    assert_eq!(log.replay(&mut again).unwrap().unrecorded, 0);
-    again.commit().unwrap();
-    drop(again);
+    let (_replayed, path) = replayed_log(&path);
     let replayed = values(&path);
     assert!(
         (0..count).all(|k| (found[k] - replayed[k]).abs().max_element() < 0.05),

@@ -1,9 +1,9 @@
 //! Budgets, densities, modes, threads, options and hostile meshes.
 
-use fantex_base::{ErrorKind, Random};
+use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, MAX_EXTENT, TexelBudget, build_cover};
-use fantex_mesh::{Mesh, SurfacePoint, generate};
-use glam::{DVec3, Vec2, Vec3};
+use fantex_mesh::{Mesh, generate};
+use glam::{DVec3, Vec3};
 
 use crate::common::{
     cleaned, covered, data_folder, fans_of, generated, landscape, leaf, loaded, model, options, raw, saddle,
@@ -27,35 +27,6 @@ fn a_total_is_kept_and_used_up() {
                 let cover = built(&mesh, tile, TexelBudget::Total(total));
                 let share = cover.stored_texels(&mesh) as f64 / total as f64;
                 assert!(share <= 1.0 && share > 0.98, "{name}, tile {tile}, {total}: {share}");
-            }
-        }
-    }
-}
-
-/// What look-ups read is stored, a texel around each tap; where triangles are smaller than texels and where they are larger than blocks.
-#[test]
-fn blocks_around_taps_are_stored() {
-    let mut random = Random::new(11);
-    let mut unit = || random.unit() as f32;
-    let mut rough = generate::icosphere(4);
-    rough.positions.iter_mut().for_each(|p| *p *= 0.9 + 0.2 * f64::from(unit()));
-    let mesh = cleaned(rough);
-    for texels in [1 << 12, 1 << 15, 1 << 20] {
-        let cover = built(&mesh, 128, TexelBudget::Total(texels));
-        let stored = cover.stored_blocks(&mesh);
-        assert!(texels < 1 << 20 || stored.texels() < cover.texels());
-        for index in 0..20_000 {
-            let [a, b] = [unit().sqrt(), unit()];
-            let lambda = Vec3::new(1.0 - a, a * (1.0 - b), a * b);
-            let point = SurfacePoint { triangle: index % mesh.triangles.len() as u32, lambda };
-            for tap in cover.taps(&mesh, point) {
-                let extent = cover.groups[tap.group as usize].extent;
-                let texel = tap.uv * Vec2::from(extent.map(|n| n as f32));
-                for shift in [[-0.99, -0.99], [0.99, -0.99], [-0.99, 0.99], [0.99, 0.99]].map(Vec2::from) {
-                    let near = texel + shift;
-                    let block = [0, 1].map(|k| (near[k].max(0.0) as u32).min(extent[k] - 1) / 4);
-                    assert!(stored.contains(tap.group, block), "{texels}: {tap:?}");
-                }
             }
         }
     }

@@ -110,8 +110,8 @@ fn taps_are_the_weighted_tiles_of_the_corners() {
 #[test]
 fn stored_texels_are_those_near_look_ups() {
     for (name, mesh) in generated() {
-        for tile in [0, 1024] {
-            let (cover, stats) = build_cover(&mesh, &options(tile, TexelBudget::Total(20_000))).unwrap();
+        for (tile, total) in [(0, 20_000), (1024, 20_000), (1024, 2_000)] {
+            let (cover, stats) = build_cover(&mesh, &options(tile, TexelBudget::Total(total))).unwrap();
             let mut blocks = BTreeSet::new();
             let mut random = Random::new(3);
             for _ in 0..100_000 {
@@ -128,6 +128,11 @@ fn stored_texels_are_those_near_look_ups() {
                     }
                 }
             }
+            let stored = cover.stored_blocks(&mesh);
+            assert!(
+                blocks.iter().all(|&(group, column, row)| stored.contains(group, [column, row])),
+                "{name}"
+            );
             let seen = 16 * blocks.len() as u64;
             assert_eq!(stats.texels, cover.stored_texels(&mesh), "{name}");
             assert!(
