@@ -12,7 +12,7 @@ use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, ChannelKind, cover_level_count};
-use fantex::stream::open_asset;
+use fantex::stream::{open_asset, url_of};
 use serde::Deserialize;
 
 use crate::camera::SceneScale;
@@ -22,16 +22,13 @@ use crate::settings::next_free;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     File(PathBuf),
-    /// An address: `http://...` or `https://...`.
+    /// An address: `https://...`, `s3://...` ([`url_of`](fantex::stream::url_of)).
     Url(String),
 }
 
 impl Place {
     pub fn parse(text: &str) -> Self {
-        let is_url = ["http://", "https://"]
-            .iter()
-            .any(|scheme| text.get(..scheme.len()).is_some_and(|start| start.eq_ignore_ascii_case(scheme)));
-        if is_url { Self::Url(text.to_owned()) } else { Self::File(text.into()) }
+        if url_of(Path::new(text)).is_some() { Self::Url(text.to_owned()) } else { Self::File(text.into()) }
     }
 
     /// Its last part, for titles.

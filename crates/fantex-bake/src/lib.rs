@@ -6,6 +6,7 @@
 //!  (per texel footprint)   `--halved--> level 1.. ---+--> pages --> AssetWriter
 //! ```
 
+mod asset_source;
 mod bake;
 mod fidelity;
 mod image_source;
@@ -16,6 +17,7 @@ mod source;
 mod tile;
 mod transfer;
 
+pub use asset_source::AssetSource;
 pub use bake::*;
 pub use fantex_scene::LightQuantity;
 pub use fidelity::*;

@@ -1,10 +1,12 @@
-//! Benchmarks of fantex that only its developers need: covers, images, noise, block encoders, pictures of a million triangles.
+//! Benchmarks of fantex that only its developers need: covers, images, noise, block encoders, pictures of a million triangles,
+//! the first picture of an asset far away.
 //!
-//! `cargo run --release -p fantex-bench -- [covers|images|noise|encode|terrain ...] [--json]`
+//! `cargo run --release -p fantex-bench -- [covers|images|noise|encode|terrain|remote ...] [--json]`
 
 mod covers;
 mod images;
 mod noise;
+mod remote;
 mod terrain;
 
 use std::error::Error;
@@ -18,12 +20,13 @@ type Measured = Result<Vec<Row>, Box<dyn Error>>;
 
 type Subject = fn() -> Measured;
 
-const SUBJECTS: [(&str, Subject); 5] = [
+const SUBJECTS: [(&str, Subject); 6] = [
     ("covers", covers::rows),
     ("images", images::rows),
     ("noise", noise::rows),
     ("encode", encode),
     ("terrain", terrain::rows),
+    ("remote", remote::rows),
 ];
 
 const SEED: u64 = 1;

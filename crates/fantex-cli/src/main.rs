@@ -7,7 +7,7 @@ use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
-    render, serve, table, verify, view, warp,
+    preview, render, serve, simplify, table, verify, view, warp,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
@@ -35,8 +35,10 @@ mod commands {
     pub(crate) mod notices;
     pub(crate) mod paint;
     pub(crate) mod plan;
+    pub(crate) mod preview;
     pub(crate) mod render;
     pub(crate) mod serve;
+    pub(crate) mod simplify;
     pub(crate) mod table;
     pub(crate) mod verify;
     pub(crate) mod view;
@@ -133,7 +135,9 @@ pub(crate) enum Command {
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),
     View(view::ViewArgs),
+    Preview(preview::PreviewArgs),
     Serve(serve::ServeArgs),
+    Simplify(simplify::SimplifyArgs),
     Notices(notices::NoticesArgs),
 }
 
@@ -157,7 +161,9 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Warp(args) => warp::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
+        Command::Preview(args) => preview::run(args, context),
         Command::Serve(args) => serve::run(args, context),
+        Command::Simplify(args) => simplify::run(args, context),
         Command::Notices(_) => notices::run(context),
     }?;
     Ok(ExitCode::SUCCESS)

@@ -21,6 +21,8 @@ mod material;
 mod mesh;
 mod normals;
 mod ray;
+#[cfg(not(target_arch = "wasm32"))]
+mod simplify;
 mod surface_point;
 mod tangents;
 mod write;
@@ -35,6 +37,8 @@ pub use material::*;
 pub use mesh::*;
 pub use normals::*;
 pub use ray::*;
+#[cfg(not(target_arch = "wasm32"))]
+pub use simplify::simplified;
 pub use surface_point::*;
 pub use tangents::*;
 pub use write::*;

@@ -72,6 +72,11 @@ impl Mesh {
         watched(py, None, |_| fantex::Mesh::from_model(model, "the mesh")).map(|mesh| Self(Arc::new(mesh)))
     }
 
+    /// The same shape with about so many triangles.
+    fn simplified(&self, py: Python<'_>, triangles: usize) -> PyResult<Self> {
+        watched(py, None, |_| self.0.simplified(triangles)).map(|mesh| Self(Arc::new(mesh)))
+    }
+
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         world_positions(py, &self.0)

@@ -145,3 +145,14 @@ def test_vectors_of_open3d(tmp_path, sphere):
     asset = fantex.bake(mesh, tmp_path / "a.fan", texels=20_000)
     # Open3D's colours are encoded: half is 128 of 255.
     assert np.abs(asset.sample([0, 0, 1], srgb=True)[:3].astype(int) - 128).max() <= 2
+
+
+def test_fewer_faces_keep_the_shape(sphere):
+    positions, faces = sphere
+    fine = fantex.Mesh(positions, faces)
+    coarse = fine.simplified(len(faces) // 3)
+    assert len(faces) // 4 < len(coarse.faces) <= len(faces) // 3
+    radii = np.linalg.norm(coarse.positions - positions.mean(axis=0), axis=1)
+    np.testing.assert_allclose(radii, np.linalg.norm(positions - positions.mean(axis=0), axis=1).mean(), rtol=0.02)
+    with pytest.raises(OverflowError):
+        fine.simplified(-1)

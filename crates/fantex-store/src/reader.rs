@@ -20,8 +20,12 @@ use crate::error::{damaged, no_such_page};
 use crate::header::{SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::{
-    ByteSource, Channel, ChannelKind, PageId, TexelFormat, channel, cover_section, mesh_section, packing,
+    ByteSource, BytesSource, Channel, ChannelKind, PageId, TexelFormat, channel, cover_section, mesh_section,
+    packing,
 };
+
+/// The attachment that is a coarse asset of the same model, to be shown until the asset itself is there.
+pub const PREVIEW: &str = "preview";
 
 /// Decoded texels of one page and channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,6 +95,20 @@ impl Asset {
         })
     }
 
+    /// Opens the [preview](PREVIEW) of an asset, which is an asset in memory; none where there is none. Of the asset itself only header, list of
+    /// attachments and preview are read.
+    ///
+    /// # Errors
+    /// One of these cannot be read or is damaged.
+    pub fn open_preview(source: &dyn ByteSource) -> Result<Option<Self>> {
+        let (slot, _) = read_slot(source)?;
+        let attachments = read_attachments(source, &slot)?;
+        let Some(record) = attachments.get(PREVIEW) else { return Ok(None) };
+        let bytes = read_attachment(source, PREVIEW, record)?;
+        let location = format!("the preview of {}", source.location().display());
+        Self::open_source(Arc::new(BytesSource::new(location, bytes))).map(Some)
+    }
+
     /// The asset as a commit leaves it.
     pub(crate) fn committed(&self, slot: Slot, directory: Arc<Directory>, attachments: Attachments) -> Self {
         Self {
@@ -129,16 +147,20 @@ impl Asset {
         record.map(|record| self.read_attachment(name, record)).transpose()
     }
 
+    /// Bytes of an attachment, which is not read; none where there is none of that name.
+    ///
+    /// # Errors
+    /// The list of attachments is damaged.
+    pub fn attachment_bytes(&self, name: &str) -> Result<Option<u64>> {
+        Ok(self.attachments()?.get(name).map(|record| record.raw_length))
+    }
+
     pub(crate) fn attachments(&self) -> Result<&Attachments> {
         self.attachments.as_ref().map_err(Clone::clone)
     }
 
     pub(crate) fn read_attachment(&self, name: &str, record: &SectionRecord) -> Result<Vec<u8>> {
-        read_section(&*self.source, "attachment", record, record.range().end).map_err(|error| {
-            let sentence =
-                format!("attachment {name:?} of {} cannot be read: {error}", self.path().display());
-            Error::new(error.kind(), sentence).with_path(self.path()).with_source(error)
-        })
+        read_attachment(&*self.source, name, record)
     }
 
     pub(crate) fn slot(&self) -> &Slot {
@@ -166,6 +188,11 @@ impl Asset {
     /// Length of the file in bytes.
     pub fn file_bytes(&self) -> u64 {
         self.slot.file_length
+    }
+
+    /// Stored bytes of channels, mesh, cover and directory: what is read before any texel.
+    pub fn head_bytes(&self) -> u64 {
+        self.slot.sections.iter().map(|section| section.stored_length).sum()
     }
 
     /// The mesh; without images, and its materials without textures (they are baked).
@@ -267,6 +294,14 @@ impl Asset {
     pub fn no_such_page(&self, channel: usize, page: PageId) -> Error {
         no_such_page(self.path(), channel, page)
     }
+}
+
+fn read_attachment(source: &dyn ByteSource, name: &str, record: &SectionRecord) -> Result<Vec<u8>> {
+    read_section(source, "attachment", record, record.range().end).map_err(|error| {
+        let path = source.location();
+        let sentence = format!("attachment {name:?} of {} cannot be read: {error}", path.display());
+        Error::new(error.kind(), sentence).with_path(path).with_source(error)
+    })
 }
 
 pub(crate) fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments> {

@@ -39,7 +39,7 @@ const RELOAD = { name: "Load again", run: () => location.reload() };
 /** What the page is doing, for tests and style sheets. */
 function enter(state) {
     document.documentElement.dataset.state = state;
-    bar.hidden = state !== "loading" && state !== "sharpening";
+    bar.hidden = state === "sharp" || state === "failed";
 }
 
 function fail(text) {
@@ -62,8 +62,8 @@ function frame(now) {
     if (!viewer) return;
     try {
         const progress = viewer.frame(now);
-        bar.value = progress.share;
-        enter(progress.is_settled ? "sharp" : "sharpening");
+        progress.is_preview ? bar.removeAttribute("value") : (bar.value = progress.share);
+        enter(progress.is_preview ? "preview" : progress.is_settled ? "sharp" : "sharpening");
         if (progress.damaged > 0) {
             const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
             say(`Some of it cannot be read, and stays coarse: ${viewer.damage()}`, "error", retry, RELOAD);

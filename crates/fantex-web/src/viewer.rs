@@ -1,5 +1,11 @@
 //! What a page holds: a canvas with an asset in it.
+//!
+//! ```text
+//!  header --> preview, if there is one --> drawn, while mesh, cover and directory are fetched --> the asset in its place
+//!         `-> the asset
+//! ```
 
+use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,8 +13,8 @@ use std::time::Duration;
 use fantex_gpu::{DrawOptions, Frame, Gpu, Model, Renderer, StreamedModel, max_anisotropy, stream_view};
 use fantex_scene::{Camera, CameraRig, Lights, SceneScale, world_bounds};
 use fantex_store::Asset;
-use fantex_stream::read::{ReadRequest, ReaderInfo, ReaderKind, task_reader};
-use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions, open_fetched};
+use fantex_stream::read::{FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, task_reader};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions};
 use glam::DVec2;
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
@@ -24,6 +30,9 @@ const MAX_FRAME_SECONDS: f32 = 0.1;
 /// Bytes of texels that a frame uploads.
 const UPLOAD_BYTES: usize = 2 << 20;
 
+/// Graphics memory for the texels of a preview.
+const PREVIEW_POOL_BYTES: u64 = 16 << 20;
+
 /// Has panics say in the console where they were.
 #[wasm_bindgen(start)]
 pub fn start() {
@@ -38,9 +47,14 @@ pub struct Viewer {
     surface: wgpu::Surface<'static>,
     configuration: wgpu::SurfaceConfiguration,
     renderer: Renderer,
-    streamed: StreamedModel,
-    asset: Arc<Asset>,
+    shown: Shown,
+    /// Where the asset arrives, while its preview is shown.
+    coming: Option<Coming>,
+    file: Rc<RemoteFile>,
+    pool_bytes: u64,
     rig: CameraRig,
+    /// Nobody has moved the camera: it frames the whole model.
+    is_framing: bool,
     scale: SceneScale,
     options: DrawOptions,
     /// Milliseconds of the last frame.
@@ -49,10 +63,65 @@ pub struct Viewer {
     is_stale: bool,
 }
 
+/// Where a task leaves an asset, or why there is none.
+type Coming = Rc<RefCell<Option<fantex_base::Result<Arc<Asset>>>>>;
+
+/// An asset on the device.
+#[derive(Debug)]
+struct Shown {
+    asset: Arc<Asset>,
+    streamed: StreamedModel,
+}
+
+impl Shown {
+    fn new(
+        gpu: &Gpu,
+        asset: Arc<Asset>,
+        reader: LaneReader,
+        pool_bytes: u64,
+        draw: &DrawOptions,
+    ) -> Result<Self, JsError> {
+        let options = ClusterLoaderOptions {
+            block_compressed: gpu.has_block_compression(),
+            ..ClusterLoaderOptions::default()
+        };
+        let loader =
+            ClusterLoader::without_threads(Arc::clone(&asset), Box::new(reader), &options, UNPACKING_SLICE);
+        let geometry = asset.clone();
+        let streamed = StreamedModel::with_pages(gpu, &asset, geometry, Box::new(loader), pool_bytes);
+        let mut streamed = streamed.map_err(said)?;
+        streamed.streamer.set_max_anisotropy(max_anisotropy(&draw.filter));
+        Ok(Self { asset, streamed })
+    }
+}
+
+/// Reads of a file on a server.
+fn remote_reader(file: Rc<RemoteFile>) -> LaneReader {
+    let info = ReaderInfo { kind: ReaderKind::Http, direct: false, depth: CONNECTIONS };
+    task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
+        let file = Rc::clone(&file);
+        let range = request.offset..request.offset + request.length as u64;
+        async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
+    })
+}
+
+/// Reads of an asset in memory.
+fn memory_reader(asset: &Asset) -> LaneReader {
+    let info = ReaderInfo { kind: ReaderKind::Threads, direct: false, depth: 1 };
+    let source = Arc::clone(asset.source());
+    task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
+        let mut bytes = vec![0; request.length];
+        let read = source.read_exact_at(&mut bytes, request.offset);
+        async move { read.map(|()| bytes) }
+    })
+}
+
 /// How far streaming is.
 #[wasm_bindgen]
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
+    /// What is shown is the preview.
+    pub is_preview: bool,
     /// Share of the visible tiles that are as sharp as the view asks for, 0 to 1.
     pub share: f64,
     /// Whether nothing is on its way: the picture stays until the view changes.
@@ -69,45 +138,54 @@ fn said(error: impl std::fmt::Display) -> JsError {
 
 #[wasm_bindgen]
 impl Viewer {
-    /// Opens the asset at `url` in a canvas, with texels in at most `pool_bytes` of graphics memory. Nothing is drawn yet.
+    /// Opens the asset at `url` in a canvas, with texels in at most `pool_bytes` of graphics memory. Nothing is drawn yet. Where the asset has a
+    /// preview, that is opened, and the asset takes its place in a later [`frame`](Self::frame).
     ///
     /// # Errors
     /// The browser has no WebGPU or no adapter for it; the asset cannot be read, or is damaged; it exceeds what the device allows.
     pub async fn open(canvas: HtmlCanvasElement, url: String, pool_bytes: f64) -> Result<Viewer, JsError> {
-        // Both take their time, and neither needs the other.
         let file = Rc::new(RemoteFile::new(url));
-        let opening = Rc::clone(&file);
-        let asset =
-            async move { open_fetched(opening.url(), async |range| opening.fetch(range).await).await };
-        let (gpu, asset) = join(open_gpu(canvas), asset).await;
-        let ((gpu, surface, configuration), asset) = (gpu?, Arc::new(asset.map_err(said)?));
-
-        let info = ReaderInfo { kind: ReaderKind::Http, direct: false, depth: CONNECTIONS };
-        let reader = task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
-            let file = Rc::clone(&file);
-            let range = request.offset..request.offset + request.length as u64;
-            async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
-        });
-        let options = ClusterLoaderOptions {
-            block_compressed: gpu.has_block_compression(),
-            ..ClusterLoaderOptions::default()
+        let fetching = Rc::clone(&file);
+        let starting = async move {
+            let location = fetching.url().to_owned();
+            let start = FetchedFile::start(&location, async move |range| fetching.fetch(range).await).await?;
+            let preview = start.preview().await?;
+            Ok::<_, fantex_base::Error>((start, preview))
         };
-        let loader =
-            ClusterLoader::without_threads(Arc::clone(&asset), Box::new(reader), &options, UNPACKING_SLICE);
-        let streamed =
-            StreamedModel::with_pages(&gpu, &asset, asset.clone(), Box::new(loader), pool_bytes as u64);
-        let mut streamed = streamed.map_err(said)?;
+        // Both take their time, and neither needs the other.
+        let (gpu, started) = join(open_gpu(canvas), starting).await;
+        let ((gpu, surface, configuration), (start, preview)) = (gpu?, started.map_err(said)?);
         let options = DrawOptions::default();
-        streamed.streamer.set_max_anisotropy(max_anisotropy(&options.filter));
+        let pool_bytes = pool_bytes as u64;
+        let (shown, coming) = match preview {
+            Some(preview) => {
+                let coming = Coming::default();
+                let place = Rc::clone(&coming);
+                wasm_bindgen_futures::spawn_local(async move {
+                    let asset = start.asset().await;
+                    *place.borrow_mut() = Some(asset.map(Arc::new));
+                });
+                let reader = memory_reader(&preview);
+                (Shown::new(&gpu, Arc::new(preview), reader, PREVIEW_POOL_BYTES, &options)?, Some(coming))
+            }
+            None => {
+                let asset = Arc::new(start.asset().await.map_err(said)?);
+                let reader = remote_reader(Rc::clone(&file));
+                (Shown::new(&gpu, asset, reader, pool_bytes, &options)?, None)
+            }
+        };
         let mut viewer = Self {
             renderer: Renderer::new(&gpu, configuration.format),
-            scale: SceneScale::of(&world_bounds(asset.mesh())),
+            scale: SceneScale::of(&world_bounds(shown.asset.mesh())),
             rig: CameraRig::default(),
+            is_framing: true,
             gpu,
             surface,
             configuration,
-            streamed,
-            asset,
+            shown,
+            coming,
+            file,
+            pool_bytes,
             options,
             last_frame: None,
             is_stale: true,
@@ -118,9 +196,9 @@ impl Viewer {
 
     /// Shows the whole model, from the front, the right and above.
     pub fn reset(&mut self) {
-        let camera = Camera::framing_mesh(self.asset.mesh(), Camera::THREE_QUARTER, self.aspect());
+        let camera = Camera::framing_mesh(self.shown.asset.mesh(), Camera::THREE_QUARTER, self.aspect());
         self.rig = CameraRig::of_camera(&camera);
-        self.is_stale = true;
+        (self.is_framing, self.is_stale) = (true, true);
     }
 
     /// The canvas has so many pixels now.
@@ -137,20 +215,20 @@ impl Viewer {
     /// Turns about the pivot; in units of the canvas' height, downwards positive.
     pub fn orbit(&mut self, right: f64, down: f64) {
         self.rig.orbit(DVec2::new(right, down));
-        self.is_stale = true;
+        (self.is_framing, self.is_stale) = (false, true);
     }
 
     /// Shifts the model with the hand; in units of the canvas' height, downwards positive.
     pub fn pan(&mut self, right: f64, down: f64) {
         self.rig.pan(DVec2::new(right, down));
-        self.is_stale = true;
+        (self.is_framing, self.is_stale) = (false, true);
     }
 
     /// Comes closer (`factor` below one) to what is at a position of the canvas, 0 to 1 from its left top, or goes away from it.
     pub fn zoom(&mut self, x: f64, y: f64, factor: f64) {
         let point = self.rig.point_under(DVec2::new(x, y), self.aspect(), None);
         self.rig.zoom_to(point, factor, &self.scale);
-        self.is_stale = true;
+        (self.is_framing, self.is_stale) = (false, true);
     }
 
     /// Lets streaming go on, and draws where something has changed. `now`: milliseconds of any clock. Returns how far it is; while it is not
@@ -161,13 +239,14 @@ impl Viewer {
     pub fn frame(&mut self, now: f64) -> Result<Progress, JsError> {
         let elapsed = self.last_frame.map_or(0.0, |last| ((now - last) / 1000.0) as f32);
         self.last_frame = Some(now);
+        self.take_what_came()?;
         let frame = FrameOptions {
             upload_bytes: UPLOAD_BYTES,
             elapsed_seconds: elapsed.clamp(0.0, MAX_FRAME_SECONDS),
         };
         let (camera, size) = (self.rig.camera(), self.size());
-        let view = stream_view(&camera, size, self.streamed.model.space());
-        let changes = self.streamed.advance(&self.gpu, Some(&view), frame);
+        let view = stream_view(&camera, size, self.shown.streamed.model.space());
+        let changes = self.shown.streamed.advance(&self.gpu, Some(&view), frame);
         self.is_stale |= !(changes.uploads.is_empty() && changes.entries.is_empty());
         if self.is_stale {
             self.draw(&camera)?;
@@ -187,8 +266,8 @@ impl Viewer {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let lights = Lights::behind(camera);
         let size = self.size();
-        let mut frame =
-            Frame { size, camera, lights: &lights, model: &mut self.streamed.model, options: &self.options };
+        let model = &mut self.shown.streamed.model;
+        let mut frame = Frame { size, camera, lights: &lights, model, options: &self.options };
         self.renderer.draw(&self.gpu, &mut encoder, &target, &mut frame).map_err(said)?;
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.queue.present(texture);
@@ -198,10 +277,13 @@ impl Viewer {
 
     /// How far streaming is.
     pub fn progress(&self) -> Progress {
-        let figures = self.streamed.streamer.statistics();
+        let streamer = &self.shown.streamed.streamer;
+        let figures = streamer.statistics();
+        let is_preview = self.coming.is_some();
         Progress {
-            share: figures.complete_share(),
-            is_settled: self.streamed.streamer.is_settled() && !self.is_stale,
+            is_preview,
+            share: if is_preview { 0.0 } else { figures.complete_share() },
+            is_settled: !is_preview && streamer.is_settled() && !self.is_stale,
             uploaded_bytes: figures.uploaded_bytes as f64,
             damaged: figures.damaged as u32,
         }
@@ -209,16 +291,32 @@ impl Viewer {
 
     /// Why the first part that cannot be read cannot be, if there is one.
     pub fn damage(&self) -> Option<String> {
-        self.streamed.streamer.damaged().next().map(|(_, error)| error.to_string())
+        self.shown.streamed.streamer.damaged().next().map(|(_, error)| error.to_string())
     }
 
     /// Asks once more for what could not be read.
     pub fn retry(&mut self) {
-        self.streamed.streamer.retry_damaged();
+        self.shown.streamed.streamer.retry_damaged();
     }
 }
 
 impl Viewer {
+    /// Shows the asset instead of its preview, once it is there. The camera stays where somebody has put it.
+    fn take_what_came(&mut self) -> Result<(), JsError> {
+        let Some(asset) = self.coming.as_ref().and_then(|coming| coming.borrow_mut().take()) else {
+            return Ok(());
+        };
+        let asset = asset.map_err(said)?;
+        let reader = remote_reader(Rc::clone(&self.file));
+        self.shown = Shown::new(&self.gpu, asset, reader, self.pool_bytes, &self.options)?;
+        self.scale = SceneScale::of(&world_bounds(self.shown.asset.mesh()));
+        (self.coming, self.is_stale) = (None, true);
+        if self.is_framing {
+            self.reset();
+        }
+        Ok(())
+    }
+
     fn size(&self) -> [u32; 2] {
         [self.configuration.width, self.configuration.height]
     }

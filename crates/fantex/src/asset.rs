@@ -57,7 +57,7 @@ pub struct Asset {
 }
 
 impl Asset {
-    /// Opens a file, or with the feature `http` an `http://` or `https://` address.
+    /// Opens a file, or with the feature `http` an `http://`, `https://`, `s3://` or `gs://` address.
     ///
     /// # Errors
     /// It cannot be read, is no asset, or is damaged.

@@ -10,16 +10,16 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress, Prefilter,
-    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake, bake_part,
-    plan_bake,
+    AssetSource, BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress,
+    Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
+    bake_part, plan_bake,
 };
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
 use fantex_mesh::{Material, ObjectSpace};
-use fantex_store::{Plan, Quality};
+use fantex_store::{PageCache, Plan, Quality};
 use fantex_texture::material::load_material_textures;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
@@ -28,7 +28,7 @@ use glam::Vec4;
 pub use photos::PhotoSet;
 
 use crate::look_scene::{LookBake, MaterialResolver};
-use crate::{LongestEdge, Mesh};
+use crate::{Asset, FileKind, LongestEdge, Mesh};
 
 /// What is baked.
 pub struct Source<'a>(Kind<'a>);
@@ -85,7 +85,7 @@ impl<'a> Source<'a> {
         Self(Kind::Look(path.into()))
     }
 
-    /// Another, more detailed model: its materials or vertex colours, and its normals.
+    /// Another, more detailed model: its materials or vertex colours, and its normals. Or an asset: all that it holds.
     pub fn mesh(path: impl Into<PathBuf>) -> Self {
         Self(Kind::Mesh { path: path.into(), cage: None })
     }
@@ -394,8 +394,11 @@ impl<'a> Baker<'a> {
                 let mesh = self.refined(&mesh, cuts, None);
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
             }
-            Kind::Mesh { path: detailed, cage } => self.transfer(&Mesh::load(detailed)?, *cage, goal),
-            Kind::Loaded(detailed, cage) => self.transfer(detailed, *cage, goal),
+            Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
+                self.transfer_asset(detailed, *cage, goal)
+            }
+            Kind::Mesh { path: detailed, cage } => self.transfer_model(&Mesh::load(detailed)?, *cage, goal),
+            Kind::Loaded(detailed, cage) => self.transfer_model(detailed, *cage, goal),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => {
                 let mesh = self.refined(model, self.longest_edge.unwrap_or_default(), None);
@@ -526,12 +529,8 @@ impl<'a> Baker<'a> {
         cuts.refined(mesh, &budget, self.tile)
     }
 
-    /// Bakes another model's look and shape, and says how well the two fit.
-    fn transfer(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
-        let mesh = self.refined(self.mesh, self.longest_edge.unwrap_or_default(), None);
-        let mesh = without_textures(&mesh);
-        let mut notes: Vec<String> =
-            detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
+    /// Bakes another model's look and shape.
+    fn transfer_model(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
         let (materials, vertices);
         let colors: Option<&dyn fantex_bake::Source> = if detailed.has_materials() {
             materials = LookSource::of_model(detailed)?;
@@ -542,21 +541,45 @@ impl<'a> Baker<'a> {
         } else {
             None
         };
+        let named = |note: &String| format!("{}: {note}", detailed.path().display());
+        let baked = self.transfer(detailed, colors, detailed.path(), cage, goal)?;
+        Ok(Baked { notes: detailed.notes().iter().map(named).chain(baked.notes).collect(), ..baked })
+    }
+
+    /// Bakes what another asset holds, and its shape.
+    fn transfer_asset(&self, path: &Path, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
+        let asset = Asset::open(path)?;
+        let cache_bytes = usize::try_from(self.options.memory_bytes / 4).unwrap_or(usize::MAX);
+        let source = AssetSource::new(&PageCache::new(Arc::clone(asset.shared()), cache_bytes));
+        self.transfer(asset.mesh(), Some(&source), path, cage, goal)
+    }
+
+    /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit.
+    fn transfer(
+        &self,
+        detailed: &fantex_mesh::Mesh,
+        detail: Option<&dyn fantex_bake::Source>,
+        path: &Path,
+        cage: Option<f64>,
+        goal: &Goal<'_>,
+    ) -> Result<Baked> {
+        let mesh = self.refined(self.mesh, self.longest_edge.unwrap_or_default(), None);
+        let mesh = without_textures(&mesh);
         let options = TransferOptions { cage, ..TransferOptions::default() };
-        let source = TransferSource::new(&mesh, detailed, colors, &options)?;
-        let baked = self.bake(&mesh, &source, None, goal)?;
+        let source = TransferSource::new(&mesh, detailed, detail, &options)?;
+        let mut baked = self.bake(&mesh, &source, None, goal)?;
         let report = source.report();
         // Single points at rims say nothing.
         if report.missed > report.points / 1000 {
-            notes.push(format!(
+            baked.notes.push(format!(
                 "{}: {:.1} % of the points found nothing within the cage of {:.4} world units along their normal and took the \
                  nearest point; where that is wrong, give a longer cage",
-                detailed.path().display(),
+                path.display(),
                 100.0 * report.missed as f64 / report.points as f64,
                 report.cage
             ));
         }
-        Ok(Baked { notes, ..baked })
+        Ok(baked)
     }
 }
 

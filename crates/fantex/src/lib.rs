@@ -42,7 +42,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `gpu` | [`gpu`]: drawing on wgpu, into a host's own frames too |
-//! | `http` | assets at `http://` and `https://` addresses |
+//! | `http` | assets at `http://`, `https://`, `s3://` and `gs://` addresses |
 //! | `paint` | [`paint`]: strokes, layers, undo |
 //! | `photos` | [`photos`]: photographs with cameras as a source |
 //! | `export` | [`export`]: models with ordinary texture coordinates, unwrapping |
@@ -79,6 +79,7 @@ mod asset;
 mod baker;
 pub mod look_scene;
 mod model;
+mod preview;
 mod refined;
 
 pub use asset::{Asset, FileKind};
@@ -94,6 +95,7 @@ pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
 pub use model::Mesh;
+pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use fantex_base::Result;
-use fantex_mesh::{CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load};
+use fantex_mesh::{
+    CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load, simplified,
+};
 use glam::{Vec3, Vec4};
 
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
@@ -63,6 +65,15 @@ impl Mesh {
     pub fn from_triangles(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
         let positions = positions.iter().map(|&p| p.into()).collect();
         Self::from_model(Model { positions, triangles: triangles.to_vec(), ..Model::default() }, "mesh")
+    }
+
+    /// The same shape with about so many triangles, without texture coordinates, colours and normals: to bake this one
+    /// [onto it](crate::Source::loaded_mesh).
+    ///
+    /// # Errors
+    /// Nothing is left at so few triangles.
+    pub fn simplified(&self, triangles: usize) -> Result<Self> {
+        Self::from_model(simplified(&self.mesh, triangles)?, &self.path)
     }
 
     /// What cleaning did, and the topology of the result.

@@ -39,7 +39,7 @@ A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A si
 A page (--web) is a folder for any web server that sends ranges of files; browsers show it by WebGPU.
 Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
 pub(crate) struct ExportArgs {
-    /// An asset (.fan, also at an http:// or https:// address)
+    /// An asset (.fan, also at an https://, s3:// or gs:// address)
     asset: PathBuf,
     /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder; with --web a folder
     #[arg(short, long, value_name = "FILE")]

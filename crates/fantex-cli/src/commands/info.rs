@@ -11,7 +11,7 @@ use fantex::cover::{Cover, CoverOptions, CoverStats, Percentiles, TexelBudget, b
 use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
-use fantex::store::Asset;
+use fantex::store::{Asset, PREVIEW};
 use fantex::{Error, LongestEdge, Mesh, Result};
 use serde::Serialize;
 
@@ -32,7 +32,7 @@ Example:
 
 With --look, the model's own materials are printed as a look, which 'fantex render' and 'fantex bake --look' take.")]
 pub(crate) struct InfoArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an http:// or https:// address) or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml)
     file: PathBuf,
     /// Print the model's own materials as a look
     #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture"])]
@@ -204,6 +204,8 @@ struct AssetInfo {
     bytes: u64,
     levels: u32,
     clusters: u64,
+    /// Of its preview, where there is one.
+    preview_bytes: Option<u64>,
     channels: Vec<ChannelInfo>,
     sheet: Sheet,
     pictures: Vec<PathBuf>,
@@ -323,6 +325,7 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
         bytes: asset.file_bytes(),
         levels: asset.level_count(),
         clusters: (0..asset.level_count()).map(|level| asset.cluster_ranges(level).len() as u64).sum(),
+        preview_bytes: asset.attachment_bytes(PREVIEW).ok().flatten(),
         channels: asset.channels().iter().map(channel).collect(),
         sheet: Sheet::of(cover),
         pictures: draw(mesh, cover, args, context)?,
@@ -396,6 +399,7 @@ fn asset_text(info: &AssetInfo, path: &Path) -> String {
         .row("levels", info.levels.to_string())
         .row("clusters", grouped(info.clusters))
         .row("one sheet", sheet_text(&info.sheet));
+    table.rows("preview", info.preview_bytes.map(megabytes));
     for channel in &info.channels {
         let encoding = if channel.srgb { "sRGB" } else { "linear" };
         table.row("channel", format!("{}, {}, {encoding}", channel.kind, channel.format));

@@ -36,7 +36,7 @@ Example:
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an http:// or https:// address) or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml)
     file: PathBuf,
     /// A look (.toml) for the model: materials, lamps, surroundings, camera
     #[arg(long, value_name = "LOOK")]

@@ -20,7 +20,7 @@ Example:
   fantex verify bottle.fan
   fantex verify bottle.fan --json")]
 pub(crate) struct VerifyArgs {
-    /// An asset (.fan, also at an http:// or https:// address)
+    /// An asset (.fan, also at an https://, s3:// or gs:// address)
     asset: PathBuf,
 }
 

@@ -22,7 +22,7 @@ Example:
 
 Everything after 'view' goes to the viewer; 'fantex view -- --help' lists its options.")]
 pub(crate) struct ViewArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an http:// or https:// address) or a look (.toml), and
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml), and
     /// options of the viewer
     #[arg(value_name = "FILE", trailing_var_arg = true, allow_hyphen_values = true)]
     pub(crate) arguments: Vec<OsString>,

@@ -8,9 +8,11 @@ mod hostile;
 mod looks;
 #[cfg(target_os = "linux")]
 mod memory;
+mod objects;
 #[cfg(target_os = "linux")]
 mod outputs;
 mod photographs;
+mod previews;
 mod round_trip;
 mod serve;
 

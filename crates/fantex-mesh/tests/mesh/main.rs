@@ -11,4 +11,5 @@ mod generate;
 mod gltf_files;
 mod hostile;
 mod parts;
+mod simplify;
 mod surface;

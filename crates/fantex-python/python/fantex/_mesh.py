@@ -146,6 +146,11 @@ class Mesh:
             f"{type(mesh).__name__} is no mesh: give a path, (positions, faces), or an object with vertices and faces"
         )
 
+    def simplified(self, faces: int) -> "Mesh":
+        """The same shape with about so many faces, without colours, normals and texture coordinates: bake this mesh onto it with
+        ``source=fantex.mesh(this)``."""
+        return Mesh._of(self._native.simplified(faces))
+
     @property
     def positions(self) -> np.ndarray:
         """``(n, 3)`` float64, world units."""

@@ -32,6 +32,7 @@ class Mesh:
         uv: Optional[Floats] = None,
         image: Optional[bytes] = None,
     ) -> "Mesh": ...
+    def simplified(self, triangles: int) -> "Mesh": ...
     positions: Doubles
     faces: Indices
     source_faces: Indices

@@ -23,8 +23,7 @@ const FIRST_BYTES: u64 = 64 << 10;
 /// Ranges that are fetched to open an asset, at most: the first bytes and every section by itself.
 const MAX_FETCHES: usize = 8;
 
-/// Opens an asset whose bytes `fetch` brings, range by range: two as a rule, one for small assets. Reads that fail because something has not
-/// been fetched say what, so that opening is simply tried again. `location` is for messages. The asset's
+/// Opens an asset whose bytes `fetch` brings, range by range: two as a rule, one for small assets. `location` is for messages. The asset's
 /// attachments are not fetched.
 ///
 /// # Errors
@@ -33,31 +32,67 @@ pub async fn open_fetched(
     location: &str,
     fetch: impl AsyncFn(Range<u64>) -> io::Result<Fetched>,
 ) -> Result<Asset> {
-    let path = PathBuf::from(location);
-    let error = |error| Error::reading(&path, error);
-    let first = fetch(0..FIRST_BYTES).await.map_err(error)?;
-    let source = Arc::new(FetchedSource {
-        location: path.clone(),
-        length: first.total.unwrap_or(u64::MAX),
-        state: Mutex::new(State { spans: vec![(0, first.bytes)], missing: None }),
-    });
-    for _ in 0..MAX_FETCHES {
-        let opened = Asset::open_source(source.clone());
-        let missing = source.state().missing.take();
-        match (opened, missing) {
-            (Ok(asset), _) => {
-                source.state().spans = Vec::new();
-                return Ok(asset);
-            }
-            (Err(error), None) => return Err(error),
-            (Err(_), Some(range)) => {
-                let start = range.start;
-                let bytes = fetch(range).await.map_err(error)?.bytes;
-                source.state().spans.push((start, bytes));
-            }
-        }
+    FetchedFile::start(location, fetch).await?.asset().await
+}
+
+/// The start of a file that is fetched range by range.
+#[derive(Debug)]
+pub struct FetchedFile<F> {
+    fetch: F,
+    source: Arc<FetchedSource>,
+}
+
+impl<F: AsyncFn(Range<u64>) -> io::Result<Fetched>> FetchedFile<F> {
+    /// Fetches the first bytes. `location` is for messages.
+    ///
+    /// # Errors
+    /// Those of `fetch`.
+    pub async fn start(location: &str, fetch: F) -> Result<Self> {
+        let path = PathBuf::from(location);
+        let first = fetch(0..FIRST_BYTES).await.map_err(|error| Error::reading(&path, error))?;
+        let source = Arc::new(FetchedSource {
+            location: path,
+            length: first.total.unwrap_or(u64::MAX),
+            state: Mutex::new(State { spans: vec![(0, first.bytes)], missing: None }),
+        });
+        Ok(Self { fetch, source })
     }
-    Err(error(io::Error::other("the server sends less than was asked for")))
+
+    /// The asset's [preview](fantex_store::PREVIEW): two further ranges, or none where there is none.
+    ///
+    /// # Errors
+    /// Those of fetching; it is damaged, or the file is no asset.
+    pub async fn preview(&self) -> Result<Option<Asset>> {
+        self.opened(|source| Asset::open_preview(&**source)).await
+    }
+
+    /// The asset.
+    ///
+    /// # Errors
+    /// Those of fetching; the file is no asset, or damaged.
+    pub async fn asset(self) -> Result<Asset> {
+        let asset = self.opened(|source| Asset::open_source(source.clone())).await?;
+        self.source.state().spans = Vec::new();
+        Ok(asset)
+    }
+
+    /// What `open` opens. Reads that fail because something has not been fetched say what, so that opening is simply tried again.
+    async fn opened<T>(&self, open: impl Fn(&Arc<FetchedSource>) -> Result<T>) -> Result<T> {
+        let failed = |error| Error::reading(&self.source.location, error);
+        for _ in 0..MAX_FETCHES {
+            let opened = open(&self.source);
+            let missing = self.source.state().missing.take();
+            let range = match (opened, missing) {
+                (Ok(opened), _) => return Ok(opened),
+                (Err(error), None) => return Err(error),
+                (Err(_), Some(range)) => range,
+            };
+            let start = range.start;
+            let bytes = (self.fetch)(range).await.map_err(failed)?.bytes;
+            self.source.state().spans.push((start, bytes));
+        }
+        Err(failed(io::Error::other("the server sends less than was asked for")))
+    }
 }
 
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! Reads from a web server by range requests (RFC 9110, section 14).
+//! Reads from a web server or an object store by range requests (RFC 9110, section 14).
 
 use std::io;
 use std::io::Read;
@@ -11,15 +11,18 @@ use ureq::Body;
 use ureq::http::{HeaderValue, Response, header};
 
 use super::file::start_threads;
+use super::object::StoredObject;
 use super::ranges::{Answered, RangeAnswer, ended_early, other_range, server_error};
 use super::{LaneReader, MAX_READ_BYTES, ReadBuffer, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
 
-/// A file on a web server. Connections are kept and shared by threads.
+/// A file on a web server, or an object in an object store. Connections are kept and shared by threads.
 #[derive(Debug)]
 pub struct HttpSource {
     url: String,
     /// The URL again, in the form that messages about files have.
     location: PathBuf,
+    /// None on a web server; an error where the URL names no object.
+    object: io::Result<Option<StoredObject>>,
     agent: ureq::Agent,
     length: OnceLock<u64>,
     /// Tag or date of the file that the first answer came from; none where the server tells neither.
@@ -53,8 +56,8 @@ fn client_error(error: ureq::Error) -> io::Error {
 }
 
 impl HttpSource {
-    /// A file at a URL (`http://` or `https://`), read over at most `connections` at a time. A request ends after a minute. Sends
-    /// nothing yet.
+    /// A file at a URL (`http://`, `https://`, `s3://bucket/key`, `gs://bucket/key`), read over at most `connections` at a time. A request
+    /// ends after a minute. Sends nothing yet. Object stores are asked with the keys and at the endpoint that the variables `AWS_...` name.
     pub fn new(url: &str, connections: usize) -> Self {
         Self::with_request_time(url, connections, MAX_REQUEST_TIME)
     }
@@ -76,6 +79,7 @@ impl HttpSource {
         Self {
             url: url.to_owned(),
             location: PathBuf::from(url),
+            object: StoredObject::at(url),
             agent: config.new_agent(),
             length: OnceLock::new(),
             version: OnceLock::new(),
@@ -89,7 +93,11 @@ impl HttpSource {
 
     /// The answer to a request for a range, behind all redirects. A range of another version of the file is not asked for.
     fn request(&self, range: &str) -> io::Result<Response<Body>> {
-        let mut url = self.url.clone();
+        let mut url = match &self.object {
+            Ok(Some(object)) => object.url(),
+            Ok(None) => self.url.clone(),
+            Err(error) => return Err(server_error(error.kind(), error.to_string())),
+        };
         for _ in 0..=MAX_REDIRECTS {
             let mut request = self.agent.get(&url).header(header::RANGE, range);
             // Weak tags are not for ranges.
@@ -137,7 +145,8 @@ impl HttpSource {
             version: text(header::ETAG).or_else(|| text(header::LAST_MODIFIED)),
         };
         let known = self.version.get().and_then(Option::as_deref);
-        let Answered { length: expected, total } = answer.check(offset, bytes.len(), known)?;
+        let checked = answer.check(offset, bytes.len(), known);
+        let Answered { length: expected, total } = checked.map_err(|error| self.advised(error))?;
         if let Some(total) = total {
             self.length.get_or_init(|| total);
         }
@@ -150,6 +159,18 @@ impl HttpSource {
             return Err(ended_early(got, expected));
         }
         Ok(got)
+    }
+}
+
+impl HttpSource {
+    /// What a server refuses, with what may be done about it.
+    fn advised(&self, error: io::Error) -> io::Error {
+        match (&self.object, error.kind()) {
+            (Ok(Some(object)), io::ErrorKind::PermissionDenied) => {
+                server_error(error.kind(), format!("{error}; {}", object.advice()))
+            }
+            _ => error,
+        }
     }
 }
 

@@ -25,6 +25,8 @@ mod fetched;
 mod file;
 #[cfg(feature = "http")]
 mod http;
+#[cfg(feature = "http")]
+mod object;
 mod ranges;
 mod task;
 
@@ -41,7 +43,7 @@ use std::time::Duration;
 use fantex_store::Asset;
 
 pub use buffer::{BufferPool, ReadBuffer};
-pub use fetched::{Fetched, open_fetched};
+pub use fetched::{Fetched, FetchedFile, open_fetched};
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};
 #[cfg(not(target_arch = "wasm32"))]
@@ -172,10 +174,11 @@ pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Bo
 pub fn url_of(location: &Path) -> Option<&str> {
     let text = location.to_str()?;
     let scheme = text.split_once("://")?.0.to_ascii_lowercase();
-    matches!(scheme.as_str(), "http" | "https").then_some(text)
+    matches!(scheme.as_str(), "http" | "https" | "s3" | "gs").then_some(text)
 }
 
-/// Opens an asset at a path or at a URL (`http://` or `https://`, from any server that supports range requests).
+/// Opens an asset at a path or at a URL: `http://` or `https://`, from any server that supports range requests, `s3://bucket/key` or
+/// `gs://bucket/key`.
 ///
 /// # Errors
 /// It cannot be read, is no asset, or is damaged; or it is at a URL, and this crate was built without the feature `http`.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use fantex::base::files::{persist_all, temporary_file};
 use fantex::render::RenderOptions;
 use fantex::texture::Filter;
-use fantex::{Error, Result};
+use fantex::{Error, Preview, PreviewOptions, Result};
 use fantex_web::Page;
 use serde::Serialize;
 use tempfile::TempPath;
@@ -19,6 +19,9 @@ use crate::text::megabytes;
 
 /// Of the preview, in pixels: what services that show links ask for.
 const PREVIEW_SIZE: [u32; 2] = [1200, 630];
+
+/// Assets whose mesh, cover and directory take more get a preview.
+const MAX_BYTES_WITHOUT_PREVIEW: u64 = 1 << 20;
 
 /// Bytes of the asset that are copied at a time.
 const CHUNK_BYTES: u64 = 4 << 20;
@@ -62,8 +65,7 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         bytes += content.len() as u64;
         files.push(written(&place(name), |file| file.write_all(content))?);
     }
-    bytes += asset.file_bytes();
-    files.push(written(&place(&name), |file| {
+    let copy = written(&place(&name), |file| {
         let mut chunk = Vec::new();
         for start in (0..asset.file_bytes()).step_by(CHUNK_BYTES as usize) {
             chunk.resize((asset.file_bytes() - start).min(CHUNK_BYTES) as usize, 0);
@@ -71,11 +73,17 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             file.write_all(&chunk)?;
         }
         Ok(())
-    })?);
+    })?;
     context.check_interrupt()?;
-    let preview = preview(&scene)?;
-    bytes += preview.len() as u64;
-    files.push(written(&place("preview.png"), |file| file.write_all(&preview))?);
+    if asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW {
+        Preview::of(&asset, &PreviewOptions::default())?.attach_to(&copy.0)?;
+        context.check_interrupt()?;
+    }
+    bytes += std::fs::metadata(&copy.0).map_err(|error| Error::reading(&copy.0, error))?.len();
+    files.push(copy);
+    let picture = picture(&scene)?;
+    bytes += picture.len() as u64;
+    files.push(written(&place("preview.png"), |file| file.write_all(&picture))?);
     bytes += page.len() as u64;
     files.push(written(&place("index.html"), |file| file.write_all(page.as_bytes()))?);
     let info = WebInfo {
@@ -107,8 +115,8 @@ fn written(
     Ok((file.into_temp_path(), path.to_owned()))
 }
 
-/// What the page shows first, drawn by the CPU renderer, as PNG.
-fn preview(scene: &Scene) -> Result<Vec<u8>> {
+/// What services that show links show, and the page where it cannot show more: drawn by the CPU renderer, as PNG.
+fn picture(scene: &Scene) -> Result<Vec<u8>> {
     let [width, height] = PREVIEW_SIZE;
     let options = RenderOptions { width, height, ..RenderOptions::default() };
     let surface = scene.surface(Filter::Anisotropic)?;

@@ -1,0 +1,80 @@
+//! `fantex preview`: what viewers far away show first.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use fantex::{Preview, PreviewOptions, Result};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::scene::open_asset;
+use crate::text::{Count, counted, megabytes};
+
+/// Give an asset a preview: a small asset inside it, which viewers far away show until the rest is there.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex preview scan.fan
+  fantex preview world.fan --triangles 20k --texels 1M
+  fantex preview scan.fan --remove
+
+A preview is a coarse mesh with the look and the normals of the fine one, in some hundred kilobytes: a viewer in a browser shows it
+after a fraction of a second, whatever the size of the asset, and exchanges it for the asset itself as soon as that is there.
+'fantex export --web' gives one to large assets. What is painted later is not in it; call the command again.")]
+pub(crate) struct PreviewArgs {
+    /// The asset, which is changed in place
+    asset: PathBuf,
+    /// Triangles of the coarse mesh, about
+    #[arg(long, value_name = "N", conflicts_with = "remove")]
+    triangles: Option<Count>,
+    /// Stored texels of the finest level
+    #[arg(long, value_name = "N", conflicts_with = "remove")]
+    texels: Option<Count>,
+    /// Take the preview out
+    #[arg(long)]
+    remove: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct PreviewInfo {
+    asset: PathBuf,
+    /// Of the preview; 0 where there is none.
+    triangles: u64,
+    texels: u64,
+    bytes: u64,
+    seconds: f64,
+}
+
+pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
+    let started = Instant::now();
+    let mut info = PreviewInfo { asset: args.asset.clone(), triangles: 0, texels: 0, bytes: 0, seconds: 0.0 };
+    if args.remove {
+        let was_there = Preview::remove_from(&args.asset)?;
+        return context.print(&info, |info| match was_there {
+            true => format!("{}: the preview is gone\n", info.asset.display()),
+            false => format!("{}: there was no preview\n", info.asset.display()),
+        });
+    }
+    let defaults = PreviewOptions::default();
+    let options = PreviewOptions {
+        triangles: args.triangles.map_or(defaults.triangles, |n| n.0 as usize),
+        texels: args.texels.map_or(defaults.texels, |n| n.0),
+    };
+    let preview = Preview::of(&open_asset(&args.asset)?, &options)?;
+    context.check_interrupt()?;
+    (info.triangles, info.texels, info.bytes) =
+        (preview.triangles, preview.texels, preview.bytes.len() as u64);
+    preview.attach_to(&args.asset)?;
+    info.seconds = started.elapsed().as_secs_f64();
+    context.print(&info, |info| {
+        format!(
+            "{}: a preview of {} and {} texels, {}, {:.1} s\n",
+            info.asset.display(),
+            counted(info.triangles, "triangle"),
+            info.texels,
+            megabytes(info.bytes),
+            info.seconds
+        )
+    })
+}

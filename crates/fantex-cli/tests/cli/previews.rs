@@ -1,0 +1,81 @@
+//! `fantex preview`, and assets as sources for other meshes.
+
+use crate::{COLORED_PLY, fails, json, succeeds, write};
+
+#[test]
+fn an_asset_gets_a_preview_and_loses_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let (model, asset) = (place("land.ply"), place("land.fan"));
+    succeeds(&[&"generate", &"landscape", &"-o", &model, &"--triangles", &"30k"]);
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--source", &"solid=landscape", &"--texels", &"500k"]);
+    assert!(json(&[&"info", &asset])["preview_bytes"].is_null());
+    let before = std::fs::metadata(&asset).unwrap().len();
+
+    let info = json(&[&"preview", &asset, &"--triangles", &"2k", &"--texels", &"20k"]);
+    let triangles = info["triangles"].as_u64().unwrap();
+    assert!((1500..=2000).contains(&triangles), "{info}");
+    assert!(info["texels"].as_u64().unwrap() <= 20_000, "{info}");
+    let bytes = info["bytes"].as_u64().unwrap();
+    assert!(std::fs::metadata(&asset).unwrap().len() > before);
+    assert_eq!(json(&[&"info", &asset])["preview_bytes"].as_u64(), Some(bytes));
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+
+    // Another takes its place.
+    let info = json(&[&"preview", &asset, &"--triangles", &"1k", &"--texels", &"20k"]);
+    assert!(info["bytes"].as_u64().unwrap() < bytes, "{info}");
+    succeeds(&[&"preview", &asset, &"--remove"]);
+    assert!(json(&[&"info", &asset])["preview_bytes"].is_null());
+    let said = succeeds(&[&"preview", &asset, &"--remove"]).stdout;
+    assert!(String::from_utf8(said).unwrap().contains("no preview"));
+    fails(1, &["land.ply is not an asset"], &[&"preview", &model]);
+    fails(2, &["--remove"], &[&"preview", &asset, &"--remove", &"--triangles", &"1k"]);
+}
+
+#[test]
+fn an_asset_is_baked_onto_another_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    succeeds(&[&"bake", &model, &"-o", &place("a.fan"), &"--texels", &"64k"]);
+    let source = format!("mesh={},cage=0.1", place("a.fan").display());
+    let info = json(&[&"bake", &model, &"-o", &place("b.fan"), &"--texels", &"64k", &"--source", &source]);
+    assert_eq!(info["channels"], serde_json::json!(["Normal", "BaseColor"]), "{info}");
+    let compared =
+        json(&[&"compare", &place("a.fan"), &place("b.fan"), &"--views", &"2", &"--size", &"160x120"]);
+    assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 38.0, "{compared}");
+}
+
+#[test]
+fn a_scan_is_baked_onto_fewer_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let fine = place("land.ply");
+    succeeds(&[&"generate", &"landscape", &"-o", &fine, &"--triangles", &"30k"]);
+    let info = json(&[&"simplify", &fine, &"-o", &place("coarse.glb"), &"--triangles", &"3k"]);
+    let [before, after] = ["triangles_before", "triangles"].map(|key| info[key].as_u64().unwrap());
+    assert!(before > 25_000 && (2500..=3000).contains(&after), "{info}");
+    assert_eq!(json(&[&"info", &place("coarse.glb")])["triangles"].as_u64(), Some(after));
+    let source = format!("mesh={}", fine.display());
+    succeeds(&[
+        &"bake",
+        &place("coarse.glb"),
+        &"-o",
+        &place("coarse.fan"),
+        &"--source",
+        &source,
+        &"--texels",
+        &"500k",
+    ]);
+    // The normals of the fine model are nearer to it than those of the coarse one.
+    let psnr = |file: &str| {
+        let file = place(file);
+        json(&[&"compare", &fine, &file, &"--views", &"2", &"--size", &"320x240"])["psnr_db"]["mean"]
+            .as_f64()
+            .unwrap()
+    };
+    let [plain, baked] = ["coarse.glb", "coarse.fan"].map(psnr);
+    assert!(baked > plain + 1.0, "{baked} dB with normals, {plain} without");
+    fails(1, &["already exists"], &[&"simplify", &fine, &"-o", &place("coarse.glb"), &"--triangles", &"3k"]);
+    fails(1, &["stl"], &[&"simplify", &fine, &"-o", &place("coarse.stl"), &"--triangles", &"3k"]);
+}

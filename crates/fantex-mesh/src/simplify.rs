@@ -1,0 +1,108 @@
+//! The same shape with fewer triangles.
+//!
+//! Edges collapse onto one of their ends in the order of the error that this leaves, the squared distance to the planes of the
+//! triangles that were there (M. Garland and P. Heckbert, "Surface simplification using quadric error metrics", 1997), and loose
+//! pieces go that are smaller than the error. Where that does not get near the number that is wanted, as on many non-manifold pieces,
+//! vertices are united within the cells of a grid (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering
+//! complex scenes", 1993).
+
+use fantex_base::{Error, Result};
+use meshoptimizer_rs::{
+    Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, VertexFlags, Workspace,
+    simplify_sloppy, simplify_with_attributes,
+};
+
+use crate::{Mesh, Model};
+
+/// Results with more triangles than so many times the number wanted are made coarser by a grid.
+const TOLERATED_EXCESS: usize = 2;
+
+/// Triangles that a material keeps at least.
+const MIN_TRIANGLES: usize = 8;
+
+/// A model, to be [cleaned](crate::clean), of about `triangles` triangles, each material with its share of them. Triangles have some of the
+/// vertices of the mesh; materials are kept, but neither corner attributes nor parts. A mesh with no more triangles keeps them all.
+///
+/// # Errors
+/// The mesh takes more memory than can be had.
+pub fn simplified(mesh: &Mesh, triangles: usize) -> Result<Model> {
+    let (mut kept, mut materials) = (Vec::new(), Vec::new());
+    let mut simplifier = Simplifier::new(mesh);
+    let by_material = triangles_by_material(mesh).into_iter().enumerate();
+    for (material, own) in by_material.filter(|(_, own)| !own.is_empty()) {
+        let share = own.len() as f64 / mesh.triangles.len() as f64;
+        let wanted = ((triangles as f64 * share).round() as usize).max(MIN_TRIANGLES);
+        kept.extend(simplifier.fewer(own, wanted)?);
+        materials.resize(kept.len(), material as u32);
+    }
+    Ok(Model {
+        positions: mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)).collect(),
+        triangles: kept,
+        triangle_materials: materials,
+        materials: mesh.materials.clone(),
+        ..Model::default()
+    })
+}
+
+struct Simplifier {
+    positions: Vec<[f32; 3]>,
+    /// Vertices between materials stay, so that these go on meeting there.
+    flags: Vec<VertexFlags>,
+    workspace: Workspace,
+}
+
+impl Simplifier {
+    fn new(mesh: &Mesh) -> Self {
+        Self {
+            positions: mesh.positions.iter().map(|p| p.to_array()).collect(),
+            flags: flags(mesh),
+            workspace: Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX }),
+        }
+    }
+
+    fn fewer(&mut self, triangles: Vec<[u32; 3]>, wanted: usize) -> Result<Vec<[u32; 3]>> {
+        if triangles.len() <= wanted {
+            return Ok(triangles);
+        }
+        let positions = Positions::from_packed(&self.positions);
+        let settings = SimplifySettings {
+            target_index_count: 3 * wanted,
+            target_error: 1.0,
+            options: SimplifyOptions::PRUNE,
+        };
+        let failed = |error| Error::unsupported(format!("the mesh cannot be made coarser: {error}"));
+        let indices = triangles.as_flattened();
+        let none = Attributes::from_interleaved(&[], self.positions.len(), 0, 0, 0).map_err(failed)?;
+        let flags = Some(self.flags.as_slice());
+        let fewer =
+            simplify_with_attributes(indices, positions, none, &[], flags, settings, &mut self.workspace);
+        let mut left = fewer.map_err(failed)?.indices;
+        if left.len() > 3 * TOLERATED_EXCESS * wanted {
+            let rough = simplify_sloppy(&left, positions, None, 3 * wanted, 1.0, &mut self.workspace);
+            left = rough.map_err(failed)?.indices;
+        }
+        Ok(left.as_chunks::<3>().0.to_vec())
+    }
+}
+
+fn triangles_by_material(mesh: &Mesh) -> Vec<Vec<[u32; 3]>> {
+    let mut by_material = vec![Vec::new(); mesh.materials.len().max(1)];
+    for (index, &triangle) in mesh.triangles.iter().enumerate() {
+        by_material[mesh.material_of(index)].push(triangle);
+    }
+    by_material
+}
+
+fn flags(mesh: &Mesh) -> Vec<VertexFlags> {
+    let mut flags = vec![VertexFlags::EMPTY; mesh.positions.len()];
+    let mut seen = vec![None; mesh.positions.len()];
+    for (index, triangle) in mesh.triangles.iter().enumerate() {
+        let material = mesh.material_of(index);
+        for &vertex in triangle {
+            if *seen[vertex as usize].get_or_insert(material) != material {
+                flags[vertex as usize] = VertexFlags::LOCK;
+            }
+        }
+    }
+    flags
+}
