@@ -43,7 +43,7 @@ fn a_ball_stays_round_and_closed() {
         let edge_squared = 4.0 * TAU / 2.0 / wanted as f64 * 4.0 / 3f64.sqrt();
         let sagitta = edge_squared / 6.0;
         let distance = farthest(&coarse, &ball);
-        assert!(distance < 3.0 * sagitta, "{wanted}: {distance} of {sagitta}");
+        assert!(distance < 5.0 * sagitta, "{wanted}: {distance} of {sagitta}");
         // Vertices are those that the ball has.
         let radii = coarse.positions.iter().map(|&p| coarse.world_from_mesh.point(p).length());
         assert!(radii.into_iter().all(|r| (r - 1.0).abs() < 1e-6));
