@@ -7,13 +7,11 @@ use std::time::Duration;
 use fantex_gpu::{DrawOptions, Frame, Gpu, Model, Renderer, StreamedModel, max_anisotropy, stream_view};
 use fantex_scene::{Camera, CameraRig, Lights, SceneScale, world_bounds};
 use fantex_store::Asset;
-use fantex_stream::read::{ReadRequest, ReaderInfo, ReaderKind, task_reader};
+use fantex_stream::read::{BROWSER_CONNECTIONS, RemoteFile};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions, open_fetched};
 use glam::DVec2;
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
-
-use crate::fetch::{CONNECTIONS, RemoteFile};
 
 /// Time of a frame that goes into unpacking what has come.
 const UNPACKING_SLICE: Duration = Duration::from_millis(6);
@@ -82,12 +80,7 @@ impl Viewer {
         let (gpu, asset) = join(open_gpu(canvas), asset).await;
         let ((gpu, surface, configuration), asset) = (gpu?, Arc::new(asset.map_err(said)?));
 
-        let info = ReaderInfo { kind: ReaderKind::Http, direct: false, depth: CONNECTIONS };
-        let reader = task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
-            let file = Rc::clone(&file);
-            let range = request.offset..request.offset + request.length as u64;
-            async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
-        });
+        let reader = file.reader(BROWSER_CONNECTIONS);
         let options = ClusterLoaderOptions {
             block_compressed: gpu.has_block_compression(),
             ..ClusterLoaderOptions::default()
