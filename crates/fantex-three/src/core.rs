@@ -75,7 +75,10 @@ struct Streaming {
 
 impl std::fmt::Debug for Streaming {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Streaming").field("grid", &self.grid).field("formats", &self.formats).finish_non_exhaustive()
+        f.debug_struct("Streaming")
+            .field("grid", &self.grid)
+            .field("formats", &self.formats)
+            .finish_non_exhaustive()
     }
 }
 
@@ -123,7 +126,9 @@ impl FanCore {
     pub fn channels(&self) -> Vec<u32> {
         let channels = self.asset.channels().iter();
         let format = |format| TexelFormat::ALL.iter().position(|known| *known == format).unwrap_or(0) as u32;
-        channels.flat_map(|channel| [channel.kind as u32, format(channel.format), channel.srgb.into()]).collect()
+        channels
+            .flat_map(|channel| [channel.kind as u32, format(channel.format), channel.srgb.into()])
+            .collect()
     }
 
     /// The materials.
@@ -174,14 +179,22 @@ impl FanCore {
 
     /// Makes an atlas in which nothing is resident, also after another one was lost: of at most so many bytes, in textures of at most
     /// `max_side` texels. `has_blocks`: the device has all compressed formats of the asset. Returns columns and rows of the textures.
-    pub fn begin(&mut self, has_blocks: bool, max_side: u32, atlas_bytes: f64, max_anisotropy: f32) -> Vec<u32> {
+    pub fn begin(
+        &mut self,
+        has_blocks: bool,
+        max_side: u32,
+        atlas_bytes: f64,
+        max_anisotropy: f32,
+    ) -> Vec<u32> {
         let channels = self.asset.channels().iter();
         let formats: Vec<_> = channels.map(|channel| AtlasFormat::of(channel.format, has_blocks)).collect();
         let atlas = AtlasGrid::fitting(AtlasShape::within(atlas_bytes as u64, &formats), max_side);
         let grid = AtlasGrid::new(atlas, max_side);
-        let options = ClusterLoaderOptions { block_compressed: has_blocks, ..ClusterLoaderOptions::default() };
+        let options =
+            ClusterLoaderOptions { block_compressed: has_blocks, ..ClusterLoaderOptions::default() };
         let reader = Box::new(self.file.reader(self.connections));
-        let loader = ClusterLoader::without_threads(Arc::clone(&self.asset), reader, &options, UNPACKING_SLICE);
+        let loader =
+            ClusterLoader::without_threads(Arc::clone(&self.asset), reader, &options, UNPACKING_SLICE);
         let options = StreamerOptions { atlas, max_anisotropy, ..StreamerOptions::default() };
         let streamer = Streamer::new(self.asset.clone(), Box::new(loader), options);
         let words = PageWords::new(self.asset.cover(), &self.pages);
@@ -265,4 +278,3 @@ fn stream_view(view: &[f64], space: &ObjectSpace) -> Option<StreamView> {
         focal_pixels: *view.get(14)? as f32,
     })
 }
-

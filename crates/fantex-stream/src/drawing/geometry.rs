@@ -15,7 +15,6 @@ use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-
 /// A vertex of triangles that lie in one tile.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]

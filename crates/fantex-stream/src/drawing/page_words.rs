@@ -13,8 +13,8 @@ use std::ops::Range;
 
 use fantex_cover::Cover;
 
-use super::geometry::is_paged;
 use super::AtlasGrid;
+use super::geometry::is_paged;
 use crate::{PageTable, TableChange};
 
 /// Columns of the texture, as a binary logarithm; also in `fan_lookup.wgsl`. Every device has textures as wide.

@@ -20,7 +20,8 @@ impl<'t> UploadRectangle<'t> {
     /// The rows: of blocks where the format is compressed, else of texels.
     pub fn rows(&self) -> impl Iterator<Item = &'t [u8]> + use<'t> {
         let (first, length) = (self.before.bytes, self.own.bytes);
-        let rows = self.texels.chunks_exact(self.all.bytes.max(1)).skip(self.before.count).take(self.own.count);
+        let rows =
+            self.texels.chunks_exact(self.all.bytes.max(1)).skip(self.before.count).take(self.own.count);
         rows.map(move |row| &row[first..first + length])
     }
 
@@ -87,7 +88,8 @@ mod tests {
             channels: vec![Arc::from(blocks), Arc::from(singles)],
         };
         let compressed: Vec<_> = upload_rectangles(&texels, 0, AtlasFormat::Bc1).collect();
-        let found: Vec<_> = compressed.iter().map(|r| (r.offset, r.size, r.rows().collect::<Vec<_>>())).collect();
+        let found: Vec<_> =
+            compressed.iter().map(|r| (r.offset, r.size, r.rows().collect::<Vec<_>>())).collect();
         assert_eq!(found[0], ([4, 0], [4, 4], vec![&[1; 8][..]]));
         let pair = [[4; 8], [5; 8]].concat();
         assert_eq!(found[1], ([4, 4], [8, 4], vec![&pair[..]]));

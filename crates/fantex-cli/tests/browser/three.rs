@@ -1,0 +1,207 @@
+//! The npm package for three.js in a real browser: its pictures beside the CPU renderer's, what it says, and what it leaves behind.
+//!
+//! Skipped where the package has not been built (`cargo xtask web`), or where there is no three.js (`npm ci` in `three`), no Chromium with its
+//! driver, or no Python, whose server hands out the page.
+
+use std::path::{Path, PathBuf};
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use fantex::texture::Image;
+use fantex::texture::compare::{Comparison, compare_where};
+use fantex_test::{skip, workspace};
+use serde_json::Value;
+
+use super::driver::Browser;
+use super::{Running, SIZE, bottle, fantex, serve, serve_folder, text};
+
+/// Where pictures are taken from: eye, target, opening angle.
+const VIEW: [&str; 3] = ["0.25,0.15,0.45", "0,0,0", "35"];
+
+/// A browser and the page's address, where both are to be had.
+fn page() -> Option<(Browser, Running, String)> {
+    let folder = workspace().join("three");
+    if !folder.join("built/fantex_three_bg.wasm").is_file() {
+        skip("the package for three.js is not built (cargo xtask web)");
+        return None;
+    }
+    if !folder.join("node_modules/three/package.json").is_file() {
+        skip("three.js is not installed (npm ci in the folder three)");
+        return None;
+    }
+    let Some(browser) = Browser::start(SIZE) else {
+        skip("no chromium with chromedriver");
+        return None;
+    };
+    let Some((server, url)) = serve_folder(&folder) else {
+        skip("no python3");
+        return None;
+    };
+    Some((browser, server, format!("{url}test/page.html")))
+}
+
+/// The page's address with an asset, the view, and more.
+fn address(page: &str, asset: &str, more: &str) -> String {
+    let [eye, target, fov] = VIEW;
+    format!("{page}?asset={asset}&eye={eye}&target={target}&fov={fov}{more}")
+}
+
+fn load(browser: &Browser, url: &str) {
+    browser.open(url);
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+}
+
+/// What the page's canvas shows.
+fn picture(browser: &Browser, path: &Path) -> Image {
+    let url = browser.run("return test.picture()");
+    let (_, base64) = url.as_str().unwrap().split_once("base64,").unwrap();
+    std::fs::write(path, STANDARD.decode(base64).unwrap()).unwrap();
+    Image::load(path).unwrap()
+}
+
+/// The CPU renderer's picture of the same view.
+fn expected(asset: &Path, path: &Path, more: &[&str]) -> Image {
+    let [eye, target, fov] = VIEW;
+    let size = format!("{}x{}", SIZE[0], SIZE[1]);
+    let view = ["--eye", eye, "--target", target, "--fov", fov, "--size", &size, "--background", "transparent"];
+    fantex(&[&["render", text(asset), "-o", text(path)], &view[..], more].concat());
+    Image::load(path).unwrap()
+}
+
+/// How much two pictures differ where both are covered: by the PSNR, and the largest difference of a component. Pixels that either covers in
+/// part are left out: browsers mean the samples of such a pixel as sRGB values, the CPU renderer in linear light.
+fn difference(expected: &Image, shown: &Image) -> Comparison {
+    let texels = |image: &Image| -> Vec<f32> {
+        let places = (0..image.height).flat_map(|y| (0..image.width).map(move |x| [x, y]));
+        places.map(|[x, y]| image.linear_texel(x, y)[3]).collect()
+    };
+    let alphas = [expected, shown].map(texels);
+    let inner: Vec<bool> = alphas[0].iter().zip(&alphas[1]).map(|(a, b)| a.min(*b) == 1.0).collect();
+    let covered = alphas.map(|image| image.iter().filter(|alpha| **alpha > 0.0).count());
+    let count = inner.iter().filter(|inner| **inner).count();
+    assert!(count * 20 > covered[0].max(covered[1]) * 19, "{count} of {covered:?} pixels are covered by both");
+    compare_where(expected, shown, &inner).unwrap()
+}
+
+/// A bottle that no lamp lights.
+fn unlit_bottle(folder: &Path) -> PathBuf {
+    let source = workspace().join("assets/WaterBottle");
+    let model = folder.join("model");
+    std::fs::create_dir(&model).unwrap();
+    for entry in source.read_dir().unwrap().map(Result::unwrap).filter(|entry| entry.path().is_file()) {
+        std::fs::copy(entry.path(), model.join(entry.file_name())).unwrap();
+    }
+    let path = model.join("WaterBottle.gltf");
+    let mut gltf: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    for material in gltf["materials"].as_array_mut().unwrap() {
+        material["extensions"] = serde_json::json!({ "KHR_materials_unlit": {} });
+    }
+    gltf["extensionsUsed"] = serde_json::json!(["KHR_materials_unlit"]);
+    std::fs::write(&path, gltf.to_string()).unwrap();
+    let asset = folder.join("unlit.fan");
+    fantex(&["bake", text(&path), "-o", text(&asset), "--texels", "1M"]);
+    asset
+}
+
+#[test]
+fn three_shows_the_texture_function() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = unlit_bottle(folder.path());
+    let (_server, info) = serve(&asset, &["--share"]);
+    let expected = expected(&asset, &folder.path().join("expected.png"), &[]);
+    // Compressed as it is stored, and decoded.
+    for (compressed, query) in [(true, ""), (false, "&compressed=0")] {
+        load(&browser, &address(&page, &info.asset_url, query));
+        assert_eq!(browser.run("return test.fan().isCompressed"), compressed);
+        let shown = picture(&browser, &folder.path().join("shown.png"));
+        let decibels = difference(&expected, &shown).psnr_db;
+        println!("compressed {compressed}: {decibels:.1} dB");
+        assert!(decibels > 40.0, "compressed {compressed}: {decibels} dB");
+    }
+}
+
+#[test]
+fn three_lights_all_channels() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, info) = serve(&asset, &["--share"]);
+    // The sun alone: three's ambient light is not the CPU renderer's.
+    let black = folder.path().join("black.png");
+    Image::from_linear_rgb(2, 1, &[[0.0; 4]; 2]).save(&black).unwrap();
+    let sun = "1,2,3";
+    let lit = ["--light", sun, "--environment", text(&black)];
+    let expected = expected(&asset, &folder.path().join("expected.png"), &lit);
+    load(&browser, &address(&page, &info.asset_url, &format!("&sun={sun}")));
+    let shown = picture(&browser, &folder.path().join("shown.png"));
+    let decibels = difference(&expected, &shown).psnr_db;
+    println!("{decibels:.1} dB");
+    assert!(decibels > 40.0, "{decibels} dB");
+}
+
+#[test]
+fn three_shows_again_what_a_lost_context_took() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, info) = serve(&asset, &["--share"]);
+    load(&browser, &address(&page, &info.asset_url, "&sun=1,2,3"));
+    let before = picture(&browser, &folder.path().join("before.png"));
+    browser.run("window.lost = test.renderer.getContext().getExtension('WEBGL_lose_context'); lost.loseContext()");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    assert_eq!(browser.run("return test.renderer.getContext().isContextLost()"), true);
+    browser.run("document.documentElement.dataset.state = 'lost'; lost.restoreContext()");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+    let after = picture(&browser, &folder.path().join("after.png"));
+    assert_eq!(before, after);
+}
+
+#[test]
+fn three_leaves_nothing_behind() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, info) = serve(&asset, &["--share"]);
+    load(&browser, &address(&page, &info.asset_url, "&sun=1,2,3"));
+    let before = browser.run("return test.before");
+    let during = browser.run("return test.counts()");
+    assert!(during["geometries"].as_u64() > before["geometries"].as_u64(), "{during}");
+    // Textures that three does not count are counted as the context's own.
+    browser.run(
+        "const gl = test.renderer.getContext(); const remove = gl.deleteTexture; window.removed = 0;
+         gl.deleteTexture = (texture) => { removed += gl.isTexture(texture) ? 1 : 0; remove.call(gl, texture); }",
+    );
+    let after = browser.run("return test.dispose()");
+    let with_sun = |counts: &Value| {
+        let mut counts = counts.clone();
+        counts["children"] = 1.into();
+        counts
+    };
+    assert_eq!(with_sun(&after), with_sun(&before));
+    assert_eq!(after["children"], 1, "only the sun is left");
+    let channels = 4;
+    assert_eq!(browser.run("return removed"), channels + 4, "atlases, page table, groups, means, frames");
+}
+
+#[test]
+fn three_says_what_is_wrong() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, info) = serve(&asset, &["--share"]);
+    let said = |url: &str| {
+        browser.open(url);
+        let (state, said) = browser.wait_for(&["sharp", "failed"]);
+        assert_eq!(state, "failed");
+        said
+    };
+    let missing = said(&address(&page, &info.asset_url.replace("bottle", "vase"), ""));
+    assert!(missing.contains("vase.fan") && missing.contains("404 Not Found"), "{missing}");
+    // Python's server knows no ranges, and hands out this file beside the page.
+    let whole = said(&address(&page, "/package.json", ""));
+    assert!(whole.contains("does not support range requests"), "{whole}");
+}
