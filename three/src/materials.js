@@ -4,7 +4,9 @@ import {
     Color, DoubleSide, FrontSide, MeshBasicMaterial, MeshDepthMaterial, MeshDistanceMaterial, MeshPhysicalMaterial, MeshStandardMaterial,
 } from "three";
 
-import { FRAGMENT_CHUNKS, FRAGMENT_DECLARATIONS, VERTEX_DECLARATIONS, VERTEX_STATEMENTS } from "./shader.js";
+import {
+    FRAGMENT_CHUNKS, FRAGMENT_DECLARATIONS, FRAGMENT_STATEMENTS, VERTEX_DECLARATIONS, VERTEX_STATEMENTS,
+} from "./shader.js";
 import { BASE_COLOR, EMISSION, LIGHT, MATERIAL, NORMAL } from "./textures.js";
 
 const DEFINES = [
@@ -72,7 +74,8 @@ export function patchMaterial(material, uniforms, defines) {
         shader.uniforms.fanOcclusionIntensity = { get value() { return material.aoMapIntensity ?? 1; } };
         shader.vertexShader = shader.vertexShader
             .replace("void main() {", () => `${VERTEX_DECLARATIONS}\nvoid main() {\n${VERTEX_STATEMENTS}`);
-        let fragment = shader.fragmentShader.replace("void main() {", () => `${FRAGMENT_DECLARATIONS}\nvoid main() {`);
+        let fragment = shader.fragmentShader
+            .replace("void main() {", () => `${FRAGMENT_DECLARATIONS}\nvoid main() {\n${FRAGMENT_STATEMENTS}`);
         for (const [chunk, replacement] of Object.entries(FRAGMENT_CHUNKS)) fragment = fragment.replace(chunk, () => replacement);
         shader.fragmentShader = fragment;
     };

@@ -43,6 +43,10 @@ flat in uvec3 vFanGroups;
 flat in uvec4 vFanRecords01;
 flat in uvec2 vFanRecord2;
 
+#if defined(FAN_NORMAL) && !defined(USE_NORMALMAP_OBJECTSPACE)
+uniform mat3 normalMatrix;
+#endif
+
 // A word per page: zero where there is nothing, else quarters of a place in the atlas: column, row << 12, and 1 << 31; in tiles of one page
 // per level also how many levels coarser it is << 24.
 uniform usampler2D fanPages;
@@ -481,10 +485,14 @@ FanSurface fanSurface() {
 /** Declarations of the fragment shader. */
 export const FRAGMENT_DECLARATIONS = UNIFORMS + LOOKUP + BLEND;
 
+/** Statements at the beginning of the fragment shader's main function. */
+export const FRAGMENT_STATEMENTS = /* glsl */ `
+FanSurface fan = fanSurface();
+`;
+
 /** What stands in the place of three's chunks in fragment shaders. */
 export const FRAGMENT_CHUNKS = {
     "#include <map_fragment>": /* glsl */ `
-FanSurface fan = fanSurface();
 #ifdef FAN_BASE_COLOR
     diffuseColor *= vec4(max(fan.baseColor.rgb, vec3(0.0)), clamp(fan.baseColor.a, 0.0, 1.0));
 #endif

@@ -205,3 +205,21 @@ fn three_says_what_is_wrong() {
     let whole = said(&address(&page, "/package.json", ""));
     assert!(whole.contains("does not support range requests"), "{whole}");
 }
+
+#[test]
+fn every_material_of_three_shows_the_channels() {
+    let Some((browser, _pages, page)) = page() else { return };
+    browser.open(&page.replace("page.html", "materials.html"));
+    let (_, rows) = browser.wait_for(&["sharp"]);
+    let rows: Vec<(String, [u8; 4], u32)> = serde_json::from_str(&rows).unwrap();
+    assert_eq!(rows.len(), 24);
+    for (name, pixel, error) in &rows {
+        assert_eq!(*error, 0, "{name}: an error of the context");
+        let [red, green, blue, _] = *pixel;
+        match name.as_str() {
+            // Towards the camera.
+            "MeshNormalMaterial" => assert_eq!([red, green, blue], [128, 128, 255]),
+            _ => assert!(green > 64 && red < 8 && blue < 8, "{name}: {pixel:?} is not green"),
+        }
+    }
+}
