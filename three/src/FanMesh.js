@@ -166,6 +166,10 @@ export class FanMesh extends Mesh {
         return this.#textures?.isCompressed ?? null;
     }
 
+    clone() {
+        throw new Error("a FanMesh cannot be cloned; for another copy of it, make a Mesh of its geometry and material, or load the asset again");
+    }
+
     /** Ends streaming, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
     dispose() {
         if (this.#core === null) return;

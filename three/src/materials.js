@@ -68,8 +68,11 @@ export function fanDefines(channels, isPaged, anisotropy) {
  * its normals are replaced. Materials of three that are not lit, or are lit in another way, take what they know.
  */
 export function patchMaterial(material, uniforms, defines) {
+    const { onBeforeCompile } = material;
+    const key = material.customProgramCacheKey();
     material.defines = { ...material.defines, ...defines };
-    material.onBeforeCompile = (shader) => {
+    material.onBeforeCompile = (shader, renderer) => {
+        onBeforeCompile.call(material, shader, renderer);
         Object.assign(shader.uniforms, uniforms);
         shader.uniforms.fanOcclusionIntensity = { get value() { return material.aoMapIntensity ?? 1; } };
         shader.vertexShader = shader.vertexShader
@@ -80,7 +83,7 @@ export function patchMaterial(material, uniforms, defines) {
         shader.fragmentShader = fragment;
     };
     // Patched materials share their programs, and none with others.
-    material.customProgramCacheKey = () => "fan";
+    material.customProgramCacheKey = () => `fan ${key}`;
     return material;
 }
 

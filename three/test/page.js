@@ -53,7 +53,7 @@ async function load() {
     enter("loading");
     const loaded = [];
     try {
-        const loader = new FanLoader({ compressed: query.get("compressed") !== "0", anisotropy: Number(query.get("anisotropy") ?? 16) });
+        const loader = new FanLoader({ compressed: query.get("compressed") !== "0", anisotropy: Number(query.get("anisotropy") ?? 16), errorTarget: Number(query.get("error") ?? 1) });
         fan = await loader.loadAsync(query.get("asset"), (event) => loaded.push(event.loaded));
     } catch (error) {
         enter("failed", error.message);

@@ -223,3 +223,75 @@ fn every_material_of_three_shows_the_channels() {
         }
     }
 }
+
+/// A sphere of 1280 triangles with smooth waves on it that no lamp lights, in tiles of one fan each: a third of it lies in blend bands.
+fn waves(folder: &Path) -> PathBuf {
+    let (model, look, asset) = (folder.join("ball.obj"), folder.join("waves.toml"), folder.join("waves.fan"));
+    let ball = fantex::mesh::generate::icosphere(3);
+    let mut obj = String::new();
+    for [x, y, z] in ball.positions.iter().map(|p| p.to_array()) {
+        obj += &format!("v {x} {y} {z}\n");
+    }
+    for [a, b, c] in ball.triangles.iter().map(|t| t.map(|v| v + 1)) {
+        obj += &format!("f {a} {b} {c}\n");
+    }
+    std::fs::write(&model, obj).unwrap();
+    let text_of_look = "
+        [textures.waves]
+        kind = \"sines\"
+        offset = 0.5
+        waves = [
+            { direction = [1, 0.3, 0], length = 1.5, amplitude = 0.2 },
+            { direction = [0.2, 1, 0.4], length = 0.9, amplitude = 0.2, phase = 40 },
+        ]
+        [materials.\"*\"]
+        base_color = \"waves\"
+        color_use = \"replace\"
+        lighting = \"unlit\"
+    ";
+    std::fs::write(&look, text_of_look).unwrap();
+    fantex(&["bake", text(&model), "-o", text(&asset), "--look", text(&look), "--texels", "256k", "--tile", "16"]);
+    asset
+}
+
+/// The largest difference of neighbouring pixels that both lie on the surface, and whose other neighbours do, too; 0 to 1.
+fn largest_step(picture: &Image) -> f32 {
+    let [width, height] = [picture.width, picture.height];
+    let is_covered = |x: u32, y: u32| picture.linear_texel(x, y)[3] == 1.0;
+    let is_inner = |x: u32, y: u32| {
+        (x.saturating_sub(3)..=(x + 3).min(width - 1)).all(|x| is_covered(x, y))
+            && (y.saturating_sub(3)..=(y + 3).min(height - 1)).all(|y| is_covered(x, y))
+    };
+    let mut largest = 0.0_f32;
+    for (x, y) in (0..height - 1).flat_map(|y| (0..width - 1).map(move |x| (x, y))) {
+        for [right, down] in [[1, 0], [0, 1]] {
+            if is_inner(x, y) && is_inner(x + right, y + down) {
+                let [here, there] = [[x, y], [x + right, y + down]].map(|[x, y]| picture.linear_texel(x, y)[0]);
+                largest = largest.max((here - there).abs());
+            }
+        }
+    }
+    largest
+}
+
+#[test]
+fn three_shows_no_seams_at_any_level() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = waves(folder.path());
+    let (_server, info) = serve(&asset, &["--share"]);
+    let [eye, target, fov] = ["0,0.5,4", "0,0,0", "35"];
+    let size = format!("{}x{}", SIZE[0], SIZE[1]);
+    let path = folder.path().join("expected.png");
+    let view = ["--eye", eye, "--target", target, "--fov", fov, "--size", &size, "--background", "transparent"];
+    fantex(&[&["render", text(&asset), "-o", text(&path)], &view[..]].concat());
+    let smooth = largest_step(&Image::load(&path).unwrap());
+    for error_target in ["1", "4", "16"] {
+        let query = format!("?asset={}&eye={eye}&target={target}&fov={fov}&error={error_target}", info.asset_url);
+        load(&browser, &format!("{page}{query}"));
+        let shown = largest_step(&picture(&browser, &folder.path().join("shown.png")));
+        println!("texels of {error_target} pixels: {shown:.4}, the texture itself {smooth:.4}");
+        // A step of a byte more: pictures are rounded.
+        assert!(shown < smooth + 2.0 / 255.0, "texels of {error_target} pixels: {shown}, the texture itself {smooth}");
+    }
+}

@@ -1,7 +1,7 @@
 //! Fan-textured models: geometry, atlas and texture function on the GPU.
 //!
 //! ```text
-//!  Mesh, Cover  --geometry--> plain triangles, border triangles     vertex buffers
+//!  Mesh, Cover  --drawing---> plain triangles, border triangles     vertex buffers (fantex_stream::drawing)
 //!               --bindings--> groups, means, frames                 storage buffers
 //!  FrameChanges --atlas-----> pages in the atlas, page table        textures
 //!  fan_lookup.wgsl    a tile: levels, probes, where they lie in the atlas
