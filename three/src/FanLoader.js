@@ -17,7 +17,8 @@ const DEFAULTS = {
 let core = null;
 
 function ready(wasmUrl) {
-    core ??= init(wasmUrl === undefined ? undefined : { module_or_path: wasmUrl });
+    // Bundlers look for the address in this form.
+    core ??= init({ module_or_path: wasmUrl ?? new URL("../built/fantex_three_bg.wasm", import.meta.url) });
     // What could not be fetched may be there the next time.
     core.catch(() => { core = null; });
     return core;
