@@ -1,7 +1,8 @@
 // The page of the tests in a browser: one asset, a camera and lights from the address, the picture on request.
 
 import {
-    Color, DirectionalLight, MeshBasicMaterial, NoToneMapping, PerspectiveCamera, Scene, Vector3, WebGLRenderer,
+    Color, DirectionalLight, HalfFloatType, Mesh, MeshStandardMaterial, NoToneMapping, PerspectiveCamera, Scene, SphereGeometry, Vector3,
+    WebGLRenderTarget, WebGLRenderer, DataUtils,
 } from "three";
 
 import { FanLoader } from "@fantex/three";
@@ -64,13 +65,46 @@ async function load() {
     renderer.setAnimationLoop(frame);
 }
 
+/**
+ * The picture as a PNG. Canvases mean the samples of a pixel as sRGB values; as the CPU renderer does it in linear light, the scene is drawn
+ * into a target of half floats, and encoded here.
+ */
+function picture() {
+    const [width, height] = [canvas.width, canvas.height];
+    const target = new WebGLRenderTarget(width, height, { samples: 4, type: HalfFloatType });
+    fan.update(camera, renderer);
+    renderer.setRenderTarget(target);
+    renderer.clear();
+    renderer.render(scene, camera);
+    renderer.setRenderTarget(null);
+    const halves = new Uint16Array(4 * width * height);
+    renderer.readRenderTargetPixels(target, 0, 0, width, height, halves);
+    target.dispose();
+    const image = new ImageData(width, height);
+    const encoded = (value) => value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055;
+    for (let i = 0; i < halves.length; i += 4) {
+        const row = Math.floor(i / 4 / width);
+        const to = i + 4 * width * (height - 1 - 2 * row);
+        const [red, green, blue, alpha] = [0, 1, 2, 3].map((k) => DataUtils.fromHalfFloat(halves[i + k]));
+        [red, green, blue].forEach((value, k) => {
+            image.data[to + k] = Math.round(255 * encoded(Math.min(Math.max(value / Math.max(alpha, 1e-6), 0), 1)));
+        });
+        image.data[to + 3] = Math.round(255 * alpha);
+    }
+    const flat = Object.assign(document.createElement("canvas"), { width, height });
+    flat.getContext("2d").putImageData(image, 0, 0);
+    return flat.toDataURL("image/png");
+}
+
 /** What the driver calls. */
 window.test = {
-    renderer, scene, camera, counts, load, MeshBasicMaterial,
+    renderer, counts, picture,
     fan: () => fan,
-    picture() {
-        frame();
-        return canvas.toDataURL("image/png");
+    /** Has the material read a channel or do without it. */
+    set(define, isRead) {
+        if (isRead) fan.material.defines[define] = "";
+        else delete fan.material.defines[define];
+        fan.material.needsUpdate = true;
     },
     dispose() {
         renderer.setAnimationLoop(null);
@@ -81,7 +115,13 @@ window.test = {
     },
 };
 
-// Something to compare with when it is gone again.
+// What three makes for lit materials once and for all is there before the asset.
+const plain = new Mesh(new SphereGeometry(), new MeshStandardMaterial());
+scene.add(plain);
+renderer.render(scene, camera);
+scene.remove(plain);
+plain.geometry.dispose();
+plain.material.dispose();
 renderer.render(scene, camera);
 window.test.before = counts();
 if (query.has("asset")) load();

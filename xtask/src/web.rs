@@ -39,7 +39,11 @@ pub(crate) fn write_scripts() -> Result<(), Failure> {
     for (name, folder) in [("fantex_web", "crates/fantex-web/built"), ("fantex_three", "three/built")] {
         let program = target_folder().join(TARGET).join("web").join(name).with_extension("wasm");
         let mut bindgen = wasm_bindgen_cli_support::Bindgen::new();
-        bindgen.input_path(program).typescript(false).remove_name_section(true).remove_producers_section(true);
+        bindgen
+            .input_path(program)
+            .typescript(false)
+            .remove_name_section(true)
+            .remove_producers_section(true);
         let prepared = bindgen.web(true).and_then(|bindgen| bindgen.generate(root().join(folder)));
         prepared.map_err(|error| Failure(format!("cannot write the scripts of {name}: {error:#}")))?;
         for file in [format!("{name}.js"), format!("{name}_bg.wasm")] {
