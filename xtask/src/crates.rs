@@ -29,6 +29,7 @@ const CRATES: &str = "
     fantex-bottle  | the model of the demo |
     fantex-gallery | the looks of the gallery |
     fantex-web     | the viewer for browsers, and the files of its page | scene store stream gpu
+    fantex-three   | the core of the npm package for three.js | mesh store stream
     fantex-cli     | the command line | fantex assets bottle gallery web
     fantex-app     | the window: viewer and painter | fantex assets
     fantex-python  | the Python package | fantex assets

@@ -36,6 +36,7 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     if web::has_target() {
         // Programs that are built from here on have it; the tests in a browser want it.
         prepare_browser();
+        web::install_three();
         web::build()?;
     } else {
         eprintln!("no viewer for browsers: {}", web::HOW);

@@ -33,6 +33,7 @@ mod directory;
 mod edit;
 #[cfg(not(target_arch = "wasm32"))]
 mod encode;
+#[cfg(not(target_arch = "wasm32"))]
 mod encoder_print;
 mod error;
 #[cfg(not(target_arch = "wasm32"))]

@@ -27,6 +27,7 @@ mod cluster_loader;
 mod demand;
 #[cfg(not(target_arch = "wasm32"))]
 mod disk_speed;
+pub mod drawing;
 mod loader;
 mod outline;
 mod parcel;

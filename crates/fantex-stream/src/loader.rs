@@ -6,6 +6,7 @@ use std::sync::Arc;
 use fantex_base::Error;
 use fantex_store::PageId;
 
+use crate::drawing::UploadRows;
 use crate::{AtlasFormat, Outline, Parcel, ParcelLayout};
 
 /// Texels of a parcel in the formats of the atlas.
@@ -86,37 +87,19 @@ pub fn assemble<'p, E>(
             channels.push(Arc::from(page(channel, slot.page)?));
             continue;
         }
-        let rows = Rows::of(format, layout.extent);
-        let mut texels = vec![0; rows.pitch * rows.count];
+        let rows = UploadRows::of(format, layout.extent);
+        let mut texels = vec![0; rows.bytes * rows.count];
         for slot in &layout.slots {
             let bytes = page(channel, slot.page)?;
-            let [own, before] = [slot.extent, slot.at].map(|n| Rows::of(format, n));
-            for (row, source) in bytes.chunks_exact(own.pitch.max(1)).enumerate() {
-                let start = (before.count + row) * rows.pitch + before.pitch;
-                texels[start..start + own.pitch].copy_from_slice(source);
+            let [own, before] = [slot.extent, slot.at].map(|n| UploadRows::of(format, n));
+            for (row, source) in bytes.chunks_exact(own.bytes.max(1)).enumerate() {
+                let start = (before.count + row) * rows.bytes + before.bytes;
+                texels[start..start + own.bytes].copy_from_slice(source);
             }
         }
         channels.push(Arc::from(texels));
     }
     Ok(ParcelTexels { extent: layout.extent, outline: Outline::WHOLE, channels })
-}
-
-/// Rows of a rectangle of texels: of blocks, or of texels.
-struct Rows {
-    count: usize,
-    /// Bytes of a row.
-    pitch: usize,
-}
-
-impl Rows {
-    fn of(format: AtlasFormat, [columns, rows]: [u32; 2]) -> Self {
-        let (columns, rows) = (columns as usize, rows as usize);
-        if format.is_compressed() {
-            Self { count: rows / 4, pitch: columns / 4 * format.block_bytes() }
-        } else {
-            Self { count: rows, pitch: columns * format.block_bytes() / 16 }
-        }
-    }
 }
 
 #[cfg(test)]

@@ -10,8 +10,6 @@
 //!
 //! On other targets the crate is the files of such a page, for programs that hand them out ([`files`], [`Page`]).
 
-#[cfg(target_arch = "wasm32")]
-mod fetch;
 #[cfg(not(target_arch = "wasm32"))]
 mod files;
 #[cfg(target_arch = "wasm32")]

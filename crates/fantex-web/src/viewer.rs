@@ -13,13 +13,13 @@ use std::time::Duration;
 use fantex_gpu::{DrawOptions, Frame, Gpu, Model, Renderer, StreamedModel, max_anisotropy, stream_view};
 use fantex_scene::{Camera, CameraRig, Lights, SceneScale, world_bounds};
 use fantex_store::Asset;
-use fantex_stream::read::{FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, task_reader};
+use fantex_stream::read::{
+    BROWSER_CONNECTIONS, FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, RemoteFile, task_reader,
+};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions};
 use glam::DVec2;
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
-
-use crate::fetch::{CONNECTIONS, RemoteFile};
 
 /// Time of a frame that goes into unpacking what has come.
 const UNPACKING_SLICE: Duration = Duration::from_millis(6);
@@ -95,16 +95,6 @@ impl Shown {
     }
 }
 
-/// Reads of a file on a server.
-fn remote_reader(file: Rc<RemoteFile>) -> LaneReader {
-    let info = ReaderInfo { kind: ReaderKind::Http, direct: false, depth: CONNECTIONS };
-    task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
-        let file = Rc::clone(&file);
-        let range = request.offset..request.offset + request.length as u64;
-        async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
-    })
-}
-
 /// Reads of an asset in memory.
 fn memory_reader(asset: &Asset) -> LaneReader {
     let info = ReaderInfo { kind: ReaderKind::Threads, direct: false, depth: 1 };
@@ -170,7 +160,7 @@ impl Viewer {
             }
             None => {
                 let asset = Arc::new(start.asset().await.map_err(said)?);
-                let reader = remote_reader(Rc::clone(&file));
+                let reader = file.reader(BROWSER_CONNECTIONS);
                 (Shown::new(&gpu, asset, reader, pool_bytes, &options)?, None)
             }
         };
@@ -307,7 +297,7 @@ impl Viewer {
             return Ok(());
         };
         let asset = asset.map_err(said)?;
-        let reader = remote_reader(Rc::clone(&self.file));
+        let reader = self.file.reader(BROWSER_CONNECTIONS);
         self.shown = Shown::new(&self.gpu, asset, reader, self.pool_bytes, &self.options)?;
         self.scale = SceneScale::of(&world_bounds(self.shown.asset.mesh()));
         (self.coming, self.is_stale) = (None, true);

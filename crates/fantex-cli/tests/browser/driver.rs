@@ -10,8 +10,8 @@ use fantex::texture::Image;
 use serde_json::{Value, json};
 use ureq::Agent;
 
-/// WebGPU on the processor, so that pictures do not depend on the machine.
-const ARGUMENTS: [&str; 11] = [
+/// WebGPU and WebGL on the processor, so that pictures do not depend on the machine.
+const ARGUMENTS: [&str; 12] = [
     "--headless=new",
     "--no-sandbox",
     "--disable-dev-shm-usage",
@@ -22,6 +22,7 @@ const ARGUMENTS: [&str; 11] = [
     "--use-vulkan=swiftshader",
     "--use-webgpu-adapter=swiftshader",
     "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
     "--disable-vulkan-surface",
 ];
 

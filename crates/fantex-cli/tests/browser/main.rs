@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod driver;
+mod three;
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -14,7 +15,6 @@ use driver::Browser;
 use fantex::texture::Image;
 use fantex::texture::compare::psnr_db;
 use fantex_test::{skip, workspace};
-use serde_json::Value;
 
 const SIZE: [u32; 2] = [640, 480];
 
@@ -50,18 +50,36 @@ impl Drop for Running {
     }
 }
 
-/// Serves an asset and its page; the page's address.
-fn serve(asset: &Path) -> (Running, String) {
+/// What `fantex serve` tells.
+#[derive(serde::Deserialize)]
+struct Served {
+    /// Of the page.
+    url: String,
+    asset_url: String,
+}
+
+/// Serves an asset and its page.
+fn serve(asset: &Path, options: &[&str]) -> (Running, Served) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fantex"));
-    command.args(["--json", "--quiet", "serve"]).arg(asset).stdout(Stdio::piped());
+    command.args(["--json", "--quiet", "serve"]).arg(asset).args(options).stdout(Stdio::piped());
     let mut child = Running(command.spawn().unwrap());
     let mut output = BufReader::new(child.0.stdout.take().unwrap());
     let mut json = String::new();
     while !json.trim_end().ends_with('}') {
         assert_ne!(output.read_line(&mut json).unwrap(), 0, "{json}");
     }
-    let info: Value = serde_json::from_str(&json).unwrap();
-    (child, info["url"].as_str().unwrap().to_owned())
+    (child, serde_json::from_str(&json).unwrap())
+}
+
+/// Serves a folder by a server that knows no ranges, Python's; its address. None where there is no Python.
+fn serve_folder(folder: &Path) -> Option<(Running, String)> {
+    let mut python = Command::new("python3");
+    python.args(["-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory"]).arg(folder);
+    let mut python = Running(python.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?);
+    let mut line = String::new();
+    BufReader::new(python.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let port = line.split("port ").nth(1).unwrap().split(' ').next().unwrap();
+    Some((python, format!("http://127.0.0.1:{port}/")))
 }
 
 fn bottle(folder: &Path, texels: &str) -> PathBuf {
@@ -75,8 +93,8 @@ fn pictures_are_those_of_the_cpu_renderer() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
     let asset = bottle(folder.path(), "1M");
-    let (_server, url) = serve(&asset);
-    browser.open(&url);
+    let (_server, served) = serve(&asset, &[]);
+    browser.open(&served.url);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
     let shown = browser.picture_after("Home", folder.path());
@@ -106,17 +124,8 @@ fn an_exported_page_needs_a_server_with_ranges_and_says_so() {
     fantex(&["export", text(&asset), "-o", text(&page), "--web", "--title", title, "--credits", "CC0"]);
     let preview = Image::load(page.join("preview.png")).unwrap();
     assert_eq!([preview.width, preview.height], [1200, 630]);
-    // Python's server knows no ranges.
-    let mut python = Command::new("python3");
-    python.args(["-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory"]).arg(&page);
-    let Ok(child) = python.stdout(Stdio::piped()).stderr(Stdio::null()).spawn() else {
-        return skip("no python3");
-    };
-    let mut python = Running(child);
-    let mut line = String::new();
-    BufReader::new(python.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    let port = line.split("port ").nth(1).unwrap().split(' ').next().unwrap();
-    browser.open(&format!("http://127.0.0.1:{port}/"));
+    let Some((_python, url)) = serve_folder(&page) else { return skip("no python3") };
+    browser.open(&url);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!(state, "failed");
     assert!(said.contains("does not support range requests"), "{said}");
@@ -128,9 +137,9 @@ fn what_is_missing_is_said() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
     let asset = bottle(folder.path(), "1M");
-    let (_server, url) = serve(&asset);
+    let (_server, served) = serve(&asset, &[]);
     std::fs::remove_file(&asset).unwrap();
-    browser.open(&url);
+    browser.open(&served.url);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!(state, "failed");
     assert!(said.contains("404 Not Found"), "{said}");
@@ -142,8 +151,8 @@ fn an_asset_that_changes_underneath_is_named_and_what_is_there_stays() {
     let folder = tempfile::tempdir().unwrap();
     // So large that coming closer asks for more of it.
     let asset = bottle(folder.path(), "8M");
-    let (_server, url) = serve(&asset);
-    browser.open(&url);
+    let (_server, served) = serve(&asset, &[]);
+    browser.open(&served.url);
     assert_eq!(browser.wait_for(&["sharp", "failed"]).0, "sharp");
     let mut changed = std::fs::read(&asset).unwrap();
     changed.push(0);

@@ -5,17 +5,18 @@ use std::num::NonZeroU64;
 
 use bytemuck::{Pod, Zeroable};
 use fantex_base::Result;
-use fantex_cover::{Cover, Group};
+use fantex_cover::Cover;
 use fantex_mesh::{AlphaMode, Material, ToonInterpolation, ToonScale};
 use fantex_scene::FilterOptions;
 use fantex_store::{Channel, ChannelKind};
+use fantex_stream::drawing::{
+    AtlasGrid, BorderVertex, PageWords, PlainVertex, frame_records, group_records, mean_records,
+};
 use fantex_stream::{AtlasFormat, PageTable};
 use fantex_texture::Filter;
-use half::f16;
 use wgpu::BindingResource;
 
-use super::atlas::{AtlasGrid, ChannelAtlas, DRAWN_KINDS, KINDS, PageWords, no_channel};
-use super::geometry::{BorderVertex, PlainVertex};
+use super::atlas::{ChannelAtlas, DRAWN_KINDS, KINDS, no_channel};
 use crate::gpu::{FILTERED, SAMPLED, SAMPLER, STORAGE, UNIFORM, dynamic_uniform, texture_type};
 use crate::shader::{CASTER, FAN, FAN_CASTER, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module};
 use crate::surface_pipeline::alpha_code;
@@ -207,23 +208,11 @@ impl FanTables {
         pages: &PageTable,
         mean: impl Fn(usize, u32) -> [f32; 4],
     ) -> Self {
-        let groups = cover.groups.iter().zip(0..).map(|(group, index)| {
-            let [columns, rows] = group.extent.map(|n| n / 4);
-            [pages.first(index), columns | rows << 16]
-        });
-        let means = (0..cover.groups.len() as u32).flat_map(|group| {
-            let mean = &mean;
-            (0..channels.len()).map(move |channel| mean(channel, group).map(f16::from_f32))
-        });
-        // Frames turn normals and directions; without those nothing reads them.
-        let is_turned = |kind| matches!(kind, ChannelKind::Normal | ChannelKind::Anisotropy);
-        let has_vectors = channels.iter().any(|channel| is_turned(channel.kind));
-        let frames = cover.groups.iter().filter(|_| has_vectors).map(frame);
         Self {
-            groups: storage(gpu, "fan groups", &groups.collect::<Vec<[u32; 2]>>()),
+            groups: storage(gpu, "fan groups", &group_records(cover, pages)),
             pages: page_texture(gpu, PageWords::extent(pages.len())),
-            means: storage(gpu, "fan means", &means.collect::<Vec<[f16; 4]>>()),
-            frames: storage(gpu, "fan frames", &frames.collect::<Vec<[f32; 6]>>()),
+            means: storage(gpu, "fan means", &mean_records(cover.groups.len(), channels.len(), mean)),
+            frames: storage(gpu, "fan frames", &frame_records(cover, channels)),
         }
     }
 
@@ -240,11 +229,6 @@ fn page_texture(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
 }
 
 const FRAME_BYTES: u64 = 24;
-
-fn frame(group: &Group) -> [f32; 6] {
-    let (d, x) = (group.frame.direction, group.frame.x_axis);
-    [d.x, d.y, d.z, x.x, x.y, x.z]
-}
 
 /// A buffer for shaders to read; with one zero item where there is none.
 fn storage<T: Pod>(gpu: &Gpu, label: &str, items: &[T]) -> wgpu::Buffer {

@@ -1,7 +1,7 @@
 //! Fan-textured models: geometry, atlas and texture function on the GPU.
 //!
 //! ```text
-//!  Mesh, Cover  --geometry--> plain triangles, border triangles     vertex buffers
+//!  Mesh, Cover  --drawing---> plain triangles, border triangles     vertex buffers (fantex_stream::drawing)
 //!               --bindings--> groups, means, frames                 storage buffers
 //!  FrameChanges --atlas-----> pages in the atlas, page table        textures
 //!  fan_lookup.wgsl    a tile: levels, probes, where they lie in the atlas
@@ -23,25 +23,26 @@ mod atlas;
 mod bindings;
 #[cfg(not(target_arch = "wasm32"))]
 mod blocking;
-mod geometry;
+mod colors;
 
 use std::ops::Range;
 use std::sync::Arc;
 
 pub use atlas::AtlasViewer;
-use atlas::{AtlasGrid, PageWords, Uploader};
+use atlas::{Uploader, checked_grid};
 use bindings::{BindingSource, FanBindings, FanMaterials, FanPipelines, FanTables, Part, Shape, Surface};
+use colors::FanColors;
 use fantex_base::Result;
 use fantex_cover::Cover;
 use fantex_mesh::{Material, Mesh, OpposedTriangles, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::{Asset, Channel};
+use fantex_stream::drawing::{AtlasGrid, GeometryChunk, GeometrySource, MaterialRun, PageWords};
 use fantex_stream::{
     AtlasFormat, AtlasShape, FrameChanges, FrameOptions, Geometry, PageTable, ParcelLoader, StreamView,
     Streamer, StreamerOptions,
 };
 use fantex_texture::Filter;
-use geometry::{FanColors, GeometryChunk, GeometrySource, MaterialRun};
 use glam::Vec3;
 
 use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
@@ -152,7 +153,7 @@ impl FanModel {
         let allowed = limits.max_texture_dimension_2d;
         let [columns, rows] = PageWords::extent(pages.len());
         gpu.allow("the page table", columns.max(rows), allowed, "texels per side")?;
-        let grid = AtlasGrid::checked(gpu, shape)?;
+        let grid = checked_grid(gpu, shape)?;
         let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(gpu, parts, mean);
         let normals = shading_normals(mesh);
@@ -195,7 +196,7 @@ impl FanModel {
         pages: &PageTable,
         shape: AtlasShape,
     ) -> Result<()> {
-        let grid = AtlasGrid::checked(gpu, shape)?;
+        let grid = checked_grid(gpu, shape)?;
         // One that is being filled goes first.
         self.next = None;
         let bindings = self.bindings.with_atlas(gpu, grid, &self.formats);

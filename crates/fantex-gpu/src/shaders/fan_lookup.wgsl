@@ -59,7 +59,7 @@ const ONE_BITS = 0x3F800000;
 // Sides of a page in texels, log2.
 const PAGE_SHIFT = 8u;
 // Pages in a row of the table, log2.
-const PAGE_ROW_SHIFT = 13u;
+const PAGE_ROW_SHIFT = 12u;
 // Texels over which a page fades into the coarser level towards a neighbour that is not resident.
 const FADE_TEXELS = 8.0;
 

@@ -19,6 +19,8 @@
 //! `open_file_reader` chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
 //! file system takes it, else buffered.
 
+#[cfg(target_arch = "wasm32")]
+mod browser;
 mod buffer;
 mod fetched;
 #[cfg(not(target_arch = "wasm32"))]
@@ -42,6 +44,8 @@ use std::time::Duration;
 #[cfg(not(target_arch = "wasm32"))]
 use fantex_store::Asset;
 
+#[cfg(target_arch = "wasm32")]
+pub use browser::{BROWSER_CONNECTIONS, RemoteFile};
 pub use buffer::{BufferPool, ReadBuffer};
 pub use fetched::{Fetched, FetchedFile, open_fetched};
 #[cfg(not(target_arch = "wasm32"))]

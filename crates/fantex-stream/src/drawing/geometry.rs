@@ -15,71 +15,82 @@ use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::bindings::{FanBindings, FanMaterials};
-use crate::shader::{FAN_COLORS, FAN_GEOMETRY, FAN_LOOKUP, compose_surface, module};
-use crate::{Blending, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
-
+/// A vertex of triangles that lie in one tile.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct PlainVertex {
+pub struct PlainVertex {
     /// Mesh space.
-    pub(crate) position: [f32; 3],
-    /// See [`octahedral`].
-    pub(crate) normal: [i16; 2],
+    pub position: [f32; 3],
+    /// On the unfolded octahedron, see [`from_octahedral`].
+    pub normal: [i16; 2],
     /// Tile coordinates.
-    pub(crate) uv: [f32; 2],
-    pub(crate) group: u32,
+    pub uv: [f32; 2],
+    /// The tile's group.
+    pub group: u32,
 }
 
+/// A corner of a triangle that lies in several tiles, or in one that is unfolded.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct BorderVertex {
+pub struct BorderVertex {
     /// Mesh space.
-    pub(crate) position: [f32; 3],
-    /// See [`octahedral`].
-    pub(crate) normal: [i16; 2],
+    pub position: [f32; 3],
+    /// On the unfolded octahedron, see [`from_octahedral`].
+    pub normal: [i16; 2],
     /// This corner's coordinates in the tiles of the groups at the triangle's corners 0, 1, 2.
-    pub(crate) uv: [[f32; 2]; 3],
+    pub uv: [[f32; 2]; 3],
     /// These groups, the same at all three vertices.
-    pub(crate) groups: [u32; 3],
+    pub groups: [u32; 3],
 }
 
 /// Triangles per chunk. The largest buffer of one, 82 MB if all are border triangles, keeps below every common limit.
-const CHUNK: usize = 1 << 19;
+pub const CHUNK_TRIANGLES: usize = 1 << 19;
 
 /// Some of the triangles, in buffers of bounded length.
 #[derive(Debug, Default)]
-pub(crate) struct GeometryChunk {
-    pub(crate) plain_vertices: Vec<PlainVertex>,
-    pub(crate) plain_indices: Vec<u32>,
-    pub(crate) border_vertices: Vec<BorderVertex>,
-    pub(crate) runs: Vec<MaterialRun>,
+pub struct GeometryChunk {
+    /// Vertices of plain triangles.
+    pub plain_vertices: Vec<PlainVertex>,
+    /// Three per plain triangle.
+    pub plain_indices: Vec<u32>,
+    /// Three per border triangle.
+    pub border_vertices: Vec<BorderVertex>,
+    /// Triangles that are drawn alike, in order.
+    pub runs: Vec<MaterialRun>,
 }
 
+/// Triangles of a chunk that are drawn alike.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct MaterialRun {
-    pub(crate) material: u32,
+pub struct MaterialRun {
+    /// Number of the material.
+    pub material: u32,
     /// Whether any of their tiles is larger than a page.
-    pub(crate) is_paged: bool,
+    pub is_paged: bool,
     /// Whether they are opposed by others, and so are not seen from behind.
-    pub(crate) is_opposed: bool,
-    pub(crate) plain: std::ops::Range<u32>,
-    pub(crate) border: std::ops::Range<u32>,
+    pub is_opposed: bool,
+    /// Their plain indices.
+    pub plain: std::ops::Range<u32>,
+    /// Their border vertices.
+    pub border: std::ops::Range<u32>,
 }
 
+/// What vertex buffers are made from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct GeometrySource<'a> {
-    pub(crate) mesh: &'a Mesh,
-    pub(crate) cover: &'a Cover,
+pub struct GeometrySource<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Its cover.
+    pub cover: &'a Cover,
     /// Unit normals, one per corner.
-    pub(crate) normals: &'a [Vec3],
-    pub(crate) opposed: &'a OpposedTriangles,
+    pub normals: &'a [Vec3],
+    /// Triangles that lie on others and face away from them.
+    pub opposed: &'a OpposedTriangles,
 }
 
 impl<'a> GeometrySource<'a> {
     /// Numbers of the triangles that hide what lies behind them or are cut out, and of those that are blended; by material
     /// and what else is drawn apart, else in the mesh's order.
-    pub(crate) fn order(&self) -> [Vec<u32>; 2] {
+    pub fn order(&self) -> [Vec<u32>; 2] {
         let materials = &self.mesh.materials;
         let is_blended = |t: u32| {
             let material = materials.get(self.material(t) as usize);
@@ -96,9 +107,9 @@ impl<'a> GeometrySource<'a> {
     }
 
     /// Makes the chunks one after the other (so that no more than one is in memory beside its buffers) and hands them on.
-    pub(crate) fn chunks(self, order: &'a [u32]) -> impl Iterator<Item = GeometryChunk> + 'a {
+    pub fn chunks(self, order: &'a [u32]) -> impl Iterator<Item = GeometryChunk> + 'a {
         let mut first_at = vec![0; self.mesh.positions.len()];
-        order.chunks(CHUNK).map(move |triangles| self.chunk(triangles, &mut first_at))
+        order.chunks(CHUNK_TRIANGLES).map(move |triangles| self.chunk(triangles, &mut first_at))
     }
 
     fn chunk(&self, triangles: &[u32], first_at: &mut [u32]) -> GeometryChunk {
@@ -131,7 +142,8 @@ impl<'a> GeometrySource<'a> {
         chunk
     }
 
-    pub(crate) fn material(&self, triangle: u32) -> u32 {
+    /// Number of a triangle's material.
+    pub fn material(&self, triangle: u32) -> u32 {
         self.mesh.material_of(triangle as usize) as u32
     }
 
@@ -160,7 +172,8 @@ impl<'a> GeometrySource<'a> {
         })
     }
 
-    pub(crate) fn border_corners(&self, triangle: usize) -> [BorderVertex; 3] {
+    /// A triangle's corners as those of a border triangle.
+    pub fn border_corners(&self, triangle: usize) -> [BorderVertex; 3] {
         let uv = [0, 1, 2].map(|slot| self.cover.tile_corners(self.mesh, triangle, slot));
         let positions = self.mesh.triangle_positions(triangle);
         std::array::from_fn(|k| BorderVertex {
@@ -173,7 +186,7 @@ impl<'a> GeometrySource<'a> {
 }
 
 /// Whether a tile's finest level is cut into several pages.
-pub(crate) fn is_paged(group: &Group) -> bool {
+pub fn is_paged(group: &Group) -> bool {
     group.extent[0].max(group.extent[1]) > PAGE
 }
 
@@ -222,94 +235,12 @@ fn octahedral(n: Vec3) -> [i16; 2] {
     folded.to_array().map(|v| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16)
 }
 
-// The overlay that gives every partial fan a colour: of all triangles, whichever groups their fans are in.
-
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct FanVertex {
-    /// Mesh space.
-    position: [f32; 3],
-    /// The fans at the triangle's corners, by their vertices.
-    fans: [u32; 3],
-}
-
-#[derive(Debug)]
-pub(crate) struct FanColors {
-    /// Buffers and their numbers of vertices: of triangles that are not opposed by others and of those that are.
-    chunks: [Vec<(wgpu::Buffer, u32)>; 2],
-    module: wgpu::ShaderModule,
-    /// For the same.
-    pipelines: Option<(SurfaceKey, [wgpu::RenderPipeline; 2])>,
-}
-
-impl FanColors {
-    pub(crate) fn new(gpu: &Gpu, space: &ModelSpace) -> Self {
-        let corners = |triangle: &[u32; 3]| {
-            triangle.map(|v| FanVertex { position: space.points[v as usize].to_array(), fans: *triangle })
-        };
-        let chunk = |triangles: &[[u32; 3]]| {
-            let vertices: Vec<FanVertex> = triangles.iter().flat_map(corners).collect();
-            let bytes = bytemuck::cast_slice(&vertices);
-            (gpu.buffer("fan colours", bytes, wgpu::BufferUsages::VERTEX), vertices.len() as u32)
-        };
-        let opposed = OpposedTriangles::of(&space.triangles);
-        let of_kind = |is_opposed: bool| -> Vec<_> {
-            let triangles = space.triangles.iter().enumerate();
-            let chosen =
-                triangles.filter(|(t, _)| opposed.contains(*t) == is_opposed).map(|(_, triangle)| *triangle);
-            chosen.collect::<Vec<[u32; 3]>>().chunks(CHUNK).map(chunk).collect()
-        };
-        let source = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS]);
-        Self {
-            chunks: [false, true].map(of_kind),
-            module: module(&gpu.device, "fan colours", &source),
-            pipelines: None,
-        }
-    }
-
-    pub(crate) fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        key: SurfaceKey,
-        bindings: &FanBindings,
-        materials: &FanMaterials,
-    ) {
-        if self.pipelines.as_ref().is_some_and(|(of, _)| *of == key) {
-            return;
-        }
-        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Uint32x3];
-        let layout = [Some(wgpu::VertexBufferLayout {
-            array_stride: size_of::<FanVertex>() as u64,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &attributes,
-        })];
-        let groups = [&bindings.layout, &materials.layout];
-        let pipeline = |is_double_sided| SurfacePipeline {
-            label: "fan colours",
-            module: &self.module,
-            vertex: "vs_fan_colors",
-            fragment: "fs_fan_colors",
-            buffers: &layout,
-            groups: &groups,
-            constants: &[],
-            blending: Blending::Opaque,
-            is_double_sided,
-            topology: wgpu::PrimitiveTopology::TriangleList,
-        };
-        self.pipelines = Some((key, [true, false].map(|sides| pipeline(sides).build(gpu, key))));
-    }
-
-    /// Groups 1 and 2 are bound.
-    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
-        let Some((of, pipelines)) = &self.pipelines else { return };
-        for (pipeline, chunks) in pipelines.iter().zip(&self.chunks).filter(|_| *of == key) {
-            pass.set_pipeline(pipeline);
-            for (buffer, count) in chunks {
-                pass.set_vertex_buffer(0, buffer.slice(..));
-                pass.draw(0..*count, 0..1);
-            }
-        }
-    }
+/// The unit vector of [`PlainVertex::normal`] and [`BorderVertex::normal`].
+pub fn from_octahedral([x, y]: [i16; 2]) -> Vec3 {
+    let [x, y] = [x, y].map(|v| f32::from(v) / 32767.0);
+    let z = 1.0 - x.abs() - y.abs();
+    let t = (-z).max(0.0);
+    Vec3::new(x - t.copysign(x), y - t.copysign(y), z).normalize()
 }
 
 #[cfg(test)]
@@ -318,13 +249,6 @@ mod tests {
     use fantex_mesh::{CleanOptions, clean, generate, shading_normals};
 
     use super::*;
-
-    fn from_octahedral([x, y]: [i16; 2]) -> Vec3 {
-        let [x, y] = [x, y].map(|v| f32::from(v) / 32767.0);
-        let z = 1.0 - x.abs() - y.abs();
-        let t = (-z).max(0.0);
-        Vec3::new(x - t.copysign(x), y - t.copysign(y), z).normalize()
-    }
 
     #[test]
     fn octahedral_normals_come_back() {

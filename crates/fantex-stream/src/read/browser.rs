@@ -3,37 +3,57 @@
 use std::cell::RefCell;
 use std::io;
 use std::ops::Range;
+use std::rc::Rc;
 
-use fantex_stream::read::{Answered, Fetched, RangeAnswer, ended_early};
 use js_sys::Uint8Array;
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortSignal, Request, RequestInit, Response, Window};
 
+use super::{
+    Answered, Fetched, LaneReader, RangeAnswer, ReadRequest, ReaderInfo, ReaderKind, ended_early, task_reader,
+};
+
 /// Time for one request.
 const MAX_REQUEST_MILLISECONDS: u32 = 60_000;
 
 /// Requests at a time: what browsers allow one server by HTTP/1.1.
-pub(crate) const CONNECTIONS: usize = 6;
+pub const BROWSER_CONNECTIONS: usize = 6;
 
 /// A file at an address, of which one version is read.
 #[derive(Debug)]
-pub(crate) struct RemoteFile {
+pub struct RemoteFile {
     url: String,
     version: RefCell<Option<String>>,
 }
 
 impl RemoteFile {
-    pub(crate) fn new(url: String) -> Self {
+    /// Nothing is fetched yet.
+    pub fn new(url: String) -> Self {
         Self { url, version: RefCell::new(None) }
     }
 
-    pub(crate) fn url(&self) -> &str {
+    /// Its address.
+    pub fn url(&self) -> &str {
         &self.url
     }
 
+    /// A reader with so many requests at a time, at least one.
+    pub fn reader(self: &Rc<Self>, connections: usize) -> LaneReader {
+        let info = ReaderInfo { kind: ReaderKind::Http, direct: false, depth: connections.max(1) };
+        let file = Rc::clone(self);
+        task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
+            let file = Rc::clone(&file);
+            let range = request.offset..request.offset + request.length as u64;
+            async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
+        })
+    }
+
     /// The bytes of a range, or those up to the file's end.
-    pub(crate) async fn fetch(&self, range: Range<u64>) -> io::Result<Fetched> {
+    ///
+    /// # Errors
+    /// No connection, no permission, no time left; the server refuses, has no ranges, or has another version of the file.
+    pub async fn fetch(&self, range: Range<u64>) -> io::Result<Fetched> {
         let length = (range.end - range.start) as usize;
         let response = self.ask(&range).await?;
         let header = |name| response.headers().get(name).ok().flatten();

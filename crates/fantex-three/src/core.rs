@@ -1,0 +1,280 @@
+//! An open asset, and the streaming of its texels into a page's textures.
+
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use fantex_store::{Asset, TexelFormat};
+use fantex_stream::drawing::{
+    AtlasGrid, PAGE_ROW_SHIFT, PageWords, frame_records, group_records, mean_records, upload_rectangles,
+};
+use fantex_stream::read::RemoteFile;
+use fantex_stream::{
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, PageTable,
+    ParcelUpload, StreamView, Streamer, StreamerOptions, open_fetched,
+};
+use glam::{DVec3, Mat3};
+use js_sys::Function;
+use wasm_bindgen::prelude::*;
+
+use crate::geometry::{FanGeometry, ObjectSpace};
+use crate::materials::FanMaterial;
+
+/// Time of a frame that goes into unpacking what has come.
+const UNPACKING_SLICE: Duration = Duration::from_millis(6);
+
+/// Longest time that a frame counts for: a page that was hidden goes on where it was.
+const MAX_FRAME_SECONDS: f32 = 0.1;
+
+/// Bytes of texels that a frame uploads.
+const UPLOAD_BYTES: usize = 2 << 20;
+
+/// Has panics say in the console where they were.
+#[wasm_bindgen(start)]
+pub fn start() {
+    std::panic::set_hook(Box::new(|panic| web_sys::console::error_1(&panic.to_string().into())));
+}
+
+#[wasm_bindgen]
+extern "C" {
+    /// Whoever owns the textures.
+    #[derive(Debug)]
+    pub type Sink;
+
+    /// Texels of a channel for the rectangle `x, y, width, height` of its atlas: rows of blocks or of texels. The bytes are the
+    /// core's own, and are gone after the call.
+    #[wasm_bindgen(method)]
+    fn texels(this: &Sink, channel: usize, x: u32, y: u32, width: u32, height: u32, bytes: &[u8]);
+
+    /// Words of the page table, for one row from `x, y` on.
+    #[wasm_bindgen(method)]
+    fn words(this: &Sink, x: u32, y: u32, words: &[u32]);
+}
+
+/// An open asset.
+#[wasm_bindgen]
+#[derive(Debug)]
+pub struct FanCore {
+    asset: Arc<Asset>,
+    file: Rc<RemoteFile>,
+    connections: usize,
+    space: ObjectSpace,
+    pages: PageTable,
+    streaming: Option<Streaming>,
+}
+
+/// What is made for a device.
+struct Streaming {
+    streamer: Streamer,
+    grid: AtlasGrid,
+    words: PageWords,
+    formats: Vec<AtlasFormat>,
+    /// Bytes of one upload, kept for the next.
+    staging: Vec<u8>,
+}
+
+impl std::fmt::Debug for Streaming {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Streaming")
+            .field("grid", &self.grid)
+            .field("formats", &self.formats)
+            .finish_non_exhaustive()
+    }
+}
+
+/// How far streaming is.
+#[wasm_bindgen]
+#[derive(Clone, Copy, Debug)]
+pub struct FanProgress {
+    /// Share of the visible tiles that are as sharp as the view asks for, 0 to 1.
+    pub share: f64,
+    /// Whether nothing is on its way: the picture stays until the view changes.
+    pub is_settled: bool,
+    /// Bytes of texels uploaded so far.
+    pub uploaded_bytes: f64,
+    /// Parts that cannot be read; coarser ones stand in for them.
+    pub damaged: u32,
+}
+
+fn said(error: impl std::fmt::Display) -> JsError {
+    JsError::new(&error.to_string())
+}
+
+#[wasm_bindgen]
+impl FanCore {
+    /// Opens the asset at `url` with so many requests at a time. `progress` is called with the number of bytes that have come.
+    ///
+    /// # Errors
+    /// The asset cannot be read, or is damaged.
+    pub async fn open(url: String, connections: usize, progress: Function) -> Result<FanCore, JsError> {
+        let file = Rc::new(RemoteFile::new(url));
+        let opening = Rc::clone(&file);
+        let loaded = std::cell::Cell::new(0.0);
+        let fetch = async |range| {
+            let fetched = opening.fetch(range).await?;
+            loaded.set(loaded.get() + fetched.bytes.len() as f64);
+            // What the page's function throws is the page's affair.
+            progress.call1(&JsValue::NULL, &loaded.get().into()).unwrap_or_default();
+            Ok(fetched)
+        };
+        let asset = open_fetched(file.url(), fetch).await.map_err(said)?;
+        let (space, pages) = (ObjectSpace::of(asset.mesh()), PageTable::new(asset.cover()));
+        Ok(Self { asset: Arc::new(asset), file, connections, space, pages, streaming: None })
+    }
+
+    /// Three numbers per channel: its kind and its format as files number them, and whether its values are sRGB.
+    pub fn channels(&self) -> Vec<u32> {
+        let channels = self.asset.channels().iter();
+        let format = |format| TexelFormat::ALL.iter().position(|known| *known == format).unwrap_or(0) as u32;
+        channels
+            .flat_map(|channel| [channel.kind as u32, format(channel.format), channel.srgb.into()])
+            .collect()
+    }
+
+    /// The materials.
+    pub fn materials(&self) -> Vec<FanMaterial> {
+        let materials = &self.asset.mesh().materials;
+        if materials.is_empty() {
+            return vec![FanMaterial::from(&fantex_mesh::Material::default())];
+        }
+        materials.iter().map(FanMaterial::from).collect()
+    }
+
+    /// The triangles.
+    pub fn geometry(&self) -> FanGeometry {
+        FanGeometry::new(&self.asset, &self.space)
+    }
+
+    /// The object's origin in the file's coordinates.
+    pub fn origin(&self) -> Vec<f64> {
+        self.space.origin.to_array().to_vec()
+    }
+
+    /// Width of the blend bands.
+    pub fn delta(&self) -> f32 {
+        self.asset.cover().delta
+    }
+
+    /// Two per group, see [`group_records`].
+    pub fn groups(&self) -> Vec<u32> {
+        group_records(self.asset.cover(), &self.pages).into_flattened()
+    }
+
+    /// Four half floats per group and channel, see [`mean_records`].
+    pub fn means(&self) -> Vec<u16> {
+        let (groups, channels) = (self.asset.cover().groups.len(), self.asset.channels().len());
+        let means = mean_records(groups, channels, |channel, group| self.asset.mean(channel, group));
+        bytemuck::cast_slice(&means).to_vec()
+    }
+
+    /// Six per group, or none, see [`frame_records`].
+    pub fn frames(&self) -> Vec<f32> {
+        frame_records(self.asset.cover(), self.asset.channels()).into_flattened()
+    }
+
+    /// Columns and rows of the page table.
+    pub fn page_extent(&self) -> Vec<u32> {
+        PageWords::extent(self.pages.len()).to_vec()
+    }
+
+    /// Makes an atlas in which nothing is resident, also after another one was lost: of at most so many bytes, in textures of at most
+    /// `max_side` texels. `has_blocks`: the device has all compressed formats of the asset. Returns columns and rows of the textures.
+    pub fn begin(
+        &mut self,
+        has_blocks: bool,
+        max_side: u32,
+        atlas_bytes: f64,
+        max_anisotropy: f32,
+    ) -> Vec<u32> {
+        let channels = self.asset.channels().iter();
+        let formats: Vec<_> = channels.map(|channel| AtlasFormat::of(channel.format, has_blocks)).collect();
+        let atlas = AtlasGrid::fitting(AtlasShape::within(atlas_bytes as u64, &formats), max_side);
+        let grid = AtlasGrid::new(atlas, max_side);
+        let options =
+            ClusterLoaderOptions { block_compressed: has_blocks, ..ClusterLoaderOptions::default() };
+        let reader = Box::new(self.file.reader(self.connections));
+        let loader =
+            ClusterLoader::without_threads(Arc::clone(&self.asset), reader, &options, UNPACKING_SLICE);
+        let options = StreamerOptions { atlas, max_anisotropy, ..StreamerOptions::default() };
+        let streamer = Streamer::new(self.asset.clone(), Box::new(loader), options);
+        let words = PageWords::new(self.asset.cover(), &self.pages);
+        self.streaming = Some(Streaming { streamer, grid, words, formats, staging: Vec::new() });
+        grid.extent().to_vec()
+    }
+
+    /// Hands over what has come, and asks for what a view needs. `view`, object space: the eye; unit vectors to the right, upwards and
+    /// backwards; half the picture's width and height at depth one; pixels per unit of length at depth one. An empty one sees nothing.
+    pub fn update(&mut self, view: &[f64], seconds: f32, sink: &Sink) {
+        let view = stream_view(view, &self.space);
+        let Some(streaming) = &mut self.streaming else { return };
+        let frame = FrameOptions {
+            upload_bytes: UPLOAD_BYTES,
+            elapsed_seconds: seconds.clamp(0.0, MAX_FRAME_SECONDS),
+        };
+        let changes = streaming.streamer.update(view.as_ref(), frame);
+        streaming.hand_over(&changes, sink);
+    }
+
+    /// How far streaming is.
+    pub fn progress(&self) -> FanProgress {
+        let Some(Streaming { streamer, .. }) = &self.streaming else {
+            return FanProgress { share: 0.0, is_settled: false, uploaded_bytes: 0.0, damaged: 0 };
+        };
+        let figures = streamer.statistics();
+        FanProgress {
+            share: figures.complete_share(),
+            is_settled: streamer.is_settled(),
+            uploaded_bytes: figures.uploaded_bytes as f64,
+            damaged: figures.damaged as u32,
+        }
+    }
+
+    /// Why the first part that cannot be read cannot be, if there is one.
+    pub fn damage(&self) -> Option<String> {
+        let mut damaged = self.streaming.as_ref()?.streamer.damaged();
+        damaged.next().map(|(_, error)| error.to_string())
+    }
+
+    /// Asks once more for what could not be read.
+    pub fn retry(&mut self) {
+        if let Some(Streaming { streamer, .. }) = &mut self.streaming {
+            streamer.retry_damaged();
+        }
+    }
+}
+
+impl Streaming {
+    fn hand_over(&mut self, changes: &FrameChanges, sink: &Sink) {
+        for upload in &changes.uploads {
+            self.hand_over_texels(upload, sink);
+        }
+        for run in self.words.change(&changes.entries, self.grid) {
+            let (x, y) = (run.start & ((1 << PAGE_ROW_SHIFT) - 1), run.start >> PAGE_ROW_SHIFT);
+            sink.words(x, y, &self.words.words()[run.start as usize..run.end as usize]);
+        }
+    }
+
+    fn hand_over_texels(&mut self, ParcelUpload { place, texels, .. }: &ParcelUpload, sink: &Sink) {
+        let [x, y] = self.grid.texel(*place);
+        for (channel, format) in self.formats.iter().enumerate() {
+            for rectangle in upload_rectangles(texels, channel, *format) {
+                self.staging.clear();
+                rectangle.rows().for_each(|row| self.staging.extend_from_slice(row));
+                let ([right, down], [width, height]) = (rectangle.offset, rectangle.size);
+                sink.texels(channel, x + right, y + down, width, height, &self.staging);
+            }
+        }
+    }
+}
+
+/// The view of [`FanCore::update`] in mesh space.
+fn stream_view(view: &[f64], space: &ObjectSpace) -> Option<StreamView> {
+    let vector = |first: usize| Some(DVec3::from_slice(view.get(first..first + 3)?));
+    let axis = |first| Some(vector(first)?.as_vec3().normalize_or_zero());
+    Some(StreamView {
+        eye: space.mesh_point(vector(0)?).as_vec3(),
+        axes: Mat3::from_cols(axis(3)?, axis(6)?, axis(9)?),
+        half_extent: [*view.get(12)? as f32, *view.get(13)? as f32],
+        focal_pixels: *view.get(14)? as f32,
+    })
+}

@@ -1,0 +1,206 @@
+import { BufferAttribute, BufferGeometry, Matrix4, Mesh, Vector2, Vector3 } from "three";
+
+import { fanDefines, fanUniforms, patchMaterial, setTextures, shadowMaterials, surfaceMaterial } from "./materials.js";
+import { FanTextures } from "./textures.js";
+
+/** How far away the eye of an orthographic camera is taken to be, in sizes of what it sees. */
+const ORTHOGRAPHIC_DISTANCE = 1000;
+
+const objectFromCamera = new Matrix4();
+const size = new Vector2();
+
+/** A mesh whose texels are streamed. Made by `FanLoader`. */
+export class FanMesh extends Mesh {
+    #core;
+    #options;
+    #channels;
+    #defines;
+    #uniforms;
+    #textures = null;
+    #isLost = false;
+    #canvas = null;
+    #lastUpdate = null;
+    #view = new Float64Array(15);
+    #onLost = () => { this.#isLost = true; };
+
+    constructor(core, options) {
+        super();
+        this.isFanMesh = true;
+        this.type = "FanMesh";
+        this.#core = core;
+        this.#options = options;
+        this.#channels = channelsOf(core);
+        /** Pixels that a texel may be wide on the screen. */
+        this.errorTarget = options.errorTarget;
+        /** Where the geometry's zero lies in the coordinates of the model's file. */
+        this.origin = new Vector3(...core.origin());
+        this.position.copy(this.origin);
+
+        const vertices = core.geometry();
+        this.geometry = geometryOf(vertices);
+        this.#uniforms = fanUniforms(core, this.#channels, options.anisotropy);
+        this.#defines = fanDefines(this.#channels, vertices.is_paged, options.anisotropy);
+        this.#setMaterials(vertices.runs);
+        vertices.free();
+    }
+
+    #setMaterials(runs) {
+        const own = this.#core.materials();
+        const kinds = new Map();
+        const materials = [];
+        for (let i = 0; i < runs.length; i += 4) {
+            const [first, count, number, isOpposed] = runs.subarray(i, i + 4);
+            const key = `${number} ${isOpposed}`;
+            if (!kinds.has(key)) {
+                kinds.set(key, materials.length);
+                const material = surfaceMaterial(own[number], isOpposed === 1, this.#channels, this.#options.physical);
+                materials.push(this.patch(material));
+            }
+            this.geometry.addGroup(first, count, kinds.get(key));
+        }
+        if (materials.length === 1) this.geometry.clearGroups();
+        this.material = materials.length === 1 ? materials[0] : materials;
+        if (materials.some((material) => material.alphaTest > 0)) {
+            [this.customDepthMaterial, this.customDistanceMaterial] = shadowMaterials(this.#uniforms, this.#defines);
+        }
+        own.forEach((material) => material.free());
+    }
+
+    /** Has another material of three show this asset's channels; returns it. */
+    patch(material) {
+        const unlit = material.isMeshBasicMaterial ? { FAN_UNLIT: "" } : {};
+        return patchMaterial(material, this.#uniforms, { ...this.#defines, ...unlit });
+    }
+
+    /** Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. */
+    update(camera, renderer) {
+        if (this.#core === null || !this.#prepare(renderer)) return;
+        const now = performance.now();
+        const seconds = this.#lastUpdate === null ? 0 : (now - this.#lastUpdate) / 1000;
+        this.#lastUpdate = now;
+        camera.updateWorldMatrix(true, false);
+        this.updateWorldMatrix(true, false);
+        this.#look(camera, renderer);
+        this.#textures.prepare();
+        this.#core.update(this.#view, seconds, this.#textures);
+    }
+
+    /** The view that the core is told of, see its `update`. */
+    #look(camera, renderer) {
+        const view = this.#view;
+        renderer.getDrawingBufferSize(size);
+        const { elements } = objectFromCamera.copy(this.matrixWorld).invert().multiply(camera.matrixWorld);
+        const projection = camera.projectionMatrix.elements;
+        const lengths = [0, 4, 8].map((k) => Math.hypot(elements[k], elements[k + 1], elements[k + 2]));
+        for (let k = 0; k < 3; k++) {
+            view[k] = elements[12 + k];
+            for (let axis = 0; axis < 3; axis++) view[3 + 3 * axis + k] = elements[4 * axis + k] / lengths[axis];
+        }
+        // Off-centre views are taken for the symmetric ones that contain them.
+        view[12] = (1 + Math.abs(projection[8])) / projection[0];
+        view[13] = (1 + Math.abs(projection[9])) / projection[5];
+        view[14] = 0.5 * size.y * projection[5] / this.errorTarget;
+        if (camera.isOrthographicCamera) {
+            view[12] = (1 + Math.abs(projection[12])) / projection[0] * lengths[0];
+            view[13] = (1 + Math.abs(projection[13])) / projection[5] * lengths[1];
+            const distance = ORTHOGRAPHIC_DISTANCE * Math.max(view[12], view[13], this.geometry.boundingSphere.radius);
+            for (let k = 0; k < 3; k++) view[k] += distance * view[9 + k];
+            view[12] /= distance;
+            view[13] /= distance;
+            view[14] *= distance / lengths[1];
+        }
+    }
+
+    /** Makes the textures for a renderer's context where there are none; whether there are any. */
+    #prepare(renderer) {
+        if (this.#core === null) return false;
+        if (!renderer.isWebGLRenderer) {
+            throw new Error("FanMesh draws with three's WebGLRenderer; it was given another renderer");
+        }
+        if (renderer.getContext().isContextLost()) return false;
+        if (this.#textures !== null && this.#textures.renderer !== renderer) {
+            throw new Error("a FanMesh belongs to the renderer that drew it first; load the asset once for each renderer");
+        }
+        if (this.#textures === null || this.#isLost) {
+            // Those of a lost context are gone.
+            this.#textures = new FanTextures(renderer, this.#core, this.#channels, this.#options);
+            this.#isLost = false;
+            setTextures(this.#uniforms, this.#channels, this.#textures);
+            if (this.#canvas === null) {
+                this.#canvas = renderer.domElement;
+                this.#canvas.addEventListener("webglcontextlost", this.#onLost);
+            }
+        }
+        return true;
+    }
+
+    onBeforeRender(renderer) {
+        this.#prepare(renderer);
+    }
+
+    onBeforeShadow(renderer) {
+        this.#prepare(renderer);
+    }
+
+    /** How far streaming is. */
+    get progress() {
+        if (this.#core === null) return { share: 0, isSettled: true, uploadedBytes: 0, damaged: 0 };
+        const progress = this.#core.progress();
+        const { share, is_settled: isSettled, uploaded_bytes: uploadedBytes, damaged } = progress;
+        progress.free();
+        return { share, isSettled, uploadedBytes, damaged };
+    }
+
+    /** Why the first part that cannot be read cannot be; null where all can. */
+    get damage() {
+        return this.#core?.damage() ?? null;
+    }
+
+    /** Asks once more for what could not be read. */
+    retry() {
+        this.#core?.retry();
+    }
+
+    /** Whether texels lie compressed in graphics memory; null before the first frame. */
+    get isCompressed() {
+        return this.#textures?.isCompressed ?? null;
+    }
+
+    clone() {
+        throw new Error("a FanMesh cannot be cloned; for another copy of it, make a Mesh of its geometry and material, or load the asset again");
+    }
+
+    /** Ends streaming, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
+    dispose() {
+        if (this.#core === null) return;
+        this.removeFromParent();
+        this.#core.free();
+        this.#core = null;
+        this.#textures?.dispose();
+        this.#textures = null;
+        this.#canvas?.removeEventListener("webglcontextlost", this.#onLost);
+        this.geometry.dispose();
+        for (const material of [this.material, this.customDepthMaterial, this.customDistanceMaterial].flat()) material?.dispose();
+    }
+}
+
+function channelsOf(core) {
+    const numbers = core.channels();
+    return Array.from({ length: numbers.length / 3 }, (_, i) => (
+        { kind: numbers[3 * i], format: numbers[3 * i + 1], srgb: numbers[3 * i + 2] === 1 }
+    ));
+}
+
+function geometryOf(vertices) {
+    const geometry = new BufferGeometry();
+    geometry.setIndex(new BufferAttribute(vertices.indices, 1));
+    geometry.setAttribute("position", new BufferAttribute(vertices.positions, 3));
+    geometry.setAttribute("normal", new BufferAttribute(vertices.normals, 3, true));
+    geometry.setAttribute("fanUv01", new BufferAttribute(vertices.uv01, 4));
+    geometry.setAttribute("fanUv2", new BufferAttribute(vertices.uv2, 2));
+    geometry.setAttribute("fanGroups", new BufferAttribute(vertices.groups, 3));
+    geometry.setAttribute("fanCorner", new BufferAttribute(vertices.corners, 4, true));
+    geometry.computeBoundingBox();
+    geometry.computeBoundingSphere();
+    return geometry;
+}

@@ -1,0 +1,2 @@
+export { FanLoader } from "./FanLoader.js";
+export { FanMesh } from "./FanMesh.js";

@@ -1,0 +1,19 @@
+// What a page writes, as the compiler of TypeScript sees it.
+
+import { FanLoader, type FanMesh } from "@fantex/three";
+import { MeshLambertMaterial, PerspectiveCamera, Scene, WebGLRenderer } from "three";
+
+export async function show(scene: Scene, camera: PerspectiveCamera, renderer: WebGLRenderer): Promise<FanMesh> {
+    const loader = new FanLoader({ cacheBytes: 2 ** 28, concurrency: 6, errorTarget: 1 });
+    const fan = await loader.loadAsync("bottle.fan", (event) => console.log(event.loaded));
+    scene.add(fan);
+    fan.update(camera, renderer);
+    const lambert: MeshLambertMaterial = fan.patch(new MeshLambertMaterial());
+    fan.material = lambert;
+    const { share, isSettled } = fan.progress;
+    console.log(share.toFixed(2), isSettled, fan.damage?.length ?? 0);
+    // @ts-expect-error: there is no such option.
+    new FanLoader({ cacheByte: 1 });
+    fan.dispose();
+    return fan;
+}
