@@ -8,6 +8,7 @@ use fantex::paint::{
     BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, Decal, DecalSettings, FillSettings,
     LayerContent, Paint, PaintColor, PicturePlace, Sample, SampleSettings, Sight, Size, Stamp,
     StencilSettings, StrokeSettings, Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
+    groups_around,
 };
 use fantex::store::{Channel, ChannelKind};
 use fantex::texture::Image;
@@ -274,6 +275,13 @@ impl Painting {
         if let Some(layer) = self.layer() {
             if !layer.visible {
                 return Err("The layer is hidden: show it to paint on it.".into());
+            }
+            let around = groups_around(&self.snapshot.layers, layer.id());
+            if self.snapshot.layers.iter().any(|group| around.contains(&group.id()) && !group.visible) {
+                return Err("The layer's group is hidden: show it to paint on the layer.".into());
+            }
+            if !is_mask && layer.group_kind().is_some() {
+                return Err("A group is chosen: choose a layer in it, or its mask, to paint on.".into());
             }
             if !is_mask && !matches!(layer.content, LayerContent::Painted) {
                 let text = "A fill layer is painted through its mask: choose the mask, or add one.";

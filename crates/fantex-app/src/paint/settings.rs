@@ -339,6 +339,8 @@ pub enum PaintCommand {
     AdjustStencil,
     Project,
     AddLayer,
+    GroupLayer,
+    UngroupLayer,
     Save,
     TogglePanels,
 }
@@ -352,8 +354,8 @@ impl PaintCommand {
 
 pub fn paint_shortcuts() -> Vec<Shortcut> {
     use PaintCommand::{
-        AddLayer, AdjustStencil, Flow, Hardness, Opacity, Project, Redo, ResetColors, Save, Size, SwapColors,
-        TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo,
+        AddLayer, AdjustStencil, Flow, GroupLayer, Hardness, Opacity, Project, Redo, ResetColors, Save, Size,
+        SwapColors, TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo, UngroupLayer,
     };
     const NONE: Modifiers = Modifiers::NONE;
     const SHIFT: Modifiers = Modifiers::SHIFT;
@@ -387,6 +389,8 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         row(CONTROL, Key::Z, Undo, "Undo"),
         row(CONTROL | SHIFT, Key::Z, Redo, "Redo"),
         row(CONTROL | SHIFT, Key::N, AddLayer, "New layer"),
+        row(CONTROL, Key::G, GroupLayer, "Group the layer"),
+        row(CONTROL | SHIFT, Key::G, UngroupLayer, "Ungroup"),
         row(CONTROL, Key::S, Save, "Save now (it saves by itself, too)"),
         row(NONE, Key::Tab, TogglePanels, "Hide or show the panels"),
     ];

@@ -1,7 +1,7 @@
 //! The thread that paints: it owns the painter, does what it is told in order, and commits while there is something to commit.
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use fantex::base::{Error, Result};
 use fantex::glam::{DVec2, Vec4};
 use fantex::paint::{
-    Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
-    SurfacePoint, Symmetry, Target, WorkProgress,
+    Brush, Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
+    SurfacePoint, Symmetry, Target, WorkProgress, move_layer,
 };
 use fantex::store::{Asset, PageId, group_pages, is_disk_full};
 use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
@@ -44,9 +44,6 @@ const LEVEL_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Pictures of layers are made when nothing was asked for so long.
 const THUMBNAIL_DELAY: Duration = Duration::from_millis(150);
-
-/// The step of the history in which layers change places.
-const MOVE_LABEL: &str = "move layer";
 
 /// Requested pages that are answered per turn of the loop.
 const MAX_PAGES_PER_TURN: usize = 32;
@@ -96,6 +93,7 @@ impl PaintThread {
             known_steps: 0,
             may_be_other: false,
             seen_mask: None,
+            steps_of_drag: None,
             saving: Saving::default(),
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
@@ -181,6 +179,8 @@ struct Worker {
     may_be_other: bool,
     /// The layer whose mask is seen instead of the base colour.
     seen_mask: Option<u64>,
+    /// Steps of the history after a layer was dragged to where it is.
+    steps_of_drag: Option<usize>,
     saving: Saving,
 }
 
@@ -341,8 +341,8 @@ impl Worker {
                 self.tell_state();
                 laid?;
             }
-            Order::AddLayer(layer, above) => {
-                let id = self.painter.start_add_layer(*layer, above)?;
+            Order::AddLayer(layer, place) => {
+                let id = self.painter.start_add_layer(*layer, place)?;
                 self.tell(Report::Added(id));
                 self.tell_state();
             }
@@ -360,7 +360,21 @@ impl Worker {
                 self.may_be_other = true;
                 self.tell_state();
             }
-            Order::MoveLayers { order, goes_on } => self.move_layers(&order, goes_on)?,
+            Order::GroupLayer(id, name) => {
+                let group = self.painter.start_group_layers(&name, GroupKind::default(), &[id])?;
+                self.tell(Report::Added(group));
+                self.tell_state();
+            }
+            Order::MergeGroup(id) => {
+                self.painter.start_merge_group(id)?;
+                self.may_be_other = true;
+                self.tell_state();
+            }
+            Order::Collapse(id, is_collapsed) => {
+                self.painter.collapse_group(id, is_collapsed)?;
+                self.tell_state();
+            }
+            Order::MoveLayer { id, place, goes_on } => self.move_layer(id, place, goes_on)?,
             Order::SeeMask(layer) => self.see_mask(layer),
             Order::Undo => {
                 self.stroke = None;
@@ -383,15 +397,15 @@ impl Worker {
         Ok(())
     }
 
-    /// Layers in another order, from the bottom to the top. A drag that goes on is one step of the history.
-    fn move_layers(&mut self, order: &[u64], goes_on: bool) -> Result<()> {
-        let last = self.painter.history().done().last();
-        if goes_on && last.is_some_and(|step| step.label == MOVE_LABEL) {
+    /// Moves a layer. A drag that goes on is one step of the history.
+    fn move_layer(&mut self, id: u64, place: LayerPlace, goes_on: bool) -> Result<()> {
+        if goes_on && self.steps_of_drag == Some(self.painter.history().done().len()) {
             self.painter.undo()?;
         }
-        self.painter.start_edit_layers(MOVE_LABEL, |layers| {
-            layers.sort_by_key(|layer| order.iter().position(|id| *id == layer.id()).unwrap_or(usize::MAX));
-        })?;
+        let (steps, before) = (self.painter.history().done().len(), self.painter.layers().to_vec());
+        self.painter.start_edit_layers("move layer", |layers| move_layer(layers, id, place))?;
+        // Back at its place it leaves no step.
+        self.steps_of_drag = (before != self.painter.layers()).then_some(steps + 1);
         self.tell_state();
         Ok(())
     }
@@ -553,6 +567,7 @@ impl Worker {
             |steps: &[fantex::paint::HistoryStep]| steps.iter().map(|step| step.label.clone()).collect();
         self.tell(Report::State(Box::new(Snapshot {
             layers: self.painter.layers().to_vec(),
+            collapsed: self.painter.collapsed_groups().clone(),
             older,
             done: names(&history.done()[older..]),
             undone: names(history.undone()),
@@ -604,13 +619,19 @@ pub enum Order {
     /// It is seen from here: what takes long begins with what is seen.
     Look(Viewpoint),
     GiveUp,
-    /// Put a layer above another, or on top.
-    AddLayer(Box<Layer>, Option<u64>),
+    /// Put a layer at a place.
+    AddLayer(Box<Layer>, LayerPlace),
     DuplicateLayer(u64),
     MergeLayer(u64),
-    /// Layers by their numbers, from the bottom to the top; instead of the last such step where a drag goes on.
-    MoveLayers {
-        order: Vec<u64>,
+    /// Put a layer into a new group of this name.
+    GroupLayer(u64, String),
+    MergeGroup(u64),
+    /// Fold a group in the list, or unfold it.
+    Collapse(u64, bool),
+    /// Move a layer; instead of the last such step where a drag goes on.
+    MoveLayer {
+        id: u64,
+        place: LayerPlace,
         goes_on: bool,
     },
     /// Show a layer's mask instead of the base colour, or no longer.
@@ -652,6 +673,8 @@ pub enum Report {
 pub struct Snapshot {
     /// From the bottom to the top.
     pub layers: Vec<Layer>,
+    /// Groups that are folded in the list, by number.
+    pub collapsed: BTreeSet<u64>,
     /// Steps that are done but too old to be listed.
     pub older: usize,
     /// Names of steps that are done, the oldest first.
