@@ -520,7 +520,41 @@ impl Painter {
         self.end_stroke(false)
     }
 
-    /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
+    /// Drops the open stroke: everything is as it was before it, and there is no step in the history. Does nothing where none is open.
+    ///
+    /// # Errors
+    /// What it was before cannot be read.
+    pub fn abandon(&mut self) -> Result<()> {
+        let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
+        self.room.let_go();
+        for id in stroke.pages.ids() {
+            let Some(mut page) = stroke.pages.take(id)? else { continue };
+            // Never shown: nothing has changed.
+            if page.originals.is_empty() {
+                continue;
+            }
+            if stroke.is_layered(&page) {
+                let before = page.originals.pop().unwrap_or_default();
+                let is_new_base = before.is_empty()
+                    && stroke.target != Target::Base
+                    && self.is_new_base(id, &page.originals, &stroke.affected)?;
+                let name = page_name(stroke.target, id);
+                match before.is_empty() {
+                    true => self.editor.detach(&name),
+                    false => self.editor.attach(&name, before)?,
+                }
+                if is_new_base {
+                    self.editor.detach(&base_name(id));
+                }
+            }
+            for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+                self.editor.replace(id, channel, before)?;
+            }
+        }
+        self.relieve()
+    }
+
+    /// As [`end`](Self::end), but coarser levels are left to another thread: they (and the step in the history) are there once
     /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
     /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
     ///

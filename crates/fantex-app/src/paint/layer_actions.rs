@@ -202,6 +202,9 @@ impl Painting {
             LayerAction::Refill(_) => Some(self.fill_layer("", settings)?),
             _ => None,
         };
+        if !matches!(action, LayerAction::Collapse(..) | LayerAction::SeeMask(_)) {
+            self.apply_placing();
+        }
         let thread = &self.thread;
         let place = self.place_of_new();
         match action.clone() {

@@ -18,6 +18,7 @@ mod hand;
 mod layer_actions;
 mod layer_list;
 mod painting;
+mod placing;
 mod settings;
 mod stencil;
 mod symmetry;
@@ -33,6 +34,7 @@ pub use exchange::{Exchange, PaintLoader};
 pub use layer_actions::{LayerAction, LayerDrag};
 pub use layer_list::{LayerRow, drop_place, layer_rows};
 pub use painting::Painting;
+pub use placing::PlacingOutline;
 pub use settings::{
     ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
     paint_shortcuts,

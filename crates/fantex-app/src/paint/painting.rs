@@ -16,6 +16,7 @@ use fantex::texture::color::srgb_from_linear;
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
+use crate::paint::placing::Placing;
 use crate::paint::{
     ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
     Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
@@ -55,6 +56,8 @@ pub struct Painting {
     pub presets: Presets,
     presets_file: Option<PathBuf>,
     pub(super) hand: Hand,
+    /// A text or a picture that is not applied yet.
+    pub(super) placing: Option<Placing>,
     /// When the pen last went down beside the model, seconds; none once it has met it.
     pub(super) missed: Option<f64>,
     /// Where cloning copies from.
@@ -108,6 +111,7 @@ impl Painting {
             presets: Presets::default(),
             presets_file,
             hand: Hand::default(),
+            placing: None,
             missed: None,
             source: None,
             last: None,
@@ -318,6 +322,20 @@ impl Painting {
     }
 
     pub fn command(&mut self, command: &PaintCommand, settings: &mut PaintSettings) {
+        match command {
+            PaintCommand::Undo if self.drop_placing() => return,
+            PaintCommand::Undo
+            | PaintCommand::Redo
+            | PaintCommand::AddLayer
+            | PaintCommand::GroupLayer
+            | PaintCommand::UngroupLayer
+            | PaintCommand::Project
+            | PaintCommand::Apply
+            | PaintCommand::Save => {
+                self.apply_placing();
+            }
+            _ => {}
+        }
         let stencil = &mut settings.stencil;
         let brush = &mut settings.brush;
         match *command {
@@ -339,8 +357,8 @@ impl Painting {
                 stencil.is_adjusted = !(stencil.is_adjusted && stencil.is_on);
                 stencil.is_on = true;
             }
-            // It needs the view: see `project`.
-            PaintCommand::Project => {}
+            // `Project` needs the view: see `project`.
+            PaintCommand::Project | PaintCommand::Apply => {}
             PaintCommand::AddLayer => {
                 // An empty layer can always be added.
                 self.layer_action(&LayerAction::Add, settings).unwrap_or_default();
@@ -369,6 +387,7 @@ impl Painting {
 
     /// Back or forth to where so many steps are done.
     pub fn go_to_step(&mut self, done: usize) {
+        self.drop_placing();
         self.leave_stroke(Order::GoTo(done));
     }
 

@@ -94,6 +94,9 @@ impl PaintThread {
             may_be_other: false,
             seen_mask: None,
             steps_of_drag: None,
+            is_placing: false,
+            previewed: BTreeSet::new(),
+            outdated: BTreeSet::new(),
             saving: Saving::default(),
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
@@ -181,6 +184,12 @@ struct Worker {
     seen_mask: Option<u64>,
     /// Steps of the history after a layer was dragged to where it is.
     steps_of_drag: Option<usize>,
+    /// The open stroke is a text or a picture that may be taken away again.
+    is_placing: bool,
+    /// Coarser pages that show it.
+    previewed: BTreeSet<PageId>,
+    /// Coarser pages that show what was taken away.
+    outdated: BTreeSet<PageId>,
     saving: Saving,
 }
 
@@ -202,7 +211,11 @@ impl Worker {
             self.is_stuck |= self.painter.has_work();
             self.act_on_waiting();
         }
-        self.check(|worker| worker.painter.end().map(drop));
+        match self.is_placing {
+            // It was not applied.
+            true => self.check(|worker| worker.painter.abandon()),
+            false => self.check(|worker| worker.painter.end().map(drop)),
+        }
         if let Err(error) = self.painter.commit() {
             // The window is gone.
             eprintln!("fantex-app: {error}");
@@ -213,7 +226,7 @@ impl Worker {
     fn turn(&mut self) -> bool {
         let wait = match self.has_levels_due {
             true => Some(Instant::now() + LEVEL_POLL_INTERVAL),
-            false => self.saving.due(self.is_drawing()),
+            false => self.save_due(),
         };
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
@@ -260,7 +273,7 @@ impl Worker {
         self.check(Self::publish);
         self.answer_pages();
         self.note_changes();
-        if self.saving.due(self.is_drawing()).is_some_and(|due| due <= Instant::now()) {
+        if self.save_due().is_some_and(|due| due <= Instant::now()) {
             self.save();
         }
         self.owed += count;
@@ -303,6 +316,9 @@ impl Worker {
     }
 
     fn act(&mut self, order: Order) -> Result<()> {
+        if self.is_placing && ends_placing(&order) {
+            self.act(Order::Apply)?;
+        }
         match order {
             Order::Begin(start, sample) => self.begin(*start, &sample)?,
             Order::Look(view) => self.look_from(&view),
@@ -333,13 +349,17 @@ impl Worker {
                     self.painter.start_fill(area)?;
                 }
             }
-            Order::Lay(start, decal, readable) => {
-                let decals = decal.copies(self.painter.surface(), &start.symmetry, readable);
-                self.open(*start)?;
-                let laid = decals.iter().try_for_each(|decal| self.painter.decal(decal));
-                self.painter.end()?;
-                self.tell_state();
-                laid?;
+            Order::Place(start, decal, readable) => self.place(*start, &decal, readable)?,
+            Order::Apply => {
+                self.is_placing = false;
+                self.previewed.clear();
+                self.painter.end_in_background()?;
+                self.has_levels_due = true;
+            }
+            Order::TakeAway => {
+                self.is_placing = false;
+                self.outdated.append(&mut self.previewed);
+                self.painter.abandon()?;
             }
             Order::AddLayer(layer, place) => {
                 let id = self.painter.start_add_layer(*layer, place)?;
@@ -426,6 +446,20 @@ impl Worker {
         self.painter.mask_as_color(layer, page).map(Some)
     }
 
+    /// Shows something on the surface that is not applied yet, instead of what was shown so before.
+    fn place(&mut self, start: StrokeStart, decal: &Decal, readable: bool) -> Result<()> {
+        if !std::mem::replace(&mut self.is_placing, true) {
+            // What is shown only is not saved: all else is before.
+            self.painter.end()?;
+            self.save();
+        }
+        self.outdated.append(&mut self.previewed);
+        self.painter.abandon()?;
+        let decals = decal.copies(self.painter.surface(), &start.symmetry, readable);
+        self.open(start)?;
+        decals.iter().try_for_each(|decal| self.painter.decal(decal))
+    }
+
     fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<()> {
         let (brush, stamp, symmetry) = (start.brush.clone(), start.stamp.clone(), start.symmetry);
         self.open(start)?;
@@ -464,16 +498,29 @@ impl Worker {
             let masked = self.masked(page)?.into_iter().collect();
             page_texels(&self.painter, page, &formats, &masked)
         })?;
-        if shown.is_empty() || self.stroke.is_none() {
-            return Ok(());
+        if shown.is_empty() || (self.stroke.is_none() && !self.is_placing) {
+            return self.publish_outdated(&formats, &BTreeMap::new());
         }
         let mut coarser: BTreeMap<PageId, BTreeMap<usize, Vec<u8>>> = BTreeMap::new();
         for page in self.painter.preview(&shown)? {
             coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
         }
+        self.publish_outdated(&formats, &coarser)?;
+        if self.is_placing {
+            self.previewed.extend(coarser.keys());
+        }
         for (page, mut bytes) in coarser {
             bytes.extend(self.masked(page)?);
             exchange.publish_preview(page, page_texels(&self.painter, page, &formats, &bytes)?);
+        }
+        Ok(())
+    }
+
+    /// Coarser pages that showed what was taken away are as they were, but for some.
+    fn publish_outdated<T>(&mut self, formats: &[AtlasFormat], but: &BTreeMap<PageId, T>) -> Result<()> {
+        for page in std::mem::take(&mut self.outdated).into_iter().filter(|page| !but.contains_key(page)) {
+            let bytes = self.masked(page)?.into_iter().collect();
+            self.exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
         }
         Ok(())
     }
@@ -498,7 +545,16 @@ impl Worker {
         }
     }
 
+    /// When to commit next, if nothing else happens.
+    fn save_due(&self) -> Option<Instant> {
+        self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)
+    }
+
     fn note_changes(&mut self) {
+        // What may be taken away again is not to be saved.
+        if self.is_placing {
+            return;
+        }
         if self.painter.editor().has_changes() {
             if self.saving.changed.is_none() {
                 self.saving.changed = Some(Instant::now());
@@ -614,8 +670,13 @@ pub enum Order {
     End(Option<Sample>),
     /// Fill, from a point where there is one, with `StrokeStart` without its brush.
     Fill(Box<StrokeStart>, Option<SurfacePoint>, FillSettings),
-    /// Lay a picture onto the surface, for `StrokeStart` without its brush. A text is to stay readable in mirror images.
-    Lay(Box<StrokeStart>, Decal, bool),
+    /// Show a picture on the surface, for `StrokeStart` without its brush, instead of one that is shown so. A text is to stay readable
+    /// in mirror images.
+    Place(Box<StrokeStart>, Decal, bool),
+    /// Apply it.
+    Apply,
+    /// Take it away.
+    TakeAway,
     /// It is seen from here: what takes long begins with what is seen.
     Look(Viewpoint),
     GiveUp,
@@ -787,6 +848,23 @@ impl Worker {
         self.tell_state();
         Ok(())
     }
+}
+
+/// Whether an order applies what is shown and not applied yet.
+fn ends_placing(order: &Order) -> bool {
+    !matches!(
+        order,
+        Order::Place(..)
+            | Order::Apply
+            | Order::TakeAway
+            | Order::Pages
+            | Order::Release(_)
+            | Order::Look(_)
+            | Order::Pick(_)
+            | Order::SeeMask(_)
+            | Order::Collapse(..)
+            | Order::Close
+    )
 }
 
 /// Whether an order waits until what takes long is done.
