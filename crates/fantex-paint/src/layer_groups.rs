@@ -93,13 +93,12 @@ pub fn dissolve_group(stack: &mut Vec<Layer>, id: u64) {
 /// Moves a layer with everything within it. Does nothing where the place is not there, or lies within the layer itself.
 pub fn move_layer(stack: &mut Vec<Layer>, id: u64, place: LayerPlace) {
     let moved = with_members(stack, id);
-    let (LayerPlace::Above(other) | LayerPlace::Below(other) | LayerPlace::Into(other)) = place else {
+    let (LayerPlace::Above(number) | LayerPlace::Below(number) | LayerPlace::Into(number)) = place else {
         return put(stack, &moved, id, None, |rest| rest.len());
     };
-    let Some(other) = stack.iter().find(|layer| layer.id() == other && !moved.contains(&other.id())) else {
-        return;
-    };
-    let (number, parent) = (other.id(), other.parent);
+    let is_there = |layer: &&Layer| layer.id() == number && !moved.contains(&number);
+    let Some(other) = stack.iter().find(is_there) else { return };
+    let parent = other.parent;
     let at = |rest: &[Layer]| rest.iter().position(|layer| layer.id() == number).unwrap_or(rest.len());
     match place {
         LayerPlace::Above(_) => put(stack, &moved, id, parent, |rest| at(rest) + 1),
@@ -247,8 +246,10 @@ impl Painter {
     /// The asset cannot be changed.
     pub fn collapse_group(&mut self, id: u64, is_collapsed: bool) -> Result<()> {
         let changed = match is_collapsed {
-            true => self.layers.find(id).is_some_and(|layer| layer.group_kind().is_some())
-                && self.collapsed.insert(id),
+            true => {
+                self.layers.find(id).is_some_and(|layer| layer.group_kind().is_some())
+                    && self.collapsed.insert(id)
+            }
             false => self.collapsed.remove(&id),
         };
         if changed {
@@ -343,7 +344,8 @@ mod tests {
         assert_eq!(moved(2, LayerPlace::Above(9)), expected);
         let expected = [(1, out), (2, out), (3, within), (9, out), (4, out)];
         assert_eq!(moved(2, LayerPlace::Below(9)), expected);
-        for nothing in [LayerPlace::Into(4), LayerPlace::Above(77), LayerPlace::Below(9), LayerPlace::Into(9)] {
+        for nothing in [LayerPlace::Into(4), LayerPlace::Above(77), LayerPlace::Below(9), LayerPlace::Into(9)]
+        {
             assert_eq!(moved(9, nothing), listed(&start));
         }
         let mut stack = start.to_vec();

@@ -25,13 +25,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::composite::{PaintContext, composite};
 use crate::error::encoded;
-use crate::graph::{FillTextures, check_files, found_folder, kept_folder};
+use crate::graph::{check_files, found_folder, kept_folder};
 use crate::history::PageStep;
 use crate::layer_groups::{check_depth, move_layer, tidy};
 use crate::layer_stack::LayerStack;
 use crate::painter::Changes;
 use crate::stroke_page::StrokePage;
-use crate::texel_page::{Rect, TexelPage};
+use crate::texel_page::Rect;
 use crate::work::{FlattenWork, Work};
 use crate::{
     BlendMode, ChannelPaint, GraphFill, GroupKind, LayerMove, LayerPlace, MaskSource, Painter, StrokeSettings,

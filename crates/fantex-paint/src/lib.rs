@@ -69,8 +69,8 @@ pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_
 pub use graph::{GraphFill, TextureGraph};
 pub use history::{History, HistoryStep};
 pub use layer_groups::{
-    GroupKind, LayerPlace, MAX_GROUP_DEPTH, dissolve_group, groups_around, layer_below, move_layer, remove_layer,
-    with_members,
+    GroupKind, LayerPlace, MAX_GROUP_DEPTH, dissolve_group, groups_around, layer_below, move_layer,
+    remove_layer, with_members,
 };
 pub use layer_moves::LayerMove;
 pub use layers::{Layer, LayerContent, Target};

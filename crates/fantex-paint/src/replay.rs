@@ -30,10 +30,10 @@ use crate::stroke::mesh_length;
 use crate::stroke_file::color_of;
 use crate::{
     Brush, ChannelPaint, ColorSettings, DEFAULT_FONT, Dab, DabSettings, Decal, FillArea, FillLayerSettings,
-    GraphFill, GroupKind, Layer, LayerContent, LayerPlace, LayerSettings, LookSettings, Paint, Painter, Picture, Projection,
-    SMUDGE_SPACING, Sample, SampleSettings, Sight, Size, Stamp, StencilBy, Stroke, StrokeFile,
-    StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool, ToolSettings, Where,
-    dabs_of, draw_text,
+    GraphFill, GroupKind, Layer, LayerContent, LayerPlace, LayerSettings, LookSettings, Paint, Painter,
+    Picture, Projection, SMUDGE_SPACING, Sample, SampleSettings, Sight, Size, Stamp, StencilBy, Stroke,
+    StrokeFile, StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool,
+    ToolSettings, Where, dabs_of, draw_text,
 };
 
 // Applying a stroke file.
@@ -233,7 +233,8 @@ impl Preparation<'_> {
         let decals = self.decals(&stroke)?;
         let layer = self.settings.layer.as_ref();
         if layer.is_some_and(|layer| layer.fill.is_some() && layer.group.is_some()) {
-            let sentence = "the layer has both `fill` and `group`: a group shows what lies in it and no textures";
+            let sentence =
+                "the layer has both `fill` and `group`: a group shows what lies in it and no textures";
             return Err(self.of_stroke(Error::invalid(sentence)));
         }
         let fill = layer.and_then(|layer| layer.fill.as_ref());

@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::error::malformed;
 use crate::replay::Preparation;
 use crate::{
-    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size, Surface,
-    Symmetry, Tool,
+    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size,
+    Surface, Symmetry, Tool,
 };
 
 /// A stroke file.

@@ -19,8 +19,8 @@ use crate::paint::painting::Hand;
 use crate::paint::placing::Placing;
 use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::{
-    ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent,
-    PenPhase, StickerKind, StrokeStart, Viewpoint,
+    ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
+    StrokeStart, Viewpoint,
 };
 use crate::settings::label_of;
 

@@ -2,8 +2,8 @@
 
 use fantex::glam::Vec4;
 use fantex::paint::{
-    BlendMode, GraphFill, GroupKind, Layer, LayerContent, LayerPlace, MaskSource, Target, dissolve_group, move_layer,
-    remove_layer,
+    BlendMode, GraphFill, GroupKind, Layer, LayerContent, LayerPlace, MaskSource, Target, dissolve_group,
+    move_layer, remove_layer,
 };
 use fantex::store::{Channel, ChannelKind};
 
@@ -224,10 +224,8 @@ impl Painting {
                     change(thread, "change fill", id, move |layer| layer.content = fill.content);
                 }
             }
-            LayerAction::Delete(id) => thread.order(Order::EditLayers(
-                "delete layer",
-                Box::new(move |layers| remove_layer(layers, id)),
-            )),
+            LayerAction::Delete(id) => thread
+                .order(Order::EditLayers("delete layer", Box::new(move |layers| remove_layer(layers, id)))),
             LayerAction::Rename(id, name) => change(thread, "rename layer", id, |layer| layer.name = name),
             LayerAction::Show(id, is_shown) => {
                 let label = if is_shown { "show layer" } else { "hide layer" };

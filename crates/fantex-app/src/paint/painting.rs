@@ -6,9 +6,7 @@ use std::sync::Arc;
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
-use fantex::paint::{
-    Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress,
-};
+use fantex::paint::{Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, Channel, ChannelKind};
 use fantex::texture::color::srgb_from_linear;
@@ -18,9 +16,9 @@ use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
 use crate::paint::{
-    ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
-    Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
-    TextureChoice, Thumbnail, Viewpoint,
+    ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand, PaintSettings, PaintThread,
+    PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings,
+    SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::viewer::Wake;
 

@@ -84,7 +84,12 @@ impl Placing {
         let top = outline[SIDE_POINTS / 2];
         let outward = ((top - middle) * pixels).normalize_or(DVec2::NEG_Y);
         let knob = top + outward * KNOB / pixels;
-        Some(PlacingOutline { middle, corners: [0, 1, 2, 3].map(|k| outline[k * SIDE_POINTS]), outline, knob })
+        Some(PlacingOutline {
+            middle,
+            corners: [0, 1, 2, 3].map(|k| outline[k * SIDE_POINTS]),
+            outline,
+            knob,
+        })
     }
 }
 
@@ -141,12 +146,7 @@ impl Painting {
     }
 
     /// Lets what is not applied follow the settings: text, picture, colours, size, angle. Another tool applies it. Once a frame.
-    pub fn follow_placing(
-        &mut self,
-        settings: &mut PaintSettings,
-        view: &Viewpoint,
-        notices: &mut Notices,
-    ) {
+    pub fn follow_placing(&mut self, settings: &mut PaintSettings, view: &Viewpoint, notices: &mut Notices) {
         let Some(placing) = &mut self.placing else { return };
         if settings.tool != PaintTool::Sticker || placing.target != self.target {
             self.apply_placing();
@@ -157,9 +157,8 @@ impl Painting {
             if before.brush.unit == settings.brush.unit && before.brush.size > 0.0 {
                 placing.line *= settings.brush.size / before.brush.size;
             }
-            let shape = |of: &PaintSettings| {
-                (of.sticker, of.text.clone(), of.picture.clone(), of.picture_use)
-            };
+            let shape =
+                |of: &PaintSettings| (of.sticker, of.text.clone(), of.picture.clone(), of.picture_use);
             let is_other = shape(before) != shape(settings);
             placing.settings = settings.clone();
             placing.is_stale = true;
@@ -295,8 +294,7 @@ impl Painting {
             PenPhase::Up => return placing.grip.take().is_some(),
             PenPhase::Down => {
                 // Elsewhere on the surface it comes there.
-                placing.grip =
-                    outline.grip(event.at, view).or_else(|| hit.map(|_| Grip::Move(DVec2::ZERO)));
+                placing.grip = outline.grip(event.at, view).or_else(|| hit.map(|_| Grip::Move(DVec2::ZERO)));
                 if placing.grip.is_none() {
                     return false;
                 }

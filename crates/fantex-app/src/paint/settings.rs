@@ -358,8 +358,8 @@ impl PaintCommand {
 
 pub fn paint_shortcuts() -> Vec<Shortcut> {
     use PaintCommand::{
-        AddLayer, AdjustStencil, Apply, Flow, GroupLayer, Hardness, Opacity, Project, Redo, ResetColors, Save, Size,
-        SwapColors, TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo, UngroupLayer,
+        AddLayer, AdjustStencil, Apply, Flow, GroupLayer, Hardness, Opacity, Project, Redo, ResetColors,
+        Save, Size, SwapColors, TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo, UngroupLayer,
     };
     const NONE: Modifiers = Modifiers::NONE;
     const SHIFT: Modifiers = Modifiers::SHIFT;

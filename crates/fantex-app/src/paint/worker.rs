@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use fantex::base::{Error, Result};
 use fantex::glam::{DVec2, Vec4};
 use fantex::paint::{
-    Brush, Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
-    SurfacePoint, Symmetry, Target, WorkProgress, move_layer,
+    Brush, Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Paint, Painter, Sample,
+    Stamp, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress, move_layer,
 };
 use fantex::store::{Asset, PageId, group_pages, is_disk_full};
 use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};

@@ -113,7 +113,10 @@ fn groups_are_painted_through_their_masks_only_and_merged() {
     act(&mut studio, LayerAction::MergeGroup(group));
     let layers = &studio.painting.snapshot.layers;
     let merged = layers.iter().find(|layer| layer.id() == group).unwrap();
-    assert_eq!((layers.len(), merged.blend, &merged.content), (2, BlendMode::Multiply, &LayerContent::Painted));
+    assert_eq!(
+        (layers.len(), merged.blend, &merged.content),
+        (2, BlendMode::Multiply, &LayerContent::Painted)
+    );
     let path = studio.path.clone();
     let _folder = studio.close();
     let report = fantex::store::verify(&path, &fantex::store::VerifyOptions::default()).unwrap();
@@ -141,7 +144,14 @@ fn lines_say_where_a_dragged_layer_goes() {
         };
         names.iter().map(row).collect()
     };
-    let list = rows(&[(1, None, false), (10, None, true), (2, Some(10), false), (3, Some(10), false), (11, None, false), (4, None, false)]);
+    let list = rows(&[
+        (1, None, false),
+        (10, None, true),
+        (2, Some(10), false),
+        (3, Some(10), false),
+        (11, None, false),
+        (4, None, false),
+    ]);
     let place = |dragged, onto, steps| drop_place(&list, dragged, onto, steps);
     assert_eq!(place(1, 1, 0), Some(LayerPlace::Into(10)), "down onto an unfolded group");
     assert_eq!(place(1, 3, 0), Some(LayerPlace::Below(3)));

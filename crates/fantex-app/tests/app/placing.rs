@@ -126,7 +126,11 @@ fn handles_move_scale_and_turn() {
     drag(&mut studio, corner, middle.lerp(corner, 0.5));
     let (_, turned, half) = studio.painting.placing_place().unwrap();
     assert!((half / size - 0.5).abs() < 0.02 && turned == degrees, "{half} {size}");
-    assert!((studio.settings.brush.size - 30.0).abs() < 1.0, "the brush follows: {}", studio.settings.brush.size);
+    assert!(
+        (studio.settings.brush.size - 30.0).abs() < 1.0,
+        "the brush follows: {}",
+        studio.settings.brush.size
+    );
     // By the knob, a quarter counter-clockwise: from above to the left.
     let (knob, middle) = (outline(&studio).knob, outline(&studio).middle);
     let arm = knob - middle;

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fantex_bake::{BakeFormat, NoProgress, Progress};
 use fantex_base::ErrorKind;
 use fantex_export::{
-    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_atlas, export_channels, export_model, unwrap_mesh,
-    unwrap_triangles,
+    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_atlas, export_channels, export_model,
+    unwrap_mesh, unwrap_triangles,
 };
 use fantex_mesh::generate::{cube, icosphere, torus};
 use fantex_mesh::{AlphaMode, Mesh};

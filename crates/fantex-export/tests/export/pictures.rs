@@ -157,8 +157,9 @@ fn check_descriptor(
 fn a_missing_channel_is_named() {
     let baked = baked_bottle(1 << 14);
     let path = baked.path("x.png");
-    let error = export_channels(&baked.asset, &[(ChannelMap::Light, &path)], Depth::Eight, &options(), &NoProgress)
-        .unwrap_err();
+    let error =
+        export_channels(&baked.asset, &[(ChannelMap::Light, &path)], Depth::Eight, &options(), &NoProgress)
+            .unwrap_err();
     assert_eq!(
         error.to_string(),
         "the asset has no channel for light; it has base-color, orm, normal, emission"
@@ -267,8 +268,14 @@ fn pictures_hold_the_texture_function_at_equal_density() {
         let options = ExportOptions { side: Some(512), padding: Some(4), ..ExportOptions::default() };
         let summary = export_model(&baked.asset, &model, &options, &NoProgress).unwrap();
         assert!((0.8..1.1).contains(&summary.density_share), "{summary:?}");
-        export_channels(&baked.asset, &[(ChannelMap::BaseColor, &picture)], Depth::Eight, &options, &NoProgress)
-            .unwrap();
+        export_channels(
+            &baked.asset,
+            &[(ChannelMap::BaseColor, &picture)],
+            Depth::Eight,
+            &options,
+            &NoProgress,
+        )
+        .unwrap();
         let image = Image::load_as(&picture, ColorSpace::Linear).unwrap();
         let Samples::F32(samples) = &image.samples else { panic!("floats") };
         let texel = |x: u32, y: u32| samples[3 * (y.min(511) * 512 + x.min(511)) as usize];

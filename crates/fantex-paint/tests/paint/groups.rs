@@ -341,7 +341,8 @@ fn stroke_files_make_groups_and_layers_in_them() {
         )
     };
     let file = [
-        r#"{ "layer": { "name": "metal", "group": "isolated", "blend": "multiply", "opacity": 0.5 } }"#.to_owned(),
+        r#"{ "layer": { "name": "metal", "group": "isolated", "blend": "multiply", "opacity": 0.5 } }"#
+            .to_owned(),
         stroke(r#"{ "name": "rust", "within": "metal" }"#),
         stroke(r#"{ "name": "dirt", "within": "earth" }"#),
     ];

@@ -4,13 +4,16 @@ use std::sync::Arc;
 
 use eframe::egui::{
     Align, Button, Color32, ColorImage, CornerRadius, CursorIcon, Id, Key, Label, Layout, Rect, Response,
-    RichText, Sense, Shape, Slider, Stroke, StrokeKind, TextEdit, Ui, UiBuilder, WidgetInfo, accesskit, pos2, vec2,
+    RichText, Sense, Shape, Slider, Stroke, StrokeKind, TextEdit, Ui, UiBuilder, WidgetInfo, accesskit, pos2,
+    vec2,
 };
 use fantex::paint::{
     BlendMode, GroupKind, Layer, LayerContent, LayerPlace, MaskMeasure, MaskSource, Target, layer_below,
 };
 
-use crate::paint::{BLEND_MODES, LayerAction, LayerDrag, LayerRow, Painting, THUMBNAIL, drop_place, layer_rows};
+use crate::paint::{
+    BLEND_MODES, LayerAction, LayerDrag, LayerRow, Painting, THUMBNAIL, drop_place, layer_rows,
+};
 use crate::panels::widgets::{cached_texture, choice, heading, hint, number, row, segments};
 use crate::settings::label_of;
 use crate::theme;

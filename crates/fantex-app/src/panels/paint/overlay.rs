@@ -11,8 +11,8 @@ use fantex::glam::{DVec2, DVec3};
 
 use crate::command::Command;
 use crate::paint::{
-    Cursor, PaintCommand, PaintTool, PlacingOutline, Ring, SaveState, StencilPicture, StencilSettings, StencilUse,
-    SymmetryKind, plane_outline,
+    Cursor, PaintCommand, PaintTool, PlacingOutline, Ring, SaveState, StencilPicture, StencilSettings,
+    StencilUse, SymmetryKind, plane_outline,
 };
 use crate::panels::paint::brush::percent;
 use crate::panels::widgets::{file_button, gauge, heading, number, row, segments};
