@@ -25,7 +25,7 @@ const SIDE_POINTS: usize = 12;
 
 /// What lies there before it is applied.
 #[derive(Clone, Debug)]
-pub struct Placing {
+pub(super) struct Placing {
     decal: Decal,
     /// Distance of a text's lines, or length of a picture's longer side, mesh units.
     line: f32,
@@ -188,9 +188,12 @@ impl Painting {
         view: &Viewpoint,
         notices: &mut Notices,
     ) {
-        let shape = match sticker_shape(settings) {
+        let shape = self
+            .sticker_channel(settings)
+            .and_then(|_| sticker_shape(settings).map_err(|error| error.to_string()));
+        let shape = match shape {
             Ok(shape) => shape,
-            Err(error) => return notices.warning(error.to_string()),
+            Err(reason) => return notices.warning(reason),
         };
         let world = self.world_size(settings, view, point);
         let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
@@ -254,7 +257,21 @@ impl Painting {
         is_shown
     }
 
-    /// What a sticker begins with: pictures that are normals or heights go into their channel alone.
+    /// The channel that the sticker alone goes into: that of pictures that are normals or heights; none where it is laid in what the
+    /// brush paints, else why it cannot be laid.
+    fn sticker_channel(&self, settings: &PaintSettings) -> Result<Option<ChannelKind>, String> {
+        let is_other = settings.sticker == StickerKind::Picture
+            && settings.picture_use != PictureUse::Color
+            && !matches!(self.target, Target::Mask(_));
+        let kind = settings.picture_use.kind();
+        if is_other && self.channels.iter().all(|channel| channel.kind != kind) {
+            let name = if kind == ChannelKind::Normal { "normals" } else { "height" };
+            return Err(format!("The asset has no {name}: Add channel gives it some."));
+        }
+        Ok(is_other.then_some(kind))
+    }
+
+    /// What a sticker begins with.
     fn sticker_start(
         &mut self,
         point: SurfacePoint,
@@ -263,15 +280,7 @@ impl Painting {
         notices: &mut Notices,
     ) -> Result<Box<StrokeStart>, String> {
         let before = settings.channels;
-        let is_other = settings.sticker == StickerKind::Picture
-            && settings.picture_use != PictureUse::Color
-            && !matches!(self.target, Target::Mask(_));
-        if is_other {
-            let kind = settings.picture_use.kind();
-            if self.channels.iter().all(|channel| channel.kind != kind) {
-                let name = if kind == ChannelKind::Normal { "normals" } else { "height" };
-                return Err(format!("The asset has no {name}: Add channel gives it some."));
-            }
+        if let Some(kind) = self.sticker_channel(settings)? {
             settings.channels = ChannelSwitches::only(kind);
         }
         let start = self.start(point, settings, view, notices);

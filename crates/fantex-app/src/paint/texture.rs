@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use fantex::base::{Error, Result, input};
 use fantex::glam::{Vec2, Vec3, Vec4};
-use fantex::paint::{
-    DEFAULT_FONT, Decal, LookSettings, Picture, Surface, SurfacePoint, TextureGraph, draw_text,
-};
+use fantex::paint::{DEFAULT_FONT, LookSettings, Picture, Surface, TextureGraph, draw_text};
 use fantex::texture::{ColorSpace, Filtering, Image, SOLID_NAMES, Samples, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 

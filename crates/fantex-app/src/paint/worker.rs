@@ -499,15 +499,16 @@ impl Worker {
             page_texels(&self.painter, page, &formats, &masked)
         })?;
         if shown.is_empty() || (self.stroke.is_none() && !self.is_placing) {
-            return self.publish_outdated(&formats, &BTreeMap::new());
+            return self.publish_outdated(&formats, &BTreeSet::new());
         }
         let mut coarser: BTreeMap<PageId, BTreeMap<usize, Vec<u8>>> = BTreeMap::new();
         for page in self.painter.preview(&shown)? {
             coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
         }
-        self.publish_outdated(&formats, &coarser)?;
+        let previewed: BTreeSet<PageId> = coarser.keys().copied().collect();
+        self.publish_outdated(&formats, &previewed)?;
         if self.is_placing {
-            self.previewed.extend(coarser.keys());
+            self.previewed = previewed;
         }
         for (page, mut bytes) in coarser {
             bytes.extend(self.masked(page)?);
@@ -517,8 +518,8 @@ impl Worker {
     }
 
     /// Coarser pages that showed what was taken away are as they were, but for some.
-    fn publish_outdated<T>(&mut self, formats: &[AtlasFormat], but: &BTreeMap<PageId, T>) -> Result<()> {
-        for page in std::mem::take(&mut self.outdated).into_iter().filter(|page| !but.contains_key(page)) {
+    fn publish_outdated(&mut self, formats: &[AtlasFormat], but: &BTreeSet<PageId>) -> Result<()> {
+        for page in std::mem::take(&mut self.outdated).into_iter().filter(|page| !but.contains(page)) {
             let bytes = self.masked(page)?.into_iter().collect();
             self.exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
         }

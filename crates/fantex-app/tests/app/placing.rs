@@ -131,15 +131,17 @@ fn handles_move_scale_and_turn() {
         "the brush follows: {}",
         studio.settings.brush.size
     );
-    // By the knob, a quarter counter-clockwise: from above to the left.
+    // By the knob, to the left of the middle: the picture's upper side comes there.
     let (knob, middle) = (outline(&studio).knob, outline(&studio).middle);
     let arm = knob - middle;
     drag(&mut studio, knob, middle + DVec2::new(-arm.length(), 0.0));
     let (_, turned, same) = studio.painting.placing_place().unwrap();
-    let expected = arm.angle_to(DVec2::NEG_X).to_degrees().abs();
-    assert!((f64::from(turned - degrees) - expected).abs() < 1.0 && (same - half).abs() < 1e-6, "{turned}");
+    let expected = -arm.angle_to(DVec2::NEG_X).to_degrees();
+    let apart = (f64::from(turned - degrees) - expected + 180.0).rem_euclid(360.0) - 180.0;
+    assert!(apart.abs() < 1.0 && (same - half).abs() < 1e-6, "{turned} {expected}");
+    let arm = outline(&studio).knob - outline(&studio).middle;
+    assert!(arm.normalize().dot(DVec2::NEG_X) > 0.95, "{arm}");
     assert_eq!(studio.settings.sticker_degrees, turned, "the panel shows it");
-    assert!(outline(&studio).knob.x < middle.x - 0.02);
     // A press elsewhere on the surface brings it there; beside the model the view is turned.
     click(&mut studio, 0.5, 0.15);
     assert!(outline(&studio).middle.distance(DVec2::new(0.5, 0.15)) < 0.01);
@@ -175,7 +177,7 @@ fn the_preview_is_what_is_applied_with_colour_text_and_symmetry_as_they_are_by_t
     let _folder = studio.close();
     let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
     let color: Vec4 = painter.pick(0, at).unwrap();
-    assert!(color.y > 3.0 * color.x && color.y > 0.3, "{color}");
+    assert!(color.y > 2.0 * color.x && color.y > 2.0 * color.z, "{color}");
     let stroke = &StrokeLog::of(painter.editor().asset()).unwrap().strokes.strokes[0];
     let text = stroke.text.as_ref().unwrap();
     assert_eq!((text.text.as_str(), text.angle.abs().round()), ("I", 30.0));
