@@ -807,7 +807,7 @@ impl Viewer {
 /// Keeps a pasted picture under a name that its texels make: the same one is kept once.
 fn save_pasted(folder: &Path, [width, height]: [u32; 2], texels: Vec<u8>) -> Result<PathBuf> {
     if texels.is_empty() || texels.len() as u64 != 4 * u64::from(width) * u64::from(height) {
-        return Err(Error::invalid("it has no pixels; copy another one"));
+        return Err(Error::invalid("its texels do not fit its size; copy it again"));
     }
     let mut hasher = DefaultHasher::new();
     (width, height, &texels).hash(&mut hasher);

@@ -84,6 +84,8 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
     let chosen = painting.layer().map(Layer::id);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
+        // All of them in one line.
+        ui.spacing_mut().button_padding.x = 5.0;
         if ui.button("Add").on_hover_text("An empty layer above the chosen one (Ctrl + Shift + N)").clicked()
         {
             actions.push(LayerAction::Add);
