@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use fantex::bake::Progress;
 use fantex::base::{Error, Result};
-use fantex::export::{ChannelMap, Depth, ExportOptions, export_channel, export_model};
+use fantex::export::{ChannelMap, Depth, ExportOptions, export_channels, export_model};
 use fantex::store::Asset;
 use fantex::texture::{ColorSpace, Image, Samples};
 use serde::Deserialize;
@@ -116,8 +116,9 @@ pub fn export(
         }
         let stem = output.file_stem().unwrap_or_default().to_string_lossy();
         let path = output.with_file_name(format!("{stem}_{name}.png"));
-        let write =
-            |map, path: &Path| export_channel(&asset, map, Depth::Eight, path, &options, progress).map(drop);
+        let write = |map, path: &Path| {
+            export_channels(&asset, &[(map, path)], Depth::Eight, &options, progress).map(drop)
+        };
         match map {
             Map::Channel(channel) => {
                 write(*channel, &path)?;

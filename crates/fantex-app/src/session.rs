@@ -228,6 +228,20 @@ pub enum LayerStep {
     /// A copy above it.
     Duplicate,
     MergeDown,
+    /// A new group with the layer.
+    Group,
+    Ungroup,
+    MergeGroup,
+    /// Lets a group blend as `pass_through`, or on its own (`isolated`).
+    GroupKind(fantex::paint::GroupKind),
+    /// Folds a group in the list, or unfolds it.
+    Collapse(bool),
+    /// Into the group of this name, on top.
+    MoveInto(String),
+    /// Above the layer of this name, into its group.
+    MoveAbove(String),
+    /// Below the layer of this name, into its group.
+    MoveBelow(String),
     Delete,
 }
 

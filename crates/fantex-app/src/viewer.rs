@@ -1,15 +1,17 @@
 //! The viewer's whole state and what changes it, without a window: panels show and edit it, the shell carries out what only a
 //! window or a GPU can do.
 
-use std::path::PathBuf;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex::base::Result;
+use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
 use fantex::paint::PaintOptions;
 use fantex::scene::{Background, Camera, Lights};
 use fantex::store::ChannelKind;
 use fantex::stream::CameraPath;
+use fantex::texture::{ColorSpace, Image, Samples};
 
 use crate::camera::{
     CameraMode, CameraRig, FlyMotion, Ground, MeshGround, MoveInput, PathRecorder, SceneScale, ViewPreset,
@@ -525,7 +527,7 @@ impl Viewer {
             self.path_state = PathState::Still;
         } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work.is_some()) {
             painting.give_up_work();
-        } else {
+        } else if self.painting.as_mut().is_none_or(|painting| !painting.drop_placing()) {
             self.settings.paint.stencil.is_adjusted = false;
         }
     }
@@ -613,13 +615,28 @@ impl Viewer {
         }
     }
 
-    /// Takes a file that was dropped onto the window: a picture as sticker or over the view while something is painted on, else as
-    /// surroundings; all others are opened.
+    /// Takes a file that was dropped onto the window: a picture (see [`take_pasted`](Self::take_pasted)), or something to be opened.
     pub fn take_dropped(&mut self, path: PathBuf) {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         if !extension.is_some_and(|extension| PICTURES.contains(&extension.as_str())) {
             return self.open(&path.to_string_lossy());
         }
+        self.take_picture(path);
+    }
+
+    /// Takes a picture of the clipboard, sRGB with straight alpha, as one that was dropped. It is kept as a PNG beside the settings, or with
+    /// the system's temporary files where there are none.
+    pub fn take_pasted(&mut self, [width, height]: [u32; 2], texels: Vec<u8>) {
+        let beside = self.brushes_file.as_deref().and_then(Path::parent).map(Path::to_owned);
+        let folder = beside.unwrap_or_else(|| std::env::temp_dir().join("fantex"));
+        match save_pasted(&folder.join("pasted"), [width, height], texels) {
+            Ok(path) => self.take_picture(path),
+            Err(error) => self.notices.error(format!("The picture cannot be pasted: {error}")),
+        }
+    }
+
+    /// A picture as sticker or over the view while something is painted on, else as surroundings.
+    fn take_picture(&mut self, path: PathBuf) {
         let paint = &mut self.settings.paint;
         let dialog = match (&self.painting, paint.tool) {
             (None, _) => FileDialog::Surroundings,
@@ -785,6 +802,22 @@ impl Viewer {
         }
         self.looks = Some(looks);
     }
+}
+
+/// Keeps a pasted picture under a name that its texels make: the same one is kept once.
+fn save_pasted(folder: &Path, [width, height]: [u32; 2], texels: Vec<u8>) -> Result<PathBuf> {
+    if texels.is_empty() || texels.len() as u64 != 4 * u64::from(width) * u64::from(height) {
+        return Err(Error::invalid("its texels do not fit its size; copy it again"));
+    }
+    let mut hasher = DefaultHasher::new();
+    (width, height, &texels).hash(&mut hasher);
+    let path = folder.join(format!("{:016x}.png", hasher.finish()));
+    if !path.exists() {
+        std::fs::create_dir_all(folder).map_err(|source| Error::writing(folder, source))?;
+        let (space, samples) = (ColorSpace::Srgb, Samples::U8(texels));
+        Image { width, height, channels: 4, space, samples }.save(&path)?;
+    }
+    Ok(path)
 }
 
 fn toggle(switch: &mut bool) {

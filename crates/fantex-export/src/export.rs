@@ -149,24 +149,29 @@ pub(crate) fn write_model(
     }
 }
 
-/// Writes one channel of an asset, laid out as [`export_model`] does, as `.png` (of `depth`), `.exr` or `.ktx2`.
+/// Writes channels of an asset, laid out as [`export_model`] does, each to a file of its own: `.png` (of `depth`), `.exr` or `.ktx2`. All
+/// files appear at the end, or none.
 ///
 /// # Errors
-/// As [`export_model`]; the asset may lack the channel, or the picture need more memory than is allowed.
-pub fn export_channel(
+/// As [`export_model`]; the asset may lack a channel, one may be named twice, or the pictures need more memory than is allowed.
+pub fn export_channels(
     asset: &Arc<Asset>,
-    kind: ChannelMap,
+    channels: &[(ChannelMap, &Path)],
     depth: Depth,
-    output: &Path,
     options: &ExportOptions<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
     options.check()?;
-    let extension = extension(output);
-    if !["png", "exr", "ktx2"].contains(&extension.as_str()) {
-        return Err(unknown_kind(output, ".png, .exr or .ktx2"));
+    let mut maps = Vec::with_capacity(channels.len());
+    for (index, &(kind, output)) in channels.iter().enumerate() {
+        if !["png", "exr", "ktx2"].contains(&extension(output).as_str()) {
+            return Err(unknown_kind(output, ".png, .exr or .ktx2"));
+        }
+        if channels[..index].iter().any(|(earlier, _)| *earlier == kind) {
+            return Err(Error::invalid(format!("the channel {} is named twice; name it once", kind.name())));
+        }
+        maps.push(Map::of(asset, kind).ok_or_else(|| no_channel(asset, kind))?);
     }
-    let map = Map::of(asset, kind).ok_or_else(|| no_channel(asset, kind))?;
     let job = Job::new(asset, options, progress)?;
     let [page] = &job.layout.pages[..] else {
         let message = format!(
@@ -176,25 +181,29 @@ pub fn export_channel(
         );
         return Err(Error::unsupported(message));
     };
-    if extension == "exr" {
-        let needed = FloatSink::memory_bytes(page.side, &map);
-        if needed > options.memory_bytes {
-            let message = format!(
-                "{} needs {needed} bytes at once, but --memory allows {}; use .png or .ktx2, a smaller --size, or more --memory",
-                output.display(),
-                options.memory_bytes
-            );
-            return Err(Error::too_large(message).with_path(output));
-        }
+    let floats = channels.iter().zip(&maps).filter(|((_, output), _)| extension(output) == "exr");
+    let needed: u64 = floats.clone().map(|(_, map)| FloatSink::memory_bytes(page.side, map)).sum();
+    if needed > options.memory_bytes
+        && let Some(((_, output), _)) = floats.clone().next()
+    {
+        let message = format!(
+            "{} needs {needed} bytes at once, but --memory allows {}; use .png or .ktx2, a smaller --size, or more --memory",
+            output.display(),
+            options.memory_bytes
+        );
+        return Err(Error::too_large(message).with_path(output));
     }
     let mut outputs = Outputs::new(options.force);
-    let (file, temporary) = outputs.create(output)?;
-    let sink: Box<dyn RowSink> = match extension.as_str() {
-        "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], map, depth)?),
-        "ktx2" => Box::new(Ktx2Sink::new(file, output, page.side, &map)?),
-        _ => Box::new(FloatSink::new(temporary, page.side, &map)),
-    };
-    let mut summary = job.run(&[map], &job.tangents(&[map]), vec![vec![sink]], progress)?;
+    let mut sinks: Vec<Box<dyn RowSink>> = Vec::with_capacity(maps.len());
+    for (&(_, output), map) in channels.iter().zip(&maps) {
+        let (file, temporary) = outputs.create(output)?;
+        sinks.push(match extension(output).as_str() {
+            "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], *map, depth)?),
+            "ktx2" => Box::new(Ktx2Sink::new(file, output, page.side, map)?),
+            _ => Box::new(FloatSink::new(temporary, page.side, map)),
+        });
+    }
+    let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
     summary.files = outputs.commit()?;
     Ok(summary)
 }

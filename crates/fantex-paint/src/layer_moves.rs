@@ -1,6 +1,6 @@
 //! What was painted on layers goes to others: copies, merges, masks that are dropped; and what single layers hold, for pictures of them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fantex_base::{Error, Result};
 use fantex_store::{ChannelKind, PAGE, PageId, page_extent, page_origin};
@@ -9,12 +9,14 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::composite::{replace_blocks, texels_around};
+use crate::layer_groups::{become_painted, layer_below, move_layer, remove_layer, with_members};
+use crate::layer_stack::LayerStack;
 use crate::layers::{
-    Held, LayerStack, Layers, TEXEL_BYTES, base_bytes, base_name, float_of, page_name, page_of_suffix, prefix,
+    Held, Layers, TEXEL_BYTES, base_bytes, base_name, float_of, page_name, page_of_suffix, prefix,
 };
 use crate::levels::{fine_rect, pages_of};
 use crate::texel_page::Rect;
-use crate::{BlendMode, Layer, LayerContent, Painter, SurfacePoint, Target};
+use crate::{BlendMode, Layer, LayerContent, LayerPlace, Painter, SurfacePoint, Target};
 
 /// What was painted on a layer, mask included, goes to another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,7 +24,8 @@ use crate::{BlendMode, Layer, LayerContent, Painter, SurfacePoint, Target};
 pub enum LayerMove {
     /// From a layer's number to that of a new one.
     Copy([u64; 2]),
-    /// From a layer's number, as it is shown, over what another one shows, to that one: both as they were before the step.
+    /// From a layer's number, as it is shown, over what another one shows, to that one: both as they were before the step. A group shows
+    /// what lies within it; one that is merged with itself becomes a layer of that.
     Merge([u64; 2]),
 }
 
@@ -30,7 +33,7 @@ pub enum LayerMove {
 const BATCH: usize = 16;
 
 impl Painter {
-    /// Puts a copy of a layer above it, with what was painted on it and its mask; returns the copy's number.
+    /// Puts a copy of a layer above it, with what was painted on it and its mask, of a group with all within it; returns the copy's number.
     ///
     /// # Errors
     /// There is no such layer, or the asset cannot be read or changed.
@@ -47,25 +50,39 @@ impl Painter {
     pub fn start_duplicate_layer(&mut self, id: u64) -> Result<u64> {
         self.finish_work()?;
         self.end()?;
-        let original = self.known_layer(id)?.clone();
-        let taken: BTreeSet<String> = self.layers.stack.iter().map(|layer| layer.name.clone()).collect();
-        let first = std::iter::once(format!("{} copy", original.name));
-        let names = first.chain((2..).map(|n| format!("{} copy {n}", original.name)));
-        let name = names.into_iter().find(|name| !taken.contains(name)).unwrap_or_default();
-        let number = self.layers.next_id;
-        self.change_layers("duplicate layer", &[LayerMove::Copy([id, number])], |layers| {
-            let copy = layers.add(Layer { name, ..original });
-            let copied = layers.stack.iter().position(|layer| layer.id() == id);
-            if let (Some(at), Some(layer)) = (copied, layers.stack.pop()) {
-                debug_assert_eq!(layer.id(), copy);
-                layers.stack.insert(at + 1, layer);
+        let name = self.free_copy_name(&self.known_layer(id)?.name);
+        let stack = self.layers.stack.clone();
+        // Members come before their group.
+        let originals = with_members(&stack, id);
+        let copies: BTreeMap<u64, u64> = originals.iter().copied().zip(self.layers.next_id..).collect();
+        let moves: Vec<LayerMove> = copies.iter().map(|(&from, &to)| LayerMove::Copy([from, to])).collect();
+        let number = copies[&id];
+        self.change_layers("duplicate layer", &moves, |layers| {
+            for original in stack.iter().filter(|layer| copies.contains_key(&layer.id())) {
+                let mut copy = original.clone();
+                if original.id() == id {
+                    copy.name.clone_from(&name);
+                } else {
+                    copy.parent = original.parent.map(|parent| copies[&parent]);
+                }
+                let added = layers.add(copy);
+                debug_assert_eq!(added, copies[&original.id()]);
             }
+            move_layer(&mut layers.stack, number, LayerPlace::Above(id));
         })?;
         Ok(number)
     }
 
+    fn free_copy_name(&self, name: &str) -> String {
+        let taken: BTreeSet<&str> = self.layers.stack.iter().map(|layer| layer.name.as_str()).collect();
+        let first = std::iter::once(format!("{name} copy"));
+        let mut names = first.chain((2..).map(|n| format!("{name} copy {n}")));
+        names.find(|name| !taken.contains(name.as_str())).unwrap_or_default()
+    }
+
     /// Makes one layer of a layer and the one below it, which then holds what both show: masks, opacity and channels are applied. The
-    /// picture stays as it is where both blend as `Normal`; other modes of the upper layer act on the lower one alone.
+    /// picture stays as it is where both blend as `Normal`; other modes of the upper layer act on the lower one alone. Both lie in the
+    /// same group; a group counts as a layer of what lies within it.
     ///
     /// # Errors
     /// There is no such layer, none below it, one of them is hidden, or the asset cannot be read or changed.
@@ -82,8 +99,7 @@ impl Painter {
         self.finish_work()?;
         self.end()?;
         let upper = self.known_layer(id)?.clone();
-        let at = self.layers.stack.iter().position(|layer| layer.id() == id).unwrap_or_default();
-        let Some(lower) = at.checked_sub(1).map(|below| self.layers.stack[below].clone()) else {
+        let Some(lower) = layer_below(&self.layers.stack, id).cloned() else {
             let sentence = format!("below the layer {:?} is none that it could be merged with", upper.name);
             return Err(Error::invalid(sentence));
         };
@@ -94,14 +110,12 @@ impl Painter {
         }
         let to = lower.id();
         self.change_layers("merge layers", &[LayerMove::Merge([id, to])], |layers| {
-            layers.stack.retain(|layer| layer.id() != id);
-            for layer in layers.stack.iter_mut().filter(|layer| layer.id() == to) {
-                *layer = Layer { id: to, blend: layer.blend, ..Layer::painted(&layer.name) };
-            }
+            remove_layer(&mut layers.stack, id);
+            become_painted(layers, to);
         })
     }
 
-    fn known_layer(&self, id: u64) -> Result<&Layer> {
+    pub(crate) fn known_layer(&self, id: u64) -> Result<&Layer> {
         let none = || Error::not_found(format!("there is no layer number {id}"));
         self.layers.find(id).ok_or_else(none)
     }
@@ -123,12 +137,25 @@ impl Painter {
                 Ok(())
             }
             LayerMove::Merge([upper, lower]) => {
-                let find = |id| {
-                    let none = || Error::not_found(format!("there is no layer number {id} to be merged"));
-                    before.find(id).cloned().ok_or_else(none)
-                };
-                let pair = [Layer { blend: BlendMode::Normal, ..find(lower)? }, find(upper)?];
-                self.merge(&Layers { next_id: 0, stack: pair.to_vec() }, lower)
+                let mut stack = Vec::new();
+                let members: BTreeSet<u64> =
+                    [upper, lower].into_iter().flat_map(|id| with_members(&before.stack, id)).collect();
+                for id in [upper, lower] {
+                    before.find(id).ok_or_else(|| {
+                        Error::not_found(format!("there is no layer number {id} to be merged"))
+                    })?;
+                }
+                for layer in before.stack.iter().filter(|layer| members.contains(&layer.id())) {
+                    let mut layer = layer.clone();
+                    if [upper, lower].contains(&layer.id()) {
+                        layer.parent = None;
+                    }
+                    if layer.id() == lower {
+                        layer.blend = BlendMode::Normal;
+                    }
+                    stack.push(layer);
+                }
+                self.merge(&Layers { next_id: 0, stack }, lower)
             }
         }
     }
@@ -191,7 +218,7 @@ impl Painter {
 // What single layers hold.
 
 impl Painter {
-    /// What a layer (without its mask, opacity and blending), a mask (as a grey) or the base holds in a channel at points: straight
+    /// What a layer (without its mask, opacity and blending; a group shows what lies within it over nothing), a mask (as a grey) or the base holds in a channel at points: straight
     /// linear RGBA, of the texel that is nearest.
     ///
     /// # Errors
@@ -266,9 +293,13 @@ impl Painter {
         let map = self.maps.get(&self.surface, &[id], self.options.budget()).swap_remove(0);
         let rect_of = |&[x, y]: &[u32; 2]| Rect { low: [x, y], high: [x + 1, y + 1] };
         let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
+        let rect = texels.iter().map(rect_of).fold(Rect::EMPTY, Rect::union);
+        let stack = LayerStack { editor, layers, id, surface, map: &map, fills, rect, replaced: None };
+        if let (Target::Layer(group), LayerContent::Group(_)) = (target, &layer.content) {
+            let values = stack.composed(Some(group), channel)?;
+            return Ok(texels.iter().map(|place| values[number(place)]).collect());
+        }
         if let Target::Mask(_) = target {
-            let rect = texels.iter().map(rect_of).fold(Rect::EMPTY, Rect::union);
-            let stack = LayerStack { editor, layers, id, surface, map: &map, fills, rect, replaced: None };
             let mask = stack.mask(layer)?;
             let grey = |shown: f32| Vec4::new(shown, shown, shown, 1.0);
             let value = |place: &[u32; 2]| grey(mask.get(number(place)).copied().unwrap_or(1.0));
@@ -325,7 +356,7 @@ impl Painter {
         let finest = |place| PageId { level: 0, page: place, ..page };
         let ids: Vec<PageId> = pages_of(under).map(finest).collect();
         let maps = self.maps.get(&self.surface, &ids, self.options.budget());
-        let mut masks = std::collections::BTreeMap::new();
+        let mut masks = BTreeMap::new();
         for (id, map) in ids.into_iter().zip(&maps) {
             let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
             let rect = Rect::of(map.block.extent);

@@ -9,7 +9,8 @@
 //!
 //! All are attachments of the asset, and the asset's own texels are the flattened result: readers that know nothing of layers
 //! show what the painter sees. Only pages of level 0 on which something was painted are kept; coarser levels are made of the
-//! flattened texels, or are those of the base. Blending follows [`BlendMode`](crate::BlendMode), from the bottom to the top.
+//! flattened texels, or are those of the base. Blending follows [`BlendMode`](crate::BlendMode), from the bottom to the top
+//! (`layer_stack.rs`); layers may lie in groups (`layer_groups.rs`).
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,16 +23,19 @@ use half::f16;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::composite::{PaintContext, composite, copy_blocks, position_steps, replace_blocks};
+use crate::composite::{PaintContext, composite};
 use crate::error::encoded;
-use crate::graph::{FillTextures, check_files, found_folder, kept_folder};
+use crate::graph::{check_files, found_folder, kept_folder};
 use crate::history::PageStep;
+use crate::layer_groups::{check_depth, move_layer, tidy};
+use crate::layer_stack::LayerStack;
 use crate::painter::Changes;
-use crate::relief::Relief;
 use crate::stroke_page::StrokePage;
-use crate::texel_page::{Rect, TexelPage};
+use crate::texel_page::Rect;
 use crate::work::{FlattenWork, Work};
-use crate::{BlendMode, ChannelPaint, GraphFill, LayerMove, MaskSource, Painter, StrokeSettings, Surface};
+use crate::{
+    BlendMode, ChannelPaint, GraphFill, GroupKind, LayerMove, LayerPlace, MaskSource, Painter, StrokeSettings,
+};
 
 pub(crate) const INDEX: &str = "layers/index";
 
@@ -45,6 +49,8 @@ pub enum LayerContent {
     Fill(Vec<[f32; 4]>),
     /// A texture graph, evaluated where the layer is shown, whenever the graph, the density or the level changes.
     Graph(GraphFill),
+    /// The layers that name it as their [`parent`](Layer::parent).
+    Group(GroupKind),
 }
 
 /// One layer.
@@ -72,6 +78,9 @@ pub struct Layer {
     /// The mask shows where it hid, and hides where it showed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mask_inverted: bool,
+    /// The group that it belongs to, by number; none where it belongs to none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<u64>,
 }
 
 impl Layer {
@@ -88,6 +97,7 @@ impl Layer {
             mask: None,
             mask_source: None,
             mask_inverted: false,
+            parent: None,
         }
     }
 
@@ -109,7 +119,7 @@ impl Layer {
 
     /// True where it shows something that was not painted.
     pub(crate) fn is_everywhere(&self) -> bool {
-        !matches!(self.content, LayerContent::Painted)
+        matches!(self.content, LayerContent::Fill(_) | LayerContent::Graph(_))
             && self.mask.is_none_or(|outside| {
                 let outside = if self.mask_inverted { 1.0 - outside } else { outside };
                 self.mask_source.is_some() || outside > 0.0
@@ -152,6 +162,7 @@ impl Layers {
             Error::damaged(sentence).with_path(path)
         })?;
         find_folders(&mut layers.stack, path);
+        tidy(&mut layers.stack);
         check_stack(&layers.stack, path)?;
         Ok(layers)
     }
@@ -176,11 +187,13 @@ impl Layers {
     }
 }
 
-/// Refuses layers whose looks name files that do not lie with the asset: it could not be opened with them.
+/// Refuses layers with which the asset could not be opened: looks that name files which do not lie with it, groups that are nested too
+/// deeply.
 ///
 /// # Errors
 /// There is one, and that is not allowed.
 pub(crate) fn check_stack(stack: &[Layer], asset: &Path) -> Result<()> {
+    check_depth(stack)?;
     stack.iter().try_for_each(|layer| match &layer.content {
         LayerContent::Graph(fill) => check_files(&fill.graph, asset),
         _ => Ok(()),
@@ -274,7 +287,7 @@ impl Held {
     }
 
     /// Inverse of [`encode`](Self::encode). Channels that were added later are empty: transparent; so is a page of another length.
-    fn decode(bytes: &[u8], channels: usize, texels: usize) -> Self {
+    pub(crate) fn decode(bytes: &[u8], channels: usize, texels: usize) -> Self {
         let empty = vec![Vec4::ZERO; texels];
         let known = bytes.len() / (texels * TEXEL_BYTES).max(1);
         let all = known * texels * TEXEL_BYTES;
@@ -294,24 +307,9 @@ impl Held {
     }
 
     /// Alphas of a texel's components; `value` is that of the channel that has them.
-    fn alphas(&self, texel: usize, value: Vec4) -> Vec3 {
+    pub(crate) fn alphas(&self, texel: usize, value: Vec4) -> Vec3 {
         self.parts.get(texel).copied().unwrap_or(Vec3::splat(value.w))
     }
-}
-
-/// A source over a backdrop whose components have alphas of their own: the colour and its alphas.
-fn compose_parts(
-    mode: BlendMode,
-    (below, alphas_below): (Vec3, Vec3),
-    (over, alphas_over): (Vec3, Vec3),
-    share: f32,
-) -> (Vec3, Vec3) {
-    let (mut color, mut alphas) = (below, alphas_below);
-    for k in 0..3 {
-        let composed = mode.compose(below.extend(alphas_below[k]), over.extend(alphas_over[k]), share);
-        (color[k], alphas[k]) = (composed[k], composed.w);
-    }
-    (color, alphas)
 }
 
 /// One number per texel; no number where nothing was painted.
@@ -321,7 +319,7 @@ fn encode_mask(mask: &[f32]) -> Vec<u8> {
 }
 
 /// Inverse of [`encode_mask`]; on a page of another length nothing was painted.
-fn decode_mask(bytes: &[u8], texels: usize) -> Vec<f32> {
+pub(crate) fn decode_mask(bytes: &[u8], texels: usize) -> Vec<f32> {
     if bytes.len() != 2 * texels {
         return vec![f32::NAN; texels];
     }
@@ -356,31 +354,27 @@ impl Painter {
     /// # Errors
     /// The asset cannot be read or changed, or a texture of a fill layer cannot be evaluated.
     pub fn add_layer(&mut self, layer: Layer) -> Result<u64> {
-        let number = self.start_add_layer(layer, None)?;
+        let number = self.start_add_layer(layer, LayerPlace::Top)?;
         self.finish_work()?;
         Ok(number)
     }
 
-    /// The same, above another layer where one is named; what it shows is left to [`work_on`](Self::work_on).
+    /// The same, at a place; what it shows is left to [`work_on`](Self::work_on).
     ///
     /// # Errors
     /// As [`add_layer`](Self::add_layer).
-    pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64> {
+    pub fn start_add_layer(&mut self, layer: Layer, place: LayerPlace) -> Result<u64> {
         let mut number = 0;
         self.change_layers("add layer", &[], |layers| {
             number = layers.add(layer);
-            let place = layers.stack.iter().position(|layer| Some(layer.id()) == above);
-            if let Some(place) = place
-                && let Some(layer) = layers.stack.pop()
-            {
-                layers.stack.insert(place + 1, layer);
-            }
+            move_layer(&mut layers.stack, number, place);
         })?;
         Ok(number)
     }
 
-    /// Changes layers in any way: order, names, visibility, opacity, blending, masks; or removes some. One step of the
-    /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
+    /// Changes layers in any way: order, groups, names, visibility, opacity, blending, masks; or removes some. One step of the
+    /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer). Members of groups are brought to lie
+    /// directly below these.
     ///
     /// # Errors
     /// As [`add_layer`](Self::add_layer).
@@ -427,6 +421,7 @@ impl Painter {
         self.end()?;
         let before = self.layers.clone();
         change(&mut self.layers);
+        tidy(&mut self.layers.stack);
         if before == self.layers {
             return Ok(());
         }
@@ -509,223 +504,6 @@ impl Painter {
             (0..rows).flat_map(move |y| (0..columns).map(move |x| PageId { group, level: 0, page: [x, y] }))
         });
         pages.collect()
-    }
-}
-
-// All layers of a page, one over the other.
-
-#[derive(Clone, Copy)]
-pub(crate) struct LayerStack<'a> {
-    pub(crate) editor: &'a AssetEditor,
-    pub(crate) layers: &'a Layers,
-    pub(crate) id: PageId,
-    /// Which texels show what.
-    pub(crate) surface: &'a Surface,
-    pub(crate) map: &'a TexelPage,
-    pub(crate) fills: &'a FillTextures,
-    /// Whole blocks; what lies outside stays as it is shown.
-    pub(crate) rect: Rect,
-    /// An attachment that is about to change, with what it will be.
-    pub(crate) replaced: Option<(&'a str, &'a [u8])>,
-}
-
-struct LayerPage<'a> {
-    layer: &'a Layer,
-    /// Per channel; empty for fills of one colour, and where a graph shows nothing.
-    held: Held,
-    /// Empty without a mask.
-    mask: Vec<f32>,
-}
-
-impl LayerPage<'_> {
-    fn source(&self, channel: usize, texel: usize) -> Vec4 {
-        match &self.layer.content {
-            LayerContent::Painted | LayerContent::Graph(_) => {
-                let values = self.held.values.get(channel).and_then(|values| values.get(texel));
-                values.copied().unwrap_or(Vec4::ZERO)
-            }
-            LayerContent::Fill(colors) => colors.get(channel).map_or(Vec4::ZERO, |&color| color.into()),
-        }
-    }
-}
-
-impl<'a> LayerStack<'a> {
-    /// The bytes of the page in all channels of the asset.
-    fn flatten(&self) -> Result<Vec<Vec<u8>>> {
-        let asset = self.editor.asset();
-        let shows = |relief: &Relief| self.layers.stack.iter().any(|layer| layer.shows(relief.height));
-        let Some(relief) = Relief::of(self.surface, asset).filter(shows) else {
-            return self.flatten_around(self.rect, None);
-        };
-        // Normals follow heights around them.
-        let extent = self.map.block.extent;
-        let rect = Relief::reach(self.rect, extent).blocks();
-        let evaluated = Relief::reach(rect, extent).blocks();
-        LayerStack { rect: evaluated, ..*self }.flatten_around(rect, Some(relief))
-    }
-
-    /// The same, written in a part of the rectangle that is evaluated.
-    fn flatten_around(&self, written: Rect, relief: Option<Relief>) -> Result<Vec<Vec<u8>>> {
-        let asset = self.editor.asset();
-        let (extent, texels) = (self.map.block.extent, self.map.block.texel_count());
-        let pages = self.pages(texels)?;
-        let mut flat = Vec::with_capacity(asset.channels().len());
-        let mut heights = [Vec::new(), Vec::new()];
-        let mut layered = Vec::with_capacity(asset.channels().len());
-        let base = self.base()?;
-        let parts = asset.channel_of_kind(ChannelKind::OcclusionRoughnessMetallic);
-        for (index, base) in base.iter().enumerate() {
-            let decoded = asset.decode_page_raw(index, self.id, base)?;
-            let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
-            let is_height = relief.is_some_and(|relief| relief.height == index);
-            if is_height {
-                heights[0].clone_from(&values);
-            }
-            let mut changed = vec![false; texels];
-            for place in self.rect.texels() {
-                let texel = self.map.texel(place);
-                let value = &mut values[texel];
-                let before = *value;
-                for page in pages.iter().filter(|page| page.layer.shows(index)) {
-                    let share =
-                        page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
-                    let source = page.source(index, texel);
-                    *value = if Some(index) == parts && !page.held.parts.is_empty() {
-                        let over = (source.truncate(), page.held.alphas(texel, source));
-                        let below = (value.truncate(), Vec3::splat(value.w));
-                        let (color, alphas) = compose_parts(page.layer.blend, below, over, share);
-                        color.extend(alphas.max_element())
-                    } else {
-                        page.layer.blend.compose(*value, source, share)
-                    };
-                }
-                changed[texel] |= *value != before;
-            }
-            if is_height {
-                heights[1].clone_from(&values);
-            }
-            layered.push((values, changed));
-        }
-        if let Some(relief) = relief {
-            let (normals, changed) = &mut layered[relief.normal];
-            let [before, after] = &heights;
-            relief.bend(self.surface, self.map, written, [before, after], normals, |texel| {
-                changed[texel] = true
-            });
-        }
-        for ((index, channel), (base, (values, changed))) in
-            asset.channels().iter().enumerate().zip(base.iter().zip(&layered))
-        {
-            let mut rect = Rect::EMPTY;
-            let is_changed = |place: &[u32; 2]| changed[self.map.texel(*place)];
-            written.texels().filter(is_changed).for_each(|place| rect.add(place));
-            let mut bytes = self.editor.read_page_raw(index, self.id)?;
-            copy_blocks(channel, extent, base, &mut bytes, written);
-            if !rect.is_empty() {
-                replace_blocks(channel, extent, &mut bytes, values, rect, |texel| changed[texel])?;
-            }
-            flat.push(bytes);
-        }
-        Ok(flat)
-    }
-
-    fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        match self.replaced {
-            Some((replaced, contents)) if replaced == name => Ok(Some(contents.to_vec())),
-            _ => Ok(self.editor.attachment(name)?),
-        }
-    }
-
-    /// The page's bytes under all layers, per channel of the asset.
-    fn base(&self) -> Result<Vec<Vec<u8>>> {
-        base_bytes(self.editor, self.id, self.attachment(&base_name(self.id))?)
-    }
-
-    /// The layers that show something here.
-    fn pages(&self, texels: usize) -> Result<Vec<LayerPage<'a>>> {
-        let channels = self.editor.asset().channels().len();
-        let mut pages = Vec::new();
-        for layer in &self.layers.stack {
-            let held = match layer.content {
-                LayerContent::Fill(_) | LayerContent::Graph(_) => Held::default(),
-                LayerContent::Painted => {
-                    match self.attachment(&page_name(Target::Layer(layer.id()), self.id))? {
-                        Some(bytes) => Held::decode(&bytes, channels, texels),
-                        None => continue,
-                    }
-                }
-            };
-            let mask = self.mask(layer)?;
-            let mut page = LayerPage { layer, held, mask };
-            if matches!(layer.content, LayerContent::Graph(_)) {
-                let is_hidden = |texel: usize| page.mask.get(texel).is_some_and(|shown| *shown <= 0.0);
-                page.held.values =
-                    self.fills.values(self.surface, layer.id(), self.map, self.rect, is_hidden);
-            }
-            pages.push(page);
-        }
-        Ok(pages)
-    }
-}
-
-impl LayerStack<'_> {
-    /// How far a layer is shown at each texel of the rectangle; empty without a mask.
-    pub(crate) fn mask(&self, layer: &Layer) -> Result<Vec<f32>> {
-        let Some(outside) = layer.mask else { return Ok(Vec::new()) };
-        let bytes = self.attachment(&page_name(Target::Mask(layer.id()), self.id))?.unwrap_or_default();
-        let mut mask = decode_mask(&bytes, self.map.block.texel_count());
-        for place in self.rect.texels() {
-            let value = &mut mask[self.map.texel(place)];
-            if value.is_nan() {
-                *value = self.unpainted_mask(layer, outside, place);
-            }
-            if layer.mask_inverted {
-                *value = 1.0 - *value;
-            }
-        }
-        Ok(mask)
-    }
-
-    /// A mask where nothing was painted on it, before it is inverted.
-    fn unpainted_mask(&self, layer: &Layer, outside: f32, place: [u32; 2]) -> f32 {
-        match (layer.mask_source, self.fills.measured(layer.id())) {
-            (Some(source), Some(measured)) if self.map.is_valid(self.map.texel(place)) => {
-                let width = position_steps(self.surface, self.map.triangle(place));
-                let width = width[0].length().max(width[1].length());
-                source.mask(measured.at(self.surface, self.map.point(place).clamped(), width))
-            }
-            _ => outside,
-        }
-    }
-
-    /// One layer over another, per channel and texel, on nothing; modes of blending are those of the upper one.
-    pub(crate) fn merged(&self) -> Result<Held> {
-        let texels = self.map.block.texel_count();
-        let pages = self.pages(texels)?;
-        let asset = self.editor.asset();
-        let has_parts = pages.iter().any(|page| !page.held.parts.is_empty());
-        let with_parts = asset.channel_of_kind(ChannelKind::OcclusionRoughnessMetallic).filter(|_| has_parts);
-        let mut parts = vec![Vec3::ZERO; if with_parts.is_some() { texels } else { 0 }];
-        let mut merged = vec![vec![Vec4::ZERO; texels]; asset.channels().len()];
-        for (channel, values) in merged.iter_mut().enumerate() {
-            for (texel, value) in values.iter_mut().enumerate() {
-                for page in pages.iter().filter(|page| page.layer.shows(channel)) {
-                    let share =
-                        page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
-                    let source = page.source(channel, texel);
-                    if with_parts == Some(channel) {
-                        let over = (source.truncate(), page.held.alphas(texel, source));
-                        let below = (value.truncate(), parts[texel]);
-                        let (color, alphas) = compose_parts(page.layer.blend, below, over, share);
-                        parts[texel] = alphas;
-                        *value = color.extend(alphas.max_element());
-                    } else {
-                        *value = page.layer.blend.compose(*value, source, share);
-                    }
-                }
-            }
-        }
-        Ok(Held { values: merged, parts })
     }
 }
 

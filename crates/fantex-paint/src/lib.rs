@@ -19,7 +19,8 @@
 //! | `levels` | coarser levels, at once or beside the painting |
 //! | `painter` | the [`Painter`]: an open stroke, and how it ends |
 //! | `room` | what a full disk means for changes in memory |
-//! | `layers`, `layer_moves` | layers over the base, flattened into the asset's texels; copies, merges, what layers hold |
+//! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
+//! | `layer_groups`, `layer_moves` | layers in groups; copies, merges, what layers hold |
 //! | `relief` | painted height bends the normals |
 //! | `added` | channels that an asset is given while it is painted on |
 //! | `mask_source` | masks from the shape of the model |
@@ -38,7 +39,9 @@ mod error;
 mod fill;
 mod graph;
 mod history;
+mod layer_groups;
 mod layer_moves;
+mod layer_stack;
 mod layers;
 mod levels;
 mod log;
@@ -65,6 +68,10 @@ pub use fantex_mesh::SurfacePoint;
 pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_with};
 pub use graph::{GraphFill, TextureGraph};
 pub use history::{History, HistoryStep};
+pub use layer_groups::{
+    GroupKind, LayerPlace, MAX_GROUP_DEPTH, dissolve_group, groups_around, layer_below, move_layer,
+    remove_layer, with_members,
+};
 pub use layer_moves::LayerMove;
 pub use layers::{Layer, LayerContent, Target};
 pub use log::StrokeLog;

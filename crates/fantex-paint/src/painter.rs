@@ -26,7 +26,9 @@ use crate::dab::PlacedDab;
 use crate::error::encoded;
 use crate::graph::FillTextures;
 use crate::history::PageStep;
-use crate::layers::{LayerStack, LayeredPage, Layers, ShownPage, base_bytes, base_name, page_name};
+use crate::layer_groups::{COLLAPSED, load_collapsed};
+use crate::layer_stack::LayerStack;
+use crate::layers::{LayeredPage, Layers, ShownPage, base_bytes, base_name, page_name};
 use crate::levels::{Base, Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
 use crate::log::{self, Portable, Recording, portable};
 use crate::picture::PlacedDecal;
@@ -91,6 +93,8 @@ pub struct Painter {
     pub(crate) maps: TexelPages,
     pub(crate) history: History,
     pub(crate) layers: Layers,
+    /// Groups that are folded in the list.
+    pub(crate) collapsed: BTreeSet<u64>,
     /// The textures of the layers; made when they are needed.
     pub(crate) fills: FillTextures,
     pub(crate) stroke: Option<OpenStroke>,
@@ -128,6 +132,7 @@ impl Painter {
         let editor = AssetEditor::open(path, &EditOptions::default())?;
         let history = History::load(&editor)?;
         let layers = Layers::load(&editor)?;
+        let collapsed = load_collapsed(editor.attachment(COLLAPSED)?);
         let surface = Arc::new(Surface::of(editor.asset()));
         let next_stroke = log::next_number(&editor);
         let options = options.clone();
@@ -138,6 +143,7 @@ impl Painter {
             maps: TexelPages::default(),
             history,
             layers,
+            collapsed,
             fills: FillTextures::default(),
             stroke: None,
             room: Room::default(),
@@ -184,10 +190,15 @@ impl Painter {
         if self.stroke.is_some() {
             self.end()?;
         }
-        if let Target::Layer(id) | Target::Mask(id) = target
-            && self.layers.find(id).is_none()
-        {
-            return Err(Error::not_found(format!("there is no layer number {id} to paint on")));
+        if let Target::Layer(id) | Target::Mask(id) = target {
+            let none = || Error::not_found(format!("there is no layer number {id} to paint on"));
+            let layer = self.layers.find(id).ok_or_else(none)?;
+            if target == Target::Layer(id) && layer.group_kind().is_some() {
+                let name = &layer.name;
+                let sentence =
+                    format!("{name:?} is a group of layers: paint on a layer in it, or on its mask");
+                return Err(Error::invalid(sentence));
+            }
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
         if !matches!(target, Target::Mask(_))
@@ -509,7 +520,41 @@ impl Painter {
         self.end_stroke(false)
     }
 
-    /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
+    /// Drops the open stroke: everything is as it was before it, and there is no step in the history. Does nothing where none is open.
+    ///
+    /// # Errors
+    /// What it was before cannot be read.
+    pub fn abandon(&mut self) -> Result<()> {
+        let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
+        self.room.let_go();
+        for id in stroke.pages.ids() {
+            let Some(mut page) = stroke.pages.take(id)? else { continue };
+            // Never shown: nothing has changed.
+            if page.originals.is_empty() {
+                continue;
+            }
+            if stroke.is_layered(&page) {
+                let before = page.originals.pop().unwrap_or_default();
+                let is_new_base = before.is_empty()
+                    && stroke.target != Target::Base
+                    && self.is_new_base(id, &page.originals, &stroke.affected)?;
+                let name = page_name(stroke.target, id);
+                match before.is_empty() {
+                    true => self.editor.detach(&name),
+                    false => self.editor.attach(&name, before)?,
+                }
+                if is_new_base {
+                    self.editor.detach(&base_name(id));
+                }
+            }
+            for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+                self.editor.replace(id, channel, before)?;
+            }
+        }
+        self.relieve()
+    }
+
+    /// As [`end`](Self::end), but coarser levels are left to another thread: they (and the step in the history) are there once
     /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
     /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
     ///
@@ -624,7 +669,7 @@ impl Painter {
             let layer = settings.layer.get_or_insert_default();
             (layer.id, layer.name, layer.mask) = (Some(id), name, matches!(stroke.target, Target::Mask(_)));
             // The layer itself has been logged when it was made.
-            layer.fill = None;
+            (layer.fill, layer.group, layer.within) = (None, None, None);
         }
         for (name, contents) in files {
             // Names are hashes of contents.

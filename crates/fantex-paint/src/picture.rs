@@ -166,6 +166,12 @@ impl Decal {
         });
         copies.collect()
     }
+
+    /// Where the picture's right and upright direction point at its middle, as it lies there: unit vectors of mesh space.
+    pub fn axes(&self, surface: &Surface) -> [DVec3; 2] {
+        let [right, up] = turned_axes(surface, self.center, self.angle);
+        [if self.mirrored { -right } else { right }, up]
+    }
 }
 
 /// Where a picture's right and upright direction point around a point, mesh space.

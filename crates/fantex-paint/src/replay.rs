@@ -30,10 +30,10 @@ use crate::stroke::mesh_length;
 use crate::stroke_file::color_of;
 use crate::{
     Brush, ChannelPaint, ColorSettings, DEFAULT_FONT, Dab, DabSettings, Decal, FillArea, FillLayerSettings,
-    GraphFill, Layer, LayerContent, LayerSettings, LookSettings, Paint, Painter, Picture, Projection,
-    SMUDGE_SPACING, Sample, SampleSettings, Sight, Size, Stamp, StencilBy, Stroke, StrokeFile,
-    StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool, ToolSettings, Where,
-    dabs_of, draw_text,
+    GraphFill, GroupKind, Layer, LayerContent, LayerPlace, LayerSettings, LookSettings, Paint, Painter,
+    Picture, Projection, SMUDGE_SPACING, Sample, SampleSettings, Sight, Size, Stamp, StencilBy, Stroke,
+    StrokeFile, StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool,
+    ToolSettings, Where, dabs_of, draw_text,
 };
 
 // Applying a stroke file.
@@ -153,9 +153,8 @@ pub(crate) fn prepare_fill(
 
 /// The layer that a stroke names; made where there is none.
 fn target_of(painter: &mut Painter, settings: &StrokeSettings, fill: Option<GraphFill>) -> Result<Target> {
-    let Some(LayerSettings { name, blend, opacity, id, mask, fill: filled }) = &settings.layer else {
-        return Ok(Target::Base);
-    };
+    let Some(named) = &settings.layer else { return Ok(Target::Base) };
+    let LayerSettings { name, id, mask, .. } = named;
     let target = |id| if *mask { Target::Mask(id) } else { Target::Layer(id) };
     let known = painter.layers().iter().filter(|layer| layer.name == *name);
     let known: Vec<u64> = known.map(Layer::id).collect();
@@ -169,13 +168,42 @@ fn target_of(painter: &mut Painter, settings: &StrokeSettings, fill: Option<Grap
         }
         return Ok(target(first));
     }
-    let mut layer = fill.map_or_else(|| Layer::painted(name), |fill| Layer::graph(name, fill));
-    (layer.blend, layer.opacity) = (*blend, *opacity);
-    layer.mask = filled.as_ref().and_then(|filled| filled.outside);
-    if *mask {
+    let place = match &named.within {
+        Some(group) => LayerPlace::Into(group_of_name(painter, group)?),
+        None => LayerPlace::Top,
+    };
+    let number = painter.start_add_layer(new_layer(named, fill), place)?;
+    painter.finish_work()?;
+    Ok(target(number))
+}
+
+/// The layer that is made where there is none of the name.
+fn new_layer(named: &LayerSettings, fill: Option<GraphFill>) -> Layer {
+    let name = &named.name;
+    let mut layer = match (named.group, fill) {
+        (Some(kind), _) => Layer::group(name, kind),
+        (None, Some(fill)) => Layer::graph(name, fill),
+        (None, None) => Layer::painted(name),
+    };
+    (layer.blend, layer.opacity) = (named.blend, named.opacity);
+    layer.mask = named.fill.as_ref().and_then(|filled| filled.outside);
+    if named.mask {
         layer.mask = layer.mask.or(Some(0.0));
     }
-    Ok(target(painter.add_layer(layer)?))
+    layer
+}
+
+/// The number of a group; made where there is none of the name.
+fn group_of_name(painter: &mut Painter, name: &str) -> Result<u64> {
+    let mut known = painter.layers().iter().filter(|layer| layer.name == name);
+    if let Some(group) = known.clone().find(|layer| layer.group_kind().is_some()) {
+        return Ok(group.id());
+    }
+    if known.next().is_some() {
+        let sentence = format!("a layer is to be made within {name:?}, which is a layer and no group");
+        return Err(Error::invalid(sentence));
+    }
+    painter.add_layer(Layer::group(name, GroupKind::PassThrough))
 }
 
 // A stroke on its way from settings to what the painter takes.
@@ -203,7 +231,13 @@ impl Preparation<'_> {
         let first = stroke.samples.first().map(|sample| sample.point).or(dabs.first().map(|dab| dab.center));
         let paint = self.paint(&stroke, first)?;
         let decals = self.decals(&stroke)?;
-        let fill = self.settings.layer.as_ref().and_then(|layer| layer.fill.as_ref());
+        let layer = self.settings.layer.as_ref();
+        if layer.is_some_and(|layer| layer.fill.is_some() && layer.group.is_some()) {
+            let sentence =
+                "the layer has both `fill` and `group`: a group shows what lies in it and no textures";
+            return Err(self.of_stroke(Error::invalid(sentence)));
+        }
+        let fill = layer.and_then(|layer| layer.fill.as_ref());
         let fill = fill.map(|fill| self.fill_layer(fill)).transpose()?;
         Ok(Prepared { paint, stroke, decals, dabs, fill })
     }

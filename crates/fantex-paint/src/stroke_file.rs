@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::error::malformed;
 use crate::replay::Preparation;
 use crate::{
-    BlendMode, Brush, ColorFill, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size, Surface,
-    Symmetry, Tool,
+    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size,
+    Surface, Symmetry, Tool,
 };
 
 /// A stroke file.
@@ -149,6 +149,12 @@ pub struct LayerSettings {
     pub mask: bool,
     /// The layer shows textures of a look instead of what is painted on it.
     pub fill: Option<FillLayerSettings>,
+    /// It is a group; where it is made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<GroupKind>,
+    /// The name of the group in which it is made; made on top of the others where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<String>,
 }
 
 impl Default for LayerSettings {
@@ -160,6 +166,8 @@ impl Default for LayerSettings {
             id: None,
             mask: false,
             fill: None,
+            group: None,
+            within: None,
         }
     }
 }

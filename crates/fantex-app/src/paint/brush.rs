@@ -109,7 +109,12 @@ impl BrushSettings {
 
     /// Larger (positive) or smaller by steps of a tenth, at least one unit of pixels or texels.
     pub fn change_size(&mut self, steps: f32) {
-        let changed = self.size * 1.12f32.powf(steps);
+        self.scale_size(1.12f32.powf(steps));
+    }
+
+    /// So many times as large, within what a brush may be.
+    pub fn scale_size(&mut self, factor: f32) {
+        let changed = self.size * factor;
         self.size = match self.unit {
             SizeUnit::World => changed.max(1e-6),
             _ => changed.clamp(Self::SIZE[0], Self::SIZE[1]),

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex::glam::{Vec3, Vec4};
+use fantex::glam::{DVec2, Vec3, Vec4};
 use fantex::paint::{
-    BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, Decal, DecalSettings, FillSettings,
+    BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, DecalSettings, FillSettings,
     LayerContent, Paint, PaintColor, PicturePlace, Sample, SampleSettings, Sight, Size, Stamp,
     StencilSettings, StrokeSettings, Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
+    groups_around,
 };
 use fantex::store::{Channel, ChannelKind};
 use fantex::texture::Image;
@@ -15,11 +16,11 @@ use fantex::texture::Image;
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::painting::Hand;
+use crate::paint::placing::Placing;
 use crate::paint::stencil::{projection_view, recorded_use};
-use crate::paint::texture::{sticker, text_lines};
 use crate::paint::{
-    ChannelSwitches, ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent,
-    PenPhase, PictureUse, StickerKind, StrokeStart, Viewpoint,
+    ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
+    StrokeStart, Viewpoint,
 };
 use crate::settings::label_of;
 
@@ -36,8 +37,13 @@ impl Painting {
         [is_line, is_pick]: [bool; 2],
         notices: &mut Notices,
     ) {
+        self.follow_placing(settings, view, notices);
         let mut samples = Vec::new();
         for event in events {
+            if !is_pick && self.pen_on_placing(event, settings, view) {
+                self.follow_placing(settings, view, notices);
+                continue;
+            }
             let hit = view.hit(&self.surface, event.at);
             let sample = hit.map(|point| Sample { pressure: event.pressure, ..Sample::at(point) });
             if event.phase == PenPhase::Down && sample.is_some() {
@@ -57,14 +63,14 @@ impl Painting {
                     Some(sample) if is_pick || settings.tool == PaintTool::Pick => {
                         self.pick(sample.point, settings, notices);
                     }
-                    Some(sample) => self.touch(sample, settings, view, is_line, notices),
+                    Some(sample) => self.touch((sample, event.at), settings, view, is_line, notices),
                 },
                 PenPhase::Move => {
                     match (self.hand, sample) {
                         (Hand::Wait, Some(sample)) => {
                             self.hand = Hand::Idle;
                             self.missed = None;
-                            self.touch(sample, settings, view, false, notices);
+                            self.touch((sample, event.at), settings, view, false, notices);
                             continue;
                         }
                         (Hand::AltTurn(Some((_, down))), _) if (event.at - down).length() > CLICK_SHARE => {
@@ -109,30 +115,22 @@ impl Painting {
         }
     }
 
+    /// `at`: along the scene's sides.
     fn touch(
         &mut self,
-        sample: Sample,
+        (sample, at): (Sample, DVec2),
         settings: &mut PaintSettings,
         view: &Viewpoint,
         is_line: bool,
         notices: &mut Notices,
     ) {
-        let before = settings.channels;
-        let is_other = settings.tool == PaintTool::Sticker
-            && settings.sticker == StickerKind::Picture
-            && settings.picture_use != PictureUse::Color
-            && !matches!(self.target, Target::Mask(_));
-        if is_other {
-            let kind = settings.picture_use.kind();
-            if self.channels.iter().all(|channel| channel.kind != kind) {
-                let name = if kind == ChannelKind::Normal { "normals" } else { "height" };
-                return notices.warning(format!("The asset has no {name}: Add channel gives it some."));
+        if settings.tool == PaintTool::Sticker {
+            if settings.texture.source == ColorSource::Color {
+                settings.colors.used();
             }
-            settings.channels = ChannelSwitches::only(kind);
+            return self.place(sample.point, at, settings, view, notices);
         }
-        let start = self.start(sample.point, settings, view, notices);
-        settings.channels = before;
-        let mut start = match start {
+        let mut start = match self.start(sample.point, settings, view, notices) {
             Ok(start) => start,
             Err(reason) => return notices.warning(reason),
         };
@@ -144,17 +142,6 @@ impl Painting {
             start.recorded.fill = Some(fill);
             start.recorded.samples = vec![sample_at(&self.surface, sample.point)];
             self.thread.order(Order::Fill(start, Some(sample.point), fill));
-            return;
-        }
-        if settings.tool == PaintTool::Sticker {
-            let world = self.world_size(settings, view, sample.point);
-            let at = world_position(&self.surface, sample.point);
-            let is_behind = self.surface.outer_normal(sample.point.triangle).dot(view.rig.eye - at) < 0.0;
-            let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
-            match sticker(settings, sample.point, line, is_behind) {
-                Ok(decal) => self.lay(start, decal, settings),
-                Err(error) => notices.warning(error.to_string()),
-            }
             return;
         }
         match self.last.filter(|_| is_line) {
@@ -172,6 +159,7 @@ impl Painting {
 
     /// Projects the picture over the view onto all that is seen.
     pub fn project(&mut self, settings: &mut PaintSettings, view: &Viewpoint, notices: &mut Notices) {
+        self.apply_placing();
         let before = (settings.tool, settings.stencil.is_on);
         (settings.tool, settings.stencil.is_on) = (PaintTool::Paint, true);
         // Nothing that it does depends on where it starts.
@@ -193,7 +181,7 @@ impl Painting {
     }
 
     /// What a stroke begins with, or why it cannot.
-    fn start(
+    pub(super) fn start(
         &mut self,
         point: SurfacePoint,
         settings: &mut PaintSettings,
@@ -237,14 +225,15 @@ impl Painting {
         }))
     }
 
-    /// Lays a sticker onto the surface.
-    fn lay(&self, mut start: Box<StrokeStart>, decal: Decal, settings: &PaintSettings) {
+    /// Lets the painter show a sticker on the surface.
+    pub(super) fn lay(&self, mut start: Box<StrokeStart>, placing: &Placing, settings: &PaintSettings) {
+        let decal = placing.decal().clone();
         let scale = self.surface.mesh().world_from_mesh.scale;
         let world = |length: f32| Size::World((f64::from(length) * scale) as f32);
         let (angle, mirrored) = (decal.angle.to_degrees(), decal.mirrored);
         start.recorded.samples = vec![sample_at(&self.surface, decal.center)];
         if settings.sticker == StickerKind::Text {
-            let size = world(decal.size / text_lines(&settings.text));
+            let size = world(placing.line());
             let text = settings.text.clone();
             start.recorded.text = Some(TextSettings { text, font: None, size, angle, mirrored });
         } else {
@@ -260,7 +249,7 @@ impl Painting {
                 }
             }
         }
-        self.thread.order(Order::Lay(start, decal, settings.sticker == StickerKind::Text));
+        self.thread.order(Order::Place(start, decal, settings.sticker == StickerKind::Text));
     }
 
     /// What a stroke that begins here does and what it is made of, or why it cannot.
@@ -274,6 +263,13 @@ impl Painting {
         if let Some(layer) = self.layer() {
             if !layer.visible {
                 return Err("The layer is hidden: show it to paint on it.".into());
+            }
+            let around = groups_around(&self.snapshot.layers, layer.id());
+            if self.snapshot.layers.iter().any(|group| around.contains(&group.id()) && !group.visible) {
+                return Err("The layer's group is hidden: show it to paint on the layer.".into());
+            }
+            if !is_mask && layer.group_kind().is_some() {
+                return Err("A group is chosen: choose a layer in it, or its mask, to paint on.".into());
             }
             if !is_mask && !matches!(layer.content, LayerContent::Painted) {
                 let text = "A fill layer is painted through its mask: choose the mask, or add one.";

@@ -15,7 +15,10 @@ mod colors;
 mod cursor;
 mod exchange;
 mod hand;
+mod layer_actions;
+mod layer_list;
 mod painting;
+mod placing;
 mod settings;
 mod stencil;
 mod symmetry;
@@ -28,7 +31,10 @@ pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
-pub use painting::{LayerAction, LayerDrag, Painting};
+pub use layer_actions::{LayerAction, LayerDrag};
+pub use layer_list::{LayerRow, drop_place, layer_rows};
+pub use painting::Painting;
+pub use placing::PlacingOutline;
 pub use settings::{
     ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
     paint_shortcuts,

@@ -6,20 +6,19 @@ use std::sync::Arc;
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
-use fantex::paint::{
-    BlendMode, GraphFill, Layer, LayerContent, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint,
-    Target, WorkProgress,
-};
+use fantex::paint::{Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, Channel, ChannelKind};
 use fantex::texture::color::srgb_from_linear;
 
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
+use crate::paint::layer_actions::{own_target, valid_target};
+use crate::paint::placing::Placing;
 use crate::paint::{
-    ChosenTexture, Cursor, Exchange, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
-    Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
-    TextureChoice, Thumbnail, Viewpoint,
+    ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand, PaintSettings, PaintThread,
+    PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings,
+    SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::viewer::Wake;
 
@@ -55,6 +54,8 @@ pub struct Painting {
     pub presets: Presets,
     presets_file: Option<PathBuf>,
     pub(super) hand: Hand,
+    /// A text or a picture that is not applied yet.
+    pub(super) placing: Option<Placing>,
     /// When the pen last went down beside the model, seconds; none once it has met it.
     pub(super) missed: Option<f64>,
     /// Where cloning copies from.
@@ -83,19 +84,9 @@ pub struct Painting {
     /// The layer whose mask is seen instead of the base colour.
     pub seen_mask: Option<u64>,
     /// To be painted on as soon as there is such a thing.
-    wanted_target: Option<Target>,
+    pub(super) wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
     pub thumbnails: BTreeMap<Target, Thumbnail>,
-}
-
-/// A layer on its way to another place.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LayerDrag {
-    pub id: u64,
-    /// All layers as they are to lie, from the bottom to the top.
-    pub order: Vec<u64>,
-    /// Whether another order than the first one was asked for.
-    pub has_moved: bool,
 }
 
 impl Painting {
@@ -118,6 +109,7 @@ impl Painting {
             presets: Presets::default(),
             presets_file,
             hand: Hand::default(),
+            placing: None,
             missed: None,
             source: None,
             last: None,
@@ -328,6 +320,20 @@ impl Painting {
     }
 
     pub fn command(&mut self, command: &PaintCommand, settings: &mut PaintSettings) {
+        match command {
+            PaintCommand::Undo if self.drop_placing() => return,
+            PaintCommand::Undo
+            | PaintCommand::Redo
+            | PaintCommand::AddLayer
+            | PaintCommand::GroupLayer
+            | PaintCommand::UngroupLayer
+            | PaintCommand::Project
+            | PaintCommand::Apply
+            | PaintCommand::Save => {
+                self.apply_placing();
+            }
+            _ => {}
+        }
         let stencil = &mut settings.stencil;
         let brush = &mut settings.brush;
         match *command {
@@ -349,11 +355,19 @@ impl Painting {
                 stencil.is_adjusted = !(stencil.is_adjusted && stencil.is_on);
                 stencil.is_on = true;
             }
-            // It needs the view: see `project`.
-            PaintCommand::Project => {}
+            // `Project` needs the view: see `project`.
+            PaintCommand::Project | PaintCommand::Apply => {}
             PaintCommand::AddLayer => {
                 // An empty layer can always be added.
                 self.layer_action(&LayerAction::Add, settings).unwrap_or_default();
+            }
+            PaintCommand::GroupLayer | PaintCommand::UngroupLayer => {
+                let is_group = *command == PaintCommand::GroupLayer;
+                let action = if is_group { LayerAction::Group } else { LayerAction::Ungroup };
+                if let Some(id) = self.layer().map(Layer::id) {
+                    // Neither needs a texture.
+                    self.layer_action(&action(id), settings).unwrap_or_default();
+                }
             }
             PaintCommand::Save => self.thread.order(Order::Commit),
             PaintCommand::TogglePanels => {
@@ -371,128 +385,8 @@ impl Painting {
 
     /// Back or forth to where so many steps are done.
     pub fn go_to_step(&mut self, done: usize) {
+        self.drop_placing();
         self.leave_stroke(Order::GoTo(done));
-    }
-
-    /// What a fill layer shows: the texture that is chosen, or the current colour and material.
-    fn fill_layer(&mut self, name: &str, settings: &PaintSettings) -> Result<Layer, String> {
-        let value = |channel: &Channel| settings.material.value(channel.kind, settings.colors.linear());
-        let values: Vec<Vec4> = self.channels.iter().map(value).collect();
-        let mut layer = Layer::fill(name, &values);
-        if let Some(chosen) = self.texture(&settings.texture)? {
-            layer.content = LayerContent::Graph(self.graph_fill(chosen, &values));
-        }
-        layer.channels = self.channels.iter().map(|channel| settings.channels.paints(channel.kind)).collect();
-        Ok(layer)
-    }
-
-    /// The texture in the base colour, and constants in the other channels.
-    fn graph_fill(&self, chosen: ChosenTexture, values: &[Vec4]) -> GraphFill {
-        let mut graph = chosen.graph;
-        let mut textures = Vec::with_capacity(values.len());
-        for (index, (channel, value)) in self.channels.iter().zip(values).enumerate() {
-            if channel.kind == ChannelKind::BaseColor {
-                textures.push(Some(chosen.name.clone()));
-                continue;
-            }
-            let name = format!("fantex_channel_{index}");
-            let [r, g, b, _] = value.to_array();
-            let table = format!("\n[textures.{name}]\nkind = \"color\"\ncolor = [{r:?}, {g:?}, {b:?}]\n");
-            graph.look.push_str(&table);
-            textures.push(Some(name));
-        }
-        GraphFill { graph, textures }
-    }
-
-    /// Shows a layer's mask instead of the base colour, or no mask.
-    pub fn see_mask(&mut self, layer: Option<u64>) {
-        self.seen_mask = layer;
-        self.thread.order(Order::SeeMask(layer));
-    }
-
-    /// Layers as they lie, or as they are to lie while one is dragged; from the bottom to the top.
-    pub fn layers_in_order(&self) -> Vec<Layer> {
-        let mut layers = self.snapshot.layers.clone();
-        if let Some(moving) = &self.moving {
-            layers.sort_by_key(|layer| moving.order.iter().position(|id| *id == layer.id()));
-        }
-        layers
-    }
-
-    /// What is done with layers; why not, where it cannot be done.
-    ///
-    /// # Errors
-    /// It cannot be done: one sentence.
-    pub fn layer_action(&mut self, action: &LayerAction, settings: &PaintSettings) -> Result<(), String> {
-        let fill = match action {
-            LayerAction::AddFill(_) => Some(self.fill_layer(&free_name(&self.snapshot, "Fill"), settings)?),
-            LayerAction::Refill(_) => Some(self.fill_layer("", settings)?),
-            _ => None,
-        };
-        let thread = &self.thread;
-        let above = self.layer().map(Layer::id);
-        match action.clone() {
-            LayerAction::Select(target) => self.target = valid_target(&self.snapshot, target),
-            LayerAction::Add => {
-                let layer = Layer::painted(&free_name(&self.snapshot, "Layer"));
-                thread.order(Order::AddLayer(Box::new(layer), above));
-            }
-            LayerAction::AddFill(is_everywhere) => {
-                if let Some(mut layer) = fill {
-                    layer.mask = layer.mask.filter(|_| !is_everywhere);
-                    thread.order(Order::AddLayer(Box::new(layer), above));
-                }
-            }
-            LayerAction::Refill(id) => {
-                if let Some(fill) = fill {
-                    change(thread, "change fill", id, move |layer| layer.content = fill.content);
-                }
-            }
-            LayerAction::Delete(id) => thread.order(Order::EditLayers(
-                "delete layer",
-                Box::new(move |layers| layers.retain(|layer| layer.id() != id)),
-            )),
-            LayerAction::Rename(id, name) => change(thread, "rename layer", id, |layer| layer.name = name),
-            LayerAction::Show(id, is_shown) => {
-                let label = if is_shown { "show layer" } else { "hide layer" };
-                change(thread, label, id, move |layer| layer.visible = is_shown);
-            }
-            LayerAction::Opacity(id, opacity) => {
-                change(thread, "layer opacity", id, move |layer| layer.opacity = opacity.clamp(0.0, 1.0));
-            }
-            LayerAction::Blend(id, mode) => {
-                change(thread, "layer blend mode", id, move |layer| layer.blend = mode);
-            }
-            LayerAction::Move(id, is_up) => thread
-                .order(Order::EditLayers("move layer", Box::new(move |layers| shift(layers, id, is_up)))),
-            LayerAction::MoveTo(order, goes_on) => thread.order(Order::MoveLayers { order, goes_on }),
-            LayerAction::Duplicate(id) => thread.order(Order::DuplicateLayer(id)),
-            LayerAction::MergeDown(id) => thread.order(Order::MergeLayer(id)),
-            LayerAction::AddMask(id, shows) => {
-                change(thread, "add mask", id, move |layer| layer.mask = Some(f32::from(u8::from(shows))));
-                self.wanted_target = Some(Target::Mask(id));
-            }
-            LayerAction::MakeMask(id, source) => {
-                change(thread, "make mask", id, move |layer| {
-                    layer.mask.get_or_insert(0.0);
-                    layer.mask_source = source;
-                });
-                self.wanted_target = Some(Target::Mask(id));
-            }
-            LayerAction::InvertMask(id) => {
-                change(thread, "invert mask", id, |layer| layer.mask_inverted = !layer.mask_inverted);
-            }
-            LayerAction::SeeMask(id) => self.see_mask(id),
-            LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| {
-                (layer.mask, layer.mask_source, layer.mask_inverted) = (None, None, false);
-            }),
-            LayerAction::Channel(id, channel, is_shown) => {
-                change(thread, "layer channels", id, move |layer| {
-                    set_channel(layer, channel, is_shown);
-                })
-            }
-        }
-        Ok(())
     }
 
     /// The outline of the brush under the cursor.
@@ -518,98 +412,5 @@ impl Painting {
                 size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
             }
         }
-    }
-}
-
-// What the user does with layers.
-
-#[derive(Clone, Debug, PartialEq)]
-pub enum LayerAction {
-    Select(Target),
-    /// An empty layer above the chosen one.
-    Add,
-    /// A layer of the current colour or texture: shown everywhere (true), or where its mask is painted.
-    AddFill(bool),
-    /// A fill layer takes the current colour or texture.
-    Refill(u64),
-    Delete(u64),
-    Rename(u64, String),
-    Show(u64, bool),
-    /// 0..1.
-    Opacity(u64, f32),
-    Blend(u64, BlendMode),
-    /// One place towards the top (true) or the bottom.
-    Move(u64, bool),
-    /// All layers by their numbers, from the bottom to the top; whether a drag goes on.
-    MoveTo(Vec<u64>, bool),
-    /// A copy above it.
-    Duplicate(u64),
-    /// One layer of this one and the one below.
-    MergeDown(u64),
-    /// A mask that shows (true) or hides all until it is painted.
-    AddMask(u64, bool),
-    /// A mask that is made from the model's shape, or (none) only painted.
-    MakeMask(u64, Option<MaskSource>),
-    InvertMask(u64),
-    /// The mask is seen instead of the base colour; none ends that.
-    SeeMask(Option<u64>),
-    RemoveMask(u64),
-    /// Shown in a channel of the asset or not.
-    Channel(u64, usize, bool),
-}
-
-pub(crate) fn change(
-    thread: &PaintThread,
-    label: &'static str,
-    id: u64,
-    change: impl FnOnce(&mut Layer) + Send + 'static,
-) {
-    let change = move |layers: &mut Vec<Layer>| {
-        if let Some(layer) = layers.iter_mut().find(|layer| layer.id() == id) {
-            change(layer);
-        }
-    };
-    thread.order(Order::EditLayers(label, Box::new(change)));
-}
-
-pub(crate) fn shift(layers: &mut [Layer], id: u64, is_up: bool) {
-    let Some(at) = layers.iter().position(|layer| layer.id() == id) else { return };
-    let to = if is_up { (at + 1).min(layers.len() - 1) } else { at.saturating_sub(1) };
-    layers.swap(at, to);
-}
-
-fn set_channel(layer: &mut Layer, channel: usize, is_shown: bool) {
-    if layer.channels.len() <= channel {
-        layer.channels.resize(channel + 1, true);
-    }
-    layer.channels[channel] = is_shown;
-}
-
-/// The first free name of the form `Layer 3`.
-fn free_name(snapshot: &Snapshot, start: &str) -> String {
-    let is_free = |name: &String| snapshot.layers.iter().all(|layer| layer.name != *name);
-    (1..).map(|n| format!("{start} {n}")).find(is_free).unwrap_or_default()
-}
-
-/// What is painted on after a change: what was, if it is still there, else the layer on top.
-fn valid_target(snapshot: &Snapshot, target: Target) -> Target {
-    let find = |id: u64| snapshot.layers.iter().find(|layer| layer.id() == id);
-    let top = || snapshot.layers.last().map_or(Target::Base, own_target);
-    match target {
-        Target::Base => Target::Base,
-        Target::Layer(id) => find(id).map_or_else(top, own_target),
-        Target::Mask(id) => match find(id) {
-            Some(layer) if layer.mask.is_some() => Target::Mask(id),
-            Some(layer) => own_target(layer),
-            None => top(),
-        },
-    }
-}
-
-/// What painting on a layer means: fill layers have their mask only.
-fn own_target(layer: &Layer) -> Target {
-    match layer.content {
-        LayerContent::Fill(_) | LayerContent::Graph(_) if layer.mask.is_some() => Target::Mask(layer.id()),
-        _ => Target::Layer(layer.id()),
     }
 }

@@ -113,7 +113,9 @@ impl PaintTool {
             Self::Fill => "Click fills the part of the surface under the cursor",
             Self::Blur => "Drag averages what is there",
             Self::Smudge => "Drag takes the colours along",
-            Self::Sticker => "Click lays the text or the picture onto the surface",
+            Self::Sticker => {
+                "Click puts the text or the picture there; drag it and its handles, Enter applies, Esc takes it away"
+            }
             Self::Clone => "Alt + click says from where, then drag copies",
             Self::Pick => "Click takes the colour from the surface",
         }
@@ -339,6 +341,10 @@ pub enum PaintCommand {
     AdjustStencil,
     Project,
     AddLayer,
+    GroupLayer,
+    UngroupLayer,
+    /// What lies there and is not applied yet is.
+    Apply,
     Save,
     TogglePanels,
 }
@@ -352,8 +358,8 @@ impl PaintCommand {
 
 pub fn paint_shortcuts() -> Vec<Shortcut> {
     use PaintCommand::{
-        AddLayer, AdjustStencil, Flow, Hardness, Opacity, Project, Redo, ResetColors, Save, Size, SwapColors,
-        TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo,
+        AddLayer, AdjustStencil, Apply, Flow, GroupLayer, Hardness, Opacity, Project, Redo, ResetColors,
+        Save, Size, SwapColors, TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo, UngroupLayer,
     };
     const NONE: Modifiers = Modifiers::NONE;
     const SHIFT: Modifiers = Modifiers::SHIFT;
@@ -387,6 +393,9 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         row(CONTROL, Key::Z, Undo, "Undo"),
         row(CONTROL | SHIFT, Key::Z, Redo, "Redo"),
         row(CONTROL | SHIFT, Key::N, AddLayer, "New layer"),
+        row(NONE, Key::Enter, Apply, "Apply the text or picture (Esc takes it away)"),
+        row(CONTROL, Key::G, GroupLayer, "Group the layer"),
+        row(CONTROL | SHIFT, Key::G, UngroupLayer, "Ungroup"),
         row(CONTROL, Key::S, Save, "Save now (it saves by itself, too)"),
         row(NONE, Key::Tab, TogglePanels, "Hide or show the panels"),
     ];

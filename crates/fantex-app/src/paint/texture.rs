@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use fantex::base::{Error, Result, input};
 use fantex::glam::{Vec2, Vec3, Vec4};
-use fantex::paint::{
-    DEFAULT_FONT, Decal, LookSettings, Picture, Surface, SurfacePoint, TextureGraph, draw_text,
-};
+use fantex::paint::{DEFAULT_FONT, LookSettings, Picture, Surface, TextureGraph, draw_text};
 use fantex::texture::{ColorSpace, Filtering, Image, SOLID_NAMES, Samples, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 
@@ -160,20 +158,23 @@ impl ChosenTexture {
 
 // Texts and pictures that are laid onto the surface.
 
-/// What is laid around a point, to be read from where the surface's normals point, or from behind. `line`: the distance of a text's lines, or the length of a picture's longer side, mesh units.
-pub(crate) fn sticker(
-    settings: &PaintSettings,
-    center: SurfacePoint,
-    line: f32,
-    is_behind: bool,
-) -> Result<Decal> {
-    let (shape, size) = match settings.sticker {
+/// What is laid onto the surface.
+#[derive(Clone, Debug)]
+pub(crate) struct StickerShape {
+    pub(crate) picture: Arc<Picture>,
+    /// Length of its longer side in distances of a text's lines; 1 of a picture.
+    pub(crate) lines: f32,
+}
+
+/// The text or picture that is chosen, drawn or read.
+pub(crate) fn sticker_shape(settings: &PaintSettings) -> Result<StickerShape> {
+    let (picture, lines) = match settings.sticker {
         StickerKind::Text if settings.text.trim().is_empty() => {
             return Err(Error::invalid("There is no text: write one in the panel at the left."));
         }
         StickerKind::Text => {
             let text = draw_text(&settings.text, DEFAULT_FONT)?;
-            (text.picture, text.lines * line)
+            (text.picture, text.lines)
         }
         StickerKind::Picture => {
             let path = settings
@@ -185,16 +186,8 @@ pub(crate) fn sticker(
             let is_color =
                 settings.picture_use == PictureUse::Color || matches!(image.samples, Samples::F32(_));
             let image = if is_color { image } else { Image { space: ColorSpace::Linear, ..image } };
-            (Picture::new(&image)?, line)
+            (Picture::new(&image)?, 1.0)
         }
     };
-    // Surfaces are wound either way: what is laid is right for whoever looks at them.
-    let turn = if is_behind { -1.0 } else { 1.0 };
-    let angle = turn * settings.sticker_degrees.to_radians();
-    Ok(Decal { center, size, angle, shape: Arc::new(shape), mirrored: is_behind })
-}
-
-/// Length of a text's longer side in distances of lines.
-pub(crate) fn text_lines(text: &str) -> f32 {
-    draw_text(text, DEFAULT_FONT).map_or(1.0, |drawn| drawn.lines)
+    Ok(StickerShape { picture: Arc::new(picture), lines })
 }

@@ -40,7 +40,8 @@ impl Thumbnails {
             let differs = |what: fn(&Layer, &Layer) -> bool| {
                 changed || known.as_ref().is_none_or(|known| what(known, layer))
             };
-            if differs(|a, b| a.content != b.content) {
+            // Groups show a folder.
+            if layer.group_kind().is_none() && differs(|a, b| a.content != b.content) {
                 self.due.insert(Target::Layer(layer.id()));
             }
             let is_other = |a: &Layer, b: &Layer| {

@@ -1,7 +1,7 @@
 //! The thread that paints: it owns the painter, does what it is told in order, and commits while there is something to commit.
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use fantex::base::{Error, Result};
 use fantex::glam::{DVec2, Vec4};
 use fantex::paint::{
-    Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
-    SurfacePoint, Symmetry, Target, WorkProgress,
+    Brush, Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Paint, Painter, Sample,
+    Stamp, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress, move_layer,
 };
 use fantex::store::{Asset, PageId, group_pages, is_disk_full};
 use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
@@ -44,9 +44,6 @@ const LEVEL_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Pictures of layers are made when nothing was asked for so long.
 const THUMBNAIL_DELAY: Duration = Duration::from_millis(150);
-
-/// The step of the history in which layers change places.
-const MOVE_LABEL: &str = "move layer";
 
 /// Requested pages that are answered per turn of the loop.
 const MAX_PAGES_PER_TURN: usize = 32;
@@ -96,6 +93,10 @@ impl PaintThread {
             known_steps: 0,
             may_be_other: false,
             seen_mask: None,
+            steps_of_drag: None,
+            is_placing: false,
+            previewed: BTreeSet::new(),
+            outdated: BTreeSet::new(),
             saving: Saving::default(),
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
@@ -181,6 +182,14 @@ struct Worker {
     may_be_other: bool,
     /// The layer whose mask is seen instead of the base colour.
     seen_mask: Option<u64>,
+    /// Steps of the history after a layer was dragged to where it is.
+    steps_of_drag: Option<usize>,
+    /// The open stroke is a text or a picture that may be taken away again.
+    is_placing: bool,
+    /// Coarser pages that show it.
+    previewed: BTreeSet<PageId>,
+    /// Coarser pages that show what was taken away.
+    outdated: BTreeSet<PageId>,
     saving: Saving,
 }
 
@@ -202,7 +211,11 @@ impl Worker {
             self.is_stuck |= self.painter.has_work();
             self.act_on_waiting();
         }
-        self.check(|worker| worker.painter.end().map(drop));
+        match self.is_placing {
+            // It was not applied.
+            true => self.check(|worker| worker.painter.abandon()),
+            false => self.check(|worker| worker.painter.end().map(drop)),
+        }
         if let Err(error) = self.painter.commit() {
             // The window is gone.
             eprintln!("fantex-app: {error}");
@@ -213,7 +226,7 @@ impl Worker {
     fn turn(&mut self) -> bool {
         let wait = match self.has_levels_due {
             true => Some(Instant::now() + LEVEL_POLL_INTERVAL),
-            false => self.saving.due(self.is_drawing()),
+            false => self.save_due(),
         };
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
@@ -260,7 +273,7 @@ impl Worker {
         self.check(Self::publish);
         self.answer_pages();
         self.note_changes();
-        if self.saving.due(self.is_drawing()).is_some_and(|due| due <= Instant::now()) {
+        if self.save_due().is_some_and(|due| due <= Instant::now()) {
             self.save();
         }
         self.owed += count;
@@ -303,6 +316,9 @@ impl Worker {
     }
 
     fn act(&mut self, order: Order) -> Result<()> {
+        if self.is_placing && ends_placing(&order) {
+            self.act(Order::Apply)?;
+        }
         match order {
             Order::Begin(start, sample) => self.begin(*start, &sample)?,
             Order::Look(view) => self.look_from(&view),
@@ -333,16 +349,20 @@ impl Worker {
                     self.painter.start_fill(area)?;
                 }
             }
-            Order::Lay(start, decal, readable) => {
-                let decals = decal.copies(self.painter.surface(), &start.symmetry, readable);
-                self.open(*start)?;
-                let laid = decals.iter().try_for_each(|decal| self.painter.decal(decal));
-                self.painter.end()?;
-                self.tell_state();
-                laid?;
+            Order::Place(start, decal, readable) => self.place(*start, &decal, readable)?,
+            Order::Apply => {
+                self.is_placing = false;
+                self.previewed.clear();
+                self.painter.end_in_background()?;
+                self.has_levels_due = true;
             }
-            Order::AddLayer(layer, above) => {
-                let id = self.painter.start_add_layer(*layer, above)?;
+            Order::TakeAway => {
+                self.is_placing = false;
+                self.outdated.append(&mut self.previewed);
+                self.painter.abandon()?;
+            }
+            Order::AddLayer(layer, place) => {
+                let id = self.painter.start_add_layer(*layer, place)?;
                 self.tell(Report::Added(id));
                 self.tell_state();
             }
@@ -360,7 +380,21 @@ impl Worker {
                 self.may_be_other = true;
                 self.tell_state();
             }
-            Order::MoveLayers { order, goes_on } => self.move_layers(&order, goes_on)?,
+            Order::GroupLayer(id, name) => {
+                let group = self.painter.start_group_layers(&name, GroupKind::default(), &[id])?;
+                self.tell(Report::Added(group));
+                self.tell_state();
+            }
+            Order::MergeGroup(id) => {
+                self.painter.start_merge_group(id)?;
+                self.may_be_other = true;
+                self.tell_state();
+            }
+            Order::Collapse(id, is_collapsed) => {
+                self.painter.collapse_group(id, is_collapsed)?;
+                self.tell_state();
+            }
+            Order::MoveLayer { id, place, goes_on } => self.move_layer(id, place, goes_on)?,
             Order::SeeMask(layer) => self.see_mask(layer),
             Order::Undo => {
                 self.stroke = None;
@@ -383,15 +417,15 @@ impl Worker {
         Ok(())
     }
 
-    /// Layers in another order, from the bottom to the top. A drag that goes on is one step of the history.
-    fn move_layers(&mut self, order: &[u64], goes_on: bool) -> Result<()> {
-        let last = self.painter.history().done().last();
-        if goes_on && last.is_some_and(|step| step.label == MOVE_LABEL) {
+    /// Moves a layer. A drag that goes on is one step of the history.
+    fn move_layer(&mut self, id: u64, place: LayerPlace, goes_on: bool) -> Result<()> {
+        if goes_on && self.steps_of_drag == Some(self.painter.history().done().len()) {
             self.painter.undo()?;
         }
-        self.painter.start_edit_layers(MOVE_LABEL, |layers| {
-            layers.sort_by_key(|layer| order.iter().position(|id| *id == layer.id()).unwrap_or(usize::MAX));
-        })?;
+        let (steps, before) = (self.painter.history().done().len(), self.painter.layers().to_vec());
+        self.painter.start_edit_layers("move layer", |layers| move_layer(layers, id, place))?;
+        // Back at its place it leaves no step.
+        self.steps_of_drag = (before != self.painter.layers()).then_some(steps + 1);
         self.tell_state();
         Ok(())
     }
@@ -410,6 +444,20 @@ impl Worker {
             |id: &u64| self.painter.layers().iter().any(|layer| layer.id() == *id && layer.mask.is_some());
         let Some(layer) = self.seen_mask.filter(has_mask) else { return Ok(None) };
         self.painter.mask_as_color(layer, page).map(Some)
+    }
+
+    /// Shows something on the surface that is not applied yet, instead of what was shown so before.
+    fn place(&mut self, start: StrokeStart, decal: &Decal, readable: bool) -> Result<()> {
+        if !std::mem::replace(&mut self.is_placing, true) {
+            // What is shown only is not saved: all else is before.
+            self.painter.end()?;
+            self.save();
+        }
+        self.outdated.append(&mut self.previewed);
+        self.painter.abandon()?;
+        let decals = decal.copies(self.painter.surface(), &start.symmetry, readable);
+        self.open(start)?;
+        decals.iter().try_for_each(|decal| self.painter.decal(decal))
     }
 
     fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<()> {
@@ -450,16 +498,30 @@ impl Worker {
             let masked = self.masked(page)?.into_iter().collect();
             page_texels(&self.painter, page, &formats, &masked)
         })?;
-        if shown.is_empty() || self.stroke.is_none() {
-            return Ok(());
+        if shown.is_empty() || (self.stroke.is_none() && !self.is_placing) {
+            return self.publish_outdated(&formats, &BTreeSet::new());
         }
         let mut coarser: BTreeMap<PageId, BTreeMap<usize, Vec<u8>>> = BTreeMap::new();
         for page in self.painter.preview(&shown)? {
             coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
         }
+        let previewed: BTreeSet<PageId> = coarser.keys().copied().collect();
+        self.publish_outdated(&formats, &previewed)?;
+        if self.is_placing {
+            self.previewed = previewed;
+        }
         for (page, mut bytes) in coarser {
             bytes.extend(self.masked(page)?);
             exchange.publish_preview(page, page_texels(&self.painter, page, &formats, &bytes)?);
+        }
+        Ok(())
+    }
+
+    /// Coarser pages that showed what was taken away are as they were, but for some.
+    fn publish_outdated(&mut self, formats: &[AtlasFormat], but: &BTreeSet<PageId>) -> Result<()> {
+        for page in std::mem::take(&mut self.outdated).into_iter().filter(|page| !but.contains(page)) {
+            let bytes = self.masked(page)?.into_iter().collect();
+            self.exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
         }
         Ok(())
     }
@@ -484,7 +546,16 @@ impl Worker {
         }
     }
 
+    /// When to commit next, if nothing else happens.
+    fn save_due(&self) -> Option<Instant> {
+        self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)
+    }
+
     fn note_changes(&mut self) {
+        // What may be taken away again is not to be saved.
+        if self.is_placing {
+            return;
+        }
         if self.painter.editor().has_changes() {
             if self.saving.changed.is_none() {
                 self.saving.changed = Some(Instant::now());
@@ -553,6 +624,7 @@ impl Worker {
             |steps: &[fantex::paint::HistoryStep]| steps.iter().map(|step| step.label.clone()).collect();
         self.tell(Report::State(Box::new(Snapshot {
             layers: self.painter.layers().to_vec(),
+            collapsed: self.painter.collapsed_groups().clone(),
             older,
             done: names(&history.done()[older..]),
             undone: names(history.undone()),
@@ -599,18 +671,29 @@ pub enum Order {
     End(Option<Sample>),
     /// Fill, from a point where there is one, with `StrokeStart` without its brush.
     Fill(Box<StrokeStart>, Option<SurfacePoint>, FillSettings),
-    /// Lay a picture onto the surface, for `StrokeStart` without its brush. A text is to stay readable in mirror images.
-    Lay(Box<StrokeStart>, Decal, bool),
+    /// Show a picture on the surface, for `StrokeStart` without its brush, instead of one that is shown so. A text is to stay readable
+    /// in mirror images.
+    Place(Box<StrokeStart>, Decal, bool),
+    /// Apply it.
+    Apply,
+    /// Take it away.
+    TakeAway,
     /// It is seen from here: what takes long begins with what is seen.
     Look(Viewpoint),
     GiveUp,
-    /// Put a layer above another, or on top.
-    AddLayer(Box<Layer>, Option<u64>),
+    /// Put a layer at a place.
+    AddLayer(Box<Layer>, LayerPlace),
     DuplicateLayer(u64),
     MergeLayer(u64),
-    /// Layers by their numbers, from the bottom to the top; instead of the last such step where a drag goes on.
-    MoveLayers {
-        order: Vec<u64>,
+    /// Put a layer into a new group of this name.
+    GroupLayer(u64, String),
+    MergeGroup(u64),
+    /// Fold a group in the list, or unfold it.
+    Collapse(u64, bool),
+    /// Move a layer; instead of the last such step where a drag goes on.
+    MoveLayer {
+        id: u64,
+        place: LayerPlace,
         goes_on: bool,
     },
     /// Show a layer's mask instead of the base colour, or no longer.
@@ -652,6 +735,8 @@ pub enum Report {
 pub struct Snapshot {
     /// From the bottom to the top.
     pub layers: Vec<Layer>,
+    /// Groups that are folded in the list, by number.
+    pub collapsed: BTreeSet<u64>,
     /// Steps that are done but too old to be listed.
     pub older: usize,
     /// Names of steps that are done, the oldest first.
@@ -764,6 +849,23 @@ impl Worker {
         self.tell_state();
         Ok(())
     }
+}
+
+/// Whether an order applies what is shown and not applied yet.
+fn ends_placing(order: &Order) -> bool {
+    !matches!(
+        order,
+        Order::Place(..)
+            | Order::Apply
+            | Order::TakeAway
+            | Order::Pages
+            | Order::Release(_)
+            | Order::Look(_)
+            | Order::Pick(_)
+            | Order::SeeMask(_)
+            | Order::Collapse(..)
+            | Order::Close
+    )
 }
 
 /// Whether an order waits until what takes long is done.

@@ -5,7 +5,7 @@ use std::path::Path;
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
 use fantex::base::Result;
 use fantex::glam::DVec3;
-use fantex::paint::{Layer, Target};
+use fantex::paint::{Layer, LayerPlace, Target};
 use fantex::scene::Camera;
 
 use crate::command::{Command, parse_keys};
@@ -255,6 +255,14 @@ fn layer_step(viewer: &mut Viewer, step: LayerStep) {
         LayerStep::Duplicate => LayerAction::Duplicate(chosen),
         LayerStep::MergeDown => LayerAction::MergeDown(chosen),
         LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),
+        LayerStep::Group => LayerAction::Group(chosen),
+        LayerStep::Ungroup => LayerAction::Ungroup(chosen),
+        LayerStep::MergeGroup => LayerAction::MergeGroup(chosen),
+        LayerStep::GroupKind(kind) => LayerAction::GroupKind(chosen, kind),
+        LayerStep::Collapse(is_collapsed) => LayerAction::Collapse(chosen, is_collapsed),
+        LayerStep::MoveInto(name) => LayerAction::MoveTo(chosen, LayerPlace::Into(find(&name)), false),
+        LayerStep::MoveAbove(name) => LayerAction::MoveTo(chosen, LayerPlace::Above(find(&name)), false),
+        LayerStep::MoveBelow(name) => LayerAction::MoveTo(chosen, LayerPlace::Below(find(&name)), false),
         LayerStep::Delete => LayerAction::Delete(chosen),
     };
     viewer.layer_action(&action);

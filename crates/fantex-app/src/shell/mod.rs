@@ -250,6 +250,21 @@ impl<'a> Shell<'a> {
         }
     }
 
+    /// A picture of the clipboard; not while something is typed.
+    fn pasted_pictures(&mut self, ctx: &egui::Context) {
+        if ctx.egui_wants_keyboard_input() {
+            return;
+        }
+        let is_picture = |event: &egui::Event| match event {
+            egui::Event::PasteImage(image) => Some(Arc::clone(image)),
+            _ => None,
+        };
+        if let Some(image) = ctx.input(|i| i.events.iter().find_map(is_picture)) {
+            let texels = image.pixels.iter().flat_map(|color| color.to_srgba_unmultiplied());
+            self.workspace.viewer.take_pasted(image.size.map(|n| n as u32), texels.collect());
+        }
+    }
+
     fn requests(&mut self, ctx: &egui::Context) {
         for request in self.workspace.viewer.take_requests() {
             match request {
@@ -457,6 +472,7 @@ impl eframe::App for Shell<'_> {
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.keys(&ctx);
         self.dropped_files(&ctx);
+        self.pasted_pictures(&ctx);
         let textures = Textures { scene: self.scene_texture, kept: self.kept_texture, atlas: self.atlas };
         let shown = panels::show(ui, &mut self.workspace.viewer, &textures);
         if let Some(channel) = shown.atlas_channel {

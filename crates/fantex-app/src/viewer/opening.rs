@@ -294,7 +294,8 @@ impl Viewer {
 
     /// Gives what is painted on further channels, and lets the brush paint them. It is saved and opened again for that.
     pub fn add_channels(&mut self, kinds: &[ChannelKind]) {
-        let (Some(painting), Some(document)) = (&self.painting, &self.document) else { return };
+        let (Some(painting), Some(document)) = (&mut self.painting, &self.document) else { return };
+        painting.apply_placing();
         if let SaveState::Failed(reason) = &painting.save {
             return self.notices.error(format!("Channels cannot be added: {reason}"));
         }
@@ -380,6 +381,7 @@ impl Viewer {
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
+        painting.follow_placing(settings, &view, &mut self.notices);
         if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
             painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices);
         }

@@ -9,7 +9,7 @@ use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
-use fantex::paint::{BlendMode, MaskMeasure, PaintOptions, Painter, Target};
+use fantex::paint::{BlendMode, LayerPlace, MaskMeasure, PaintOptions, Painter, Target};
 use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
@@ -42,24 +42,24 @@ fn replayed_log(of: &Path) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-struct Studio {
-    path: PathBuf,
-    painting: Painting,
-    settings: PaintSettings,
-    notices: Notices,
-    view: Viewpoint,
+pub(crate) struct Studio {
+    pub(crate) path: PathBuf,
+    pub(crate) painting: Painting,
+    pub(crate) settings: PaintSettings,
+    pub(crate) notices: Notices,
+    pub(crate) view: Viewpoint,
     _folder: tempfile::TempDir,
 }
 
 impl Studio {
-    fn open() -> Self {
+    pub(crate) fn open() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = small_asset(folder.path());
         Self::open_at(folder, path, None)
     }
 
     /// `limit`: bytes that the file may have.
-    fn open_at(folder: tempfile::TempDir, path: PathBuf, limit: Option<u64>) -> Self {
+    pub(crate) fn open_at(folder: tempfile::TempDir, path: PathBuf, limit: Option<u64>) -> Self {
         let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
         painter.limit_file(limit);
         let rig = ViewPreset::Top.rig(painter.surface().mesh(), 1.0);
@@ -78,7 +78,7 @@ impl Studio {
         studio
     }
 
-    fn wait(&mut self) {
+    pub(crate) fn wait(&mut self) {
         let started = Instant::now();
         loop {
             let is_busy = self.painting.is_busy();
@@ -91,20 +91,20 @@ impl Studio {
         }
     }
 
-    fn pen(&mut self, phase: PenPhase, x: f64, y: f64, modifiers: [bool; 2]) {
+    pub(crate) fn pen(&mut self, phase: PenPhase, x: f64, y: f64, modifiers: [bool; 2]) {
         let event = PenEvent { phase, at: DVec2::new(x, y), pressure: 1.0 };
         let Self { painting, settings, view, notices, .. } = self;
         painting.pen(&[event], settings, view, modifiers, notices);
     }
 
-    fn stroke(&mut self) {
+    pub(crate) fn stroke(&mut self) {
         self.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
         self.pen(PenPhase::Move, 0.6, 0.84, [false; 2]);
         self.pen(PenPhase::Up, 0.6, 0.84, [false; 2]);
         self.wait();
     }
 
-    fn close(self) -> tempfile::TempDir {
+    pub(crate) fn close(self) -> tempfile::TempDir {
         drop(self.painting);
         self._folder
     }
@@ -193,9 +193,9 @@ fn layers_are_dragged_copied_merged_and_seen_in_small() {
     };
     // A drag past two layers is seen on its way, and is one step.
     let steps = studio.painting.snapshot.done.len();
-    act(&mut studio, LayerAction::MoveTo(vec![ids[0], ids[2], ids[1]], false));
+    act(&mut studio, LayerAction::MoveTo(ids[2], LayerPlace::Below(ids[1]), false));
     assert_eq!(names(&studio), ["Layer 1", "Layer 3", "Layer 2"]);
-    act(&mut studio, LayerAction::MoveTo(vec![ids[2], ids[0], ids[1]], true));
+    act(&mut studio, LayerAction::MoveTo(ids[2], LayerPlace::Below(ids[0]), true));
     assert_eq!(names(&studio), ["Layer 3", "Layer 1", "Layer 2"]);
     assert_eq!(studio.painting.snapshot.done.len(), steps + 1);
     act(&mut studio, LayerAction::Duplicate(ids[2]));
@@ -426,6 +426,7 @@ fn what_the_hand_does_is_in_the_log() {
     studio.stroke();
     studio.settings.tool = PaintTool::Sticker;
     studio.stroke();
+    studio.painting.apply_placing();
     studio.settings.sticker = StickerKind::Picture;
     studio.settings.picture = Some(save_slide(studio.path.parent().unwrap()));
     studio.stroke();
@@ -628,7 +629,10 @@ fn pictures_are_laid_as_normals_and_heights() {
     for (file, picture_use) in [(slope, PictureUse::Normal), (height, PictureUse::Height)] {
         studio.settings.picture = Some(file);
         studio.settings.picture_use = picture_use;
-        studio.stroke();
+        studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
+        studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+        studio.painting.apply_placing();
+        studio.wait();
     }
     assert_eq!(studio.settings.channels, switches, "what the brush paints stays");
     assert_eq!(studio.painting.snapshot.done.len(), 2);

@@ -268,3 +268,33 @@ fn dropped_pictures_are_surroundings_and_others_are_opened() {
     viewer.take_dropped("none.glb".into());
     assert!(viewer.opening.is_some());
 }
+
+/// Pictures of the clipboard go where dropped ones go, texel by texel, and the same one is kept once.
+#[test]
+fn pasted_pictures_are_taken_as_dropped_ones() {
+    use fantex_app::light::Surroundings;
+    use fantex_app::paint::{PaintTool, StickerKind};
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
+    viewer.brushes_file = Some(folder.path().join("brushes.json"));
+    let texels = vec![255, 0, 0, 255, 0, 255, 0, 128];
+    viewer.take_pasted([2, 1], texels.clone());
+    let Surroundings::File(path) = viewer.settings.light.surroundings.clone() else { panic!("not taken") };
+    assert!(path.starts_with(folder.path().join("pasted")));
+    let image = fantex::texture::Image::load(&path).unwrap();
+    assert_eq!((image.width, image.height, image.channels), (2, 1, 4));
+    assert_eq!(image.samples, fantex::texture::Samples::U8(texels.clone()));
+    // While something is painted on: over the view, or with the sticker's tool the sticker.
+    let asset = crate::painting::small_asset(folder.path());
+    let painter = fantex::paint::Painter::open(&asset, &fantex::paint::PaintOptions::default()).unwrap();
+    viewer.painting = Some(fantex_app::paint::Painting::new(painter, None, Arc::new(|| {})).unwrap());
+    viewer.take_pasted([2, 1], texels.clone());
+    assert_eq!(viewer.settings.paint.stencil.image.as_ref(), Some(&path));
+    viewer.settings.paint.tool = PaintTool::Sticker;
+    viewer.take_pasted([1, 2], texels.clone());
+    let paint = &viewer.settings.paint;
+    assert!(paint.sticker == StickerKind::Picture && paint.picture.as_ref().is_some_and(|p| *p != path));
+    assert_eq!(std::fs::read_dir(folder.path().join("pasted")).unwrap().count(), 2);
+    viewer.take_pasted([3, 1], texels);
+    assert!(viewer.notices.shown().any(|notice| notice.text.contains("cannot be pasted: its texels do not fit")));
+}

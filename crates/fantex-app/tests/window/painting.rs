@@ -112,6 +112,61 @@ fn masks_are_made_and_seen_alone_and_layers_are_dragged() {
     keep_pictures(at, "layers");
 }
 
+/// A group is folded, moved, faded and dissolved; what it shows follows.
+#[test]
+fn layers_lie_in_groups() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"base.png"}},
+        {"color":"#d03020"},{"brush":{"size":80,"hardness":0.9,"flow":1.0}},
+        {"layer":"add"},{"wait_painted":60},{"layer":{"rename":"Red"}},{"stroke":{"points":[[0.4,0.75],[0.6,0.78]]}},{"wait_painted":60},
+        {"layer":"group"},{"wait_painted":60},{"layer":{"rename":"Paint"}},{"wait_painted":60},
+        {"color":"#2040d0"},{"layer":"add"},{"wait_painted":60},{"layer":{"rename":"Blue"}},
+        {"stroke":{"points":[[0.4,0.25],[0.6,0.22]]}},{"wait_painted":60},
+        {"layer":"group"},{"wait_painted":60},{"layer":{"rename":"Inner"}},{"layer":{"group_kind":"isolated"}},
+        {"layer":{"blend":"multiply"}},{"layer":{"opacity":0.8}},{"layer":{"add_mask":true}},{"wait_painted":60},
+        {"wait_frames":12},{"wait_sharp":60},{"screenshot":{"path":"both.png"}},{"window_screenshot":{"path":"window.png"}},
+        {"layer":{"select":"Paint"}},{"layer":{"collapse":true}},{"wait_painted":60},{"wait_frames":12},
+        {"window_screenshot":{"path":"folded.png"}},
+        {"layer":{"show":false}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"hidden.png"}},
+        {"layer":{"show":true}},{"layer":"ungroup"},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"ungrouped.png"}},
+        {"expect_painting":{"layers":3}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "base.png", "both.png") > 0.01);
+    assert_eq!(difference(at, "base.png", "hidden.png"), 0.0);
+    assert_eq!(difference(at, "both.png", "ungrouped.png"), 0.0);
+    assert!(difference(at, "window.png", "folded.png") > 0.002);
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+    keep_pictures(at, "groups");
+}
+
+/// A text is seen before it is applied, moved by its handles, taken away and applied.
+#[test]
+fn a_text_is_placed_by_handles() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"base.png"}},
+        {"color":"#ff2000"},{"text":"fan"},{"paint_tool":"sticker"},{"brush":{"size":90}},
+        {"stroke":{"points":[[0.5,0.78]]}},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},{"screenshot":{"path":"placed.png"}},
+        {"window_screenshot":{"path":"window.png"}},{"expect_painting":{"steps":0}},
+        {"stroke":{"points":[[0.5,0.78],[0.4,0.76]]}},{"wait_painted":60},{"wait_frames":3},{"wait_painted":60},{"wait_sharp":60},
+        {"screenshot":{"path":"moved.png"}},
+        {"key":"Escape"},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"gone.png"}},{"expect_painting":{"steps":0}},
+        {"stroke":{"points":[[0.5,0.78]]}},{"wait_painted":60},{"key":"Enter"},{"wait_painted":60},{"wait_sharp":60},
+        {"screenshot":{"path":"applied.png"}},{"expect_painting":{"steps":1}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "base.png", "placed.png") > 0.003);
+    assert!(difference(at, "placed.png", "moved.png") > 0.003);
+    assert_eq!(difference(at, "base.png", "gone.png"), 0.0);
+    assert!(difference(at, "placed.png", "applied.png") < 0.001, "it was seen as it is");
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+    keep_pictures(at, "placing");
+}
+
 /// Leaves pictures for the eye where `FANTEX_PICTURES` names a folder.
 fn keep_pictures(from: &std::path::Path, name: &str) {
     let Some(to) = std::env::var_os("FANTEX_PICTURES") else { return };

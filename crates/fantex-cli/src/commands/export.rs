@@ -9,7 +9,7 @@ use std::time::Instant;
 use clap::{ArgAction, Args, ValueEnum};
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
-    UvChoice, export_channel, export_fans, export_model,
+    UvChoice, export_channels, export_fans, export_model,
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
@@ -30,6 +30,7 @@ Example:
   fantex export bottle.fan -o bottle-fans.gltf --fans --shader godot
   fantex export bottle.fan -o bottle.glb --uv source
   fantex export bottle.fan -o normal.png --channel normal --depth 16
+  fantex export bottle.fan -o bottle.png --channel base-color,normal,orm
   fantex export bottle.fan -o turn.png --turntable 48 --size 640x640
   fantex export bottle.fan -o pictures --turntable 120
   fantex export bottle.fan -o page --web --title \"A bottle\" --credits \"by Ada, CC BY 4.0\"
@@ -81,9 +82,9 @@ pub(crate) struct ExportArgs {
     /// Where the folder will be on the web, so that links to it have a preview (https://...)
     #[arg(long, value_name = "URL", requires = "web", default_value = "", hide_default_value = true)]
     base_url: String,
-    /// Write one channel alone
-    #[arg(long, value_parser = one_of(&CHANNELS), conflicts_with = "turntable")]
-    channel: Option<ChannelMap>,
+    /// Write channels alone; several with commas, as NAME-CHANNEL beside the output
+    #[arg(long, value_parser = one_of(&CHANNELS), value_delimiter = ',', conflicts_with = "turntable")]
+    channel: Vec<ChannelMap>,
     /// Bits per sample of a channel's PNG
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8", requires = "channel")]
     depth: Depth,
@@ -198,7 +199,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         ));
     }
     let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
-    if args.channel.is_none() && is_picture {
+    if args.channel.is_empty() && is_picture {
         return Err(Error::invalid(format!(
             "{} is a picture: say which with --channel base-color, normal, orm ..., or make a --turntable; a model is .glb or .gltf",
             args.output.display()
@@ -233,8 +234,8 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let summary = {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("export");
-        match args.channel {
-            None if args.fans => {
+        match &args.channel[..] {
+            [] if args.fans => {
                 let sheets = FanSheetOptions {
                     gutter: args.padding.unwrap_or(FanSheetOptions::default().gutter),
                     largest_side: args.max_size,
@@ -243,13 +244,29 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                 let fans = FanFileOptions { sheets, shaders: args.shader.clone(), force: context.force };
                 export_fans(&asset, &args.output, &fans, &progress)
             }
-            None => export_model(&asset, &args.output, &options, &progress),
-            Some(channel) => export_channel(&asset, channel, args.depth, &args.output, &options, &progress),
+            [] => export_model(&asset, &args.output, &options, &progress),
+            kinds => {
+                let files: Vec<PathBuf> =
+                    kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
+                let channels: Vec<(ChannelMap, &Path)> =
+                    kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
+                export_channels(&asset, &channels, args.depth, &options, &progress)
+            }
         }?
     };
     notes(args, &asset, &summary, context);
     let seconds = started.elapsed().as_secs_f64();
     context.print(&info(args, &asset, &summary, seconds), text)
+}
+
+/// The file of one of so many channels: several lie beside the output, under its name and theirs.
+fn channel_file(output: &Path, kind: ChannelMap, count: usize) -> PathBuf {
+    if count == 1 {
+        return output.to_owned();
+    }
+    let [stem, extension] = [output.file_stem(), output.extension()].map(Option::unwrap_or_default);
+    let [stem, extension] = [stem, extension].map(|part| part.to_string_lossy());
+    output.with_file_name(format!("{stem}-{}.{extension}", kind.name()))
 }
 
 /// Notes on what the result lacks.

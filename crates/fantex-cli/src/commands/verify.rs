@@ -18,7 +18,10 @@ use crate::text::{counted, grouped, megabytes};
 #[command(after_help = "\
 Example:
   fantex verify bottle.fan
-  fantex verify bottle.fan --json")]
+  fantex verify bottle.fan --json
+
+Checked are both headers, every stored cluster and attachment against its checksum, the mesh, and the texture function on both sides of every
+edge, in all channels, at every level and at mixed levels. Not checked is what the texels show: docs/format.md says more.")]
 pub(crate) struct VerifyArgs {
     /// An asset (.fan, also at an https://, s3:// or gs:// address)
     asset: PathBuf,

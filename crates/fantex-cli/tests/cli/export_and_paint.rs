@@ -96,6 +96,20 @@ fn single_channels_and_turntables_are_written() {
         assert_eq!(info["sizes"], serde_json::json!([256]));
         assert!(path.exists());
     }
+    // Several at once are the same bytes as one by one; all are there, or none.
+    let several: [&dyn AsRef<std::ffi::OsStr>; 5] =
+        [&"export", &asset, &"--channel", &"normal,roughness", &"-o"];
+    let info = json(&[&several[..], &[&out("all.png"), &"--depth", &"16", size[0], size[1]]].concat());
+    assert_eq!(info["channels"], serde_json::json!(["normal", "roughness"]));
+    assert_eq!(std::fs::read(out("all-normal.png")).unwrap(), std::fs::read(out("a.png")).unwrap());
+    assert!(out("all-roughness.png").exists() && !out("all.png").exists());
+    let command: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"export", &asset, &"-o", &out("no.png"), &"--channel"];
+    for (code, words, channels) in
+        [(1, "no channel for light", "normal,light"), (2, "normal is named twice", "normal,normal")]
+    {
+        fails(code, &[words], &[&command[..], &[&channels]].concat());
+    }
+    assert!(!out("no-normal.png").exists());
     let turn = json(&[&"export", &asset, &"-o", &out("turn.png"), &"--turntable", &"3", &"--size", &"64x48"]);
     assert_eq!(turn["frames"], 3);
     let animated = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(out("turn.png")).unwrap()));

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fantex_bake::{BakeFormat, NoProgress, Progress};
 use fantex_base::ErrorKind;
 use fantex_export::{
-    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_atlas, export_channel, export_model, unwrap_mesh,
-    unwrap_triangles,
+    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_atlas, export_channels, export_model,
+    unwrap_mesh, unwrap_triangles,
 };
 use fantex_mesh::generate::{cube, icosphere, torus};
 use fantex_mesh::{AlphaMode, Mesh};
@@ -359,7 +359,7 @@ fn a_picture_that_must_be_whole_in_memory_says_so() {
     let path = baked.path("x.exr");
     let options = ExportOptions { side: Some(4096), memory_bytes: 64 << 20, ..ExportOptions::default() };
     let error =
-        export_channel(&baked.asset, ChannelMap::BaseColor, Depth::Eight, &path, &options, &NoProgress)
+        export_channels(&baked.asset, &[(ChannelMap::BaseColor, &path)], Depth::Eight, &options, &NoProgress)
             .unwrap_err();
     assert!(error.kind() == ErrorKind::TooLarge && error.to_string().contains("needs"), "{error}");
     assert!(!path.exists());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use fantex_bake::{BakeFormat, NoProgress};
 use fantex_base::ErrorKind;
-use fantex_export::{ChannelMap, Depth, ExportOptions, UvChoice, export_channel, export_model};
+use fantex_export::{ChannelMap, Depth, ExportOptions, UvChoice, export_channels, export_model};
 use fantex_mesh::generate::{cube, icosphere};
 use fantex_mesh::{Mesh, Model, SurfacePoint};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
@@ -28,7 +28,7 @@ fn sphere() -> Baked {
 
 fn export(baked: &Baked, map: ChannelMap, depth: Depth, name: &str) -> Image {
     let path = baked.path(name);
-    export_channel(&baked.asset, map, depth, &path, &options(), &NoProgress).unwrap();
+    export_channels(&baked.asset, &[(map, &path)], depth, &options(), &NoProgress).unwrap();
     let space = match map {
         ChannelMap::BaseColor | ChannelMap::Emission | ChannelMap::Light => ColorSpace::Srgb,
         _ => ColorSpace::Linear,
@@ -157,8 +157,9 @@ fn check_descriptor(
 fn a_missing_channel_is_named() {
     let baked = baked_bottle(1 << 14);
     let path = baked.path("x.png");
-    let error = export_channel(&baked.asset, ChannelMap::Light, Depth::Eight, &path, &options(), &NoProgress)
-        .unwrap_err();
+    let error =
+        export_channels(&baked.asset, &[(ChannelMap::Light, &path)], Depth::Eight, &options(), &NoProgress)
+            .unwrap_err();
     assert_eq!(
         error.to_string(),
         "the asset has no channel for light; it has base-color, orm, normal, emission"
@@ -267,8 +268,14 @@ fn pictures_hold_the_texture_function_at_equal_density() {
         let options = ExportOptions { side: Some(512), padding: Some(4), ..ExportOptions::default() };
         let summary = export_model(&baked.asset, &model, &options, &NoProgress).unwrap();
         assert!((0.8..1.1).contains(&summary.density_share), "{summary:?}");
-        export_channel(&baked.asset, ChannelMap::BaseColor, Depth::Eight, &picture, &options, &NoProgress)
-            .unwrap();
+        export_channels(
+            &baked.asset,
+            &[(ChannelMap::BaseColor, &picture)],
+            Depth::Eight,
+            &options,
+            &NoProgress,
+        )
+        .unwrap();
         let image = Image::load_as(&picture, ColorSpace::Linear).unwrap();
         let Samples::F32(samples) = &image.samples else { panic!("floats") };
         let texel = |x: u32, y: u32| samples[3 * (y.min(511) * 512 + x.min(511)) as usize];
@@ -410,7 +417,7 @@ fn borders_keep_their_colours_at_every_level_that_is_promised() {
     let side = 1024usize;
     let options = ExportOptions { side: Some(side as u32), padding: Some(16), ..ExportOptions::default() };
     export_model(&baked.asset, &model, &options, &NoProgress).unwrap();
-    export_channel(&baked.asset, ChannelMap::BaseColor, Depth::Eight, &picture, &options, &NoProgress)
+    export_channels(&baked.asset, &[(ChannelMap::BaseColor, &picture)], Depth::Eight, &options, &NoProgress)
         .unwrap();
     let image = Image::load_as(&picture, ColorSpace::Linear).unwrap();
     let Samples::F32(samples) = &image.samples else { panic!("floats") };

@@ -18,22 +18,22 @@ use crate::{
     Baked, Contents, ball, cleaned, contents, cover, data_folder, loaded, paint_stroke, red, sample, stroke,
 };
 
-fn paint_on(painter: &mut Painter, target: Target, paint: Paint, positions: &[Vec3]) {
+pub(crate) fn paint_on(painter: &mut Painter, target: Target, paint: Paint, positions: &[Vec3]) {
     let surface = Arc::clone(painter.surface());
     painter.begin_on(target, "test", paint).unwrap();
     painter.dab(&dabs_of(&surface, &stroke(&surface, 50.0, positions))).unwrap();
     painter.end().unwrap();
 }
 
-fn everywhere(color: Vec4) -> Layer {
+pub(crate) fn everywhere(color: Vec4) -> Layer {
     let mut layer = Layer::fill("fill", &[color, color]);
     layer.mask = None;
     layer
 }
 
-const LINE: [Vec3; 3] = [Vec3::X, Vec3::new(0.6, 0.6, 0.5), Vec3::Z];
+pub(crate) const LINE: [Vec3; 3] = [Vec3::X, Vec3::new(0.6, 0.6, 0.5), Vec3::Z];
 
-fn white() -> Paint {
+pub(crate) fn white() -> Paint {
     let color = PaintColor::Constant(Vec4::ONE);
     Paint {
         tool: Tool::Paint(BlendMode::Normal),
@@ -193,7 +193,7 @@ fn the_flattened_value_is_the_formula() {
 // Copies, merges, masks that are made.
 
 /// Largest difference of level 0 texels and the share of them that differ by more than a thousandth.
-fn apart(a: &Painter, b: &Painter) -> f32 {
+pub(crate) fn apart(a: &Painter, b: &Painter) -> f32 {
     let mut most = 0.0f32;
     let asset = a.editor().asset();
     for (g, group) in (0u32..).zip(&asset.cover().groups) {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_mesh::{generate, shading_normals};
 use fantex_paint::{
-    FillArea, FillSettings, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles,
-    replay,
+    FillArea, FillSettings, Layer, PaintOptions, Painter, Size, StrokeFile, Symmetry, Target, Tool, dabs_of,
+    fill_triangles, replay,
 };
 use fantex_store::{
     Asset, ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, verify,
@@ -496,4 +496,48 @@ fn strokes_between_vertices_lack_no_dab() {
         }
     }
     assert!(longest > 60.0, "{longest}");
+}
+
+/// A stroke that is dropped leaves every byte and attachment as it was, on the base, under layers, on a layer and on a mask.
+#[test]
+fn an_abandoned_stroke_leaves_nothing() {
+    let baked = ball(60_000, BakeFormat::Bc7);
+    let mut painter = baked.painter();
+    painter.abandon().unwrap();
+    let line = [Vec3::X, Vec3::new(0.6, 0.6, 0.5), Vec3::Z];
+    let mut targets = vec![Target::Base];
+    let attachments = |painter: &Painter| {
+        let names = painter.editor().attachment_names();
+        names.into_iter().map(|name| painter.editor().attachment(&name).unwrap()).collect::<Vec<_>>()
+    };
+    for round in 0..4 {
+        for &target in &targets {
+            let before = (contents(&painter), attachments(&painter), painter.history().done().len());
+            let surface = Arc::clone(painter.surface());
+            let dabs = dabs_of(&surface, &stroke(&surface, 50.0, &line));
+            painter.begin_on(target, "test", red(0.8)).unwrap();
+            for dabs in dabs.chunks(4) {
+                painter.dab(dabs).unwrap();
+                painter.show().unwrap();
+            }
+            assert!(contents(&painter) != before.0 || matches!(target, Target::Mask(_)), "{target:?}");
+            painter.abandon().unwrap();
+            let after = (contents(&painter), attachments(&painter), painter.history().done().len());
+            assert!(after == before, "round {round}, {target:?}");
+        }
+        match round {
+            0 => targets.push(Target::Layer(painter.add_layer(Layer::painted("layer")).unwrap())),
+            1 => {
+                let fill = Layer::fill("fill", &[Vec4::ONE, Vec4::ONE]);
+                targets.push(Target::Mask(painter.add_layer(fill).unwrap()));
+            }
+            // Over what is painted already.
+            _ => {
+                let surface = Arc::clone(painter.surface());
+                painter.begin_on(targets[1], "kept", red(0.5)).unwrap();
+                painter.dab(&dabs_of(&surface, &stroke(&surface, 40.0, &[Vec3::X, Vec3::Y]))).unwrap();
+                painter.end().unwrap();
+            }
+        }
+    }
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
 use fantex_paint::{
-    ChannelPaint, ColorFill, FillArea, GraphFill, Layer, Paint, PaintColor, PaintOptions, Painter, Picture,
-    PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Target, TextureGraph, dabs_of,
+    ChannelPaint, ColorFill, FillArea, GraphFill, Layer, LayerPlace, Paint, PaintColor, PaintOptions,
+    Painter, Picture, PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Target,
+    TextureGraph, dabs_of,
 };
 use fantex_store::{VerifyOptions, is_disk_full, verify};
 use fantex_texture::Image;
@@ -32,7 +33,7 @@ fn a_fill_that_is_interrupted_goes_on_and_is_one_step() {
     assert!(after != before);
 
     let (mut painter, _) = start(&cut);
-    painter.start_add_layer(wood(), None).unwrap();
+    painter.start_add_layer(wood(), LayerPlace::Top).unwrap();
     // What is seen comes first.
     painter.prefer_groups(|group| -(group as f32));
     for _ in 0..2 {
@@ -73,7 +74,7 @@ fn a_fill_that_is_interrupted_goes_on_and_is_one_step() {
 fn what_is_given_up_leaves_nothing_behind() {
     let baked = fine_ball(2_000_000);
     let (mut painter, before) = start(&baked);
-    painter.start_add_layer(wood(), None).unwrap();
+    painter.start_add_layer(wood(), LayerPlace::Top).unwrap();
     slices(&mut painter, 5);
     painter.commit().unwrap();
     let mut painter = crash(painter, &baked);

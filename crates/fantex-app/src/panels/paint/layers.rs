@@ -4,11 +4,16 @@ use std::sync::Arc;
 
 use eframe::egui::{
     Align, Button, Color32, ColorImage, CornerRadius, CursorIcon, Id, Key, Label, Layout, Rect, Response,
-    RichText, Sense, Slider, Stroke, StrokeKind, TextEdit, Ui, UiBuilder, WidgetInfo, accesskit, pos2, vec2,
+    RichText, Sense, Shape, Slider, Stroke, StrokeKind, TextEdit, Ui, UiBuilder, WidgetInfo, accesskit, pos2,
+    vec2,
 };
-use fantex::paint::{BlendMode, Layer, LayerContent, MaskMeasure, MaskSource, Target};
+use fantex::paint::{
+    BlendMode, GroupKind, Layer, LayerContent, LayerPlace, MaskMeasure, MaskSource, Target, layer_below,
+};
 
-use crate::paint::{BLEND_MODES, LayerAction, LayerDrag, Painting, THUMBNAIL};
+use crate::paint::{
+    BLEND_MODES, LayerAction, LayerDrag, LayerRow, Painting, THUMBNAIL, drop_place, layer_rows,
+};
 use crate::panels::widgets::{cached_texture, choice, heading, hint, number, row, segments};
 use crate::settings::label_of;
 use crate::theme;
@@ -18,18 +23,24 @@ use crate::viewer::Viewer;
 const ROW: f32 = 34.0;
 const PICTURE: f32 = 28.0;
 
+/// Points by which what lies in a group is moved to the right.
+const INDENT: f32 = 14.0;
+
 pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &mut viewer.painting else { return };
     let mut actions = Vec::new();
     heading(ui, "Layers");
     buttons(ui, painting, &mut actions);
     let layers = painting.layers_in_order();
+    let dragged = painting.moving.as_ref().map(|moving| moving.id);
+    let rows = layer_rows(&layers, &painting.snapshot.collapsed, dragged);
     let top = ui.cursor().top();
-    for layer in layers.iter().rev() {
-        layer_row(ui, painting, layer, &mut actions);
+    for (row, layer) in &rows {
+        layer_row(ui, painting, *row, layer, &mut actions);
     }
-    let height = (ui.cursor().top() - top) / layers.len().max(1) as f32;
-    drag(ui, painting, &layers, (top, height), &mut actions);
+    let height = (ui.cursor().top() - top) / rows.len().max(1) as f32;
+    let rows: Vec<LayerRow> = rows.into_iter().map(|(row, _)| row).collect();
+    drag(ui, painting, &rows, (top, height), &mut actions);
     base_row(ui, painting, &mut actions);
     if let Some(layer) = painting.layer().cloned() {
         chosen(ui, painting, &layer, &mut actions);
@@ -45,7 +56,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
 fn drag(
     ui: &Ui,
     painting: &mut Painting,
-    layers: &[Layer],
+    rows: &[LayerRow],
     (top, height): (f32, f32),
     actions: &mut Vec<LayerAction>,
 ) {
@@ -56,12 +67,16 @@ fn drag(
     }
     ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     let Some(at) = ui.input(|i| i.pointer.interact_pos()) else { return };
-    let from_top = (((at.y - top) / height.max(1.0)).max(0.0) as usize).min(layers.len().saturating_sub(1));
-    let mut order: Vec<u64> = layers.iter().map(Layer::id).filter(|id| *id != moving.id).collect();
-    order.insert(order.len() - from_top.min(order.len()), moving.id);
-    if order != moving.order {
-        actions.push(LayerAction::MoveTo(order.clone(), moving.has_moved));
-        (moving.order, moving.has_moved) = (order, true);
+    let row = ((at.y - top) / height.max(1.0)).max(0.0) as usize;
+    let steps = ((at.x - moving.right) / INDENT) as i32;
+    let Some(place) = drop_place(rows, moving.id, row, steps) else { return };
+    moving.right = at.x;
+    actions.push(LayerAction::MoveTo(moving.id, place, moving.place.is_some()));
+    moving.place = Some(place);
+    if let LayerPlace::Into(group) = place
+        && painting.snapshot.collapsed.contains(&group)
+    {
+        actions.push(LayerAction::Collapse(group, false));
     }
 }
 
@@ -69,6 +84,8 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
     let chosen = painting.layer().map(Layer::id);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
+        // All of them in one line.
+        ui.spacing_mut().button_padding.x = 5.0;
         if ui.button("Add").on_hover_text("An empty layer above the chosen one (Ctrl + Shift + N)").clicked()
         {
             actions.push(LayerAction::Add);
@@ -86,6 +103,11 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
             }
         });
         menu.response.on_hover_text("A layer of the current colour, pattern or look, and material");
+        ui.add_enabled_ui(chosen.is_some(), |ui| {
+            if ui.button("Group").on_hover_text("Put the chosen layer into a group (Ctrl + G)").clicked() {
+                actions.push(LayerAction::Group(chosen.unwrap_or_default()));
+            }
+        });
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
             ui.add_enabled_ui(chosen.is_some(), |ui| {
@@ -106,8 +128,14 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
     });
 }
 
-/// A line of the list: eye, pictures of what the layer and its mask hold, name.
-fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
+/// A line of the list: eye, pictures of what the layer and its mask hold (of a group a folder), name.
+fn layer_row(
+    ui: &mut Ui,
+    painting: &mut Painting,
+    row: LayerRow,
+    layer: &Layer,
+    actions: &mut Vec<LayerAction>,
+) {
     let id = layer.id();
     let is_layer = painting.target == Target::Layer(id);
     let is_mask = painting.target == Target::Mask(id);
@@ -118,7 +146,12 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
         if response.on_hover_text("Show or hide").clicked() {
             actions.push(LayerAction::Show(id, !layer.visible));
         }
-        let held = picture(ui, painting, Target::Layer(id), is_layer, "What the layer holds");
+        ui.add_space(INDENT * row.depth as f32);
+        let held = if row.is_group {
+            folder(ui, row, &layer.name, is_layer, actions)
+        } else {
+            picture(ui, painting, Target::Layer(id), is_layer, "What the layer holds")
+        };
         if held.clicked() {
             actions.push(LayerAction::Select(Target::Layer(id)));
         }
@@ -139,8 +172,10 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let faded =
                 if layer.opacity < 0.995 { format!("{:.0} %", layer.opacity * 100.0) } else { String::new() };
-            let mode =
-                if layer.blend == BlendMode::Normal { "" } else { label_of(&BLEND_MODES, layer.blend) };
+            let mode = match (layer.group_kind(), layer.blend) {
+                (Some(GroupKind::PassThrough), _) | (None, BlendMode::Normal) => "",
+                (_, mode) => label_of(&BLEND_MODES, mode),
+            };
             ui.label(RichText::new(format!("{mode} {faded}").trim()).size(11.0).color(theme::FAINT));
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 let color = if layer.visible { theme::STRONG } else { theme::FAINT };
@@ -150,11 +185,14 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
                 } else if response.clicked() {
                     actions.push(LayerAction::Select(Target::Layer(id)));
                 } else if response.drag_started() {
-                    let order = painting.snapshot.layers.iter().map(Layer::id).collect();
-                    painting.moving = Some(LayerDrag { id, order, has_moved: false });
+                    let right = response.interact_pointer_pos().map_or(0.0, |at| at.x);
+                    let layers = painting.snapshot.layers.clone();
+                    painting.moving = Some(LayerDrag { id, layers, place: None, right });
                 }
                 response.context_menu(|ui| menu(ui, painting, layer, actions));
-                response.on_hover_text("Double click renames, dragging moves, right click does more");
+                let tip = "Double click renames, dragging moves (to the right or left into and out of groups), right click \
+                           does more";
+                response.on_hover_text(tip);
             });
         });
     });
@@ -168,13 +206,18 @@ fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
         painting.renaming = Some((id, layer.name.clone()));
         ui.close();
     }
-    let below = painting.snapshot.layers.iter().take_while(|layer| layer.id() != id).last();
+    let below = layer_below(&painting.snapshot.layers, id);
     let can_merge = layer.visible && below.is_some_and(|below| below.visible);
     let mut rows = vec![
         (true, "Duplicate", LayerAction::Duplicate(id)),
         (can_merge, "Merge down", LayerAction::MergeDown(id)),
         (true, "Delete", LayerAction::Delete(id)),
+        (true, "Group", LayerAction::Group(id)),
     ];
+    if layer.group_kind().is_some() {
+        rows.push((true, "Ungroup", LayerAction::Ungroup(id)));
+        rows.push((layer.visible, "Merge group", LayerAction::MergeGroup(id)));
+    }
     if layer.mask.is_none() {
         rows.push((true, "Add white mask", LayerAction::AddMask(id, true)));
         rows.push((true, "Add black mask", LayerAction::AddMask(id, false)));
@@ -186,7 +229,7 @@ fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
         rows.push((true, "Remove mask", LayerAction::RemoveMask(id)));
     }
     for (is_enabled, text, action) in rows {
-        if matches!(text, "Add white mask" | "Invert mask") {
+        if matches!(text, "Group" | "Add white mask" | "Invert mask") {
             ui.separator();
         }
         if ui.add_enabled(is_enabled, Button::new(text)).clicked() {
@@ -202,6 +245,35 @@ fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
             }
         }
     });
+}
+
+/// A group's folder, with a mark that folds and unfolds it.
+fn folder(
+    ui: &mut Ui,
+    row: LayerRow,
+    name: &str,
+    is_chosen: bool,
+    actions: &mut Vec<LayerAction>,
+) -> Response {
+    let (rect, mark) = ui.allocate_exact_size(vec2(14.0, PICTURE), Sense::click());
+    named(&mark, &format!("{} {name}", if row.is_open { "Fold" } else { "Unfold" }));
+    let (c, r) = (rect.center(), 4.0);
+    let points = match row.is_open {
+        true => [vec2(-r, -0.5 * r), vec2(r, -0.5 * r), vec2(0.0, 0.7 * r)],
+        false => [vec2(-0.5 * r, -r), vec2(0.7 * r, 0.0), vec2(-0.5 * r, r)],
+    };
+    let points = points.map(|offset| c + offset).to_vec();
+    ui.painter().add(Shape::convex_polygon(points, theme::TEXT, Stroke::NONE));
+    if mark.on_hover_text("Fold or unfold the group").clicked() {
+        actions.push(LayerAction::Collapse(row.id, row.is_open));
+    }
+    let (rect, response) = ui.allocate_exact_size(vec2(PICTURE, PICTURE), Sense::click());
+    let color = if is_chosen { theme::ACCENT } else { theme::TEXT };
+    let body = Rect::from_center_size(rect.center() + vec2(0.0, 1.5), vec2(20.0, 13.0));
+    let tab = Rect::from_min_size(body.left_top() - vec2(0.0, 3.0), vec2(9.0, 4.0));
+    ui.painter().rect_filled(tab, CornerRadius::same(1), color);
+    ui.painter().rect_stroke(body, CornerRadius::same(2), Stroke::new(1.5, color), StrokeKind::Inside);
+    response.on_hover_text("A group of layers")
 }
 
 /// A picture of what a layer or a mask holds.
@@ -288,11 +360,7 @@ fn frame_row(ui: &mut Ui, is_chosen: bool, is_moving: bool, add: impl FnOnce(&mu
 fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
     let id = layer.id();
     ui.add_space(4.0);
-    let mut mode = layer.blend;
-    row(ui, "Blend", |ui| choice(ui, "layer blend", &mut mode, &BLEND_MODES));
-    if mode != layer.blend {
-        actions.push(LayerAction::Blend(id, mode));
-    }
+    blending(ui, layer, actions);
     let mut opacity =
         painting.fading.filter(|(of, _)| *of == id).map_or(layer.opacity, |(_, value)| value) * 100.0;
     let response = row(ui, "Opacity", |ui| {
@@ -307,7 +375,7 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     } else if painting.fading.is_some_and(|(of, value)| of != id || (value - layer.opacity).abs() < 1e-3) {
         painting.fading = None;
     }
-    if !matches!(layer.content, LayerContent::Painted) {
+    if matches!(layer.content, LayerContent::Fill(_) | LayerContent::Graph(_)) {
         ui.horizontal(|ui| {
             ui.label(RichText::new("Shows").color(theme::FAINT));
             let tip = "It shows the current colour, pattern or look, and material instead";
@@ -327,6 +395,32 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
             }
         }
     });
+}
+
+/// How a layer, or a group as a whole, blends with what lies below it; a group may also let its members do so.
+fn blending(ui: &mut Ui, layer: &Layer, actions: &mut Vec<LayerAction>) {
+    let id = layer.id();
+    let modes = BLEND_MODES.iter().map(|&(mode, name)| (Some(mode), name));
+    let passes = layer.group_kind().map(|_| (None, "Pass through"));
+    let modes: Vec<(Option<BlendMode>, &str)> = passes.into_iter().chain(modes).collect();
+    let is_passing = layer.group_kind() == Some(GroupKind::PassThrough);
+    let before = (!is_passing).then_some(layer.blend);
+    let mut mode = before;
+    row(ui, "Blend", |ui| choice(ui, "layer blend", &mut mode, &modes));
+    if mode == before {
+        return;
+    }
+    match (mode, layer.group_kind()) {
+        (None, _) => actions.push(LayerAction::GroupKind(id, GroupKind::PassThrough)),
+        (Some(mode), kind) => {
+            if kind == Some(GroupKind::PassThrough) {
+                actions.push(LayerAction::GroupKind(id, GroupKind::Isolated));
+            }
+            if mode != layer.blend {
+                actions.push(LayerAction::Blend(id, mode));
+            }
+        }
+    }
 }
 
 /// What masks are made from.

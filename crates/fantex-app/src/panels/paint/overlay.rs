@@ -11,8 +11,8 @@ use fantex::glam::{DVec2, DVec3};
 
 use crate::command::Command;
 use crate::paint::{
-    Cursor, PaintCommand, PaintTool, Ring, SaveState, StencilPicture, StencilSettings, StencilUse,
-    SymmetryKind, plane_outline,
+    Cursor, PaintCommand, PaintTool, PlacingOutline, Ring, SaveState, StencilPicture, StencilSettings,
+    StencilUse, SymmetryKind, plane_outline,
 };
 use crate::panels::paint::brush::percent;
 use crate::panels::widgets::{file_button, gauge, heading, number, row, segments};
@@ -47,8 +47,11 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
         cross(&painter, place(at));
     }
     let settings = &viewer.settings.paint;
+    if let Some(outline) = painting.placing_outline(&view) {
+        placing(&painter, &outline, &place);
+    }
     let is_moved = settings.stencil.is_on && settings.stencil.is_adjusted;
-    if let Some(at) = cursor.filter(|_| !is_moved)
+    if let Some(at) = cursor.filter(|_| !is_moved && !painting.is_placing())
         && let Some(found) = painting.cursor(settings, &view, at)
     {
         ui.ctx().set_cursor_icon(if settings.tool == PaintTool::Pick {
@@ -102,6 +105,21 @@ fn cross(painter: &Painter, at: Pos2) {
         line(painter, vec![at - by, at + by], 1.4, 1.0);
     }
     painter.circle_stroke(at, 6.0, Stroke::new(1.2, theme::ACCENT));
+}
+
+/// What is not applied yet: its outline, and the handles that scale and turn it.
+fn placing(painter: &Painter, outline: &PlacingOutline, place: &impl Fn(DVec2) -> Pos2) {
+    let closed = outline.outline.iter().chain(outline.outline.first()).map(|&at| place(at));
+    let closed: Vec<Pos2> = closed.collect();
+    painter.add(Shape::line(closed.clone(), Stroke::new(2.5, DARK)));
+    painter.add(Shape::line(closed, Stroke::new(1.2, theme::ACCENT)));
+    for at in outline.corners.iter().chain([&outline.knob]) {
+        handle(painter, place(*at));
+    }
+}
+
+fn handle(painter: &Painter, at: Pos2) {
+    painter.circle(at, HANDLE, Color32::from_black_alpha(160), Stroke::new(1.5, theme::STRONG));
 }
 
 /// The mirror's plane, or the axis of radial symmetry.
@@ -296,7 +314,7 @@ pub(in crate::panels) fn stencil_overlay(ui: &Ui, viewer: &mut Viewer, rect: Rec
     stencil_outline(&painter, corners, settings.is_adjusted);
     if settings.is_adjusted {
         for at in corners.into_iter().chain([turn_handle(rect, &settings, picture.aspect())]) {
-            painter.circle(at, HANDLE, Color32::from_black_alpha(160), Stroke::new(1.5, theme::STRONG));
+            handle(&painter, at);
         }
     }
 }
