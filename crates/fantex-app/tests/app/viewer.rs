@@ -296,5 +296,7 @@ fn pasted_pictures_are_taken_as_dropped_ones() {
     assert!(paint.sticker == StickerKind::Picture && paint.picture.as_ref().is_some_and(|p| *p != path));
     assert_eq!(std::fs::read_dir(folder.path().join("pasted")).unwrap().count(), 2);
     viewer.take_pasted([3, 1], texels);
-    assert!(viewer.notices.shown().any(|notice| notice.text.contains("cannot be pasted: its texels do not fit")));
+    assert!(
+        viewer.notices.shown().any(|notice| notice.text.contains("cannot be pasted: its texels do not fit"))
+    );
 }
