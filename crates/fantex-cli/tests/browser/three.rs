@@ -16,7 +16,13 @@ use super::driver::Browser;
 use super::{Running, SIZE, bottle, fantex, serve, serve_folder, text};
 
 /// Where pictures are taken from: eye, target, opening angle.
-const VIEW: [&str; 3] = ["0.25,0.15,0.45", "0,0,0", "35"];
+type View = [&'static str; 3];
+
+/// All of a bottle.
+const WHOLE: View = ["0.25,0.15,0.45", "0,0,0", "35"];
+
+/// A part of it.
+const NEAR: View = ["0.06,0.05,0.16", "0.03,0,0.03", "35"];
 
 /// A browser and the page's address, where both are to be had.
 fn page() -> Option<(Browser, Running, String)> {
@@ -41,8 +47,8 @@ fn page() -> Option<(Browser, Running, String)> {
 }
 
 /// The page's address with an asset, the view, and more.
-fn address(page: &str, asset: &str, more: &str) -> String {
-    let [eye, target, fov] = VIEW;
+fn address(page: &str, asset: &str, view: View, more: &str) -> String {
+    let [eye, target, fov] = view;
     format!("{page}?asset={asset}&eye={eye}&target={target}&fov={fov}{more}")
 }
 
@@ -68,8 +74,8 @@ struct Expected {
 }
 
 impl Expected {
-    fn render(asset: &Path, folder: &Path, more: &[&str]) -> Self {
-        let [eye, target, fov] = VIEW;
+    fn render(asset: &Path, view: View, folder: &Path, more: &[&str]) -> Self {
+        let [eye, target, fov] = view;
         let size = format!("{}x{}", SIZE[0], SIZE[1]);
         let path = folder.join("expected.png");
         let picture = |samples: &str| {
@@ -102,7 +108,7 @@ fn texels(picture: &Image) -> Vec<[u8; 4]> {
 }
 
 /// A bottle that no lamp lights.
-fn unlit_bottle(folder: &Path) -> PathBuf {
+fn unlit_bottle(folder: &Path, texels: &str) -> PathBuf {
     let source = workspace().join("assets/WaterBottle");
     let model = folder.join("model");
     std::fs::create_dir(&model).unwrap();
@@ -117,7 +123,7 @@ fn unlit_bottle(folder: &Path) -> PathBuf {
     gltf["extensionsUsed"] = serde_json::json!(["KHR_materials_unlit"]);
     std::fs::write(&path, gltf.to_string()).unwrap();
     let asset = folder.join("unlit.fan");
-    fantex(&["bake", text(&path), "-o", text(&asset), "--texels", "1M"]);
+    fantex(&["bake", text(&path), "-o", text(&asset), "--texels", texels]);
     asset
 }
 
@@ -125,12 +131,12 @@ fn unlit_bottle(folder: &Path) -> PathBuf {
 fn three_shows_the_texture_function() {
     let Some((browser, _pages, page)) = page() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let asset = unlit_bottle(folder.path());
+    let asset = unlit_bottle(folder.path(), "1M");
     let (_server, info) = serve(&asset, &["--share"]);
-    let expected = Expected::render(&asset, folder.path(), &[]);
+    let expected = Expected::render(&asset, WHOLE, folder.path(), &[]);
     // Compressed as it is stored, and decoded.
     for (compressed, query) in [(true, ""), (false, "&compressed=0")] {
-        load(&browser, &address(&page, &info.asset_url, query));
+        load(&browser, &address(&page, &info.asset_url, WHOLE, query));
         assert_eq!(browser.run("return test.fan().isCompressed"), compressed);
         let shown = picture(&browser, &folder.path().join("shown.png"));
         let decibels = expected.psnr_db(&shown);
@@ -138,6 +144,21 @@ fn three_shows_the_texture_function() {
         // Measured 49.1 dB: nearly all pixels are equal, or a byte apart.
         assert!(decibels > 45.0, "compressed {compressed}: {decibels} dB");
     }
+}
+
+#[test]
+fn three_shows_tiles_of_several_pages() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = unlit_bottle(folder.path(), "6M");
+    let (_server, info) = serve(&asset, &["--share"]);
+    let expected = Expected::render(&asset, NEAR, folder.path(), &[]);
+    load(&browser, &address(&page, &info.asset_url, NEAR, ""));
+    assert_eq!(browser.run("return 'FAN_PAGED' in test.fan().material.defines"), true);
+    let decibels = expected.psnr_db(&picture(&browser, &folder.path().join("shown.png")));
+    println!("{decibels:.1} dB");
+    // Measured 63.1 dB.
+    assert!(decibels > 50.0, "{decibels} dB");
 }
 
 #[test]
@@ -151,8 +172,8 @@ fn three_lights_all_channels() {
     Image::from_linear_rgb(2, 1, &[[0.0; 4]; 2]).save(&black).unwrap();
     let sun = "1,2,3";
     let lit = ["--light", sun, "--environment", text(&black)];
-    let expected = Expected::render(&asset, folder.path(), &lit);
-    load(&browser, &address(&page, &info.asset_url, &format!("&sun={sun}")));
+    let expected = Expected::render(&asset, WHOLE, folder.path(), &lit);
+    load(&browser, &address(&page, &info.asset_url, WHOLE, &format!("&sun={sun}")));
     let decibels = |name: &str| expected.psnr_db(&picture(&browser, &folder.path().join(name)));
     let all = decibels("shown.png");
     println!("{all:.1} dB");
@@ -173,7 +194,7 @@ fn three_shows_again_what_a_lost_context_took() {
     let folder = tempfile::tempdir().unwrap();
     let asset = bottle(folder.path(), "1M");
     let (_server, info) = serve(&asset, &["--share"]);
-    load(&browser, &address(&page, &info.asset_url, "&sun=1,2,3"));
+    load(&browser, &address(&page, &info.asset_url, WHOLE, "&sun=1,2,3"));
     let before = picture(&browser, &folder.path().join("before.png"));
     browser.run(
         "window.lost = test.renderer.getContext().getExtension('WEBGL_lose_context'); lost.loseContext()",
@@ -196,7 +217,7 @@ fn three_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let asset = bottle(folder.path(), "1M");
     let (_server, info) = serve(&asset, &["--share"]);
-    load(&browser, &address(&page, &info.asset_url, "&sun=1,2,3"));
+    load(&browser, &address(&page, &info.asset_url, WHOLE, "&sun=1,2,3"));
     let before = browser.run("return test.before");
     let during = browser.run("return test.counts()");
     assert!(during["geometries"].as_u64() > before["geometries"].as_u64(), "{during}");
@@ -229,10 +250,10 @@ fn three_says_what_is_wrong() {
         assert_eq!(state, "failed");
         said
     };
-    let missing = said(&address(&page, &info.asset_url.replace("bottle", "vase"), ""));
+    let missing = said(&address(&page, &info.asset_url.replace("bottle", "vase"), WHOLE, ""));
     assert!(missing.contains("vase.fan") && missing.contains("404 Not Found"), "{missing}");
     // Python's server knows no ranges, and hands out this file beside the page.
-    let whole = said(&address(&page, "/package.json", ""));
+    let whole = said(&address(&page, "/package.json", WHOLE, ""));
     assert!(whole.contains("does not support range requests"), "{whole}");
 }
 
