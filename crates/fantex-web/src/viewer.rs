@@ -14,7 +14,8 @@ use fantex_gpu::{DrawOptions, Frame, Gpu, Model, Renderer, StreamedModel, max_an
 use fantex_scene::{Camera, CameraRig, Lights, SceneScale, world_bounds};
 use fantex_store::Asset;
 use fantex_stream::read::{
-    BROWSER_CONNECTIONS, FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, RemoteFile, task_reader,
+    BROWSER_CONNECTIONS, FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, RemoteFile,
+    task_reader,
 };
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions};
 use glam::DVec2;

@@ -22,7 +22,7 @@ pub struct PreviewOptions {
 }
 
 impl Default for PreviewOptions {
-    /// 5000 triangles and 100 000 texels: some 200 to 400 kB.
+    /// 5000 triangles and 100 000 texels: some 200 to 700 kB.
     fn default() -> Self {
         Self { triangles: 5000, texels: 100_000 }
     }

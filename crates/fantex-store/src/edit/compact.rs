@@ -62,8 +62,8 @@ impl AssetEditor {
         persist(file.into_temp_path(), path, true)?;
         let file = Arc::new(OpenOptions::new().read(true).write(true).open(path).map_err(io)?);
         let output = Box::new(FileOutput(Arc::clone(&file)));
-        // The lock is on another file and stays ours.
-        *self = Self::locked(path, self.options, Arc::clone(&self.lock), file, output)?;
+        let lock = Arc::new(self.lock.moved(path)?);
+        *self = Self::locked(path, self.options, lock, file, output)?;
         Ok(())
     }
 }

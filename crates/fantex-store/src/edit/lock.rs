@@ -10,7 +10,10 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
+#[cfg(unix)]
+use std::time::UNIX_EPOCH;
 
 use fantex_base::files::{forget, remember};
 use fantex_base::{Error, ErrorKind, Result};
@@ -22,7 +25,7 @@ const MAX_LOCK_ATTEMPTS: u32 = 500;
 
 #[derive(Debug)]
 pub(super) struct WriterLock {
-    _beside: LockFile,
+    beside: Arc<LockFile>,
     _of_inode: Option<LockFile>,
 }
 
@@ -37,13 +40,23 @@ impl WriterLock {
     /// Locks the asset at `path` against other writers, or says that one is at work.
     pub(super) fn acquire(path: &Path) -> Result<Self> {
         let real = path.canonicalize().unwrap_or_else(|_| path.into());
-        let _beside = LockFile::acquire(path, lock_path(&real))?;
-        let _of_inode = match inode_lock_path(&real).map(|lock_path| LockFile::acquire(path, lock_path)) {
+        Self::with_beside(path, &real, Arc::new(LockFile::acquire(path, lock_path(&real))?))
+    }
+
+    /// The lock of who has put another file in the asset's place: that of the file that is gone ends with `self`, as the next file may get
+    /// its number.
+    pub(super) fn moved(&self, path: &Path) -> Result<Self> {
+        let real = path.canonicalize().unwrap_or_else(|_| path.into());
+        Self::with_beside(path, &real, Arc::clone(&self.beside))
+    }
+
+    fn with_beside(path: &Path, real: &Path, beside: Arc<LockFile>) -> Result<Self> {
+        let _of_inode = match inode_lock_path(real).map(|lock_path| LockFile::acquire(path, lock_path)) {
             Some(Err(error)) if error.kind() == ErrorKind::Conflict => return Err(error),
             // Without such a folder the lock beside the asset is all there is.
             lock => lock.and_then(Result::ok),
         };
-        Ok(Self { _beside, _of_inode })
+        Ok(Self { beside, _of_inode })
     }
 }
 
@@ -97,7 +110,10 @@ fn lock_path(path: &Path) -> PathBuf {
 fn inode_lock_path(path: &Path) -> Option<PathBuf> {
     use std::os::unix::fs::MetadataExt;
     let file = path.metadata().ok()?;
-    Some(std::env::temp_dir().join(format!("fantex-{}-{}.lock", file.dev(), file.ino())))
+    // Numbers of files that are gone are given again; a copy that is being edited may still hold one.
+    let born = file.created().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    let born = born.map_or(0, |time| time.as_nanos());
+    Some(std::env::temp_dir().join(format!("fantex-{}-{}-{born}.lock", file.dev(), file.ino())))
 }
 
 /// Elsewhere the system does not tell.

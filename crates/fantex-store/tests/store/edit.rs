@@ -441,6 +441,13 @@ fn an_asset_has_one_writer_by_all_its_names() {
         }
         drop(editor);
     }
+    // When another file takes its place, that is locked by all its names, and the one that is gone by none.
+    let mut editor = open(&path).unwrap();
+    editor.compact().unwrap();
+    let new = folder.path().join("new.fan");
+    std::fs::hard_link(&path, &new).unwrap();
+    refused(open(&new), "is being edited by another program");
+    drop(open(&names[2]).unwrap());
 }
 
 #[test]
