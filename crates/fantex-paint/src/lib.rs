@@ -59,6 +59,7 @@ mod smudge;
 mod stroke;
 mod stroke_file;
 mod stroke_page;
+mod stroke_preview;
 mod surface;
 mod texel_page;
 mod work;
@@ -77,7 +78,7 @@ pub use layers::{Layer, LayerContent, Target};
 pub use log::StrokeLog;
 pub use mask_source::{MaskMeasure, MaskSource};
 pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
-pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
+pub use painter::{PaintOptions, Painter, StrokeSummary};
 pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};
 pub use projection::{Lens, PicturePlace, Projection, ProjectionView, Sight};
 pub use region::{Region, RegionTriangle};
@@ -89,5 +90,6 @@ pub use stroke_file::{
     FillTextureSettings, KindName, LayerSettings, LookSettings, SampleSettings, StencilBy, StencilSettings,
     StrokeFile, StrokeSettings, TextSettings, ToolSettings, Where,
 };
+pub use stroke_preview::PreviewPage;
 pub use surface::Surface;
 pub use work::WorkProgress;
