@@ -65,9 +65,8 @@ pub(crate) fn rows() -> Measured {
     Baker::new(&mesh).texels(TEXELS).source(Source::solid("landscape")).write(&path)?;
     drop(mesh);
     let started = Instant::now();
-    let preview = Preview::of(fantex::Asset::open(&path)?.shared(), &PreviewOptions::default())?;
+    Preview::add_to(&path, &PreviewOptions::default())?;
     let mut rows = vec![Row::new("preview of a million triangles", started.elapsed().as_secs_f64(), "s")];
-    preview.attach_to(&path)?;
     for (name, link) in LINKS {
         let (with, without) = (first_picture(&path, link, true)?, first_picture(&path, link, false)?);
         let (seconds, bytes) =
@@ -84,17 +83,15 @@ fn first_picture(path: &Path, link: Link, has_preview: bool) -> Result<(f64, f64
     let started = Instant::now();
     // The connection is made first.
     sleep(link.latency);
-    let asset = match has_preview {
-        true => Asset::open_preview(&*remote)?.ok_or("there is no preview")?,
-        false => Asset::open_source(remote.clone())?,
-    };
-    let asset = Arc::new(asset);
-    let cache = PageCache::new(Arc::clone(&asset), 64 << 20);
-    let options = RenderOptions { width: 640, height: 360, samples: 1, ..RenderOptions::default() };
-    let camera = Camera::framing_mesh(asset.mesh(), Camera::THREE_QUARTER, 640.0 / 360.0);
-    let surface = FanSurface::of_asset(&cache, FilterOptions::default());
     if has_preview {
-        render(asset.mesh(), &surface, &camera, &Lights::behind(&camera), &options)?;
+        let preview = Arc::new(Asset::open_preview(&*remote)?.ok_or("there is no preview")?);
+        let cache = PageCache::new(Arc::clone(&preview), 64 << 20);
+        let options = RenderOptions { width: 640, height: 360, samples: 1, ..RenderOptions::default() };
+        let camera = Camera::framing_mesh(preview.mesh(), Camera::THREE_QUARTER, 640.0 / 360.0);
+        let surface = FanSurface::of_asset(&cache, FilterOptions::default());
+        render(preview.mesh(), &surface, &camera, &Lights::behind(&camera), &options)?;
+    } else {
+        Asset::open_source(remote.clone())?;
     }
     Ok((started.elapsed().as_secs_f64(), remote.bytes.load(Relaxed) as f64 / 1e6))
 }

@@ -12,6 +12,7 @@ use fantex::render::{
     LookSurface, RenderOptions, Rendering, Surface, render,
 };
 use fantex::store::{Asset, PageCache};
+use fantex::stream::url_of;
 use fantex::texture::Filter;
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
 use fantex::{Error, FileKind, Result};
@@ -188,8 +189,21 @@ pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
 
 /// Opens an asset; a model is refused.
 pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>> {
+    check_is_asset(path)?;
+    Ok(Arc::clone(fantex::Asset::open(path)?.shared()))
+}
+
+/// Refuses what is no asset in a file, which can be changed.
+pub(crate) fn check_is_asset_file(path: &Path) -> Result<()> {
+    match url_of(path) {
+        Some(url) => Err(Error::unsupported(format!("{url} can only be read: download it to change it"))),
+        None => check_is_asset(path),
+    }
+}
+
+fn check_is_asset(path: &Path) -> Result<()> {
     match FileKind::of(path)? {
-        FileKind::Asset => Ok(Arc::clone(fantex::Asset::open(path)?.shared())),
+        FileKind::Asset => Ok(()),
         FileKind::Look => Err(look_instead(path)),
         FileKind::Model => Err(Error::unsupported(format!(
             "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",

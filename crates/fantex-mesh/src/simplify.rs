@@ -6,7 +6,7 @@
 //! vertices are united within the cells of a grid (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering
 //! complex scenes", 1993).
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use meshoptimizer_rs::{
     Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, VertexFlags, Workspace,
     simplify_sloppy, simplify_with_attributes,
@@ -24,7 +24,7 @@ const MIN_TRIANGLES: usize = 8;
 /// vertices of the mesh; materials are kept, but neither corner attributes nor parts. A mesh with no more triangles keeps them all.
 ///
 /// # Errors
-/// The mesh takes more memory than can be had.
+/// This takes more memory than is left of what is [allowed](fantex_base::ReadLimits).
 pub fn simplified(mesh: &Mesh, triangles: usize) -> Result<Model> {
     let (mut kept, mut materials) = (Vec::new(), Vec::new());
     let mut simplifier = Simplifier::new(mesh);
@@ -53,10 +53,11 @@ struct Simplifier {
 
 impl Simplifier {
     fn new(mesh: &Mesh) -> Self {
+        let max_bytes = usize::try_from(input::memory_left()).unwrap_or(usize::MAX);
         Self {
             positions: mesh.positions.iter().map(|p| p.to_array()).collect(),
             flags: flags(mesh),
-            workspace: Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX }),
+            workspace: Workspace::new(Limits { max_bytes, max_work: u64::MAX }),
         }
     }
 
@@ -67,10 +68,19 @@ impl Simplifier {
         let positions = Positions::from_packed(&self.positions);
         let settings = SimplifySettings {
             target_index_count: 3 * wanted,
+            // In extents of the mesh: the number alone decides.
             target_error: 1.0,
             options: SimplifyOptions::PRUNE,
         };
-        let failed = |error| Error::unsupported(format!("the mesh cannot be made coarser: {error}"));
+        let failed = |error| match error {
+            meshoptimizer_rs::Error::LimitExceeded | meshoptimizer_rs::Error::AllocationFailed => {
+                let count = triangles.len();
+                Error::too_large(format!(
+                    "making {count} triangles coarser takes more memory than is left of what is allowed; allow more"
+                ))
+            }
+            error => Error::unsupported(format!("the mesh cannot be made coarser: {error}")),
+        };
         let indices = triangles.as_flattened();
         let none = Attributes::from_interleaved(&[], self.positions.len(), 0, 0, 0).map_err(failed)?;
         let flags = Some(self.flags.as_slice());

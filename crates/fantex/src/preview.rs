@@ -19,17 +19,16 @@ pub struct PreviewOptions {
     pub triangles: usize,
     /// Stored texels at level 0, per channel.
     pub texels: u64,
+    /// Bytes that decoded tiles and texels in work may take while it is made.
+    pub memory_bytes: u64,
 }
 
 impl Default for PreviewOptions {
-    /// 5000 triangles and 100 000 texels: some 200 to 700 kB.
+    /// 5000 triangles and 100 000 texels: some 200 to 700 kB. 512 MiB.
     fn default() -> Self {
-        Self { triangles: 5000, texels: 100_000 }
+        Self { triangles: 5000, texels: 100_000, memory_bytes: 512 << 20 }
     }
 }
-
-/// Bytes of decoded pages while a preview is made.
-const CACHE_BYTES: usize = 256 << 20;
 
 /// A preview.
 #[derive(Clone, Debug)]
@@ -49,31 +48,36 @@ impl Preview {
     /// Nothing is left of its mesh at so few triangles; too few texels; there is no room for a temporary file of the preview's size.
     pub fn of(asset: &Arc<fantex_store::Asset>, options: &PreviewOptions) -> Result<Self> {
         let (coarse, _) = clean(simplified(asset.mesh(), options.triangles)?, &CleanOptions::default())?;
-        let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), CACHE_BYTES));
+        let half = options.memory_bytes / 2;
+        let cache_bytes = usize::try_from(half).unwrap_or(usize::MAX);
+        let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
         let source = TransferSource::new(&coarse, asset.mesh(), Some(&detail), &TransferOptions::default())?;
         let budget = TexelBudget::Total(options.texels);
         let (cover, _) = build_cover(&coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
         let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
         let path = folder.path().join("preview.fan");
-        let baked = bake(&coarse, &cover, &source, &path, &BakeOptions::default(), &NoProgress)?;
+        let bake_options = BakeOptions { memory_bytes: half, ..BakeOptions::default() };
+        let baked = bake(&coarse, &cover, &source, &path, &bake_options, &NoProgress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
         Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels: baked.texels })
     }
 
-    /// Puts it into an asset, in the place of one that is there.
+    /// Makes the preview of an asset and puts it there, in the place of one that it has. Nobody else can change the asset meanwhile.
     ///
     /// # Errors
-    /// The asset cannot be changed: somebody else does, or the disk is full.
-    pub fn attach_to(self, path: &Path) -> Result<()> {
+    /// As [`of`](Self::of); the asset cannot be changed: somebody else does, or the disk is full.
+    pub fn add_to(path: &Path, options: &PreviewOptions) -> Result<Self> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
-        editor.attach(PREVIEW, self.bytes)?;
-        editor.commit().map(drop)
+        let preview = Self::of(editor.asset(), options)?;
+        editor.attach(PREVIEW, preview.bytes.clone())?;
+        editor.commit()?;
+        Ok(preview)
     }
 
     /// Takes the preview out of an asset; false where there is none.
     ///
     /// # Errors
-    /// As [`attach_to`](Self::attach_to).
+    /// The asset cannot be changed: somebody else does, or the disk is full.
     pub fn remove_from(path: &Path) -> Result<bool> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let is_there = editor.has_attachment(PREVIEW);

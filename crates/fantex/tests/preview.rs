@@ -19,7 +19,7 @@ use fantex::texture::compare::psnr_db;
 use fantex::{Asset, Baker, LongestEdge, Mesh, Preview, PreviewOptions, Source};
 use glam::{DVec3, Vec3, Vec4};
 
-const OPTIONS: PreviewOptions = PreviewOptions { triangles: 3000, texels: 60_000 };
+const OPTIONS: PreviewOptions = PreviewOptions { triangles: 3000, texels: 60_000, memory_bytes: 256 << 20 };
 
 /// A ball with bumps, 81 920 triangles.
 fn bumpy_ball() -> Mesh {
@@ -76,11 +76,10 @@ fn a_preview_looks_like_the_asset_and_is_read_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = baked(folder.path());
     let asset = Arc::clone(Asset::open(&path).unwrap().shared());
-    let preview = Preview::of(&asset, &OPTIONS).unwrap();
+    let preview = Preview::add_to(&path, &OPTIONS).unwrap();
     assert!(preview.triangles <= 3000 && preview.triangles > 2500, "{}", preview.triangles);
     assert!(preview.texels <= 60_000, "{}", preview.texels);
     let bytes = preview.bytes.len() as u64;
-    preview.attach_to(&path).unwrap();
 
     let counted = Counted(FileSource::open(&path).unwrap(), AtomicU64::new(0));
     let small = Arc::new(fantex::store::Asset::open_preview(&counted).unwrap().unwrap());

@@ -8,7 +8,7 @@ use fantex::{Preview, PreviewOptions, Result};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::open_asset;
+use crate::scene::check_is_asset_file;
 use crate::text::{Count, counted, megabytes};
 
 /// Give an asset a preview: a small asset inside it, which viewers far away show until the rest is there.
@@ -49,6 +49,7 @@ struct PreviewInfo {
 pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let mut info = PreviewInfo { asset: args.asset.clone(), triangles: 0, texels: 0, bytes: 0, seconds: 0.0 };
+    check_is_asset_file(&args.asset)?;
     if args.remove {
         let was_there = Preview::remove_from(&args.asset)?;
         return context.print(&info, |info| match was_there {
@@ -60,12 +61,11 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let options = PreviewOptions {
         triangles: args.triangles.map_or(defaults.triangles, |n| n.0 as usize),
         texels: args.texels.map_or(defaults.texels, |n| n.0),
+        memory_bytes: context.memory_bytes,
     };
-    let preview = Preview::of(&open_asset(&args.asset)?, &options)?;
-    context.check_interrupt()?;
+    let preview = Preview::add_to(&args.asset, &options)?;
     (info.triangles, info.texels, info.bytes) =
         (preview.triangles, preview.texels, preview.bytes.len() as u64);
-    preview.attach_to(&args.asset)?;
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
         format!(

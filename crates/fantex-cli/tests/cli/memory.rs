@@ -11,7 +11,7 @@ use crate::{bottle, data, fantex, succeeds, write};
 const BESIDE_MIB: u64 = 192;
 
 /// Commands as in `outputs.rs`, and the least budget in MiB that does not refuse them.
-const CASES: [(&str, u64); 35] = [
+const CASES: [(&str, u64); 38] = [
     ("info IN/land.ply", 128),
     ("info IN/bottle.fan", 128),
     ("bake MODEL -o OUT/a.fan --texels 8M", 128),
@@ -45,6 +45,9 @@ const CASES: [(&str, u64); 35] = [
     ("gallery wood -o OUT", 128),
     ("paint IN/bottle.fan --replay IN/strokes.json -o OUT/a.fan", 128),
     ("paint IN/land.fan --replay IN/strokes.json -o OUT/a.fan", 128),
+    ("simplify IN/land.ply -o OUT/a.ply --triangles 20k", 128),
+    ("bake IN/land.ply -o OUT/a.fan --source mesh=IN/land.fan,cage=0.1 --texels 1M", 128),
+    ("preview IN/land.fan", 128),
     ("demo -o OUT --triangles 50k --texels 2M", 512),
     ("bench sample MODEL", 128),
 ];

@@ -29,6 +29,13 @@ fn an_asset_gets_a_preview_and_loses_it() {
     let said = succeeds(&[&"preview", &asset, &"--remove"]).stdout;
     assert!(String::from_utf8(said).unwrap().contains("no preview"));
     fails(1, &["land.ply is not an asset"], &[&"preview", &model]);
+    for remove in [&[][..], &[&"--remove" as &dyn AsRef<std::ffi::OsStr>]] {
+        let refused = |words: &[&str], place: &dyn AsRef<std::ffi::OsStr>| {
+            fails(1, words, &[&[&"preview" as &dyn AsRef<std::ffi::OsStr>, place], remove].concat());
+        };
+        refused(&["cannot read", "none.fan"], &place("none.fan"));
+        refused(&["https://example.org/a.fan can only be read"], &"https://example.org/a.fan");
+    }
     fails(2, &["--remove"], &[&"preview", &asset, &"--remove", &"--triangles", &"1k"]);
 }
 

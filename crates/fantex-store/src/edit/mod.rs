@@ -154,6 +154,7 @@ impl AssetEditor {
         options: &EditOptions,
         output: impl FnOnce(Arc<File>) -> Box<dyn EditOutput>,
     ) -> Result<Self> {
+        path.metadata().map_err(|source| Error::reading(path, source))?;
         let lock = Arc::new(WriterLock::acquire(path)?);
         let file = OpenOptions::new().read(true).write(true).open(path);
         let file = Arc::new(file.map_err(|source| write_error(path, source))?);

@@ -76,7 +76,8 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     })?;
     context.check_interrupt()?;
     if asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW {
-        Preview::of(&asset, &PreviewOptions::default())?.attach_to(&copy.0)?;
+        let options = PreviewOptions { memory_bytes: context.memory_bytes, ..PreviewOptions::default() };
+        Preview::add_to(&copy.0, &options)?;
         context.check_interrupt()?;
     }
     bytes += std::fs::metadata(&copy.0).map_err(|error| Error::reading(&copy.0, error))?.len();
