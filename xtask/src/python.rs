@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::shell::{Failure, data_folder, root, run as run_command, succeeds};
-use crate::test::{run_cargo, target_folder};
+use crate::test::{build_all, target_folder};
 
 /// What the tests import.
 const PACKAGES: [(&str, &str); 4] =
@@ -68,8 +68,7 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
     if let Some(data) = data_folder() {
         tests.env("FANTEX_DATA", data);
     }
-    // Of the whole workspace, so that nothing is compiled twice.
-    run_cargo(&["build", "--workspace", "--bins"], list)?;
+    build_all(list)?;
     tests.env(
         "FANTEX_PROGRAM",
         target_folder().join("debug").join(format!("fantex{}", std::env::consts::EXE_SUFFIX)),
@@ -107,7 +106,7 @@ fn skip(list: &Path, reason: &str) -> Result<(), Failure> {
 
 /// The folder that holds the package: its Python files and the library, as a wheel has them.
 fn assemble(source: &Path, folder: &Path, list: &Path) -> Result<(), Failure> {
-    run_cargo(&["build", "--workspace", "--lib"], list)?;
+    build_all(list)?;
     let (built, named) = match std::env::consts::OS {
         "windows" => ("_native.dll", "_native.pyd"),
         "macos" => ("lib_native.dylib", "_native.abi3.so"),

@@ -24,12 +24,21 @@ pub(crate) fn data_folder() -> Option<PathBuf> {
     folder.canonicalize().ok()
 }
 
-/// The cargo that runs this program, in the workspace's folder.
+/// The cargo that runs this program, in the workspace's folder. It is not told about this package, as the cargo that runs this
+/// program tells it: build scripts that watch those variables (`ring`'s) would run again, and what depends on them be compiled anew,
+/// at every change between `cargo xtask` and `cargo`.
 pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args(arguments).current_dir(root());
+    for (name, _) in std::env::vars_os() {
+        if name.to_str().is_some_and(|name| OF_THIS_PACKAGE.iter().any(|start| name.starts_with(start))) {
+            command.env_remove(&name);
+        }
+    }
     command
 }
+
+const OF_THIS_PACKAGE: [&str; 3] = ["CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_BIN_"];
 
 pub(crate) fn cargo(arguments: &[&str]) -> Result<(), Failure> {
     eprintln!("> cargo {}", arguments.join(" "));

@@ -66,9 +66,14 @@ pub(crate) fn fuzz(seconds: &str, seed: &str) -> Result<(), Failure> {
     run_command(command.env("FANTEX_FUZZ_SECONDS", seconds).env("FANTEX_FUZZ_SEED", seed))
 }
 
-/// Examples are built as the tests are, with the features that the workspace's programs ask for; so nothing is compiled twice.
+/// Libraries, programs and examples of the workspace, with the features that tests have (examples bring those of what only tests
+/// use); so nothing is compiled twice.
+pub(crate) fn build_all(list: &Path) -> Result<(), Failure> {
+    run_cargo(&["build", "--workspace", "--lib", "--bins", "--examples"], list)
+}
+
 fn run_examples(list: &Path) -> Result<(), Failure> {
-    run_cargo(&["build", "--workspace", "--examples"], list)?;
+    build_all(list)?;
     let target = target_folder();
     EXAMPLES.iter().try_for_each(|example| {
         eprintln!("> {example}");

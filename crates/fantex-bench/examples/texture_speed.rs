@@ -19,8 +19,15 @@ use fantex_texture::{
 use glam::{Vec2, Vec3, Vec4};
 
 const SIDE: u32 = 2048;
-const FILTERS: [Filter; 6] =
-    [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
+const FILTERS: [Filter; 7] = [
+    Filter::Nearest,
+    Filter::Bilinear,
+    Filter::Bicubic,
+    Filter::BicubicMipmaps,
+    Filter::Trilinear,
+    Filter::Anisotropic,
+    Filter::Ewa,
+];
 const BOUNDS: Aabb<Vec3> = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
 
 fn main() {

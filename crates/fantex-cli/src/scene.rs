@@ -85,10 +85,11 @@ impl Scene {
 }
 
 /// The filters of `--filter`.
-pub(crate) const FILTERS: Choices<Filter, 6> = [
+pub(crate) const FILTERS: Choices<Filter, 7> = [
     ("nearest", "The nearest texel", Filter::Nearest),
     ("bilinear", "Four texels, no anti-aliasing", Filter::Bilinear),
     ("bicubic", "Sixteen texels, no anti-aliasing", Filter::Bicubic),
+    ("bicubic-mipmaps", "Sixteen texels of each of two detail levels", Filter::BicubicMipmaps),
     ("trilinear", "Two detail levels", Filter::Trilinear),
     ("anisotropic", "Several trilinear probes along the footprint", Filter::Anisotropic),
     ("ewa", "Elliptical weighted average, the reference", Filter::Ewa),

@@ -19,7 +19,7 @@
 //! The formulas are the same, and so are pictures within the tolerances of `tests/gpu/pictures.rs`, but:
 //!
 //! * 1 or 4 samples per pixel; materials are evaluated once per pixel and triangle; interpolation is perspective-correct.
-//! * Bicubic filtering is bilinear and elliptical weighted averages are anisotropic probes: both are the CPU renderer's alone.
+//! * Bicubic filtering is linear and elliptical weighted averages are anisotropic probes: both are the CPU renderer's alone.
 //!   How probes are spread over ordinary textures is the device's affair.
 //! * Blended triangles are sorted by their centres, not by what each sample sees.
 //! * Environments have at most 1024 texels along a cube's face, and mirrors see them through one trilinear look-up.

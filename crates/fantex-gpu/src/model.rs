@@ -87,7 +87,7 @@ impl ModelSpace {
 pub struct DrawOptions {
     /// Lighting model.
     pub shading: Shading,
-    /// How textures are filtered. `Bicubic` is drawn as `Bilinear`, `Ewa` as `Anisotropic`.
+    /// How textures are filtered. `Bicubic` is drawn as `Bilinear`, `BicubicMipmaps` as `Trilinear`, `Ewa` as `Anisotropic`.
     pub filter: FilterOptions,
     /// What is seen where no surface is. Of these, exposure affects environments only.
     pub background: Background,

@@ -14,7 +14,8 @@ use meshoptimizer_rs::{
 
 use crate::{Mesh, Model};
 
-/// Results with more triangles than so many times the number wanted are made coarser by a grid.
+/// Results with more triangles than so many times the number wanted are made coarser by a grid; with fewer than that part of it, loose
+/// pieces stay.
 const TOLERATED_EXCESS: usize = 2;
 
 /// Triangles that a material keeps at least.
@@ -66,12 +67,6 @@ impl Simplifier {
             return Ok(triangles);
         }
         let positions = Positions::from_packed(&self.positions);
-        let settings = SimplifySettings {
-            target_index_count: 3 * wanted,
-            // In extents of the mesh: the number alone decides.
-            target_error: 1.0,
-            options: SimplifyOptions::PRUNE,
-        };
         let failed = |error| match error {
             meshoptimizer_rs::Error::LimitExceeded | meshoptimizer_rs::Error::AllocationFailed => {
                 let count = triangles.len();
@@ -81,17 +76,26 @@ impl Simplifier {
             }
             error => Error::unsupported(format!("the mesh cannot be made coarser: {error}")),
         };
-        let indices = triangles.as_flattened();
         let none = Attributes::from_interleaved(&[], self.positions.len(), 0, 0, 0).map_err(failed)?;
-        let flags = Some(self.flags.as_slice());
-        let fewer =
-            simplify_with_attributes(indices, positions, none, &[], flags, settings, &mut self.workspace);
-        let mut left = fewer.map_err(failed)?.indices;
+        let (flags, workspace) = (Some(self.flags.as_slice()), &mut self.workspace);
+        let mut collapsed = |options| {
+            // The error is in extents of the mesh: the number alone decides.
+            let settings = SimplifySettings { target_index_count: 3 * wanted, target_error: 1.0, options };
+            let indices = triangles.as_flattened();
+            simplify_with_attributes(indices, positions, none, &[], flags, settings, workspace)
+                .map(|fewer| fewer.indices)
+                .map_err(failed)
+        };
+        let mut left = collapsed(SimplifyOptions::PRUNE)?;
+        // Where no more edges can collapse, pieces go whatever their size; it may be the whole mesh.
+        if left.len() * TOLERATED_EXCESS < 3 * wanted {
+            left = collapsed(SimplifyOptions::EMPTY)?;
+        }
         if left.len() > 3 * TOLERATED_EXCESS * wanted {
-            let rough = simplify_sloppy(&left, positions, None, 3 * wanted, 1.0, &mut self.workspace);
+            let rough = simplify_sloppy(&left, positions, None, 3 * wanted, 1.0, workspace);
             left = rough.map_err(failed)?.indices;
         }
-        Ok(left.as_chunks::<3>().0.to_vec())
+        Ok(if left.is_empty() { triangles } else { left.as_chunks::<3>().0.to_vec() })
     }
 }
 

@@ -69,6 +69,8 @@ pub enum Filter {
     Bilinear,
     /// Sixteen texels of level 0 (Catmull-Rom).
     Bicubic,
+    /// Sixteen texels of each of two mip levels, isotropic footprint: smooth nearby, anti-aliased afar.
+    BicubicMipmaps,
     /// Two mip levels, isotropic footprint.
     #[default]
     Trilinear,
@@ -202,10 +204,11 @@ impl ImageTexture {
             Filter::Nearest => filter::reconstructed::<1>(&self.base, texels, uv, wrap),
             Filter::Bilinear => filter::bilinear(&self.base, texels, uv, wrap),
             Filter::Bicubic => filter::reconstructed::<4>(&self.base, texels, uv, wrap),
-            Filter::Trilinear => {
-                let [dx, dy] = footprint.map(|step| self.in_texels(step));
-                self.trilinear(uv, texels, wrap, FootprintAxes::squared_major(dx, dy))
+            Filter::BicubicMipmaps => {
+                let levels = self.levels_for(self.squared_major(footprint));
+                self.blended(levels, |level| filter::reconstructed::<4>(level, texels, uv, wrap))
             }
+            Filter::Trilinear => self.trilinear(uv, texels, wrap, self.squared_major(footprint)),
             Filter::Anisotropic => self.anisotropic(uv, texels, &self.axes(footprint), options),
             Filter::Ewa => self.ewa(uv, texels, &self.axes(footprint), options),
         };
@@ -230,7 +233,9 @@ impl ImageTexture {
                     points.map(|point| self.trilinear_reference(point, texels, wrap, width)).sum();
                 sum / probes
             }
-            Filter::Nearest | Filter::Bicubic | Filter::Ewa => return self.sample(uv, footprint, options),
+            Filter::Nearest | Filter::Bicubic | Filter::BicubicMipmaps | Filter::Ewa => {
+                return self.sample(uv, footprint, options);
+            }
         };
         resolve(sum, texels.alpha)
     }
@@ -308,17 +313,21 @@ impl ImageTexture {
     }
 
     fn trilinear(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], squared_width: f32) -> Vec4 {
-        self.blended(uv, texels, wrap, self.levels_for(squared_width))
+        self.blended(self.levels_for(squared_width), |level| filter::bilinear(level, texels, uv, wrap))
     }
 
-    /// Between the bilinear values of two levels.
-    fn blended(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], levels: LevelPair) -> Vec4 {
+    /// Between the values of two levels.
+    #[inline(always)]
+    fn blended(&self, levels: LevelPair, value_at: impl Fn(&Image) -> Vec4) -> Vec4 {
         let LevelPair { fine, coarse, share } = levels;
-        let value = filter::bilinear(self.level(fine), texels, uv, wrap);
-        if share == 0.0 {
-            return value;
-        }
-        value.lerp(filter::bilinear(self.level(coarse), texels, uv, wrap), share)
+        let value = value_at(self.level(fine));
+        if share == 0.0 { value } else { value.lerp(value_at(self.level(coarse)), share) }
+    }
+
+    /// Of the footprint's longer axis, in texels of level 0.
+    fn squared_major(&self, footprint: [Vec2; 2]) -> f32 {
+        let [dx, dy] = footprint.map(|step| self.in_texels(step));
+        FootprintAxes::squared_major(dx, dy)
     }
 
     fn trilinear_reference(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], width: f32) -> Vec4 {
@@ -612,7 +621,9 @@ impl ImageTexture {
     fn between_levels(&self, at: Vec2, fine: usize, share: f32, look_up: &LookUp<'_>) -> Vec4 {
         let texels = self.texels(look_up.wrap);
         let coarse = (fine + 1).min(self.coarser.len());
-        self.blended(at, texels, look_up.wrap, LevelPair { fine, coarse, share })
+        self.blended(LevelPair { fine, coarse, share }, |level| {
+            filter::bilinear(level, texels, at, look_up.wrap)
+        })
     }
 }
 

@@ -174,13 +174,13 @@ fn max_anisotropy(filter: &FilterOptions) -> f32 {
     filter.max_anisotropy.clamp(1.0, fantex_texture::filter::MAX_ANISOTROPY)
 }
 
-/// The filter as the shader's constant `FAN_FILTER` names it. The two filters that only the CPU has are replaced by their
-/// nearest relatives: bicubic by bilinear, the elliptical weighted average by anisotropic probes.
+/// The filter as the shader's constant `FAN_FILTER` names it. The filters that only the CPU has are replaced by their
+/// nearest relatives: bicubic ones by linear ones, the elliptical weighted average by anisotropic probes.
 fn shader_filter(filter: Filter) -> u32 {
     match filter {
         Filter::Nearest => 0,
         Filter::Bilinear | Filter::Bicubic => 1,
-        Filter::Trilinear => 2,
+        Filter::Trilinear | Filter::BicubicMipmaps => 2,
         Filter::Anisotropic | Filter::Ewa => 3,
     }
 }

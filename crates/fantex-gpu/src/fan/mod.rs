@@ -538,7 +538,9 @@ impl StreamedModel {
 pub fn max_anisotropy(filter: &FilterOptions) -> f32 {
     match filter.filter {
         Filter::Anisotropic | Filter::Ewa => filter.max_anisotropy,
-        Filter::Nearest | Filter::Bilinear | Filter::Bicubic | Filter::Trilinear => 1.0,
+        Filter::Nearest | Filter::Bilinear | Filter::Bicubic | Filter::BicubicMipmaps | Filter::Trilinear => {
+            1.0
+        }
     }
 }
 

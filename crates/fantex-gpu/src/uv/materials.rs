@@ -157,7 +157,7 @@ fn sampler(gpu: &Gpu, wrap: [Wrap; 2], nearest: bool, options: &FilterOptions) -
     let (min_filter, mipmaps, probes) = match options.filter {
         Filter::Nearest => (FilterMode::Nearest, false, 1),
         Filter::Bilinear | Filter::Bicubic => (FilterMode::Linear, false, 1),
-        Filter::Trilinear => (FilterMode::Linear, true, 1),
+        Filter::Trilinear | Filter::BicubicMipmaps => (FilterMode::Linear, true, 1),
         Filter::Anisotropic | Filter::Ewa => {
             (FilterMode::Linear, true, options.max_anisotropy.clamp(1.0, 16.0) as u16)
         }

@@ -228,11 +228,17 @@ parameters! {
     pub struct TabulationTable {
         /// The texture; it is asked for its value in space, so it must not need texture coordinates, a normal or an eye.
         pub texture: Input = Input::Number(0.0),
-        /// Values along the longest side of the model's bounding box.
+        /// Values along the longest side of the box.
         #[schemars(range(min = 2, max = 2048))]
         pub size: u32 = 128,
+        /// Smallest coordinates of the box that is tabulated, object space; those of the model's bounding box where they are left out.
+        pub min: Option<[f32; 3]> = None,
+        /// Largest coordinates of the box; those of the model's bounding box where they are left out.
+        pub max: Option<[f32; 3]> = None,
         /// Whether values are interpolated.
         pub smooth: bool = true,
+        /// What lies outside the box.
+        pub wrap: Wrap = Wrap::Clamp,
     }
 
     /// Polygons.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use fantex_base::{Error, Result};
+use fantex_base::{Aabb, Error, Result};
 use fantex_mesh::{ImageSource, Mesh};
 use fantex_texture::coordinates::{ImageLookup, InSpace, SpaceMatrix, TextureMatrix};
 use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
@@ -207,14 +207,33 @@ impl Resolver<'_> {
         Ok(Arc::new(InSpace { input: Slot::Texture(Arc::new(texture)), matrix }))
     }
 
-    /// The texture's values on a grid over the model's bounding box.
+    /// The texture's values on a grid over a box.
     pub(super) fn tabulation(&mut self, table: &TabulationTable, key: &Key) -> Result<Node> {
         let input = self.input(&table.texture, &key.name("texture"))?;
-        let (center, extent) = (self.bounds.center(), self.bounds.extent());
+        let bounds = Aabb {
+            min: table.min.map_or(self.bounds.min, Vec3::from_array),
+            max: table.max.map_or(self.bounds.max, Vec3::from_array),
+        };
+        let (center, extent) = (bounds.center(), bounds.extent());
+        let is_given = table.min.is_some() || table.max.is_some();
+        let [least, most] = [Vec3::min_element, Vec3::max_element].map(|of| of(bounds.max - bounds.min));
+        // Of a model that is a point, no box of its own is asked for.
+        if is_given && !(least >= 0.0 && most > 0.0 && most.is_finite()) {
+            let message = format!(
+                "a box from {} to {} has nothing in it; min must lie below max",
+                bounds.min, bounds.max
+            );
+            return self.refuse(key, Error::invalid(message));
+        }
         let voxel = extent.max_element() / table.size as f32;
         let size = extent.to_array().map(|length| ((length / voxel).round() as u32).clamp(2, table.size));
-        // Of a smooth table the outermost values lie on the box, so that none is continued within it. A flat model's is as thick as a value.
-        let spread = if table.smooth { size.map(|n| n as f32 / (n - 1) as f32) } else { [1.0; 3] };
+        // Of a smooth table the outermost values lie on the box, so that none is continued within it; one that comes again goes on there
+        // with the values of the other side. A flat box is as thick as a value.
+        let spread = if table.smooth && matches!(table.wrap, Wrap::Clamp | Wrap::Border) {
+            size.map(|n| n as f32 / (n - 1) as f32)
+        } else {
+            [1.0; 3]
+        };
         let extent = extent.max(Vec3::splat(voxel)) * Vec3::from_array(spread);
         let grid = Tabulation { size, samples: 1, memory_bytes: self.options.memory_bytes };
         let texels = grid.texels(|at| {
@@ -224,7 +243,7 @@ impl Resolver<'_> {
         let samples = Samples::F32(self.accept(&key.name("size"), texels)?.into_flattened());
         let volume = self.accept(&key.name("size"), Volume::new(size, 4, ColorSpace::Linear, samples))?;
         let filter = if table.smooth { VolumeFilter::Mipmapped } else { VolumeFilter::Nearest };
-        let options = VolumeOptions { wrap: [Wrap::Clamp; 3], filter };
+        let options = VolumeOptions { wrap: [table.wrap; 3], filter };
         let lookup = VolumeLookup { texture: Arc::new(VolumeTexture::new(Arc::new(volume))), options };
         self.in_box(lookup, center, extent, key)
     }

@@ -163,6 +163,38 @@ fn volumes_are_read_and_bounded_by_the_memory() {
 }
 
 #[test]
+fn tables_have_boxes_of_their_own() {
+    let resolved = |keys: &str| {
+        let text = format!(
+            "[textures.h]\nkind = \"height\"\ndirection = [1, 0, 0]\norigin = [0, 0, 0]\n\
+             [textures.a]\nkind = \"table\"\ntexture = \"h\"\nsize = 16\n{keys}\n"
+        );
+        let (file, images) = (file(&text), LookImages::default());
+        let mesh = cube();
+        let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+        resolver.texture("a").map_err(|error| error.to_string())
+    };
+    let value_at =
+        |keys: &str, x: f32| resolved(keys).unwrap().evaluate(&at(Vec3::new(x, 3.0, -7.0), 0.0, &[])).x;
+    // The values of the box, and outside those of its border, or those of the box again.
+    let ends = "min = [2, 2, 2]\nmax = [6, 4, 4]";
+    for (x, expected) in [(2.0, 2.0), (3.25, 3.25), (6.0, 6.0), (9.0, 6.0), (-1.0, 2.0)] {
+        let found = value_at(ends, x);
+        assert!((found - expected).abs() < 1e-3, "at {x}: {found} instead of {expected}");
+    }
+    let again = format!("{ends}\nwrap = \"repeat\"");
+    for (x, expected) in [(3.25, 3.25), (7.25, 3.25), (-0.75, 3.25), (4.0, 4.0)] {
+        let found = value_at(&again, x);
+        assert!((found - expected).abs() < 1e-3, "at {x}: {found} instead of {expected}");
+    }
+    let error = resolved("min = [0, 0, 3]\nmax = [1, 1, 1]").unwrap_err();
+    assert!(
+        error.contains("look.toml:5: textures.a: ") && error.contains("min must lie below max"),
+        "{error}"
+    );
+}
+
+#[test]
 fn smooth_tables_reach_the_borders_of_the_model() {
     let text = "[textures.h]\nkind = \"height\"\ndirection = [0.6, 0.8, 0]\norigin = [0, 0, 0]\n\
                 [textures.a]\nkind = \"table\"\ntexture = \"h\"\nsize = 8\nsmooth = true\n";

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use fantex_base::Result;
+use fantex_base::{Random, Result};
 use fantex_mesh::generate::{book, grid, icosphere, torus};
 use fantex_mesh::{CleanOptions, Material, Mesh, Model, Topology, TriangleBvh, VertexCorners, clean};
 use fantex_test::{cleaned, data_folder, loaded};
@@ -123,4 +123,23 @@ fn scans_keep_their_shape() {
     let distance = farthest(&coarse, &bunny) / diagonal;
     println!("{distance:.5} of the diagonal");
     assert!(distance < 0.01, "{distance}");
+}
+
+/// A noisy ball with holes all over, in which few edges may collapse in the end.
+#[test]
+fn a_scan_with_holes_never_vanishes() {
+    let mut model = icosphere(5);
+    let mut random = Random::new(11);
+    for p in &mut model.positions {
+        *p *= 1.0 + 0.02 * (random.unit() - 0.5);
+    }
+    model.triangles.retain(|_| random.unit() > 0.03);
+    let fine = cleaned(model);
+    for wanted in [8000, 2000, 500, 100, 20] {
+        let coarse = simplified(&fine, wanted).unwrap();
+        let count = coarse.triangles.len();
+        assert!((wanted / 4..=2 * wanted).contains(&count), "{count} of {wanted}");
+        let distance = farthest(&fine, &coarse);
+        assert!(distance < 8.0 / (wanted as f64).sqrt(), "{wanted}: {distance}");
+    }
 }

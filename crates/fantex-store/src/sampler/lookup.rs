@@ -53,7 +53,9 @@ impl TileLookup {
         let axes_at = |level: u32| axes(footprint, group.level_extent(level));
         match options.filter {
             Filter::Nearest | Filter::Bilinear | Filter::Bicubic => {}
-            Filter::Trilinear => plan.choose_levels(|level| major(footprint, group.level_extent(level))),
+            Filter::BicubicMipmaps | Filter::Trilinear => {
+                plan.choose_levels(|level| major(footprint, group.level_extent(level)));
+            }
             Filter::Anisotropic => {
                 plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy));
                 let finest = axes_at(0);
@@ -150,7 +152,7 @@ impl TileLookup {
     fn in_tile<T: TileTexels>(&self, tile: &T) -> Vec4 {
         match self.filter {
             Filter::Nearest => nearest(tile, self.uv),
-            Filter::Bicubic => bicubic(tile, self.uv),
+            Filter::Bicubic | Filter::BicubicMipmaps => bicubic(tile, self.uv),
             Filter::Ewa => ewa(tile, self.uv, self.footprint),
             Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic => {
                 let probe = |i| Vec4::from_array(tile.bilinear(self.probe(i)));

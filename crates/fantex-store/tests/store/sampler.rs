@@ -14,8 +14,15 @@ use glam::{Vec3, Vec4};
 
 use crate::common::{fan_cover, pages, sheet, tetrahedron};
 
-const FILTERS: [Filter; 6] =
-    [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
+const FILTERS: [Filter; 7] = [
+    Filter::Nearest,
+    Filter::Bilinear,
+    Filter::Bicubic,
+    Filter::BicubicMipmaps,
+    Filter::Trilinear,
+    Filter::Anisotropic,
+    Filter::Ewa,
+];
 
 /// What is promised for values. Bytes in sRGB are rounded to 16 bits before they are interpolated.
 const TOLERANCE: f32 = 1e-5;

@@ -57,13 +57,47 @@ fn bilinear_and_bicubic_reproduce_ramps() {
 }
 
 #[test]
+fn bicubic_mipmaps_are_bicubic_values_of_two_levels() {
+    let fine = texture(64, 32, 4, {
+        let mut random = Random::new(3);
+        let texels: Vec<[f32; 4]> = (0..64 * 32).map(|_| std::array::from_fn(|_| random.unit())).collect();
+        move |x, y| texels[(y * 64 + x) as usize]
+    });
+    let levels: Vec<ImageTexture> =
+        (0..fine.level_count()).map(|level| ImageTexture::new(Arc::new(fine.level(level).clone()))).collect();
+    let mut random = Random::new(4);
+    for _ in 0..500 {
+        let uv = random_uv(&mut random, 2.0);
+        let width = 4.0 * random.unit();
+        // Squares of `width` texels, turned.
+        let (sin, cos) = (6.0 * random.unit()).sin_cos();
+        let steps =
+            [Vec2::new(cos, sin), Vec2::new(-sin, cos)].map(|step| step * width / Vec2::new(64.0, 32.0));
+        let got =
+            fine.sample(uv, steps, &SampleOptions { filter: Filter::BicubicMipmaps, ..Default::default() });
+        let level = width.max(1.0).log2();
+        let cubic = SampleOptions { filter: Filter::Bicubic, ..Default::default() };
+        let at = |level: f32| levels[level as usize].sample(uv, [Vec2::ZERO; 2], &cubic);
+        let (near, far) = (at(level.floor()), at(level.floor() + 1.0));
+        let share = level.fract();
+        // Colours are weighted by alpha before they are blended.
+        let alpha = near[3] + (far[3] - near[3]) * share;
+        assert!((got[3] - alpha).abs() < 1e-4, "alpha {} for {alpha}", got[3]);
+        for channel in 0..3 {
+            let weighted = near[channel] * near[3] * (1.0 - share) + far[channel] * far[3] * share;
+            assert!((got[channel] * got[3] - weighted).abs() < 1e-4, "at {uv}, width {width}");
+        }
+    }
+}
+
+#[test]
 fn every_filter_but_ewa_interpolates_texel_centers() {
     let mut random = Random::new(3);
     let texture = texture(6, 5, 3, |_, _| [random.unit(), random.unit(), random.unit(), 1.0]);
     for y in 0..5 {
         for x in 0..6 {
             let uv = Vec2::new((x as f32 + 0.5) / 6.0, (y as f32 + 0.5) / 5.0);
-            for filter in &FILTERS[..5] {
+            for filter in &FILTERS[..6] {
                 for wrap in WRAPS {
                     let options = SampleOptions { wrap: [wrap; 2], filter: *filter, ..Default::default() };
                     let got = texture.sample(uv, [Vec2::ZERO; 2], &options);
@@ -677,27 +711,35 @@ fn checks() -> ImageTexture {
     ImageTexture::new(Arc::new(image))
 }
 
-/// The pixel's Gaussian by `n * n` jittered samples of the bilinear reconstruction.
-fn supersampled(texture: &ImageTexture, x: f32, y: f32, n: u32, random: &mut Random) -> f32 {
-    let (mut sum, mut total) = (0.0, 0.0);
+/// The pixel by the Gaussian that `Ewa` stands for, and the mean over its square, by jittered samples of the bilinear reconstruction
+/// (`n * n` for the Gaussian).
+fn supersampled(texture: &ImageTexture, x: f32, y: f32, n: u32, random: &mut Random) -> [f32; 2] {
+    let (mut sums, mut totals) = ([0.0; 2], [0.0; 2]);
     for cell in 0..n * n {
         let [a, b] = [cell % n, cell / n].map(|k| 2.0 * (k as f32 + random.unit()) / n as f32 - 1.0);
         let squared_radius = a * a + b * b;
-        if squared_radius < 1.0 {
-            let weight = (-2.0 * squared_radius).exp() - (-2.0_f32).exp();
-            let (uv, _) = on_plane(x + a, y + b);
-            sum += weight * texture.sample_level0_bilinear(uv, [Wrap::Repeat; 2])[0];
-            total += weight;
+        let gaussian =
+            if squared_radius < 1.0 { (-2.0 * squared_radius).exp() - (-2.0_f32).exp() } else { 0.0 };
+        let square = if a.abs().max(b.abs()) < 0.5 { 1.0 } else { 0.0 };
+        if gaussian == 0.0 && square == 0.0 {
+            continue;
+        }
+        let (uv, _) = on_plane(x + a, y + b);
+        let value = texture.sample_level0_bilinear(uv, [Wrap::Repeat; 2])[0];
+        for (k, weight) in [gaussian, square].into_iter().enumerate() {
+            sums[k] += weight * value;
+            totals[k] += weight;
         }
     }
-    sum / total
+    [0, 1].map(|k| sums[k] / totals[k])
 }
 
+/// `Ewa` shows pixels that overlap as Gaussians, `Anisotropic` means over the squares of pixels: sharper, with more moire.
 #[test]
-fn ewa_is_the_truth_up_to_the_horizon() {
+fn filters_show_the_truth_up_to_the_horizon() {
     let texture = checks();
     let mut random = Random::new(1);
-    let mut squares = [0.0_f64; FILTERS.len()];
+    let mut squares = [[0.0_f64; 2]; FILTERS.len()];
     let mut count = 0;
     for row in HORIZON + 1..SIDE {
         for column in 0..SIDE {
@@ -709,19 +751,27 @@ fn ewa_is_the_truth_up_to_the_horizon() {
             for (filter, squares) in FILTERS.into_iter().zip(&mut squares) {
                 let options = SampleOptions { filter, max_anisotropy: 64.0, ..SampleOptions::default() };
                 let got = texture.sample(uv, footprint, &options)[0];
-                *squares += f64::from(got - truth).powi(2);
+                for (sum, truth) in squares.iter_mut().zip(truth) {
+                    *sum += f64::from(got - truth).powi(2);
+                }
             }
             count += 1;
         }
     }
-    let rms = squares.map(|sum| 255.0 * (sum / f64::from(count)).sqrt());
-    for (filter, rms) in FILTERS.into_iter().zip(rms) {
-        eprintln!("plane to the horizon, {filter:?}: {rms:.2} / 255 rms");
+    let rms = squares.map(|sums| sums.map(|sum| 255.0 * (sum / f64::from(count)).sqrt()));
+    for (filter, [gaussian, square]) in FILTERS.into_iter().zip(rms) {
+        eprintln!(
+            "plane to the horizon, {filter:?}: {gaussian:.2} / 255 rms of Gaussians, {square:.2} of squares"
+        );
     }
-    let [nearest, bilinear, _, trilinear, anisotropic, ewa] = rms;
+    let [nearest, bilinear, bicubic, bicubic_mipmaps, trilinear, anisotropic, ewa] =
+        rms.map(|[gaussian, _]| gaussian);
     assert!(ewa < 1.5, "EWA is off by {ewa} / 255");
     assert!(ewa < anisotropic && anisotropic < trilinear, "{rms:?}");
     assert!(anisotropic < nearest && anisotropic < bilinear, "{rms:?}");
+    assert!(bicubic_mipmaps < 1.2 * trilinear && bicubic_mipmaps < 0.5 * bicubic, "{rms:?}");
+    let [.., [_, anisotropic], [_, ewa]] = rms;
+    assert!(anisotropic < 3.0 && anisotropic < ewa, "{rms:?}");
 }
 
 #[test]
