@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted, input};
 use fantex_mesh::{FanCorner, Fans, Mesh, VertexCorners, is_crease, shading_normals};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -11,7 +11,6 @@ use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::Laid;
 use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
-use crate::partition::Item;
 use crate::surface::{Ring, Surface};
 use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
 
@@ -55,12 +54,18 @@ impl Default for CoverOptions {
 
 const MAX_TRIANGLES: usize = (1 << 31) / 3;
 
-/// Covers a mesh. Deterministic on any number of threads; linear in the triangles.
+/// What is known of a triangle and its half fan while a mesh is covered, measured on landscapes.
+const BYTES_PER_TRIANGLE: u64 = 96;
+
+/// Covers a mesh. Deterministic on any number of threads; linear in the triangles, for each of which it takes some 100 bytes of memory.
 ///
 /// # Errors
-/// An empty or too large mesh, or options out of range.
+/// An empty or too large mesh, more triangles than the memory [allows](input::ReadLimits) that is left, or options out of range.
 pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverStats)> {
     check(mesh, options)?;
+    let triangles = mesh.triangles.len() as u64;
+    let what = format_args!("the cover of {}", counted(triangles, "triangle"));
+    let _held = input::reserve(what, BYTES_PER_TRIANGLE * triangles)?;
     let started = Instant::now();
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let fans = Fans::by_angle(mesh, &vertex_corners);
@@ -76,12 +81,12 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
         stats.seconds_fans = started.elapsed().as_secs_f64();
         Grouping { fan_groups: fan_groups(&surface.fans, &laid), laid }
     } else {
-        let (shapes, items) = shape_fans(&surface, &density);
+        let shapes = shape_fans(&surface);
         stats.fans.folding = shapes.iter().filter(|shape| shape.folds).count() as u64;
         stats.seconds_fans = started.elapsed().as_secs_f64();
         let limits =
             GroupLimits { delta: options.delta, extent_texels: options.tile as f32, facing: options.facing };
-        group_fans(&surface, &shapes, items, &density, &limits)
+        group_fans(&surface, &shapes, &density, &limits)
     };
     stats.fans.total = surface.fans.len() as u64;
     let unfolded = grouping.laid.iter().filter(|laid| laid.layout == Layout::Unfolded);
@@ -175,29 +180,13 @@ pub struct FanCounts {
     pub folding: u64,
 }
 
-/// How each fan is laid flat, and what the partition needs to know of it.
-fn shape_fans(surface: &Surface<'_>, density: &NominalDensity<'_>) -> (Vec<FanShape>, Vec<Item>) {
+/// How each fan is laid flat by itself.
+pub(crate) fn shape_fans(surface: &Surface<'_>) -> Vec<FanShape> {
     let shape = |ring: &mut Ring, fan: usize| {
         ring.gather(surface, fan);
-        let shape = FanShape::of(ring, surface, fan);
-        let item = Item {
-            position: ring.center,
-            axis: shape.axis,
-            area: shape.area,
-            reach: shape.reach,
-            density: density.of_fan(surface, fan),
-            error: shape.error,
-            fan: fan as u32,
-        };
-        (shape, item)
+        FanShape::of(ring, surface, fan)
     };
-    let (mut shapes, mut items) = (Vec::new(), Vec::new());
-    (0..surface.fans.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map_init(Ring::default, shape)
-        .unzip_into_vecs(&mut shapes, &mut items);
-    (shapes, items)
+    (0..surface.fans.len()).into_par_iter().with_min_len(1024).map_init(Ring::default, shape).collect()
 }
 
 /// Tile extents for regions of a size in nominal texels.

@@ -30,7 +30,7 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    fn of(spokes: &[Vec3]) -> Self {
+    pub(crate) fn of(spokes: &[Vec3]) -> Self {
         let (mut diagonal, mut mixed) = (Vec3::ZERO, Vec3::ZERO);
         for &spoke in spokes {
             diagonal += spoke * spoke;
@@ -58,10 +58,6 @@ pub(crate) struct FanShape {
     pub(crate) area: f32,
     /// Mean normal.
     pub(crate) axis: Vec3,
-    /// The error per area of a projection along the mean normal (see [`error_at`]).
-    pub(crate) error: f32,
-    /// How far the partial fan reaches.
-    pub(crate) reach: Reach,
     /// True where no direction sees the whole fan from the front.
     pub(crate) folds: bool,
 }
@@ -82,11 +78,15 @@ impl FanShape {
         } else {
             crate::cost::direction(facets().map(|(&n, &a)| (n, a)), cone.axis)
         };
-        let error: f32 = facets().map(|(normal, area)| area * error_at(normal.dot(axis))).sum();
-        let error = if ring.area > 0.0 { error / ring.area } else { 1.0 };
-        let reach = Reach::of(&ring.spokes);
-        Self { layout, cone, area: ring.area / 3.0, axis, error, reach, folds: !projectable }
+        Self { layout, cone, area: ring.area / 3.0, axis, folds: !projectable }
     }
+}
+
+/// The error per area of a fan's projection along a direction (see [`error_at`]).
+pub(crate) fn projection_error(ring: &Ring, direction: Vec3) -> f32 {
+    let facets = ring.normals.iter().zip(&ring.areas);
+    let error: f32 = facets.map(|(normal, area)| area * error_at(normal.dot(direction))).sum();
+    if ring.area > 0.0 { error / ring.area } else { 1.0 }
 }
 
 /// True where the projected fan surrounds its centre at most once. All its triangles face the direction.

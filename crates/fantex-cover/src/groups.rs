@@ -10,7 +10,7 @@ use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
-use crate::partition::{Connector, Cutting, Item, partition};
+use crate::partition::{Connector, Cutting, FanSet, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 use crate::unroll::{FlatCorners, MAX_CORNERS};
@@ -84,21 +84,20 @@ pub(crate) struct Grouping {
     pub(crate) fan_groups: Vec<u32>,
 }
 
-/// Groups the fans of a surface, of which there is an item each.
+/// Groups the fans of a surface.
 pub(crate) fn group_fans(
     surface: &Surface<'_>,
     shapes: &[FanShape],
-    items: Vec<Item>,
     density: &NominalDensity<'_>,
     limits: &GroupLimits,
 ) -> Grouping {
-    let ways = if items.len() <= MAX_FANS_FOR_ALL_WAYS { WAYS.as_slice() } else { &WAYS[..1] };
+    let ways = if shapes.len() <= MAX_FANS_FOR_ALL_WAYS { WAYS.as_slice() } else { &WAYS[..1] };
     let (first, others) = ways.split_first().unwrap_or((&WAYS[0], &[]));
-    let tried = others.iter().map(|&way| grouped(surface, shapes, items.clone(), density, limits, way));
-    let tried: Vec<Grouped<'_>> = tried.collect();
-    let first = grouped(surface, shapes, items, density, limits, *first);
-    let Grouped { mut builder, mut patches, .. } =
-        tried.into_iter().fold(first, |best, next| if next.cost < best.cost { next } else { best });
+    let tried = |&way| grouped(surface, shapes, density, limits, way);
+    let Grouped { mut builder, mut patches, .. } = others
+        .iter()
+        .map(tried)
+        .fold(tried(first), |best, next| if next.cost < best.cost { next } else { best });
     if shapes.len() <= MAX_FANS_FOR_UNROLLING {
         builder.unroll_unions(&mut patches);
         builder.number_groups(&patches);
@@ -127,16 +126,15 @@ const MAX_FANS_FOR_ALL_WAYS: usize = 8_000;
 fn grouped<'a>(
     surface: &'a Surface<'a>,
     shapes: &'a [FanShape],
-    mut items: Vec<Item>,
     density: &'a NominalDensity<'a>,
     limits: &'a GroupLimits,
     (tolerance, normals_below): (f32, f32),
 ) -> Grouped<'a> {
     let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below };
-    let lengths = partition(&mut items, &cutting);
-    let mut connector = Connector::new(&surface.fans, shapes);
-    let (order, lengths) = connector.connect(&items, &lengths, limits.facing);
-    drop(items);
+    let fans = FanSet { surface, shapes, density };
+    let (order, lengths) = partition(&fans, &cutting);
+    let mut connector = Connector::new(fans);
+    let (order, lengths) = connector.connect(&order, &lengths, limits.facing);
     let fan_groups = vec![0; shapes.len()];
     let apart = surface.fans_across_creases();
     let mut builder =

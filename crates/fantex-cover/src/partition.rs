@@ -7,31 +7,70 @@
 //! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
 use arrayvec::ArrayVec;
-use fantex_mesh::Fans;
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::build::NominalDensity;
 use crate::cone::Cone;
 use crate::cost::{self, Region};
-use crate::fan_shape::{FanShape, Layout, Reach};
+use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
 use crate::rectangle::{Rectangle, RectangleFinder};
+use crate::surface::{Ring, Surface};
 
-/// One fan, as the partition sees it. Mesh space.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Item {
-    pub(crate) position: Vec3,
-    /// Mean normal of the fan.
-    pub(crate) axis: Vec3,
-    /// How far the partial fan reaches from its centre.
-    pub(crate) reach: Reach,
-    /// A third of the area of the fan's triangles.
-    pub(crate) area: f32,
-    /// Nominal texels per mesh unit here.
-    pub(crate) density: f32,
-    /// The fan's error per area, seen along its own direction.
-    pub(crate) error: f32,
-    pub(crate) fan: u32,
+/// The fans of a surface, each with its shape.
+#[derive(Clone, Copy)]
+pub(crate) struct FanSet<'a> {
+    pub(crate) surface: &'a Surface<'a>,
+    pub(crate) shapes: &'a [FanShape],
+    pub(crate) density: &'a NominalDensity<'a>,
 }
+
+impl FanSet<'_> {
+    fn item(&self, ring: &mut Ring, fan: u32) -> Item {
+        ring.gather(self.surface, fan as usize);
+        let FanShape { axis, area, .. } = self.shapes[fan as usize];
+        Item {
+            position: ring.center,
+            axis,
+            reach: Reach::of(&ring.spokes),
+            area,
+            density: self.density(fan),
+            error: projection_error(ring, axis),
+            fan,
+        }
+    }
+
+    /// Nominal texels per mesh unit at a fan.
+    fn density(&self, fan: u32) -> f32 {
+        self.density.of_fan(self.surface, fan as usize)
+    }
+
+    /// Where a fan lies along a cut's direction.
+    fn key(&self, cut: &Cut, fan: u32) -> f32 {
+        let fan = fan as usize;
+        cut.key(self.surface.fan_center(fan), self.shapes[fan].axis)
+    }
+}
+
+/// One fan, as it is cut. Mesh space.
+#[derive(Clone, Copy, Debug)]
+struct Item {
+    position: Vec3,
+    /// Mean normal of the fan.
+    axis: Vec3,
+    /// How far the partial fan reaches from its centre.
+    reach: Reach,
+    /// A third of the area of the fan's triangles.
+    area: f32,
+    /// Nominal texels per mesh unit here.
+    density: f32,
+    /// The fan's error per area, seen along its own direction.
+    error: f32,
+    fan: u32,
+}
+
+/// Items are made for so many fans at a time: they take more memory than all else that is known of fans.
+const ITEMS_AT_ONCE: usize = 1 << 20;
 
 /// Sets larger than this are split on two threads.
 const PARALLEL_FROM: usize = 8192;
@@ -69,9 +108,15 @@ const OUTLINE: f32 = 0.9;
 /// Places tried per direction of a cut.
 const BINS: usize = 16;
 
-/// Permutes the items so that patches are contiguous; returns their lengths in order.
-pub(crate) fn partition(items: &mut [Item], cutting: &Cutting) -> Vec<u32> {
-    divide(items, cutting, &mut Scratch::default()).1
+/// The fans in an order in which patches are contiguous, and the patches' lengths.
+pub(crate) fn partition(fans: &FanSet<'_>, cutting: &Cutting) -> (Vec<u32>, Vec<u32>) {
+    partition_by(fans, cutting, ITEMS_AT_ONCE)
+}
+
+fn partition_by(fans: &FanSet<'_>, cutting: &Cutting, items_at_once: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut order: Vec<u32> = (0..fans.shapes.len() as u32).collect();
+    let (_, lengths) = divide_fans(fans, &mut order, cutting, items_at_once, &mut Scratch::default());
+    (order, lengths)
 }
 
 /// Reused buffers.
@@ -79,6 +124,7 @@ pub(crate) fn partition(items: &mut [Item], cutting: &Cutting) -> Vec<u32> {
 struct Scratch {
     rectangles: RectangleFinder,
     points: Vec<Vec3>,
+    picked: Vec<Item>,
     samples: Vec<Sample>,
 }
 
@@ -93,26 +139,88 @@ struct Sample {
     high: Vec3,
 }
 
+/// As [`divide`], the same patches, with items for at most `items_at_once` fans at a time.
+fn divide_fans(
+    fans: &FanSet<'_>,
+    order: &mut [u32],
+    cutting: &Cutting,
+    items_at_once: usize,
+    scratch: &mut Scratch,
+) -> (f32, Vec<u32>) {
+    if order.len() <= items_at_once {
+        let item = |ring: &mut Ring, &fan: &u32| fans.item(ring, fan);
+        let mut items: Vec<Item> =
+            order.par_iter().with_min_len(1024).map_init(Ring::default, item).collect();
+        let found = divide(&mut items, cutting, scratch);
+        order.iter_mut().zip(&items).for_each(|(fan, item)| *fan = item.fan);
+        return found;
+    }
+    let mut ring = Ring::default();
+    let picked: Vec<Item> = samples(order).map(|&fan| fans.item(&mut ring, fan)).collect();
+    let (whole, cut) = cut_of(&picked, order.len(), cutting, scratch);
+    let Some(cut) = cut else { return (whole, vec![order.len() as u32]) };
+    let key = |fan: u32| fans.key(&cut, fan);
+    let is_left = |&fan: &u32| key(fan) < cut.threshold;
+    let is_left: Vec<bool> = order.par_iter().with_min_len(4096).map(is_left).collect();
+    let mut is_left = is_left.into_iter();
+    let middle = separate(order, |_| is_left.next().unwrap_or(false));
+    let middle = match middle == 0 || middle == order.len() {
+        true => halve(order, |&fan| (key(fan), fan)),
+        false => middle,
+    };
+    let (left, right) = order.split_at_mut(middle);
+    let first = divide_fans(fans, left, cutting, items_at_once, scratch);
+    let second = divide_fans(fans, right, cutting, items_at_once, scratch);
+    cheaper(whole, first, second, cutting)
+}
+
 /// The patches' cost and lengths.
 fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32, Vec<u32>) {
-    let set = Set::of(items);
-    let tile = set.tile(items, cutting.extent_texels, scratch);
-    let whole = tile.as_ref().map_or(f32::INFINITY, |tile| tile.cost);
-    if items.len() < 2 || whole <= GOOD * set.texels || whole.is_finite() && set.texels < MIN_TEXELS {
-        return (whole, vec![items.len() as u32]);
+    let mut picked = std::mem::take(&mut scratch.picked);
+    picked.clear();
+    if items.len() > SAMPLES {
+        picked.extend(samples(items));
     }
-    let cut = set.cut(items, tile.as_ref(), cutting.normals_below, &mut scratch.samples);
-    let middle = separate(items, |item| cut.key(item) < cut.threshold);
-    let middle = if middle == 0 || middle == items.len() { halve(items, &cut) } else { middle };
+    let sampled = if items.len() > SAMPLES { &picked } else { &*items };
+    let (whole, cut) = cut_of(sampled, items.len(), cutting, scratch);
+    scratch.picked = picked;
+    let Some(cut) = cut else { return (whole, vec![items.len() as u32]) };
+    let key = |item: &Item| cut.key(item.position, item.axis);
+    let middle = separate(items, |item| key(item) < cut.threshold);
+    let middle = match middle == 0 || middle == items.len() {
+        true => halve(items, |item| (key(item), item.fan)),
+        false => middle,
+    };
     let (left, right) = items.split_at_mut(middle);
-    let ((a, mut first), (b, second)) = if left.len() + right.len() >= PARALLEL_FROM {
+    let (first, second) = if left.len() + right.len() >= PARALLEL_FROM {
         let other = || divide(right, cutting, &mut Scratch::default());
         rayon::join(|| divide(left, cutting, scratch), other)
     } else {
         (divide(left, cutting, scratch), divide(right, cutting, scratch))
     };
+    cheaper(whole, first, second, cutting)
+}
+
+/// What a set of `count` items, of which some were picked, costs as one patch; and where it is cut, if it is.
+fn cut_of(picked: &[Item], count: usize, cutting: &Cutting, scratch: &mut Scratch) -> (f32, Option<Cut>) {
+    let set = Set::of(picked, count);
+    let tile = set.tile(picked, cutting.extent_texels, scratch);
+    let whole = tile.as_ref().map_or(f32::INFINITY, |tile| tile.cost);
+    if count < 2 || whole <= GOOD * set.texels || whole.is_finite() && set.texels < MIN_TEXELS {
+        return (whole, None);
+    }
+    (whole, Some(set.cut(picked, tile.as_ref(), cutting.normals_below, &mut scratch.samples)))
+}
+
+/// A set as one patch, or its two parts as they were cut further.
+fn cheaper(
+    whole: f32,
+    (a, mut first): (f32, Vec<u32>),
+    (b, second): (f32, Vec<u32>),
+    cutting: &Cutting,
+) -> (f32, Vec<u32>) {
     if whole * cutting.tolerance <= a + b {
-        return (whole, vec![items.len() as u32]);
+        return (whole, vec![first.iter().chain(&second).sum()]);
     }
     first.extend(second);
     (a + b, first)
@@ -128,14 +236,14 @@ struct Cut {
 
 impl Cut {
     #[inline]
-    fn key(&self, item: &Item) -> f32 {
-        let v = if self.by_normal { item.axis } else { item.position };
+    fn key(&self, position: Vec3, normal: Vec3) -> f32 {
+        let v = if self.by_normal { normal } else { position };
         v.dot(self.direction)
     }
 }
 
-/// Stable partition; returns the number of items that went left.
-fn separate(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+/// Stable partition, which asks in order; returns the number of items that went left.
+fn separate<T: Copy>(items: &mut [T], mut left: impl FnMut(&T) -> bool) -> usize {
     let mut right = Vec::with_capacity(items.len() / 2 + 1);
     let mut end = 0;
     for i in 0..items.len() {
@@ -150,14 +258,17 @@ fn separate(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
     end
 }
 
-/// Where a plane separates nothing (all keys equal, or rounding), the set is halved by rank.
-fn halve(items: &mut [Item], cut: &Cut) -> usize {
-    items.sort_by(|a, b| cut.key(a).total_cmp(&cut.key(b)).then(a.fan.cmp(&b.fan)));
+/// Where a plane separates nothing (all keys equal, or rounding), the set is halved by rank, by keys and fans.
+fn halve<T>(items: &mut [T], key: impl Fn(&T) -> (f32, u32)) -> usize {
+    items.sort_by(|a, b| {
+        let ((a, fan_a), (b, fan_b)) = (key(a), key(b));
+        a.total_cmp(&b).then(fan_a.cmp(&fan_b))
+    });
     items.len() / 2
 }
 
 /// Evenly spaced items of a set.
-fn samples(items: &[Item]) -> impl Iterator<Item = &Item> + Clone {
+fn samples<T>(items: &[T]) -> impl Iterator<Item = &T> {
     items.iter().step_by(items.len().div_ceil(SAMPLES))
 }
 
@@ -171,6 +282,7 @@ struct Set {
     texels: f32,
     low: Vec3,
     high: Vec3,
+    count: usize,
     /// Items per sample.
     times: f32,
 }
@@ -184,39 +296,39 @@ struct Tile {
 }
 
 impl Set {
-    fn of(items: &[Item]) -> Self {
-        let (mut area, mut axis, mut density, mut count) = (0.0, Vec3::ZERO, 0.0, 0);
+    /// Of `count` items, of which some were picked.
+    fn of(picked: &[Item], count: usize) -> Self {
+        let (mut area, mut axis, mut density) = (0.0, Vec3::ZERO, 0.0);
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for item in samples(items) {
+        for item in picked {
             area += item.area;
             axis += item.axis * item.area;
             density += item.density * item.area;
             low = low.min(item.position);
             high = high.max(item.position);
-            count += 1;
         }
-        let times = items.len() as f32 / count as f32;
-        let density = if area > 0.0 { density / area } else { items[0].density };
+        let times = count as f32 / picked.len() as f32;
+        let density = if area > 0.0 { density / area } else { picked[0].density };
         let texels = area * times * density * density;
-        Self { area: area * times, axis: axis * times, density, texels, low, high, times }
+        Self { area: area * times, axis: axis * times, density, texels, low, high, count, times }
     }
 
     /// The set as one patch; `None` where it is too long or has no direction.
-    fn tile(&self, items: &[Item], extent_texels: f32, scratch: &mut Scratch) -> Option<Tile> {
-        let alone = items.len() == 1;
+    fn tile(&self, picked: &[Item], extent_texels: f32, scratch: &mut Scratch) -> Option<Tile> {
+        let alone = self.count == 1;
         if !alone && self.axis.length() < COHERENT * self.area {
             return None;
         }
-        let facets = samples(items).map(|item| (item.axis, item.area));
-        let direction = cost::direction(facets, self.axis.try_normalize().unwrap_or(items[0].axis));
+        let facets = picked.iter().map(|item| (item.axis, item.area));
+        let direction = cost::direction(facets, self.axis.try_normalize().unwrap_or(picked[0].axis));
         let (x, y) = direction.any_orthonormal_pair();
         scratch.points.clear();
-        scratch.points.extend(samples(items).map(|i| Vec3::new(i.position.dot(x), i.position.dot(y), 0.0)));
+        scratch.points.extend(picked.iter().map(|i| Vec3::new(i.position.dot(x), i.position.dot(y), 0.0)));
         let Rectangle { x_axis, .. } = scratch.rectangles.smallest(&mut scratch.points, 0.0);
         let side = x * x_axis.x + y * x_axis.y;
         let sides = [side, direction.cross(side)];
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-        for item in samples(items) {
+        for item in picked {
             let p = Vec2::new(item.position.dot(sides[0]), item.position.dot(sides[1]));
             let reach = Vec2::from(sides.map(|side| item.reach.along(side)));
             low = low.min(p - reach);
@@ -224,7 +336,7 @@ impl Set {
         }
         let size = (high - low) * self.density;
         let error =
-            samples(items).map(|i| i.area * i.error * cost::error_at(i.axis.dot(direction))).sum::<f32>();
+            picked.iter().map(|i| i.area * i.error * cost::error_at(i.axis.dot(direction))).sum::<f32>();
         let squared = self.times * self.density * self.density;
         let (error, area) = (error * squared, self.axis.dot(direction).max(0.0) / self.times * squared);
         let region = Region { size, area, outline: OUTLINE * 2.0 * (size.x + size.y) };
@@ -234,7 +346,13 @@ impl Set {
     }
 
     /// The plane whose two sides promise to cost least.
-    fn cut(&self, items: &[Item], tile: Option<&Tile>, normals_below: f32, sampled: &mut Vec<Sample>) -> Cut {
+    fn cut(
+        &self,
+        picked: &[Item],
+        tile: Option<&Tile>,
+        normals_below: f32,
+        sampled: &mut Vec<Sample>,
+    ) -> Cut {
         let longest = (self.high - self.low).max_element() * self.density;
         let mut cuts: ArrayVec<Cut, 4> = ArrayVec::new();
         let mut consider =
@@ -243,24 +361,24 @@ impl Set {
             Some(tile) => {
                 tile.sides.iter().for_each(|&side| consider(side, false));
                 if tile.cost.is_finite() {
-                    consider(self.normals_axis(items), true);
+                    consider(self.normals_axis(picked), true);
                 }
             }
             None if longest < normals_below => {
                 Vec3::AXES.iter().for_each(|&side| consider(side, false));
-                consider(self.normals_axis(items), true);
+                consider(self.normals_axis(picked), true);
             }
             None => {}
         }
         if !cuts.is_empty() {
             let axes = tile.map_or(Vec3::AXES, |t| [t.sides[0], t.sides[1], t.direction]);
             sampled.clear();
-            sampled.extend(samples(items).map(|item| Sample::of(item, &axes)));
+            sampled.extend(picked.iter().map(|item| Sample::of(item, &axes)));
         }
         let mut best: Option<(f32, Cut)> = None;
         for cut in cuts {
-            for (sample, item) in sampled.iter_mut().zip(samples(items)) {
-                sample.key = cut.key(item);
+            for (sample, item) in sampled.iter_mut().zip(picked) {
+                sample.key = cut.key(item.position, item.axis);
             }
             if let Some((cost, threshold)) = self.sweep(sampled)
                 && best.is_none_or(|(least, _)| cost < least)
@@ -315,10 +433,10 @@ impl Set {
     }
 
     /// The direction in which the normals vary most.
-    fn normals_axis(&self, items: &[Item]) -> Vec3 {
+    fn normals_axis(&self, picked: &[Item]) -> Vec3 {
         let mean = self.axis / self.area.max(f32::MIN_POSITIVE);
         let mut covariance = Mat3::ZERO;
-        for item in samples(items) {
+        for item in picked {
             let d = item.axis - mean;
             covariance += Mat3::from_cols(d * d.x, d * d.y, d * d.z) * item.area;
         }
@@ -422,17 +540,16 @@ const UNSEEN: u32 = u32::MAX;
 
 /// Separates patches into connected pieces, through triangles.
 pub(crate) struct Connector<'a> {
-    fans: &'a Fans,
-    shapes: &'a [FanShape],
+    fans: FanSet<'a>,
     /// Where in the order each fan is; `ALONE` for fans that are not projected. May be out of date for fans that are not
     /// looked at, so a place counts only where the order names the fan.
     places: Vec<u32>,
 }
 
 impl<'a> Connector<'a> {
-    pub(crate) fn new(fans: &'a Fans, shapes: &'a [FanShape]) -> Self {
+    pub(crate) fn new(fans: FanSet<'a>) -> Self {
         let place = |shape: &FanShape| if shape.layout == Layout::Projected { 0 } else { ALONE };
-        Self { fans, shapes, places: shapes.iter().map(place).collect() }
+        Self { fans, places: fans.shapes.iter().map(place).collect() }
     }
 
     /// Reorders each of the patches, which lie one after the other in `order` from `start` on, by connected pieces; returns
@@ -446,14 +563,13 @@ impl<'a> Connector<'a> {
         lengths
     }
 
-    /// All fans by connected pieces of the patches, which lie one after the other in `items`, with the pieces' lengths.
+    /// All fans by connected pieces of the patches, which lie one after the other in `order`, with the pieces' lengths.
     /// Fragments went to a neighbour whose direction their triangles' normals face with a cosine of at least `facing`.
-    pub(crate) fn connect(&mut self, items: &[Item], lengths: &[u32], facing: f32) -> (Vec<u32>, Vec<u32>) {
-        let order: Vec<u32> = items.iter().map(|i| i.fan).collect();
-        self.note_places(&order, 0);
-        let mut seeds = self.seeds(&order, 0, lengths);
-        self.absorb(items, &mut seeds, facing);
-        sorted_by_seed(&order, &seeds, 0)
+    pub(crate) fn connect(&mut self, order: &[u32], lengths: &[u32], facing: f32) -> (Vec<u32>, Vec<u32>) {
+        self.note_places(order, 0);
+        let mut seeds = self.seeds(order, 0, lengths);
+        self.absorb(order, &mut seeds, facing);
+        sorted_by_seed(order, &seeds, 0)
     }
 
     fn note_places(&mut self, order: &[u32], start: usize) {
@@ -506,23 +622,24 @@ impl<'a> Connector<'a> {
     /// The fans around a fan's ring, with their places.
     #[inline]
     fn for_neighbours(&self, fan: u32, mut visit: impl FnMut(u32, u32)) {
-        let corners = self.fans.corners(fan as usize);
+        let fans = &self.fans.surface.fans;
+        let corners = fans.corners(fan as usize);
         let mut visit = |fan: u32| visit(fan, self.places[fan as usize]);
         for corner in corners {
-            visit(self.fans.of_triangle(corner.triangle())[corner.slots()[1]]);
+            visit(fans.of_triangle(corner.triangle())[corner.slots()[1]]);
         }
-        if !self.fans.is_closed(fan as usize)
+        if !fans.is_closed(fan as usize)
             && let Some(last) = corners.last()
         {
-            visit(self.fans.of_triangle(last.triangle())[last.slots()[2]]);
+            visit(fans.of_triangle(last.triangle())[last.slots()[2]]);
         }
     }
 
     /// Gives every fragment that finds one the seed of a larger piece.
-    fn absorb(&self, items: &[Item], seeds: &mut [u32], facing: f32) {
-        let mut pieces = vec![Piece::default(); items.len()];
-        for (item, &seed) in items.iter().zip(seeds.iter()) {
-            pieces[seed as usize].add(item);
+    fn absorb(&self, order: &[u32], seeds: &mut [u32], facing: f32) {
+        let mut pieces = vec![Piece::default(); order.len()];
+        for (&fan, &seed) in order.iter().zip(seeds.iter()) {
+            pieces[seed as usize].add(&self.fans.shapes[fan as usize], self.fans.density(fan));
         }
         let mut members: Vec<(u32, u32)> =
             seeds.iter().copied().zip(0..).filter(|&(seed, _)| pieces[seed as usize].is_fragment()).collect();
@@ -533,9 +650,9 @@ impl<'a> Connector<'a> {
                 .par_iter()
                 .with_min_len(64)
                 .map_init(Vec::new, |borders, fragment| {
-                    self.longest_borders(items, seeds, &pieces, fragment, borders);
+                    self.longest_borders(order, seeds, &pieces, fragment, borders);
                     borders.iter().map(|b| b.1).find(|&seed| {
-                        self.sees(pieces[seed as usize].axis.normalize_or_zero(), items, fragment, facing)
+                        self.sees(pieces[seed as usize].axis.normalize_or_zero(), order, fragment, facing)
                     })
                 })
                 .collect();
@@ -553,7 +670,7 @@ impl<'a> Connector<'a> {
     /// The pieces around a fragment that are none themselves, as `(length of the common border, seed)`, the longest first.
     fn longest_borders(
         &self,
-        items: &[Item],
+        order: &[u32],
         seeds: &[u32],
         pieces: &[Piece],
         fragment: &[(u32, u32)],
@@ -561,7 +678,7 @@ impl<'a> Connector<'a> {
     ) {
         borders.clear();
         for &(_, at) in fragment {
-            self.for_neighbours(items[at as usize].fan, |_, place| {
+            self.for_neighbours(order[at as usize], |_, place| {
                 if place == ALONE || pieces[seeds[place as usize] as usize].is_fragment() {
                     return;
                 }
@@ -576,15 +693,15 @@ impl<'a> Connector<'a> {
     }
 
     /// True where every triangle around a fragment's fans faces a direction well enough.
-    fn sees(&self, direction: Vec3, items: &[Item], fragment: &[(u32, u32)], facing: f32) -> bool {
+    fn sees(&self, direction: Vec3, order: &[u32], fragment: &[(u32, u32)], facing: f32) -> bool {
         fragment.iter().all(|&(_, at)| {
-            let fan = items[at as usize].fan as usize;
-            self.places[fan] != ALONE && farthest_cosine(self.shapes[fan].cone, direction) >= facing
+            let fan = order[at as usize] as usize;
+            self.places[fan] != ALONE && farthest_cosine(self.fans.shapes[fan].cone, direction) >= facing
         })
     }
 }
 
-/// Sums over the items of a connected piece.
+/// Sums over the fans of a connected piece.
 #[derive(Clone, Copy, Default)]
 struct Piece {
     axis: Vec3,
@@ -592,9 +709,9 @@ struct Piece {
 }
 
 impl Piece {
-    fn add(&mut self, item: &Item) {
-        self.axis += item.axis * item.area;
-        self.texels += item.area * item.density * item.density;
+    fn add(&mut self, fan: &FanShape, density: f32) {
+        self.axis += fan.axis * fan.area;
+        self.texels += fan.area * density * density;
     }
 
     fn is_fragment(&self) -> bool {
@@ -627,4 +744,34 @@ fn sorted_by_seed(fans: &[u32], seeds: &[u32], first: u32) -> (Vec<u32>, Vec<u32
         *end += 1;
     }
     (sorted, lengths)
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::generate::{LandscapeOptions, landscape};
+    use fantex_mesh::{CleanOptions, Fans, VertexCorners, clean};
+
+    use super::*;
+    use crate::{CoverOptions, TexelBudget};
+
+    #[test]
+    fn patches_are_the_same_however_many_items_are_made_at_once() {
+        let options = LandscapeOptions { triangles: 20_000, ..LandscapeOptions::default() };
+        let (mesh, _) = clean(landscape(&options).into(), &CleanOptions::default()).unwrap();
+        let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+        let surface = Surface::new(&mesh, Fans::by_angle(&mesh, &vertex_corners));
+        let shapes = crate::build::shape_fans(&surface);
+        // Long sets are cut without regard to their normals, short ones with it.
+        for texels in [20_000, 4_000_000] {
+            let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
+            let density = NominalDensity::new(&surface, &options);
+            let fans = FanSet { surface: &surface, shapes: &shapes, density: &density };
+            let cutting = Cutting { extent_texels: 512.0, tolerance: 1.03, normals_below: 768.0 };
+            let at_once = partition_by(&fans, &cutting, usize::MAX);
+            assert!(at_once.1.len() > 8, "{} patches", at_once.1.len());
+            for items in [3000, 40, 1] {
+                assert!(partition_by(&fans, &cutting, items) == at_once, "{items} items, {texels} texels");
+            }
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Budgets, densities, modes, threads, options and hostile meshes.
 
-use fantex_base::ErrorKind;
+use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
 use fantex_cover::{Cover, CoverOptions, GroupKind, MAX_EXTENT, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate};
 use glam::{DVec3, Vec3};
@@ -230,6 +230,23 @@ fn bad_options_are_refused_with_what_was_given() {
     refused(with(TexelBudget::PerTriangle(vec![1.0; 11])), "has 11 values, expected one for each of the 12");
     let nothing = build_cover(&Mesh::default(), &CoverOptions::default()).unwrap_err();
     assert!(nothing.to_string().contains("no triangles"), "{nothing}");
+}
+
+#[test]
+fn meshes_that_take_more_memory_than_is_allowed_are_refused() {
+    let mesh = cleaned(generate::icosphere(5));
+    let with = |memory_bytes: u64| {
+        let limits = ReadLimits::new(ReadOptions { memory_bytes, ..ReadOptions::default() });
+        limits.run(|| build_cover(&mesh, &CoverOptions::default()))
+    };
+    let error = with(1 << 20).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TooLarge);
+    let message = error.to_string();
+    assert!(
+        message.contains("the cover of 20480 triangles would take 2 MiB of memory, 1 MiB are left"),
+        "{message}"
+    );
+    with(4 << 20).unwrap();
 }
 
 #[test]
