@@ -160,6 +160,10 @@ impl<'a> Job<'a> {
         let Self { mesh, cover, source, plans, options } = self;
         let triangles = GroupTriangles::of(cover);
         let normals = shading_normals(mesh);
+        // Of large meshes these leave little for texels.
+        let by_triangle =
+            size_of_val(mesh.triangles.as_slice()) + size_of_val(cover.corner_groups.as_slice());
+        let _held = input::hold((by_triangle + size_of_val(normals.as_slice())) as u64);
         let own = &cover.groups[groups.start as usize..groups.end as usize];
         let meter = Meter::new(progress, own.iter().map(Group::texels).sum());
         let is_noisy = source.light_map().is_some_and(LightMapSource::denoises);

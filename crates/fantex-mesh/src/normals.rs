@@ -10,6 +10,8 @@ use crate::adjacency::Star;
 use crate::{FanCorner, Fans, Mesh, SurfacePoint, VertexCorners, angle_between};
 
 const BLOCK: usize = 1 << 12;
+/// Blocks whose results wait to be put in place.
+const BLOCKS_AT_ONCE: usize = 64;
 /// Among more triangles at one edge than this, none are smoothed across it.
 const MAX_SMOOTHED_AT_EDGE: usize = 16;
 
@@ -108,20 +110,22 @@ pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
     let faces: Vec<DVec3> =
         (0..mesh.triangles.len()).into_par_iter().with_min_len(BLOCK).map(|t| mesh.facet_normal(t)).collect();
     let softest = libm::cos(f64::from(crease_degrees).to_radians().min(std::f64::consts::PI)) - 1e-6;
-    let blocks: Vec<Vec<Vec3>> = (0..corners.len().div_ceil(BLOCK))
-        .into_par_iter()
-        .map_init(Smoother::default, |smoother, block| {
-            let mut normals = Vec::new();
-            for v in block * BLOCK..corners.len().min((block + 1) * BLOCK) {
-                smoother.vertex(mesh, &faces, softest, v, corners.at(v), &mut normals);
-            }
-            normals
-        })
-        .collect();
+    let block = |smoother: &mut Smoother, first: usize| {
+        let mut normals = Vec::new();
+        for v in first..corners.len().min(first + BLOCK) {
+            smoother.vertex(mesh, &faces, softest, v, corners.at(v), &mut normals);
+        }
+        normals
+    };
     let mut by_corner = vec![Vec3::ZERO; 3 * mesh.triangles.len()];
-    let in_row_order = (0..corners.len()).flat_map(|v| corners.at(v));
-    for (&corner, normal) in in_row_order.zip(blocks.into_iter().flatten()) {
-        by_corner[corner as usize] = normal;
+    for first in (0..corners.len()).step_by(BLOCKS_AT_ONCE * BLOCK) {
+        let end = corners.len().min(first + BLOCKS_AT_ONCE * BLOCK);
+        let starts: Vec<usize> = (first..end).step_by(BLOCK).collect();
+        let blocks: Vec<Vec<Vec3>> = starts.into_par_iter().map_init(Smoother::default, block).collect();
+        let in_row_order = (first..end).flat_map(|v| corners.at(v));
+        for (&corner, normal) in in_row_order.zip(blocks.into_iter().flatten()) {
+            by_corner[corner as usize] = normal;
+        }
     }
     by_corner
 }
