@@ -6,6 +6,21 @@ import { FanTextures } from "./textures.js";
 /** How far away the eye of an orthographic camera is taken to be, in sizes of what it sees. */
 const ORTHOGRAPHIC_DISTANCE = 1000;
 
+/** Nodes for `WebGPURenderer`, once a page draws with one. */
+let nodes = null;
+let nodesFailure = null;
+
+/** Has three's shading language be there, which other pages do without; whether it is. */
+function hasNodes() {
+    if (nodesFailure !== null) throw nodesFailure;
+    if (nodes === null) {
+        nodes = import("./nodes.js").then((module) => { nodes = module; }, (error) => {
+            nodesFailure = new Error(`FanMesh cannot load what WebGPURenderer needs; the page must find the module three/tsl: ${error.message}`);
+        });
+    }
+    return !(nodes instanceof Promise);
+}
+
 const objectFromCamera = new Matrix4();
 const size = new Vector2();
 
@@ -20,6 +35,8 @@ export class FanMesh extends Mesh {
     #isLost = false;
     #canvas = null;
     #lastUpdate = null;
+    /** Materials that show the channels. */
+    #patched = new Set();
     #view = new Float64Array(15);
     #onLost = () => { this.#isLost = true; };
 
@@ -68,6 +85,10 @@ export class FanMesh extends Mesh {
 
     /** Has another material of three show this asset's channels; returns it. */
     patch(material) {
+        if (this.#patched.has(material)) return material;
+        this.#patched.add(material);
+        if (this.#textures?.renderer.isWebGPURenderer) nodes.addNodes(material, this.#uniforms, this.#defines);
+        if (material.isNodeMaterial) return material;
         const unlit = material.isMeshBasicMaterial ? { FAN_UNLIT: "" } : {};
         return patchMaterial(material, this.#uniforms, { ...this.#defines, ...unlit });
     }
@@ -114,24 +135,42 @@ export class FanMesh extends Mesh {
     /** Makes the textures for a renderer's context where there are none; whether there are any. */
     #prepare(renderer) {
         if (this.#core === null) return false;
-        if (!renderer.isWebGLRenderer) {
-            throw new Error("FanMesh draws with three's WebGLRenderer; it was given another renderer");
-        }
-        if (renderer.getContext().isContextLost()) return false;
         if (this.#textures !== null && this.#textures.renderer !== renderer) {
             throw new Error("a FanMesh belongs to the renderer that drew it first; load the asset once for each renderer");
         }
+        if (renderer.isWebGLRenderer) return this.#prepareWebGl(renderer);
+        if (renderer.isWebGPURenderer) return this.#prepareNodes(renderer);
+        throw new Error("FanMesh draws with three's WebGLRenderer or WebGPURenderer; it was given another renderer");
+    }
+
+    #prepareWebGl(renderer) {
+        if (renderer.getContext().isContextLost()) return false;
         if (this.#textures === null || this.#isLost) {
-            // Those of a lost context are gone.
-            this.#textures = new FanTextures(renderer, this.#core, this.#channels, this.#options);
+            this.#makeTextures(renderer);
             this.#isLost = false;
-            setTextures(this.#uniforms, this.#channels, this.#textures);
             if (this.#canvas === null) {
                 this.#canvas = renderer.domElement;
                 this.#canvas.addEventListener("webglcontextlost", this.#onLost);
             }
         }
         return true;
+    }
+
+    #prepareNodes(renderer) {
+        if (this.#textures !== null) return true;
+        const isReady = hasNodes() && renderer.hasInitialized();
+        // Until then there is nothing to show.
+        this.geometry.setDrawRange(0, isReady ? Infinity : 0);
+        if (!isReady) return false;
+        this.#makeTextures(renderer);
+        for (const material of this.#patched) nodes.addNodes(material, this.#uniforms, this.#defines);
+        return true;
+    }
+
+    /** Those of a lost context are gone. */
+    #makeTextures(renderer) {
+        this.#textures = new FanTextures(renderer, this.#core, this.#channels, this.#options);
+        setTextures(this.#uniforms, this.#channels, this.#textures);
     }
 
     onBeforeRender(renderer) {
