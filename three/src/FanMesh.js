@@ -37,6 +37,8 @@ export class FanMesh extends Mesh {
     #lastUpdate = null;
     /** Materials that show the channels. */
     #patched = new Set();
+    /** Those of them that wait to be drawn. */
+    #hidden = new Set();
     #view = new Float64Array(15);
     #onLost = () => { this.#isLost = true; };
 
@@ -158,13 +160,23 @@ export class FanMesh extends Mesh {
 
     #prepareNodes(renderer) {
         if (this.#textures !== null) return true;
-        const isReady = hasNodes() && renderer.hasInitialized();
-        // Until then there is nothing to show.
-        this.geometry.setDrawRange(0, isReady ? Infinity : 0);
-        if (!isReady) return false;
+        if (!hasNodes() || !renderer.hasInitialized()) {
+            this.#hide();
+            return false;
+        }
         this.#makeTextures(renderer);
+        for (const material of this.#hidden) material.visible = true;
+        this.#hidden.clear();
         for (const material of this.#patched) nodes.addNodes(material, this.#uniforms, this.#defines);
         return true;
+    }
+
+    /** Nothing is drawn before the nodes are there. */
+    #hide() {
+        for (const material of this.#patched) {
+            if (material.visible) this.#hidden.add(material);
+            material.visible = false;
+        }
     }
 
     /** Those of a lost context are gone. */

@@ -90,11 +90,25 @@ function counts() {
 
 let fan = null;
 
+/** Whether the device still draws an earlier frame. */
+let isBusy = false;
+let isDrawn = false;
+
 function frame() {
-    if (fan === null) return;
+    if (fan === null || isBusy) return;
     fan.update(camera, renderer);
+    const { isSettled } = fan.progress;
+    // What stays as it is need not be drawn again: software takes long.
+    if (!isSettled || !isDrawn) draw();
+    isDrawn = isSettled;
+    enter(isSettled ? "sharp" : "sharpening", fan.damage ?? "");
+}
+
+function draw() {
     renderer.render(scene, camera);
-    enter(fan.progress.isSettled ? "sharp" : "sharpening", fan.damage ?? "");
+    if (!isWebGpu) return;
+    isBusy = true;
+    renderer.backend.device.queue.onSubmittedWorkDone().then(() => { isBusy = false; });
 }
 
 async function load() {
