@@ -48,7 +48,7 @@ function hasBlockFormats(device, channels) {
 }
 
 /** A texture of a device, as three sees it. */
-function create(device, extent, format, isFiltered) {
+export function createTexture(device, extent, format, isFiltered) {
     const texture = device.create(extent, format, isFiltered);
     const { external } = texture;
     external.type = TYPES[format] ?? UnsignedByteType;
@@ -64,7 +64,7 @@ function table(device, data, numbers, format) {
     if (rows > device.maxSide) {
         throw new Error(`the asset has ${items} entries in a table, more than a texture of this device holds; bake it with larger tiles`);
     }
-    const texture = create(device, [COLUMNS, rows], format, false);
+    const texture = createTexture(device, [COLUMNS, rows], format, false);
     const whole = Math.floor(data.length / numbers / COLUMNS);
     if (whole > 0) texture.set(0, 0, COLUMNS, whole, data.subarray(0, whole * COLUMNS * numbers));
     const rest = data.length / numbers - whole * COLUMNS;
@@ -95,9 +95,9 @@ export class FanTextures {
             const first = channels.findIndex((other) => other.kind === channel.kind);
             if (!DRAWN.includes(channel.kind) || first !== index) return null;
             const { block, plain } = FORMATS[channel.format];
-            return create(device, this.extent, named(compressed && block ? block : plain, channel.srgb), true);
+            return createTexture(device, this.extent, named(compressed && block ? block : plain, channel.srgb), true);
         });
-        this.pages = create(device, core.page_extent(), "r32ui", false);
+        this.pages = createTexture(device, core.page_extent(), "r32ui", false);
         this.groups = table(device, core.groups(), 2, "rg32ui");
         this.means = table(device, core.means(), 4, "rgba16f");
         this.frames = table(device, paddedFrames(core.frames()), 4, "rgba32f");

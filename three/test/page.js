@@ -48,13 +48,13 @@ if (query.has("sun")) {
     scene.add(sun);
 }
 
-/** A floor with a shadow, surroundings, fog and tone mapping. */
-function furnish() {
+/** A floor with a shadow, surroundings, and fog or tone mapping. (WebGLRenderer mixes fog into the mapped tones, WebGPURenderer before.) */
+function furnish(what) {
     const box = new Box3().setFromObject(fan);
     const radius = box.getSize(new Vector3()).length() / 2;
     const centre = box.getCenter(new Vector3());
-    scene.background = new Color(0x8899aa);
-    scene.fog = new Fog(0x8899aa, radius, 8 * radius);
+    if (what === "fog") scene.fog = new Fog(0x8899aa, radius, 8 * radius);
+    else renderer.toneMapping = ACESFilmicToneMapping;
     // Bright above, dim below, a warm side.
     const sky = new Float32Array(64 * 32 * 4).map((_, i) => {
         const [channel, column, row] = [i % 4, Math.floor(i / 4) % 64, Math.floor(i / 256)];
@@ -78,7 +78,6 @@ function furnish() {
     lamp.shadow.bias = -0.001;
     lamp.shadow.normalBias = 0.002 * radius;
     scene.add(floor, lamp);
-    renderer.toneMapping = ACESFilmicToneMapping;
     renderer.shadowMap.enabled = true;
 }
 
@@ -98,8 +97,8 @@ function frame() {
     if (fan === null || isBusy) return;
     fan.update(camera, renderer);
     const { isSettled } = fan.progress;
-    // What stays as it is need not be drawn again: software takes long.
-    if (!isSettled || !isDrawn) draw();
+    // Software takes long to draw: the picture is drawn when it is whole.
+    if (isSettled && !isDrawn) draw();
     isDrawn = isSettled;
     enter(isSettled ? "sharp" : "sharpening", fan.damage ?? "");
 }
@@ -122,7 +121,7 @@ async function load() {
         return;
     }
     scene.add(fan);
-    if (query.has("room")) furnish();
+    if (query.has("room")) furnish(query.get("room"));
     window.test.loaded = loaded;
     renderer.setAnimationLoop(frame);
 }

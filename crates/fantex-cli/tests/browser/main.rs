@@ -6,6 +6,7 @@
 
 mod driver;
 mod three;
+mod webgpu;
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
