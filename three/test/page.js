@@ -172,9 +172,39 @@ function canvasPicture() {
     return canvas.toDataURL("image/png");
 }
 
+/** Milliseconds that frames take one by one, from the call until the device has drawn them: the least, and the median. */
+async function frameTimes(count) {
+    renderer.setAnimationLoop(null);
+    const times = [];
+    for (let i = 0; i < count; i++) {
+        const start = performance.now();
+        fan?.update(camera, renderer);
+        renderer.render(scene, camera);
+        await finished();
+        times.push(performance.now() - start);
+    }
+    times.sort((a, b) => a - b);
+    return [times[0], times[Math.floor(count / 2)]];
+}
+
+async function finished() {
+    if (isWebGpu) return renderer.backend.device.queue.onSubmittedWorkDone();
+    const gl = renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+}
+
+/** In the place of an asset: an ordinary model with ordinary textures. */
+async function loadPlain(url) {
+    const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
+    const { scene: model } = await new GLTFLoader().loadAsync(url);
+    scene.add(model);
+    renderer.render(scene, camera);
+    enter("sharp");
+}
+
 /** What the driver calls. */
 window.test = {
-    renderer, counts, picture, canvasPicture,
+    renderer, counts, picture, canvasPicture, frameTimes,
     fan: () => fan,
     /** Has the material read a channel or do without it. */
     set(define, isRead) {
@@ -201,3 +231,4 @@ plain.material.dispose();
 renderer.render(scene, camera);
 window.test.before = counts();
 if (query.has("asset")) load();
+if (query.has("plain")) loadPlain(query.get("plain"));

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod driver;
+mod network;
 mod three;
 mod webgpu;
 
