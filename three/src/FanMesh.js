@@ -1,10 +1,13 @@
 import { BufferAttribute, BufferGeometry, Matrix4, Mesh, Vector2, Vector3 } from "three";
 
-import { fanDefines, fanUniforms, patchMaterial, setTextures, shadowMaterials, surfaceMaterial } from "./materials.js";
+import { definesOf, fanDefines, fanUniforms, patchMaterial, setTextures, shadowMaterials, surfaceMaterial } from "./materials.js";
 import { FanTextures } from "./textures.js";
 
 /** How far away the eye of an orthographic camera is taken to be, in sizes of what it sees. */
 const ORTHOGRAPHIC_DISTANCE = 1000;
+
+/** Numbers per run of triangles, see the core's `FanGeometry`. */
+const RUN_LENGTH = 6;
 
 /** Nodes for `WebGPURenderer`, once a page draws with one. */
 let nodes = null;
@@ -35,8 +38,8 @@ export class FanMesh extends Mesh {
     #isLost = false;
     #canvas = null;
     #lastUpdate = null;
-    /** Materials that show the channels. */
-    #patched = new Set();
+    /** Materials that show the channels, with their shaders' defines. */
+    #patched = new Map();
     /** Those of them that wait to be drawn. */
     #hidden = new Set();
     #view = new Float64Array(15);
@@ -67,13 +70,14 @@ export class FanMesh extends Mesh {
         const own = this.#core.materials();
         const kinds = new Map();
         const materials = [];
-        for (let i = 0; i < runs.length; i += 4) {
-            const [first, count, number, isOpposed] = runs.subarray(i, i + 4);
-            const key = `${number} ${isOpposed}`;
+        for (let i = 0; i < runs.length; i += RUN_LENGTH) {
+            const [first, count, ...kind] = runs.subarray(i, i + RUN_LENGTH);
+            const key = kind.join();
             if (!kinds.has(key)) {
-                kinds.set(key, materials.length);
+                const [number, isOpposed, hasSeveralTiles, isPaged] = kind;
                 const material = surfaceMaterial(own[number], isOpposed === 1, this.#channels, this.#options.physical);
-                materials.push(this.patch(material));
+                kinds.set(key, materials.length);
+                materials.push(this.#patch(material, definesOf(this.#defines, hasSeveralTiles === 1, isPaged === 1)));
             }
             this.geometry.addGroup(first, count, kinds.get(key));
         }
@@ -87,12 +91,14 @@ export class FanMesh extends Mesh {
 
     /** Has another material of three show this asset's channels; returns it. */
     patch(material) {
-        if (this.#patched.has(material)) return material;
-        this.#patched.add(material);
-        if (this.#textures?.renderer.isWebGPURenderer) nodes.addNodes(material, this.#uniforms, this.#defines);
-        if (material.isNodeMaterial) return material;
+        return this.#patched.has(material) ? material : this.#patch(material, this.#defines);
+    }
+
+    #patch(material, defines) {
         const unlit = material.isMeshBasicMaterial ? { FAN_UNLIT: "" } : {};
-        return patchMaterial(material, this.#uniforms, { ...this.#defines, ...unlit });
+        this.#patched.set(material, defines);
+        if (this.#textures?.renderer.isWebGPURenderer) nodes.addNodes(material, this.#uniforms, defines);
+        return material.isNodeMaterial ? material : patchMaterial(material, this.#uniforms, { ...defines, ...unlit });
     }
 
     /** Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. */
@@ -167,13 +173,13 @@ export class FanMesh extends Mesh {
         this.#makeTextures(renderer);
         for (const material of this.#hidden) material.visible = true;
         this.#hidden.clear();
-        for (const material of this.#patched) nodes.addNodes(material, this.#uniforms, this.#defines);
+        for (const [material, defines] of this.#patched) nodes.addNodes(material, this.#uniforms, defines);
         return true;
     }
 
     /** Nothing is drawn before the nodes are there. */
     #hide() {
-        for (const material of this.#patched) {
+        for (const material of this.#patched.keys()) {
             if (material.visible) this.#hidden.add(material);
             material.visible = false;
         }

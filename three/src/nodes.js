@@ -11,6 +11,9 @@ import { BackSide, DoubleSide, Vector2 } from "three";
 
 const FADE_TEXELS = 8;
 
+/** Defines that count for the opacity of what is cut out. */
+const FOR_SHADOWS = ["FAN_BASE_COLOR", "FAN_PAGED", "FAN_SINGLE_TILE"];
+
 const FanSurface = struct({ baseColor: "vec4", material: "vec3", emission: "vec3", light: "vec3", normal: "vec3" }, "FanSurface");
 
 /** An entry of a table in rows of 4096. */
@@ -81,6 +84,7 @@ class Lookup {
         this.channels = value("fanChannels");
         this.isAnisotropic = "FAN_ANISOTROPIC" in defines;
         this.isPaged = "FAN_PAGED" in defines;
+        this.isSingle = "FAN_SINGLE_TILE" in defines;
         const [base, normal, material, emission] = value("fanMeanOf");
         this.kinds = [
             ["baseColor", "FAN_BASE_COLOR", "fanBaseColor", base],
@@ -336,33 +340,42 @@ class Lookup {
     surface() {
         const groups = varying(attribute("fanGroups", "uvec3"));
         const record = (corner) => varying(entry(this.groups, attribute("fanGroups", "uvec3")[corner]).xy);
-        const records = ["x", "y", "z"].map(record);
         const uv01 = varying(attribute("fanUv01", "vec4"));
+        const [dx01, dy01] = [dFdx(uv01).toVar(), dFdy(uv01).toVar()];
+        const vertexNormal = varying(normalLocal).normalize().toVar();
+        const result = { baseColor: vec4(0).toVar(), material: vec3(0).toVar(), emission: vec3(0).toVar(), light: vec3(0).toVar(), normal: vec3(0).toVar() };
+        const add = (weight, group, ...place) => {
+            const tile = this.sample(group, ...place);
+            for (const { name } of this.kinds) {
+                const own = {
+                    baseColor: () => tile.baseColor,
+                    normal: () => objectNormal(tile.normal, this.shadingAxis(group, vertexNormal), vertexNormal),
+                }[name] ?? (() => tile[name].rgb);
+                result[name].addAssign(own().mul(weight));
+            }
+        };
+        if (this.isSingle) {
+            add(1, groups.x.toVar(), record("x").toVar(), uv01.xy, dx01.xy, dy01.xy);
+        } else {
+            this.addSlots(add, groups, ["x", "y", "z"].map(record), uv01, dx01, dy01);
+        }
+        return FanSurface(result.baseColor, result.material, result.emission, result.light, unitOr(result.normal, vertexNormal));
+    }
+
+    /** Of a triangle in several tiles. */
+    addSlots(add, groups, records, uv01, dx01, dy01) {
         const uv2 = varying(attribute("fanUv2", "vec2"));
         const lambda01 = varying(attribute("fanCorner", "vec4").xy);
-        const [dx01, dy01] = [dFdx(uv01).toVar(), dFdy(uv01).toVar()];
         const [dx2, dy2] = [dFdx(uv2).toVar(), dFdy(uv2).toVar()];
-        const vertexNormal = varying(normalLocal).normalize().toVar();
         const lambda = max(vec3(lambda01, float(1).sub(lambda01.x).sub(lambda01.y)), vec3(0)).toVar();
         const weights = weightsOf(groups, lambda, this.delta);
-        const result = { baseColor: vec4(0).toVar(), material: vec3(0).toVar(), emission: vec3(0).toVar(), light: vec3(0).toVar(), normal: vec3(0).toVar() };
         Loop({ start: 0, end: 3, name: "slot" }, ({ slot }) => {
-            const of = ([first, second, third]) => select(slot.equal(int(0)), first, select(slot.equal(int(1)), second, third)).toVar();
-            const weight = of([weights.x, weights.y, weights.z]);
+            const of = (first, second, third) => select(slot.equal(int(0)), first, select(slot.equal(int(1)), second, third)).toVar();
+            const weight = of(weights.x, weights.y, weights.z);
             If(weight.lessThanEqual(0), () => { Continue(); });
-            const group = of([groups.x, groups.y, groups.z]);
-            const tile = this.sample(
-                group, of(records), of([uv01.xy, uv01.zw, uv2]), of([dx01.xy, dx01.zw, dx2]), of([dy01.xy, dy01.zw, dy2]),
-            );
-            for (const { name } of this.kinds) {
-                if (name === "normal") {
-                    result.normal.addAssign(objectNormal(tile.normal, this.shadingAxis(group, vertexNormal), vertexNormal).mul(weight));
-                } else {
-                    result[name].addAssign((name === "baseColor" ? tile[name] : tile[name].rgb).mul(weight));
-                }
-            }
+            const place = [of(...records), of(uv01.xy, uv01.zw, uv2), of(dx01.xy, dx01.zw, dx2), of(dy01.xy, dy01.zw, dy2)];
+            add(weight, of(groups.x, groups.y, groups.z), ...place);
         });
-        return FanSurface(result.baseColor, result.material, result.emission, result.light, unitOr(result.normal, vertexNormal));
     }
 }
 
@@ -426,9 +439,9 @@ function colorNode(material, lookup, surface, uniforms, defines) {
     })();
 }
 
-function shadowColor(material, uniforms, { FAN_BASE_COLOR, FAN_PAGED }) {
-    if (FAN_BASE_COLOR === undefined || !(material.alphaTest > 0)) return vec4(1);
-    const needed = { FAN_BASE_COLOR: "", ...(FAN_PAGED !== undefined && { FAN_PAGED }) };
+function shadowColor(material, uniforms, defines) {
+    if (!("FAN_BASE_COLOR" in defines) || !(material.alphaTest > 0)) return vec4(1);
+    const needed = Object.fromEntries(Object.entries(defines).filter(([name]) => FOR_SHADOWS.includes(name)));
     return Fn(() => new Lookup(uniforms, needed).surface())().toVar("fanSurface").get("baseColor");
 }
 
