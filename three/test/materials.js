@@ -97,7 +97,7 @@ const all = { FAN_BASE_COLOR: "", FAN_NORMAL: "", FAN_MATERIAL: "", FAN_EMISSION
 async function main() {
     const opaque = uniformsOf(1);
     for (const name of [...LIT, ...OTHERS]) {
-        for (const defines of [all, { ...all, FAN_PAGED: "", FAN_ANISOTROPIC: "" }, { FAN_BASE_COLOR: "" }]) {
+        for (const defines of [all, { ...all, FAN_PAGED: "", FAN_ANISOTROPIC: "" }, { FAN_BASE_COLOR: "", FAN_SINGLE_TILE: "" }]) {
             const own = name === "MeshBasicMaterial" ? { ...defines, FAN_UNLIT: "" } : defines;
             const material = patch(new THREE[name]({ side: THREE.DoubleSide, alphaTest: 0.1 }), opaque, own);
             const mesh = meshOf(material, opaque, defines);

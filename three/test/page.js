@@ -197,6 +197,11 @@ async function finished() {
 async function loadPlain(url) {
     const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
     const { scene: model } = await new GLTFLoader().loadAsync(url);
+    model.traverse(({ material }) => {
+        for (const name of ["map", "normalMap", "roughnessMap", "emissiveMap"]) {
+            if (material?.[name]) material[name].anisotropy = Number(query.get("anisotropy") ?? 1);
+        }
+    });
     scene.add(model);
     renderer.render(scene, camera);
     enter("sharp");
@@ -208,9 +213,11 @@ window.test = {
     fan: () => fan,
     /** Has the material read a channel or do without it. */
     set(define, isRead) {
-        if (isRead) fan.material.defines[define] = "";
-        else delete fan.material.defines[define];
-        fan.material.needsUpdate = true;
+        for (const material of [fan.material].flat()) {
+            if (isRead) material.defines[define] = "";
+            else delete material.defines[define];
+            material.needsUpdate = true;
+        }
     },
     dispose() {
         renderer.setAnimationLoop(null);

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod driver;
+mod figures;
 mod network;
 mod three;
 mod webgpu;
@@ -73,10 +74,21 @@ fn serve(asset: &Path, options: &[&str]) -> (Running, Served) {
     (child, serde_json::from_str(&json).unwrap())
 }
 
+/// Python's server, which pages at other addresses may read.
+const FOLDER_SERVER: &str = "
+import functools, http.server, sys
+class Handler(http.server.SimpleHTTPRequestHandler):
+    def end_headers(self):
+        self.send_header('Access-Control-Allow-Origin', '*')
+        super().end_headers()
+handler = functools.partial(Handler, directory=sys.argv[1])
+http.server.test(handler, http.server.ThreadingHTTPServer, port=0, bind='127.0.0.1')
+";
+
 /// Serves a folder by a server that knows no ranges, Python's; its address. None where there is no Python.
 fn serve_folder(folder: &Path) -> Option<(Running, String)> {
     let mut python = Command::new("python3");
-    python.args(["-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory"]).arg(folder);
+    python.args(["-u", "-c", FOLDER_SERVER]).arg(folder);
     let mut python = Running(python.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?);
     let mut line = String::new();
     BufReader::new(python.0.stdout.take().unwrap()).read_line(&mut line).unwrap();

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use super::driver::Browser;
+use super::three::{WHOLE, address, page};
 use super::{bottle, browser, serve};
 
 /// A server that passes on what another one answers, the asset's bytes late.
@@ -81,6 +82,21 @@ fn a_slow_server_is_waited_for_and_named() {
     slow.delay.store(0, Ordering::Relaxed);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+}
+
+#[test]
+#[ignore = "waits for a minute"]
+fn a_server_that_never_answers_is_given_up() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, served) = serve(&asset, &["--share"]);
+    let slow = SlowServer::before(&served.url, Duration::from_secs(600));
+    let url = format!("http://{}/bottle.fan", slow.address);
+    browser.open(&address(&page, &url, WHOLE, ""));
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!(state, "failed");
+    assert!(said.contains("bottle.fan") && said.contains("did not answer within 60 seconds"), "{said}");
 }
 
 #[test]

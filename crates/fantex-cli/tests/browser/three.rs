@@ -158,7 +158,11 @@ fn three_shows_tiles_of_several_pages() {
     let (_server, info) = serve(&asset, &["--share"]);
     let expected = Expected::render(&asset, NEAR, folder.path(), &[]);
     load(&browser, &address(&page, &info.asset_url, NEAR, ""));
-    assert_eq!(browser.run("return [test.fan().material].flat().some((material) => 'FAN_PAGED' in material.defines)"), true);
+    assert_eq!(
+        browser
+            .run("return [test.fan().material].flat().some((material) => 'FAN_PAGED' in material.defines)"),
+        true
+    );
     let decibels = expected.psnr_db(&picture(&browser, &folder.path().join("shown.png")));
     println!("{decibels:.1} dB");
     // Measured 63.1 dB.
@@ -276,10 +280,13 @@ fn every_material_of_three_shows_the_channels() {
             match name.as_str() {
                 // What is cut out casts no shadow.
                 "opaque" => assert!(green < 8, "{renderer}: the floor is {pixel:?}, without a shadow"),
-                "cut out" => assert!(green > 64, "{renderer}: the floor is {pixel:?}, in the shadow of nothing"),
+                "cut out" => {
+                    assert!(green > 64, "{renderer}: the floor is {pixel:?}, in the shadow of nothing")
+                }
                 // Towards the camera.
                 "MeshNormalMaterial" => {
-                    let is_near = [red, green, blue].iter().zip([128, 128, 255]).all(|(a, b)| a.abs_diff(b) <= 1);
+                    let is_near =
+                        [red, green, blue].iter().zip([128, 128, 255]).all(|(a, b)| a.abs_diff(b) <= 1);
                     assert!(is_near, "{renderer}, {name}: {pixel:?}");
                 }
                 _ => assert!(green > 64 && red < 8 && blue < 8, "{renderer}, {name}: {pixel:?} is not green"),

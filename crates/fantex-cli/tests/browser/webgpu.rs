@@ -113,6 +113,10 @@ fn nodes_leave_nothing_behind() {
         after["children"] = before["children"].clone();
         assert_eq!(after, before, "{renderer}");
         let channels = 4;
-        assert_eq!(browser.run("return removed"), channels + 4, "{renderer}: atlases, page table, groups, means, frames");
+        assert_eq!(
+            browser.run("return removed"),
+            channels + 4,
+            "{renderer}: atlases, page table, groups, means, frames"
+        );
     }
 }
