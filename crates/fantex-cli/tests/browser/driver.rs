@@ -121,15 +121,15 @@ impl Browser {
         self.command("Network.emulateNetworkConditions", &conditions);
     }
 
-    /// Opens an empty tab in front of the present one, which is still the one that is driven. Returns the new one's name.
-    pub(crate) fn hide(&self) -> String {
+    /// Opens an empty tab in front of the present one, which is still the one that is driven.
+    pub(crate) fn hide(&self) {
         let tab = self.post("/window/new", &json!({ "type": "tab" })).unwrap();
+        self.command("Target.activateTarget", &json!({ "targetId": tab["handle"] }));
         let deadline = Instant::now() + PATIENCE;
         while self.run("return document.visibilityState") != "hidden" {
             assert!(Instant::now() < deadline, "the page is still visible");
             std::thread::sleep(Duration::from_millis(50));
         }
-        tab["handle"].as_str().unwrap().to_owned()
     }
 
     /// Brings the driven tab to the front.

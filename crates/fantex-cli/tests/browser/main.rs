@@ -7,6 +7,7 @@
 mod driver;
 mod figures;
 mod network;
+mod phones;
 mod three;
 mod webgpu;
 
@@ -74,13 +75,28 @@ fn serve(asset: &Path, options: &[&str]) -> (Running, Served) {
     (child, serde_json::from_str(&json).unwrap())
 }
 
-/// Python's server, which pages at other addresses may read.
+/// Python's server, which pages at other addresses may read, and which compresses what pages consist of, as hosts do.
 const FOLDER_SERVER: &str = "
-import functools, http.server, sys
+import functools, gzip, http.server, os, sys
+@functools.cache
+def compressed(path):
+    with open(path, 'rb') as file:
+        return gzip.compress(file.read())
 class Handler(http.server.SimpleHTTPRequestHandler):
     def end_headers(self):
         self.send_header('Access-Control-Allow-Origin', '*')
         super().end_headers()
+    def do_GET(self):
+        path = self.translate_path(self.path)
+        if not (path.endswith(('.html', '.js', '.wasm')) and os.path.isfile(path)):
+            return super().do_GET()
+        body = compressed(path)
+        self.send_response(200)
+        self.send_header('Content-Type', self.guess_type(path))
+        self.send_header('Content-Encoding', 'gzip')
+        self.send_header('Content-Length', str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
 handler = functools.partial(Handler, directory=sys.argv[1])
 http.server.test(handler, http.server.ThreadingHTTPServer, port=0, bind='127.0.0.1')
 ";
