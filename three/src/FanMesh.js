@@ -237,6 +237,7 @@ export class FanMesh extends Mesh {
         this.#textures = null;
         this.#canvas?.removeEventListener("webglcontextlost", this.#onLost);
         this.geometry.dispose();
+        this.#patched.clear();
         for (const material of [this.material, this.customDepthMaterial, this.customDistanceMaterial].flat()) material?.dispose();
     }
 }

@@ -46,7 +46,7 @@ fn nodes_show_the_texture_function() {
             let decibels = expected.psnr_db(&pictures.shown(renderer, view, more));
             assert_eq!(browser.run("return test.fan().isCompressed"), compressed);
             println!("{renderer}, {texels}, compressed {compressed}: {decibels:.1} dB");
-            // Measured MEASURED.
+            // Measured 48.7, 48.7 and 49.2 dB, near 63.1 dB.
             assert!(decibels > 45.0, "{renderer}, {texels}, compressed {compressed}: {decibels} dB");
         }
     }
@@ -68,9 +68,9 @@ fn nodes_are_lit_as_shaders_are() {
     let beside_cpu = sunny.each_ref().map(|picture| expected.psnr_db(picture));
     let beside_shaders = [1, 2].map(|k| psnr_db(&sunny[0], &sunny[k]).unwrap());
     println!("sun: {beside_cpu:.1?} dB beside the CPU, {beside_shaders:.1?} dB beside WebGLRenderer");
-    // Measured 36.4 dB for all: light that three's metals reflect several times makes them brighter.
+    // Measured 36.6 dB for all: light that three's metals reflect several times makes them brighter.
     assert!(beside_cpu[1] > 35.0 && beside_cpu[2] > 35.0, "{beside_cpu:?} dB");
-    // Measured 54.8 (samples of edges lie elsewhere) and 96.0 dB.
+    // Measured 54.8 (samples of edges lie elsewhere) and 97.4 dB.
     assert!(beside_shaders[0] > 45.0 && beside_shaders[1] > 60.0, "{beside_shaders:?} dB");
     // A lamp with a shadow and surroundings in fog; in linear light.
     let [shaders, nodes] = ["webgl", "webgpu"].map(|renderer| pictures.shown(renderer, WHOLE, "&room=fog"));
