@@ -17,7 +17,7 @@ let nodesFailure = null;
 function hasNodes() {
     if (nodesFailure !== null) throw nodesFailure;
     if (nodes === null) {
-        nodes = import("./nodes.js").then((module) => { nodes = module; }, (error) => {
+        nodes = import("./materialNodes.js").then((module) => { nodes = module; }, (error) => {
             nodesFailure = new Error(`FanMesh cannot load what WebGPURenderer needs; the page must find the module three/tsl: ${error.message}`);
         });
     }

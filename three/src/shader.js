@@ -1,8 +1,8 @@
 // The texture function in GLSL: the groups that have weight at a fragment, their tiles' levels, the places of these in the atlas.
 //
 // The rules are those of `fan_lookup.wgsl` and `fan.wgsl` in fantex-gpu. Defines: FAN_BASE_COLOR, FAN_NORMAL, FAN_MATERIAL, FAN_EMISSION,
-// FAN_LIGHT for channels that are there; FAN_UNLIT where the base colour is the picture; FAN_PAGED where tiles may be cut into several pages; FAN_SINGLE_TILE where triangles
-// lie in one tile each; FAN_ANISOTROPIC, else trilinear.
+// FAN_LIGHT for channels that are there; FAN_UNLIT where the base colour is the picture; FAN_PAGED where tiles may be cut into several pages;
+// FAN_SINGLE_TILE where triangles lie in one tile each; FAN_ANISOTROPIC, else trilinear. `shaderNodes.js` says the same in three's language.
 
 /** Declarations of the vertex shader. */
 export const VERTEX_DECLARATIONS = /* glsl */ `

@@ -13,7 +13,7 @@ const OTHERS = ["MeshBasicMaterial", "MeshMatcapMaterial", "MeshNormalMaterial"]
 async function makeRenderer(name) {
     if (name === "webgl") return [new THREE.WebGLRenderer(), patchMaterial];
     const { WebGPURenderer, PMREMGenerator } = await import("three/webgpu");
-    const { addNodes } = await import("../src/nodes.js");
+    const { addNodes } = await import("../src/materialNodes.js");
     const renderer = new WebGPURenderer({ forceWebGL: name === "webgl2" });
     await renderer.init();
     return [renderer, (material, uniforms, defines) => { addNodes(material, uniforms, defines); return material; }, PMREMGenerator];
