@@ -1,10 +1,28 @@
 import { BufferAttribute, BufferGeometry, Matrix4, Mesh, Vector2, Vector3 } from "three";
 
-import { fanDefines, fanUniforms, patchMaterial, setTextures, shadowMaterials, surfaceMaterial } from "./materials.js";
+import { definesOf, fanDefines, fanUniforms, patchMaterial, setTextures, shadowMaterials, surfaceMaterial } from "./materials.js";
 import { FanTextures } from "./textures.js";
 
 /** How far away the eye of an orthographic camera is taken to be, in sizes of what it sees. */
 const ORTHOGRAPHIC_DISTANCE = 1000;
+
+/** Numbers per run of triangles, see the core's `FanGeometry`. */
+const RUN_LENGTH = 6;
+
+/** Nodes for `WebGPURenderer`, once a page draws with one. */
+let nodes = null;
+let nodesFailure = null;
+
+/** Has three's shading language be there, which other pages do without; whether it is. */
+function hasNodes() {
+    if (nodesFailure !== null) throw nodesFailure;
+    if (nodes === null) {
+        nodes = import("./materialNodes.js").then((module) => { nodes = module; }, (error) => {
+            nodesFailure = new Error(`FanMesh cannot load what WebGPURenderer needs; the page must find the module three/tsl: ${error.message}`);
+        });
+    }
+    return !(nodes instanceof Promise);
+}
 
 const objectFromCamera = new Matrix4();
 const size = new Vector2();
@@ -20,6 +38,10 @@ export class FanMesh extends Mesh {
     #isLost = false;
     #canvas = null;
     #lastUpdate = null;
+    /** Materials that show the channels, with their shaders' defines. */
+    #patched = new Map();
+    /** Those of them that wait to be drawn. */
+    #hidden = new Set();
     #view = new Float64Array(15);
     #onLost = () => { this.#isLost = true; };
 
@@ -48,13 +70,14 @@ export class FanMesh extends Mesh {
         const own = this.#core.materials();
         const kinds = new Map();
         const materials = [];
-        for (let i = 0; i < runs.length; i += 4) {
-            const [first, count, number, isOpposed] = runs.subarray(i, i + 4);
-            const key = `${number} ${isOpposed}`;
+        for (let i = 0; i < runs.length; i += RUN_LENGTH) {
+            const [first, count, ...kind] = runs.subarray(i, i + RUN_LENGTH);
+            const key = kind.join();
             if (!kinds.has(key)) {
-                kinds.set(key, materials.length);
+                const [number, isOpposed, hasSeveralTiles, isPaged] = kind;
                 const material = surfaceMaterial(own[number], isOpposed === 1, this.#channels, this.#options.physical);
-                materials.push(this.patch(material));
+                kinds.set(key, materials.length);
+                materials.push(this.#patch(material, definesOf(this.#defines, hasSeveralTiles === 1, isPaged === 1)));
             }
             this.geometry.addGroup(first, count, kinds.get(key));
         }
@@ -68,8 +91,14 @@ export class FanMesh extends Mesh {
 
     /** Has another material of three show this asset's channels; returns it. */
     patch(material) {
+        return this.#patched.has(material) ? material : this.#patch(material, this.#defines);
+    }
+
+    #patch(material, defines) {
         const unlit = material.isMeshBasicMaterial ? { FAN_UNLIT: "" } : {};
-        return patchMaterial(material, this.#uniforms, { ...this.#defines, ...unlit });
+        this.#patched.set(material, defines);
+        if (this.#textures?.renderer.isWebGPURenderer) nodes.addNodes(material, this.#uniforms, defines);
+        return material.isNodeMaterial ? material : patchMaterial(material, this.#uniforms, { ...defines, ...unlit });
     }
 
     /** Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. */
@@ -114,24 +143,52 @@ export class FanMesh extends Mesh {
     /** Makes the textures for a renderer's context where there are none; whether there are any. */
     #prepare(renderer) {
         if (this.#core === null) return false;
-        if (!renderer.isWebGLRenderer) {
-            throw new Error("FanMesh draws with three's WebGLRenderer; it was given another renderer");
-        }
-        if (renderer.getContext().isContextLost()) return false;
         if (this.#textures !== null && this.#textures.renderer !== renderer) {
             throw new Error("a FanMesh belongs to the renderer that drew it first; load the asset once for each renderer");
         }
+        if (renderer.isWebGLRenderer) return this.#prepareWebGl(renderer);
+        if (renderer.isWebGPURenderer) return this.#prepareNodes(renderer);
+        throw new Error("FanMesh draws with three's WebGLRenderer or WebGPURenderer; it was given another renderer");
+    }
+
+    #prepareWebGl(renderer) {
+        if (renderer.getContext().isContextLost()) return false;
         if (this.#textures === null || this.#isLost) {
-            // Those of a lost context are gone.
-            this.#textures = new FanTextures(renderer, this.#core, this.#channels, this.#options);
+            this.#makeTextures(renderer);
             this.#isLost = false;
-            setTextures(this.#uniforms, this.#channels, this.#textures);
             if (this.#canvas === null) {
                 this.#canvas = renderer.domElement;
                 this.#canvas.addEventListener("webglcontextlost", this.#onLost);
             }
         }
         return true;
+    }
+
+    #prepareNodes(renderer) {
+        if (this.#textures !== null) return true;
+        if (!hasNodes() || !renderer.hasInitialized()) {
+            this.#hide();
+            return false;
+        }
+        this.#makeTextures(renderer);
+        for (const material of this.#hidden) material.visible = true;
+        this.#hidden.clear();
+        for (const [material, defines] of this.#patched) nodes.addNodes(material, this.#uniforms, defines);
+        return true;
+    }
+
+    /** Nothing is drawn before the nodes are there. */
+    #hide() {
+        for (const material of this.#patched.keys()) {
+            if (material.visible) this.#hidden.add(material);
+            material.visible = false;
+        }
+    }
+
+    /** Those of a lost context are gone. */
+    #makeTextures(renderer) {
+        this.#textures = new FanTextures(renderer, this.#core, this.#channels, this.#options);
+        setTextures(this.#uniforms, this.#channels, this.#textures);
     }
 
     onBeforeRender(renderer) {
@@ -180,6 +237,7 @@ export class FanMesh extends Mesh {
         this.#textures = null;
         this.#canvas?.removeEventListener("webglcontextlost", this.#onLost);
         this.geometry.dispose();
+        this.#patched.clear();
         for (const material of [this.material, this.customDepthMaterial, this.customDistanceMaterial].flat()) material?.dispose();
     }
 }

@@ -1,4 +1,5 @@
 import { Camera, Loader, LoadingManager, Material, Mesh, Vector3, WebGLRenderer } from "three";
+import type { WebGPURenderer } from "three/webgpu";
 
 export interface FanLoaderOptions {
     /** Graphics memory for texels, bytes; 256 MiB unless given. */
@@ -48,7 +49,7 @@ export class FanMesh extends Mesh {
     /** Whether texels lie compressed in graphics memory; null before the first frame. */
     readonly isCompressed: boolean | null;
     /** Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. */
-    update(camera: Camera, renderer: WebGLRenderer): void;
+    update(camera: Camera, renderer: WebGLRenderer | WebGPURenderer): void;
     /** Has another material of three show this asset's channels; returns it. */
     patch<M extends Material>(material: M): M;
     /** Asks once more for what could not be read. */

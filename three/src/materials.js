@@ -63,6 +63,12 @@ export function fanDefines(channels, isPaged, anisotropy) {
     return defines;
 }
 
+/** Those for some of its triangles, without what they do not need. */
+export function definesOf(defines, hasSeveralTiles, isPaged) {
+    const { FAN_PAGED, ...rest } = defines;
+    return { ...rest, ...(isPaged && { FAN_PAGED }), ...(!hasSeveralTiles && { FAN_SINGLE_TILE: "" }) };
+}
+
 /**
  * Has a material read the texture function: its colour, opacity, roughness, metalness and emission are multiplied by the channels,
  * its normals are replaced. Materials of three that are not lit, or are lit in another way, take what they know.

@@ -1,7 +1,8 @@
 // The texture function in GLSL: the groups that have weight at a fragment, their tiles' levels, the places of these in the atlas.
 //
 // The rules are those of `fan_lookup.wgsl` and `fan.wgsl` in fantex-gpu. Defines: FAN_BASE_COLOR, FAN_NORMAL, FAN_MATERIAL, FAN_EMISSION,
-// FAN_LIGHT for channels that are there; FAN_UNLIT where the base colour is the picture; FAN_PAGED where tiles may be cut into several pages; FAN_ANISOTROPIC, else trilinear.
+// FAN_LIGHT for channels that are there; FAN_UNLIT where the base colour is the picture; FAN_PAGED where tiles may be cut into several pages;
+// FAN_SINGLE_TILE where triangles lie in one tile each; FAN_ANISOTROPIC, else trilinear. `shaderNodes.js` says the same in three's language.
 
 /** Declarations of the vertex shader. */
 export const VERTEX_DECLARATIONS = /* glsl */ `
@@ -452,15 +453,29 @@ struct FanSurface {
     vec3 normal;
 };
 
+void fanAddTile(inout FanSurface surface, float weight, uint group, uvec2 record, vec2 uv, vec2 dx, vec2 dy, vec3 vertexNormal) {
+    FanTile tile = fanSample(group, record, uv, dx, dy);
+    surface.baseColor += weight * tile.baseColor;
+    surface.material += weight * tile.material.rgb;
+    surface.emission += weight * tile.emission.rgb;
+    surface.light += weight * tile.light.rgb;
+#ifdef FAN_NORMAL
+    surface.normal += weight * fanObjectNormal(tile.normal, fanShadingAxis(group, vertexNormal), vertexNormal);
+#endif
+}
+
 FanSurface fanSurface() {
-    vec2 lambda01 = vFanUv2Lambda.zw;
-    vec3 w = fanWeights(vFanGroups, max(vec3(lambda01, 1.0 - lambda01.x - lambda01.y), vec3(0.0)));
     vec4 dx01 = dFdx(vFanUv01);
     vec4 dy01 = dFdy(vFanUv01);
-    vec2 dx2 = dFdx(vFanUv2Lambda.xy);
-    vec2 dy2 = dFdy(vFanUv2Lambda.xy);
     vec3 vertexNormal = normalize(vFanNormal);
     FanSurface surface = FanSurface(vec4(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+#ifdef FAN_SINGLE_TILE
+    fanAddTile(surface, 1.0, vFanGroups.x, vFanRecords01.xy, vFanUv01.xy, dx01.xy, dy01.xy, vertexNormal);
+#else
+    vec2 dx2 = dFdx(vFanUv2Lambda.xy);
+    vec2 dy2 = dFdy(vFanUv2Lambda.xy);
+    vec2 lambda01 = vFanUv2Lambda.zw;
+    vec3 w = fanWeights(vFanGroups, max(vec3(lambda01, 1.0 - lambda01.x - lambda01.y), vec3(0.0)));
     for (int slot = 0; slot < 3; slot++) {
         float weight = slot == 0 ? w.x : slot == 1 ? w.y : w.z;
         if (weight <= 0.0) continue;
@@ -469,15 +484,9 @@ FanSurface fanSurface() {
         vec2 dy = slot == 0 ? dy01.xy : slot == 1 ? dy01.zw : dy2;
         uvec2 record = slot == 0 ? vFanRecords01.xy : slot == 1 ? vFanRecords01.zw : vFanRecord2;
         uint group = slot == 0 ? vFanGroups.x : slot == 1 ? vFanGroups.y : vFanGroups.z;
-        FanTile tile = fanSample(group, record, uv, dx, dy);
-        surface.baseColor += weight * tile.baseColor;
-        surface.material += weight * tile.material.rgb;
-        surface.emission += weight * tile.emission.rgb;
-        surface.light += weight * tile.light.rgb;
-#ifdef FAN_NORMAL
-        surface.normal += weight * fanObjectNormal(tile.normal, fanShadingAxis(group, vertexNormal), vertexNormal);
-#endif
+        fanAddTile(surface, weight, group, record, uv, dx, dy, vertexNormal);
     }
+#endif
     return surface;
 }
 `;

@@ -1,8 +1,10 @@
-// The page of the tests in a browser: one asset, a camera and lights from the address, the picture on request.
+// The page of the tests in a browser: one asset, a camera and lights from the address, the picture on request. `renderer` is `webgl`,
+// `webgpu`, or `webgl2` for WebGPURenderer with its other backend.
 
 import {
-    Color, DirectionalLight, HalfFloatType, Mesh, MeshStandardMaterial, NoToneMapping, PerspectiveCamera, Scene, SphereGeometry, Vector3,
-    WebGLRenderTarget, WebGLRenderer, DataUtils,
+    ACESFilmicToneMapping, Box3, CircleGeometry, Color, DataTexture, DataUtils, DirectionalLight, EquirectangularReflectionMapping, FloatType, Fog, HalfFloatType,
+    LinearFilter, Mesh, MeshStandardMaterial, NoToneMapping, PerspectiveCamera, RenderTarget, Scene, SphereGeometry, Vector3, WebGLRenderTarget,
+    WebGLRenderer,
 } from "three";
 
 import { FanLoader } from "@fantex/three";
@@ -18,7 +20,18 @@ function enter(state, text = "") {
     line.textContent = text;
 }
 
-const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+async function makeRenderer(name) {
+    // Samples of a pixel are averaged before tone mapping by one renderer, after it by the other.
+    const options = { canvas, antialias: !query.has("room"), alpha: true };
+    if (name === "webgl") return new WebGLRenderer({ ...options, preserveDrawingBuffer: true });
+    const { WebGPURenderer } = await import("three/webgpu");
+    const renderer = new WebGPURenderer({ ...options, forceWebGL: name === "webgl2" });
+    await renderer.init();
+    return renderer;
+}
+
+const renderer = await makeRenderer(query.get("renderer") ?? "webgl");
+const isWebGpu = renderer.backend?.isWebGPUBackend === true;
 renderer.toneMapping = NoToneMapping;
 renderer.setSize(640, 480);
 renderer.setClearColor(new Color(0, 0, 0), 0);
@@ -35,6 +48,39 @@ if (query.has("sun")) {
     scene.add(sun);
 }
 
+/** A floor with a shadow, surroundings, and fog or tone mapping. (WebGLRenderer mixes fog into the mapped tones, WebGPURenderer before.) */
+function furnish(what) {
+    const box = new Box3().setFromObject(fan);
+    const radius = box.getSize(new Vector3()).length() / 2;
+    const centre = box.getCenter(new Vector3());
+    if (what === "fog") scene.fog = new Fog(0x8899aa, radius, 8 * radius);
+    else renderer.toneMapping = ACESFilmicToneMapping;
+    // Bright above, dim below, a warm side.
+    const sky = new Float32Array(64 * 32 * 4).map((_, i) => {
+        const [channel, column, row] = [i % 4, Math.floor(i / 4) % 64, Math.floor(i / 256)];
+        return channel === 3 ? 1 : 0.1 + (row > 16 ? 0.8 : 0) + (channel === 0 && column > 32 ? 0.5 : 0);
+    });
+    scene.environment = new DataTexture(sky, 64, 32, undefined, FloatType);
+    scene.environment.mapping = EquirectangularReflectionMapping;
+    scene.environment.minFilter = scene.environment.magFilter = LinearFilter;
+    scene.environment.needsUpdate = true;
+    const floor = new Mesh(new CircleGeometry(6 * radius, 32), new MeshStandardMaterial({ color: 0x999999, roughness: 1 }));
+    floor.rotation.x = -Math.PI / 2;
+    floor.position.set(centre.x, box.min.y, centre.z);
+    floor.receiveShadow = fan.receiveShadow = fan.castShadow = true;
+    const lamp = new DirectionalLight(0xffffff, 2);
+    lamp.position.copy(centre).add(new Vector3(-1.5, 2, 1).multiplyScalar(2 * radius));
+    lamp.target = fan;
+    lamp.castShadow = true;
+    lamp.shadow.mapSize.set(1024, 1024);
+    Object.assign(lamp.shadow.camera, { left: -2 * radius, right: 2 * radius, top: 2 * radius, bottom: -2 * radius, near: radius, far: 12 * radius });
+    lamp.shadow.camera.updateProjectionMatrix();
+    lamp.shadow.bias = -0.001;
+    lamp.shadow.normalBias = 0.002 * radius;
+    scene.add(floor, lamp);
+    renderer.shadowMap.enabled = true;
+}
+
 /** What the device and the page hold. */
 function counts() {
     const { memory, programs } = renderer.info;
@@ -43,11 +89,25 @@ function counts() {
 
 let fan = null;
 
+/** Whether the device still draws an earlier frame. */
+let isBusy = false;
+let isDrawn = false;
+
 function frame() {
-    if (fan === null) return;
+    if (fan === null || isBusy) return;
     fan.update(camera, renderer);
+    const { isSettled } = fan.progress;
+    // Software takes long to draw: the picture is drawn when it is whole.
+    if (isSettled && !isDrawn) draw();
+    isDrawn = isSettled;
+    enter(isSettled ? "sharp" : "sharpening", fan.damage ?? "");
+}
+
+function draw() {
     renderer.render(scene, camera);
-    enter(fan.progress.isSettled ? "sharp" : "sharpening", fan.damage ?? "");
+    if (!isWebGpu) return;
+    isBusy = true;
+    renderer.backend.device.queue.onSubmittedWorkDone().then(() => { isBusy = false; });
 }
 
 async function load() {
@@ -61,6 +121,7 @@ async function load() {
         return;
     }
     scene.add(fan);
+    if (query.has("room")) furnish(query.get("room"));
     window.test.loaded = loaded;
     renderer.setAnimationLoop(frame);
 }
@@ -69,22 +130,23 @@ async function load() {
  * The picture as a PNG. Canvases mean the samples of a pixel as sRGB values; as the CPU renderer does it in linear light, the scene is drawn
  * into a target of half floats, and encoded here.
  */
-function picture() {
+async function picture() {
     const [width, height] = [canvas.width, canvas.height];
-    const target = new WebGLRenderTarget(width, height, { samples: 4, type: HalfFloatType });
+    const options = { samples: 4, type: HalfFloatType };
+    const target = renderer.isWebGLRenderer ? new WebGLRenderTarget(width, height, options) : new RenderTarget(width, height, options);
     fan.update(camera, renderer);
     renderer.setRenderTarget(target);
     renderer.clear();
     renderer.render(scene, camera);
     renderer.setRenderTarget(null);
-    const halves = new Uint16Array(4 * width * height);
-    renderer.readRenderTargetPixels(target, 0, 0, width, height, halves);
+    const halves = await readPixels(target, width, height);
     target.dispose();
     const image = new ImageData(width, height);
     const encoded = (value) => value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055;
     for (let i = 0; i < halves.length; i += 4) {
         const row = Math.floor(i / 4 / width);
-        const to = i + 4 * width * (height - 1 - 2 * row);
+        // WebGL's first row is the lowest one.
+        const to = isWebGpu ? i : i + 4 * width * (height - 1 - 2 * row);
         const [red, green, blue, alpha] = [0, 1, 2, 3].map((k) => DataUtils.fromHalfFloat(halves[i + k]));
         [red, green, blue].forEach((value, k) => {
             image.data[to + k] = Math.round(255 * encoded(Math.min(Math.max(value / Math.max(alpha, 1e-6), 0), 1)));
@@ -96,15 +158,66 @@ function picture() {
     return flat.toDataURL("image/png");
 }
 
+async function readPixels(target, width, height) {
+    if (!renderer.isWebGLRenderer) return renderer.readRenderTargetPixelsAsync(target, 0, 0, width, height);
+    const halves = new Uint16Array(4 * width * height);
+    renderer.readRenderTargetPixels(target, 0, 0, width, height, halves);
+    return halves;
+}
+
+/** What the canvas shows, with tone mapping. */
+function canvasPicture() {
+    fan.update(camera, renderer);
+    renderer.render(scene, camera);
+    return canvas.toDataURL("image/png");
+}
+
+/** Milliseconds that frames take one by one, from the call until the device has drawn them: the least, and the median. */
+async function frameTimes(count) {
+    renderer.setAnimationLoop(null);
+    const times = [];
+    for (let i = 0; i < count; i++) {
+        const start = performance.now();
+        fan?.update(camera, renderer);
+        renderer.render(scene, camera);
+        await finished();
+        times.push(performance.now() - start);
+    }
+    times.sort((a, b) => a - b);
+    return [times[0], times[Math.floor(count / 2)]];
+}
+
+async function finished() {
+    if (isWebGpu) return renderer.backend.device.queue.onSubmittedWorkDone();
+    const gl = renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+}
+
+/** In the place of an asset: an ordinary model with ordinary textures. */
+async function loadPlain(url) {
+    const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
+    const { scene: model } = await new GLTFLoader().loadAsync(url);
+    model.traverse(({ material }) => {
+        for (const name of ["map", "normalMap", "roughnessMap", "emissiveMap"]) {
+            if (material?.[name]) material[name].anisotropy = Number(query.get("anisotropy") ?? 1);
+        }
+    });
+    scene.add(model);
+    renderer.render(scene, camera);
+    enter("sharp");
+}
+
 /** What the driver calls. */
 window.test = {
-    renderer, counts, picture,
+    renderer, counts, picture, canvasPicture, frameTimes,
     fan: () => fan,
     /** Has the material read a channel or do without it. */
     set(define, isRead) {
-        if (isRead) fan.material.defines[define] = "";
-        else delete fan.material.defines[define];
-        fan.material.needsUpdate = true;
+        for (const material of [fan.material].flat()) {
+            if (isRead) material.defines[define] = "";
+            else delete material.defines[define];
+            material.needsUpdate = true;
+        }
     },
     dispose() {
         renderer.setAnimationLoop(null);
@@ -125,3 +238,4 @@ plain.material.dispose();
 renderer.render(scene, camera);
 window.test.before = counts();
 if (query.has("asset")) load();
+if (query.has("plain")) loadPlain(query.get("plain"));

@@ -299,6 +299,7 @@ fn answer(site: &Site, request: &Request) -> Answer {
         let exposed = "Accept-Ranges, Content-Length, Content-Range, ETag";
         answer.headers.push(("Access-Control-Allow-Origin", "*".into()));
         answer.headers.push(("Access-Control-Expose-Headers", exposed.into()));
+        answer.headers.push(("Timing-Allow-Origin", "*".into()));
     }
     answer.closes |= request.closes;
     if request.method == "HEAD" {

@@ -1,12 +1,12 @@
 //! Vertex arrays for a page: all triangles in one indexed geometry.
 //!
-//! Plain and border triangles (see [`fantex_stream::drawing`]) get the same attributes, so that one material draws both: a plain triangle
-//! is one that has the same tile at its three corners.
+//! Plain and border triangles (see [`fantex_stream::drawing`]) get the same attributes, so that one material may draw both: a plain triangle
+//! is one that has the same tile at its three corners. They lie in runs of their own, for materials that do no more than they need.
 
 use fantex_mesh::{Mesh, OpposedTriangles, shading_normals};
 use fantex_store::Asset;
 use fantex_stream::drawing::{
-    BorderVertex, GeometryChunk, GeometrySource, PlainVertex, from_octahedral, is_paged,
+    BorderVertex, GeometryChunk, GeometrySource, MaterialRun, PlainVertex, from_octahedral, is_paged,
 };
 use glam::DVec3;
 use wasm_bindgen::prelude::*;
@@ -32,7 +32,8 @@ pub struct FanGeometry {
     pub corners: Vec<u8>,
     /// Three per triangle.
     pub indices: Vec<u32>,
-    /// Four per run of triangles that are drawn alike: first index, number of indices, material, whether they are opposed by others.
+    /// Six per run of triangles that are drawn alike: first index, number of indices, material, whether they are opposed by others, whether
+    /// they lie in several tiles each, whether any of their tiles is larger than a page.
     pub runs: Vec<u32>,
     /// Whether any tile is larger than a page.
     pub is_paged: bool,
@@ -96,8 +97,10 @@ impl FanGeometry {
             let first = self.indices.len() as u32;
             let plain = &chunk.plain_indices[run.plain.start as usize..run.plain.end as usize];
             self.indices.extend(plain.iter().map(|index| first_plain + index));
+            self.run(first, run, false);
+            let first = self.indices.len() as u32;
             self.indices.extend(run.border.clone().map(|vertex| first_border + vertex));
-            self.run(first, run.material, run.is_opposed);
+            self.run(first, run, true);
         }
     }
 
@@ -123,14 +126,17 @@ impl FanGeometry {
         self.corners.extend(corners);
     }
 
-    /// Indices from `first` on; they join the run before where they are drawn like it.
-    fn run(&mut self, first: u32, material: u32, is_opposed: bool) {
+    /// Indices from `first` on, if there are any; they join the run before where they are drawn like it.
+    fn run(&mut self, first: u32, run: &MaterialRun, is_border: bool) {
         let count = self.indices.len() as u32 - first;
-        let kind = [material, is_opposed.into()];
-        let last = self.runs.len().saturating_sub(4);
+        if count == 0 {
+            return;
+        }
+        let kind = [run.material, run.is_opposed.into(), is_border.into(), run.is_paged.into()];
+        let last = self.runs.len().saturating_sub(6);
         match self.runs.get_mut(last..) {
             Some([_, before, rest @ ..]) if *rest == kind => *before += count,
-            _ => self.runs.extend([first, count, kind[0], kind[1]]),
+            _ => self.runs.extend([first, count].into_iter().chain(kind)),
         }
     }
 }

@@ -13,11 +13,20 @@ const POOL_BYTES = (navigator.deviceMemory ?? 8) < 4 ? 128 * 2 ** 20 : 256 * 2 *
 /** Radians are Rust's affair: a step of the keyboard in canvas heights. */
 const KEY_STEP = 0.05;
 
+/** Time without anything new after which the page says that it waits. */
+const SLOW_MILLISECONDS = 8000;
+
 /** What an error says. */
 const sentence = (error) => error?.message ?? String(error);
 
 let viewer = null;
 let scheduled = false;
+/** More is to come. */
+let isLoading = false;
+/** Tells of a wait that is long. */
+let timer = null;
+/** Bytes of texels that were there when something new came last. */
+let uploadedBytes = -1;
 
 /** Says something, with buttons for what can be done about it. Said again, it stays as it is. */
 function say(text, kind = "", ...actions) {
@@ -36,6 +45,17 @@ function say(text, kind = "", ...actions) {
 /** For what the page cannot mend: a file that has changed, a lost device. */
 const RELOAD = { name: "Load again", run: () => location.reload() };
 
+const SLOW = "Still loading: the connection is slow.";
+
+/** Something new has come: ends the sentence that the page waits, and waits for the next where there is one. Pages that nobody sees get no frames. */
+function cameNew(isMore = isLoading) {
+    isLoading = isMore;
+    clearTimeout(timer);
+    if (line.dataset.said === SLOW) say("");
+    if (!isMore || document.hidden) return;
+    timer = setTimeout(() => { if (line.dataset.kind !== "error") say(SLOW); }, SLOW_MILLISECONDS);
+}
+
 /** What the page is doing, for tests, style sheets and whoever measures: a mark on the page's time line tells when it began. */
 function enter(state) {
     if (document.documentElement.dataset.state === state) return;
@@ -46,6 +66,7 @@ function enter(state) {
 
 function fail(text) {
     viewer = null;
+    cameNew(false);
     enter("failed");
     preview.hidden = false;
     canvas.hidden = true;
@@ -65,6 +86,8 @@ function frame(now) {
     try {
         const progress = viewer.frame(now);
         progress.is_preview ? bar.removeAttribute("value") : (bar.value = progress.share);
+        if (progress.is_settled || progress.uploaded_bytes !== uploadedBytes) cameNew(!progress.is_settled);
+        uploadedBytes = progress.uploaded_bytes;
         enter(progress.is_preview ? "preview" : progress.is_settled ? "sharp" : "sharpening");
         if (progress.damaged > 0) {
             const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
@@ -172,6 +195,8 @@ canvas.addEventListener("keydown", (event) => {
     }
 });
 
+document.addEventListener("visibilitychange", () => cameNew());
+
 async function main() {
     enter("loading");
     if (!navigator.gpu) {
@@ -180,6 +205,7 @@ async function main() {
         return;
     }
     say("Loading ...");
+    cameNew(true);
     fit();
     try {
         await init({ module_or_path: new URL("fantex_web_bg.wasm", import.meta.url) });
@@ -190,6 +216,7 @@ async function main() {
         return;
     }
     say("");
+    cameNew(true);
     watchSize();
     schedule();
 }

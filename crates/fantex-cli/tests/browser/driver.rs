@@ -77,6 +77,7 @@ impl Browser {
             json!({ "alwaysMatch": { "browserName": "chrome", "goog:chromeOptions": options } });
         let answer = browser.post("", &json!({ "capabilities": capabilities })).ok()?;
         browser.session = format!("{}/{}", browser.session, answer["sessionId"].as_str()?);
+        browser.post("/timeouts", &json!({ "script": PATIENCE.as_millis() as u64 })).ok()?;
         browser.set_inner_size([width, height]);
         Some(browser)
     }
@@ -100,6 +101,40 @@ impl Browser {
 
     pub(crate) fn open(&self, url: &str) {
         self.post("/url", &json!({ "url": url })).unwrap();
+    }
+
+    /// Calls the browser's own protocol.
+    pub(crate) fn command(&self, name: &str, parameters: &Value) {
+        self.post("/goog/cdp/execute", &json!({ "cmd": name, "params": parameters })).unwrap();
+    }
+
+    /// Has answers come so late and so slowly from now on.
+    pub(crate) fn throttle(&self, latency: Duration, bits_per_second: f64) {
+        self.command("Network.enable", &json!({}));
+        let bytes_per_second = bits_per_second / 8.0;
+        let conditions = json!({
+            "offline": false,
+            "latency": latency.as_millis() as u64,
+            "downloadThroughput": bytes_per_second,
+            "uploadThroughput": bytes_per_second,
+        });
+        self.command("Network.emulateNetworkConditions", &conditions);
+    }
+
+    /// Opens an empty tab in front of the present one, which is still the one that is driven.
+    pub(crate) fn hide(&self) {
+        let tab = self.post("/window/new", &json!({ "type": "tab" })).unwrap();
+        self.command("Target.activateTarget", &json!({ "targetId": tab["handle"] }));
+        let deadline = Instant::now() + PATIENCE;
+        while self.run("return document.visibilityState") != "hidden" {
+            assert!(Instant::now() < deadline, "the page is still visible");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Brings the driven tab to the front.
+    pub(crate) fn show(&self) {
+        self.command("Page.bringToFront", &json!({}));
     }
 
     /// Runs a function's body in the page.

@@ -5,7 +5,11 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod driver;
+mod figures;
+mod network;
+mod phones;
 mod three;
+mod webgpu;
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -71,10 +75,36 @@ fn serve(asset: &Path, options: &[&str]) -> (Running, Served) {
     (child, serde_json::from_str(&json).unwrap())
 }
 
+/// Python's server, which pages at other addresses may read, and which compresses what pages consist of, as hosts do.
+const FOLDER_SERVER: &str = "
+import functools, gzip, http.server, os, sys
+@functools.cache
+def compressed(path):
+    with open(path, 'rb') as file:
+        return gzip.compress(file.read())
+class Handler(http.server.SimpleHTTPRequestHandler):
+    def end_headers(self):
+        self.send_header('Access-Control-Allow-Origin', '*')
+        super().end_headers()
+    def do_GET(self):
+        path = self.translate_path(self.path)
+        if not (path.endswith(('.html', '.js', '.wasm')) and os.path.isfile(path)):
+            return super().do_GET()
+        body = compressed(path)
+        self.send_response(200)
+        self.send_header('Content-Type', self.guess_type(path))
+        self.send_header('Content-Encoding', 'gzip')
+        self.send_header('Content-Length', str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+handler = functools.partial(Handler, directory=sys.argv[1])
+http.server.test(handler, http.server.ThreadingHTTPServer, port=0, bind='127.0.0.1')
+";
+
 /// Serves a folder by a server that knows no ranges, Python's; its address. None where there is no Python.
 fn serve_folder(folder: &Path) -> Option<(Running, String)> {
     let mut python = Command::new("python3");
-    python.args(["-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory"]).arg(folder);
+    python.args(["-u", "-c", FOLDER_SERVER]).arg(folder);
     let mut python = Running(python.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?);
     let mut line = String::new();
     BufReader::new(python.0.stdout.take().unwrap()).read_line(&mut line).unwrap();

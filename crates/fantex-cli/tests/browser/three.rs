@@ -16,16 +16,16 @@ use super::driver::Browser;
 use super::{Running, SIZE, bottle, fantex, serve, serve_folder, text};
 
 /// Where pictures are taken from: eye, target, opening angle.
-type View = [&'static str; 3];
+pub(super) type View = [&'static str; 3];
 
 /// All of a bottle.
-const WHOLE: View = ["0.25,0.15,0.45", "0,0,0", "35"];
+pub(super) const WHOLE: View = ["0.25,0.15,0.45", "0,0,0", "35"];
 
 /// A part of it.
-const NEAR: View = ["0.06,0.05,0.16", "0.03,0,0.03", "35"];
+pub(super) const NEAR: View = ["0.06,0.05,0.16", "0.03,0,0.03", "35"];
 
 /// A browser and the page's address, where both are to be had.
-fn page() -> Option<(Browser, Running, String)> {
+pub(super) fn page() -> Option<(Browser, Running, String)> {
     let folder = workspace().join("three");
     if !folder.join("built/fantex_three_bg.wasm").is_file() {
         skip("the package for three.js is not built (cargo xtask web)");
@@ -47,34 +47,38 @@ fn page() -> Option<(Browser, Running, String)> {
 }
 
 /// The page's address with an asset, the view, and more.
-fn address(page: &str, asset: &str, view: View, more: &str) -> String {
+pub(super) fn address(page: &str, asset: &str, view: View, more: &str) -> String {
     let [eye, target, fov] = view;
     format!("{page}?asset={asset}&eye={eye}&target={target}&fov={fov}{more}")
 }
 
-fn load(browser: &Browser, url: &str) {
+pub(super) fn load(browser: &Browser, url: &str) {
     browser.open(url);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
 }
 
 /// What the page's canvas shows.
-fn picture(browser: &Browser, path: &Path) -> Image {
-    let url = browser.run("return test.picture()");
+pub(super) fn picture(browser: &Browser, path: &Path) -> Image {
+    decoded(&browser.run("return test.picture()"), path)
+}
+
+/// The picture of a `data:` address, which is kept as a file.
+pub(super) fn decoded(url: &Value, path: &Path) -> Image {
     let (_, base64) = url.as_str().unwrap().split_once("base64,").unwrap();
     std::fs::write(path, STANDARD.decode(base64).unwrap()).unwrap();
     Image::load(path).unwrap()
 }
 
 /// The CPU renderer's picture of the same view, and which of its pixels count.
-struct Expected {
+pub(super) struct Expected {
     picture: Image,
     /// Those that no edge crosses: one sample gives the same there as 64, within a byte. Elsewhere renderers differ by where their samples lie.
     counts: Vec<bool>,
 }
 
 impl Expected {
-    fn render(asset: &Path, view: View, folder: &Path, more: &[&str]) -> Self {
+    pub(super) fn render(asset: &Path, view: View, folder: &Path, more: &[&str]) -> Self {
         let [eye, target, fov] = view;
         let size = format!("{}x{}", SIZE[0], SIZE[1]);
         let path = folder.join("expected.png");
@@ -95,7 +99,7 @@ impl Expected {
         Self { picture: picture("8"), counts }
     }
 
-    fn psnr_db(&self, shown: &Image) -> f64 {
+    pub(super) fn psnr_db(&self, shown: &Image) -> f64 {
         compare_where(&self.picture, shown, &self.counts).unwrap().psnr_db
     }
 }
@@ -108,7 +112,7 @@ fn texels(picture: &Image) -> Vec<[u8; 4]> {
 }
 
 /// A bottle that no lamp lights.
-fn unlit_bottle(folder: &Path, texels: &str) -> PathBuf {
+pub(super) fn unlit_bottle(folder: &Path, texels: &str) -> PathBuf {
     let source = workspace().join("assets/WaterBottle");
     let model = folder.join("model");
     std::fs::create_dir(&model).unwrap();
@@ -154,7 +158,11 @@ fn three_shows_tiles_of_several_pages() {
     let (_server, info) = serve(&asset, &["--share"]);
     let expected = Expected::render(&asset, NEAR, folder.path(), &[]);
     load(&browser, &address(&page, &info.asset_url, NEAR, ""));
-    assert_eq!(browser.run("return 'FAN_PAGED' in test.fan().material.defines"), true);
+    assert_eq!(
+        browser
+            .run("return [test.fan().material].flat().some((material) => 'FAN_PAGED' in material.defines)"),
+        true
+    );
     let decibels = expected.psnr_db(&picture(&browser, &folder.path().join("shown.png")));
     println!("{decibels:.1} dB");
     // Measured 63.1 dB.
@@ -260,17 +268,29 @@ fn three_says_what_is_wrong() {
 #[test]
 fn every_material_of_three_shows_the_channels() {
     let Some((browser, _pages, page)) = page() else { return };
-    browser.open(&page.replace("page.html", "materials.html"));
-    let (_, rows) = browser.wait_for(&["sharp"]);
-    let rows: Vec<(String, [u8; 4], u32)> = serde_json::from_str(&rows).unwrap();
-    assert_eq!(rows.len(), 24);
-    for (name, pixel, error) in &rows {
-        assert_eq!(*error, 0, "{name}: an error of the context");
-        let [red, green, blue, _] = *pixel;
-        match name.as_str() {
-            // Towards the camera.
-            "MeshNormalMaterial" => assert_eq!([red, green, blue], [128, 128, 255]),
-            _ => assert!(green > 64 && red < 8 && blue < 8, "{name}: {pixel:?} is not green"),
+    for renderer in ["webgl", "webgpu", "webgl2"] {
+        browser.open(&page.replace("page.html", &format!("materials.html?renderer={renderer}")));
+        let (state, rows) = browser.wait_for(&["sharp", "failed"]);
+        assert_eq!(state, "sharp", "{rows}");
+        let rows: Vec<(String, [u8; 4], String)> = serde_json::from_str(&rows).unwrap();
+        assert_eq!(rows.len(), 26);
+        for (name, pixel, error) in &rows {
+            assert_eq!(error, "", "{renderer}, {name}: the device says");
+            let [red, green, blue, _] = *pixel;
+            match name.as_str() {
+                // What is cut out casts no shadow.
+                "opaque" => assert!(green < 8, "{renderer}: the floor is {pixel:?}, without a shadow"),
+                "cut out" => {
+                    assert!(green > 64, "{renderer}: the floor is {pixel:?}, in the shadow of nothing")
+                }
+                // Towards the camera.
+                "MeshNormalMaterial" => {
+                    let is_near =
+                        [red, green, blue].iter().zip([128, 128, 255]).all(|(a, b)| a.abs_diff(b) <= 1);
+                    assert!(is_near, "{renderer}, {name}: {pixel:?}");
+                }
+                _ => assert!(green > 64 && red < 8 && blue < 8, "{renderer}, {name}: {pixel:?} is not green"),
+            }
         }
     }
 }

@@ -157,6 +157,7 @@ fn our_own_reader_reads_what_is_served() {
     let text = String::from_utf8_lossy(&output.stdout).to_ascii_lowercase();
     assert!(text.starts_with("http/1.1 206 ") && output.stdout.ends_with(b"\x89FAN\r\n\x1a\n"), "{text}");
     assert!(text.contains("access-control-allow-origin: *"), "{text}");
+    assert!(text.contains("timing-allow-origin: *"), "{text}");
 }
 
 #[test]

@@ -98,8 +98,13 @@ impl RemoteFile {
     }
 }
 
-/// What `fetch` throws: no connection, no permission (CORS), no time left. It does not say which.
+/// What `fetch` throws: no connection, no permission (CORS), no time left. It tells only the last from the others.
 fn broken(error: &JsValue) -> io::Error {
+    if error.dyn_ref::<js_sys::Error>().is_some_and(|error| error.name() == "TimeoutError") {
+        let seconds = MAX_REQUEST_MILLISECONDS / 1000;
+        let text = format!("the server did not answer within {seconds} seconds");
+        return io::Error::new(io::ErrorKind::TimedOut, text);
+    }
     io::Error::new(io::ErrorKind::ConnectionAborted, text_of(error))
 }
 
