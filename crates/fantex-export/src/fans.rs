@@ -24,7 +24,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::export::{Components, Map, cancelled, scale_of};
-use crate::pictures::{Depth, samples};
+use crate::pictures::{Depth, halves, samples};
 use crate::{ChannelMap, MAX_SIDE};
 
 /// How sheets are made.
@@ -101,13 +101,33 @@ pub fn fan_sheets(
     progress: &dyn Progress,
 ) -> Result<FanSheets> {
     let packer = Packer::new(asset, options)?;
-    packer.check_memory(packer.pictures().map(|(sheet, map)| packer.picture_bytes(sheet, map)).sum())?;
+    let bytes = |(sheet, map)| packer.picture_bytes(sheet, map, SampleKind::Fixed);
+    packer.check_memory(packer.pictures().map(bytes).sum())?;
     let mut sheets = packer.described();
-    packer.draw(progress, &mut |sheet, _, picture| {
-        sheets.sheets[sheet].pictures.push(picture);
+    packer.draw(&[SampleKind::Fixed], progress, &mut |drawn| {
+        sheets.sheets[drawn.sheet].pictures.push(drawn.samples);
         Ok(())
     })?;
     Ok(sheets)
+}
+
+/// How the samples of a picture are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SampleKind {
+    /// Fixed-point numbers, colours sRGB-encoded, as [`samples`] makes them.
+    Fixed,
+    /// Linear half floats, as [`halves`] makes them.
+    Half,
+}
+
+/// A finished picture.
+pub(crate) struct DrawnMap {
+    pub(crate) sheet: usize,
+    /// Its place in [`Packer::maps`].
+    pub(crate) map: usize,
+    pub(crate) kind: SampleKind,
+    /// Row-major from the top.
+    pub(crate) samples: Vec<u8>,
 }
 
 /// Makes sheets, one picture after the other.
@@ -156,8 +176,8 @@ impl<'a> Packer<'a> {
         (0..self.plans.len()).flat_map(move |sheet| (0..maps).map(move |map| (sheet, map)))
     }
 
-    pub(crate) fn picture_bytes(&self, sheet: usize, map: usize) -> u64 {
-        self.plans[sheet].texels() * texel_bytes(&self.maps[map]) as u64
+    pub(crate) fn picture_bytes(&self, sheet: usize, map: usize, kind: SampleKind) -> u64 {
+        self.plans[sheet].texels() * texel_bytes(&self.maps[map], kind) as u64
     }
 
     /// # Errors
@@ -199,24 +219,26 @@ impl<'a> Packer<'a> {
         sheets
     }
 
-    /// Makes each picture and hands it on, with the numbers of its sheet and map.
+    /// Makes each picture, in each of `kinds`, and hands it on.
     pub(crate) fn draw(
         &self,
+        kinds: &[SampleKind],
         progress: &dyn Progress,
-        keep: &mut dyn FnMut(usize, usize, Vec<u8>) -> Result<()>,
+        keep: &mut dyn FnMut(DrawnMap) -> Result<()>,
     ) -> Result<()> {
-        let total = texels_of_tiles(self.shapes.cover, &self.plans) * self.maps.len() as u64;
+        let pictures = self.maps.len() * kinds.len();
+        let total = texels_of_tiles(self.shapes.cover, &self.plans) * pictures as u64;
         let mut done = 0;
-        for (sheet, map) in self.pictures() {
+        let each_kind = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
+        for (sheet, map, kind) in self.pictures().flat_map(each_kind) {
             let mut tell = |texels| {
                 done += texels;
                 progress.report(done, total);
                 if progress.is_cancelled() { Err(cancelled()) } else { Ok(()) }
             };
-            let gutter = self.options.gutter;
-            let picture =
-                self.plans[sheet].picture(&self.cache, &self.maps[map], &self.shapes, gutter, &mut tell)?;
-            keep(sheet, map, picture)?;
+            let look = PictureLook { map: &self.maps[map], kind, gutter: self.options.gutter };
+            let samples = self.plans[sheet].picture(&self.cache, look, &self.shapes, &mut tell)?;
+            keep(DrawnMap { sheet, map, kind, samples })?;
         }
         Ok(())
     }
@@ -236,8 +258,16 @@ pub(crate) fn depth_of(map: &Map) -> Depth {
     if map.kind == ChannelMap::Normal { Depth::Sixteen } else { Depth::Eight }
 }
 
-fn texel_bytes(map: &Map) -> usize {
-    map.components.count() * if depth_of(map) == Depth::Eight { 1 } else { 2 }
+fn texel_bytes(map: &Map, kind: SampleKind) -> usize {
+    let is_byte = kind == SampleKind::Fixed && depth_of(map) == Depth::Eight;
+    map.components.count() * if is_byte { 1 } else { 2 }
+}
+
+fn encoded(values: &[[f32; 4]], map: &Map, kind: SampleKind) -> Vec<u8> {
+    match kind {
+        SampleKind::Fixed => samples(values, map, depth_of(map)),
+        SampleKind::Half => halves(values, map.components),
+    }
 }
 
 fn sheet_map(map: &Map) -> SheetMap {
@@ -279,6 +309,14 @@ struct Plan {
     cells: Vec<[u32; 2]>,
 }
 
+/// What a picture shows, and how it is laid out.
+#[derive(Clone, Copy)]
+struct PictureLook<'a> {
+    map: &'a Map,
+    kind: SampleKind,
+    gutter: u32,
+}
+
 /// Cells are this often the gutter wide, so that coarser texels begin and end with them.
 fn cell_extent(cover: &Cover, group: u32, gutter: u32) -> [u32; 2] {
     // Packing wants multiples of 4.
@@ -299,8 +337,9 @@ fn plan(cover: &Cover, gutter: u32, largest_side: u32) -> Result<Vec<Plan>> {
         let groups: Vec<u32> = groups.into_iter().collect();
         let extents: Vec<[u32; 2]> = groups.iter().map(|&group| cell_extent(cover, group, gutter)).collect();
         let packing = pack(&extents);
-        if packing.width.max(packing.height) <= largest_side {
-            let size = [packing.width, packing.height];
+        // Coarser texels end with the sheet, too.
+        let size = [packing.width, packing.height].map(|length| length.next_multiple_of(gutter.max(4)));
+        if size[0].max(size[1]) <= largest_side {
             plans.push(Plan { size, triangles, groups, cells: packing.positions });
         } else if triangles.len() > 1 {
             let (first, second) = triangles.split_at(triangles.len() / 2);
@@ -336,14 +375,12 @@ impl Plan {
     fn picture(
         &self,
         cache: &PageCache,
-        map: &Map,
+        PictureLook { map, kind, gutter }: PictureLook<'_>,
         shapes: &Shapes<'_>,
-        gutter: u32,
         tell: &mut dyn FnMut(u64) -> Result<()>,
     ) -> Result<Vec<u8>> {
-        let depth = depth_of(map);
-        let texel = texel_bytes(map);
-        let background = samples(&[map.background], map, depth);
+        let texel = texel_bytes(map, kind);
+        let background = encoded(&[map.background], map, kind);
         let mut picture = background.repeat(self.texels() as usize);
         let row_bytes = self.size[0] as usize * texel;
         for places in (0..self.groups.len()).collect::<Vec<_>>().chunks(TOGETHER) {
@@ -358,7 +395,7 @@ impl Plan {
                         shapes.stored.contains(group, [column, row])
                             && !is_empty[(row * columns + column) as usize]
                     });
-                    samples(&texels, map, depth)
+                    encoded(&texels, map, kind)
                 })
                 .collect();
             for (&place, tile) in places.iter().zip(tiles) {

@@ -12,7 +12,7 @@ mod watch;
 #[pyo3::pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::asset::{Asset, encode_png, paint};
+    use crate::asset::{Asset, encode_png, is_asset, paint};
     #[pymodule_export]
     use crate::bake::{Plan, bake, bake_part, merge, plan};
     #[pymodule_export]
