@@ -275,10 +275,12 @@ pub(crate) fn write_exr(file: &File, path: &Path, size: [u32; 2], map: &Map, hal
     let mut out = BufWriter::with_capacity(1 << 20, file);
     let written = if map.components == Components::Rgba {
         let rgba = |Vec2(x, y)| (light(x, y, 0), light(x, y, 1), light(x, y, 2), number(x, y, 3));
-        exr_written(SpecificChannels::rgba(rgba), size, &mut out)
+        let image = exr_image(size, SpecificChannels::rgba(rgba));
+        image.write().non_parallel().to_buffered(&mut out)
     } else {
         let rgb = |Vec2(x, y)| (light(x, y, 0), light(x, y, 1), light(x, y, 2));
-        exr_written(SpecificChannels::rgb(rgb), size, &mut out)
+        let image = exr_image(size, SpecificChannels::rgb(rgb));
+        image.write().non_parallel().to_buffered(&mut out)
     };
     let written = written.map_err(|error| match error {
         exr::error::Error::Io(error) => error,
@@ -287,13 +289,12 @@ pub(crate) fn write_exr(file: &File, path: &Path, size: [u32; 2], map: &Map, hal
     written.and_then(|()| out.flush()).map_err(|source| Error::writing(path, source))
 }
 
-fn exr_written<'a, C: WritableChannels<'a>>(
-    channels: C,
+fn exr_image<'a, C: WritableChannels<'a> + 'a>(
     size: [usize; 2],
-    out: &mut BufWriter<&File>,
-) -> exr::error::UnitResult {
-    let layer = Layer::new((size[0], size[1]), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
-    exr::image::Image::from_layer(layer).write().non_parallel().to_buffered(out)
+    channels: C,
+) -> exr::image::Image<Layer<C>> {
+    let attributes = LayerAttributes::default();
+    exr::image::Image::from_layer(Layer::new((size[0], size[1]), attributes, Encoding::SMALL_LOSSLESS, channels))
 }
 
 // ---- KTX2 with block-compressed texels, all detail levels, packed with zstd (Khronos, "KTX File Format Specification",
