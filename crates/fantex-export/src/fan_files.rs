@@ -41,7 +41,7 @@ pub enum SheetPictures {
     /// PNG, 8 bits per sample, 16 for normals.
     #[default]
     Png,
-    /// PNG, and KTX2 beside the model: BC7, light maps in half floats, all levels.
+    /// PNG, and KTX2 beside the model: BC7, normals and light maps in half floats, all levels.
     PngAndKtx2,
     /// PNG, and OpenEXR beside the model: linear half floats.
     PngAndExr,
@@ -127,11 +127,8 @@ pub fn export_fans(
     } else {
         let path = output.with_extension("mtlx");
         let (mut file, _) = outputs.create(&path)?;
-        let pictures = PictureFiles {
-            stem: &stem,
-            sheets: &sheets,
-            is_exr: options.pictures == SheetPictures::Exr,
-        };
+        let pictures =
+            PictureFiles { stem: &stem, sheets: &sheets, is_exr: options.pictures == SheetPictures::Exr };
         let text = materialx(&pictures, &geometry, &mesh.materials);
         file.write_all(text.as_bytes()).map_err(|e| Error::writing(&path, e))?;
         let (file, _) = outputs.create(output)?;

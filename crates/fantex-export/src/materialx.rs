@@ -142,7 +142,14 @@ impl Graph {
                         ("in2", "float", node("g")),
                         ("in3", "float", node("b")),
                     ];
-                    graph.add("combine3", "color3", "color", inputs);
+                    let name = if pictures.is_exr { "associated_color" } else { "color" };
+                    graph.add("combine3", "color3", name, inputs);
+                    if pictures.is_exr {
+                        // Colours are multiplied with alpha there.
+                        graph.binary("max", "divisor", node("alpha"), value("0.0001"));
+                        let inputs = vec![("in1", "color3", node(name)), ("in2", "float", node("divisor"))];
+                        graph.add("divide", "color3", "color", inputs);
+                    }
                     graph.add("convert", "color3", "opacity", vec![("in", "float", node("alpha"))]);
                     outputs.extend([("color", "color3"), ("opacity", "color3")]);
                 }
@@ -227,11 +234,7 @@ pub(crate) fn surface_name((material, sheet): (usize, usize)) -> String {
 }
 
 /// A MaterialX document: a graph per sheet, a material for each material and sheet that have triangles together.
-pub(crate) fn materialx(
-    pictures: &PictureFiles<'_>,
-    geometry: &Geometry,
-    materials: &[Material],
-) -> String {
+pub(crate) fn materialx(pictures: &PictureFiles<'_>, geometry: &Geometry, materials: &[Material]) -> String {
     let mut text =
         String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.38\" colorspace=\"lin_rec709\">\n");
     let mut line = |text_line: String| text.push_str(&(text_line + "\n"));

@@ -260,7 +260,8 @@ fn half_of(x: f32) -> f16 {
     f16::from_f32(x.clamp(-65504.0, 65504.0))
 }
 
-/// Writes [`halves`] of a map with red, green and blue as OpenEXR, packed without loss. Numbers are linear, the map's scale undone.
+/// Writes [`halves`] of a map with red, green and blue as OpenEXR, packed without loss. Numbers are linear, the map's scale undone, and
+/// colours multiplied with alpha, as the format wants it.
 pub(crate) fn write_exr(file: &File, path: &Path, size: [u32; 2], map: &Map, halves: &[u8]) -> Result<()> {
     let size = size.map(|length| length as usize);
     let count = map.components.count();
@@ -274,7 +275,11 @@ pub(crate) fn write_exr(file: &File, path: &Path, size: [u32; 2], map: &Map, hal
     };
     let mut out = BufWriter::with_capacity(1 << 20, file);
     let written = if map.components == Components::Rgba {
-        let rgba = |Vec2(x, y)| (light(x, y, 0), light(x, y, 1), light(x, y, 2), number(x, y, 3));
+        let rgba = |Vec2(x, y)| {
+            let alpha = number(x, y, 3);
+            let color = |k| half_of(light(x, y, k).to_f32() * alpha.to_f32());
+            (color(0), color(1), color(2), alpha)
+        };
         let image = exr_image(size, SpecificChannels::rgba(rgba));
         image.write().non_parallel().to_buffered(&mut out)
     } else {
@@ -289,12 +294,14 @@ pub(crate) fn write_exr(file: &File, path: &Path, size: [u32; 2], map: &Map, hal
     written.and_then(|()| out.flush()).map_err(|source| Error::writing(path, source))
 }
 
-fn exr_image<'a, C: WritableChannels<'a> + 'a>(
-    size: [usize; 2],
-    channels: C,
-) -> exr::image::Image<Layer<C>> {
+fn exr_image<'a, C: WritableChannels<'a> + 'a>(size: [usize; 2], channels: C) -> exr::image::Image<Layer<C>> {
     let attributes = LayerAttributes::default();
-    exr::image::Image::from_layer(Layer::new((size[0], size[1]), attributes, Encoding::SMALL_LOSSLESS, channels))
+    exr::image::Image::from_layer(Layer::new(
+        (size[0], size[1]),
+        attributes,
+        Encoding::SMALL_LOSSLESS,
+        channels,
+    ))
 }
 
 // ---- KTX2 with block-compressed texels, all detail levels, packed with zstd (Khronos, "KTX File Format Specification",
@@ -318,9 +325,9 @@ pub(crate) enum Packing {
 }
 
 impl Packing {
-    /// What suits the map of a sheet of fans, whose normals are in object space.
+    /// What suits the map of a sheet of fans, whose normals are in object space: blocks would lose a degree or two of them.
     pub(crate) fn of_sheet(map: &Map) -> Self {
-        if map.kind == ChannelMap::Normal { Self::Bc7 { is_srgb: false } } else { Self::of(map) }
+        if map.kind == ChannelMap::Normal { Self::Rgba16F } else { Self::of(map) }
     }
 
     /// What suits a map: two coordinates for normals, 16 bits where steps would show, floats where values exceed 1.
@@ -357,7 +364,8 @@ impl Packing {
 
     fn level_bytes(self, size: [u32; 2]) -> u64 {
         let is_block = self.block_format().is_some();
-        let [columns, rows] = size.map(|length| u64::from(if is_block { length.div_ceil(4) } else { length }));
+        let [columns, rows] =
+            size.map(|length| u64::from(if is_block { length.div_ceil(4) } else { length }));
         columns * rows * u64::from(self.numbers().1)
     }
 
@@ -428,13 +436,7 @@ struct Level {
 
 impl Ktx2Sink {
     /// Begins a picture of `size` columns and rows in `file`; `path` is what errors name and beside which levels wait.
-    pub(crate) fn new(
-        file: File,
-        path: &Path,
-        size: [u32; 2],
-        map: &Map,
-        packing: Packing,
-    ) -> Result<Self> {
+    pub(crate) fn new(file: File, path: &Path, size: [u32; 2], map: &Map, packing: Packing) -> Result<Self> {
         let failed = |source| Error::writing(path, source);
         let level = |l: u32| {
             let size = level_size(size, l);

@@ -8,7 +8,7 @@ use fantex_export::{
 };
 use fantex_mesh::{AlphaMode, Material, Parts, SurfacePoint, generate};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
-use fantex_texture::color::linear_from_srgb8;
+use fantex_texture::color::linear_from_srgb;
 use fantex_texture::compare::psnr_db;
 use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
 use glam::{Vec2, Vec3};
@@ -175,7 +175,9 @@ fn linear_numbers(fans: &FanSheets, sheet: usize, map: usize) -> Vec<f32> {
     let (about, bytes) = (&fans.maps[map], &fans.sheets[sheet].pictures[map]);
     let number = |i: usize| match about.depth {
         Depth::Sixteen => f32::from(u16::from_be_bytes([bytes[2 * i], bytes[2 * i + 1]])) / 65535.0,
-        Depth::Eight if about.is_srgb && i % about.components < 3 => linear_from_srgb8(bytes[i]) * about.scale,
+        Depth::Eight if about.is_srgb && i % about.components < 3 => {
+            linear_from_srgb(f32::from(bytes[i]) / 255.0) * about.scale
+        }
         Depth::Eight => f32::from(bytes[i]) / 255.0,
     };
     (0..bytes.len() / if about.depth == Depth::Eight { 1 } else { 2 }).map(number).collect()
@@ -239,7 +241,7 @@ fn sheets_in_ktx2_have_all_levels() {
             let bytes = std::fs::read(&path).unwrap();
             let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
             let format = match (about.map, about.is_srgb) {
-                (ChannelMap::Light, _) => 97,
+                (ChannelMap::Light | ChannelMap::Normal, _) => 97,
                 (_, true) => 146,
                 (_, false) => 145,
             };
