@@ -325,7 +325,7 @@ pub(crate) enum Packing {
 }
 
 impl Packing {
-    /// What suits the map of a sheet of fans, whose normals are in object space: blocks would lose a degree or two of them.
+    /// What suits the map of a sheet of fans, whose normals are in object space, with all three coordinates, and have 16 bits in PNG.
     pub(crate) fn of_sheet(map: &Map) -> Self {
         if map.kind == ChannelMap::Normal { Self::Rgba16F } else { Self::of(map) }
     }
