@@ -170,7 +170,7 @@ def test_sheets_beyond_a_limit_are_materials(tmp_path, extension):
     mesh = extension.objects.plain_mesh(bpy.context.object, bpy.context.evaluated_depsgraph_get())
     asset = fantex.bake(mesh, tmp_path / "a.fan", texels=100_000, source=waves)
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    assert compare(tmp_path, extension, asset, largest_side=256) > 50
+    assert compare(tmp_path, extension, asset, largest_side=400) > 50
     assert len(bpy.data.objects["model"].data.materials) > 1
 
 

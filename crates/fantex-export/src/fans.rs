@@ -371,7 +371,8 @@ fn plan(
             let tiles = cover.corner_groups[rest[0] as usize];
             let side = tiles.into_iter().flat_map(|group| cell_extent(cover, group, gutter)).max();
             return Err(Error::too_large(format!(
-                "the tiles of a triangle need a sheet of more than {largest_side} columns (one is {} texels wide); allow a larger one",
+                "a triangle reads three tiles that do not fit into a sheet of {largest_side} columns and rows together (one is {} texels long); \
+                 allow a larger one",
                 side.unwrap_or(0)
             )));
         };

@@ -96,7 +96,7 @@ impl Job {
         figures.set_item("channels", baked.summary.channels)?;
         figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
         figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
-        figures.set_item("notes", baked.notes)?;
+        figures.set_item("notes", [mesh.notes(), &baked.notes[..]].concat())?;
         Ok(figures)
     }
 }

@@ -329,6 +329,14 @@ def test_the_mesh_of_an_asset(tmp_path, waves):
         fantex.mesh(tmp_path / "nowhere.fan")
 
 
+def test_a_bake_says_what_cleaning_did(tmp_path, sphere):
+    """Also where the mesh is no object of its own that could be asked."""
+    positions, faces = sphere
+    soup, own = positions[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+    asset = fantex.bake((soup, own), tmp_path / "soup.fan", texels=20_000, source=pattern)
+    assert any("welded" in note for note in asset.baked["notes"]), asset.baked
+
+
 def test_parts_of_a_bake_from_an_asset(tmp_path, waves):
     coarse = grid_sphere(12, 24)
     settings = {"texels": 30_000, "source": fantex.mesh(waves)}
