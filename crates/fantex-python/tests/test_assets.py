@@ -78,7 +78,7 @@ def test_functions_in_python(tmp_path, sphere):
     with pytest.raises(ValueError, match="the source's result has the shape"):
         fantex.bake(sphere, tmp_path / "b.fan", texels=20_000, source=lambda p, n: np.zeros((7, 3)))
     assert not (tmp_path / "b.fan").exists()
-    with pytest.raises(FileExistsError):
+    with pytest.raises(FileExistsError, match="overwrite=True"):
         fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=pattern)
 
 
