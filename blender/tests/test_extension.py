@@ -116,9 +116,11 @@ def decibels(a, b):
     return -10 * math.log10(max(float(((a - b) ** 2).mean()), 1e-20))
 
 
-def compare(tmp_path, extension, asset, y_up=False, in_light=False):
+def compare(tmp_path, extension, asset, y_up=False, in_light=False, largest_side=8192):
     """PSNR between Cycles' picture of the nodes and the texture function at the same points."""
-    item = extension.fans.build_object(asset, asset.fan_attributes(), "model", y_up, in_light)
+    attributes = asset.fan_attributes(largest_side=largest_side)
+    item = extension.fans.build_object(asset, attributes, "model", y_up, in_light)
+    assert len(item.data.materials) == len(attributes.sheets)
     bpy.context.scene.collection.objects.link(item)
     emission_only(item)
     pixels, faces, places = cycles_picture(tmp_path, item)
@@ -161,6 +163,15 @@ def test_nodes_are_the_texture_function(tmp_path, extension):
         quality = compare(tmp_path, extension, asset)
         print(asset.place, f"{quality:.1f} dB")
         assert quality > 50, (asset.place, quality)
+
+
+def test_sheets_beyond_a_limit_are_materials(tmp_path, extension):
+    bpy.ops.mesh.primitive_monkey_add()
+    mesh = extension.objects.plain_mesh(bpy.context.object, bpy.context.evaluated_depsgraph_get())
+    asset = fantex.bake(mesh, tmp_path / "a.fan", texels=100_000, source=waves)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert compare(tmp_path, extension, asset, largest_side=400) > 50
+    assert len(bpy.data.objects["model"].data.materials) > 1
 
 
 def test_y_up_models_stand(tmp_path, extension):

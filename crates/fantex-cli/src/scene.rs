@@ -183,6 +183,14 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
     }
 }
 
+/// Loads and cleans a model, or takes the mesh of an asset.
+pub(crate) fn open_shape(path: &Path) -> Result<fantex::Mesh> {
+    match FileKind::of(path)? {
+        FileKind::Asset => Ok(fantex::Mesh::of_asset(&fantex::Asset::open(path)?)),
+        FileKind::Model | FileKind::Look => open_model(path),
+    }
+}
+
 /// Notes what loading and cleaning have found.
 pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
     mesh.notes().iter().for_each(|note| context.note(format!("{}: {note}", mesh.path().display())));

@@ -32,6 +32,15 @@ impl Packing {
 /// Packs rectangles (width, height in texels, multiples of 4) without overlaps into a sheet that is about square. The same
 /// extents give the same packing.
 pub fn pack(extents: &[[u32; 2]]) -> Packing {
+    packed(extents, None).unwrap_or_default()
+}
+
+/// As [`pack`], into a sheet of at most `largest_side` columns and rows; none where the rectangles find no place there.
+pub fn pack_within(extents: &[[u32; 2]], largest_side: u32) -> Option<Packing> {
+    packed(extents, Some(largest_side / 4 * 4))
+}
+
+fn packed(extents: &[[u32; 2]], largest_side: Option<u32>) -> Option<Packing> {
     let mut order: Vec<usize> = (0..extents.len()).collect();
     order.sort_by_key(|&i| {
         let [width, height] = extents[i];
@@ -43,13 +52,20 @@ pub fn pack(extents: &[[u32; 2]]) -> Packing {
         let width = (side * WIDER.powi(trial as i32)).ceil() as u64;
         (width.next_multiple_of(4) as u32).max(widest)
     };
-    let area = |width: u32| u64::from(width) * shelves(extents, &order, width, |_, _| ());
-    let Some(width) = (0..TRIALS).map(width_of).min_by_key(|&width| (area(width), width)) else {
-        return Packing::default();
+    let height = |width: u32| shelves(extents, &order, width, |_, _| ());
+    let fits = |width: u32, height: u64| {
+        largest_side.is_none_or(|largest| width <= largest && height <= u64::from(largest))
     };
+    let (width, _) = (0..TRIALS)
+        .map(width_of)
+        // A few large tiles may fit at no width near that of a square.
+        .chain(largest_side.filter(|&largest| largest >= widest))
+        .map(|width| (width, height(width)))
+        .filter(|&(width, height)| fits(width, height))
+        .min_by_key(|&(width, height)| (u64::from(width) * height, width))?;
     let mut positions = vec![[0; 2]; extents.len()];
     let height = shelves(extents, &order, width, |i, position| positions[i] = position);
-    Packing { width, height: height as u32, positions }
+    Some(Packing { width, height: height as u32, positions })
 }
 
 /// Lays the tiles onto shelves of a width and returns the height of all shelves.
@@ -71,4 +87,29 @@ fn shelves(extents: &[[u32; 2]], order: &[usize], width: u32, mut place: impl Fn
 
 fn texels(extents: &[[u32; 2]]) -> u64 {
     extents.iter().map(|&[width, height]| u64::from(width) * u64::from(height)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_is_kept_where_the_fullest_sheet_is_too_wide() {
+        // Side by side 320 x 180 texels; on two shelves 240 x 300, which are more.
+        let tiles = [[80, 160], [160, 180], [80, 120]];
+        let [free, limited] = [pack(&tiles), pack_within(&tiles, 316).unwrap()];
+        assert_eq!([free.width, free.height, limited.width, limited.height], [320, 180, 240, 300]);
+        for (i, [x, y]) in limited.positions.iter().enumerate() {
+            for (j, [left, top]) in limited.positions.iter().enumerate().take(i) {
+                let apart = x + tiles[i][0] <= *left
+                    || left + tiles[j][0] <= *x
+                    || y + tiles[i][1] <= *top
+                    || top + tiles[j][1] <= *y;
+                assert!(apart, "{i} and {j}: {limited:?}");
+            }
+        }
+        assert_eq!(pack_within(&tiles, 160), None);
+        // The same where there is room.
+        assert_eq!(pack_within(&tiles, 4096), Some(free));
+    }
 }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
 use crate::model_file::{Document, Geometry, ImageFile, Outputs, write_glb, write_gltf};
-use crate::pictures::{Depth, FloatSink, Ktx2Sink, PngSink};
+use crate::pictures::{Depth, FloatSink, Ktx2Sink, Packing, PngSink};
 use crate::texels::{RowSink, TexelSampler, make_page};
 
 /// What was exported.
@@ -199,7 +199,7 @@ pub fn export_channels(
         let (file, temporary) = outputs.create(output)?;
         sinks.push(match extension(output).as_str() {
             "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], *map, depth)?),
-            "ktx2" => Box::new(Ktx2Sink::new(file, output, page.side, map)?),
+            "ktx2" => Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, Packing::of(map))?),
             _ => Box::new(FloatSink::new(temporary, page.side, map)),
         });
     }
@@ -271,7 +271,7 @@ impl<'a> Job<'a> {
         }
         let path = output.with_file_name(format!("{name}.ktx2"));
         let (ktx2, _) = outputs.create(&path)?;
-        let ktx2 = Ktx2Sink::new(ktx2, &path, side, map)?;
+        let ktx2 = Ktx2Sink::new(ktx2, &path, [side; 2], map, Packing::of(map))?;
         Ok((Box::new(Both(png, ktx2)), file))
     }
 

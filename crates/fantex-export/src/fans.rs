@@ -10,13 +10,12 @@
 //! bilinearly, that is the function of level 0 exactly. Coarser levels of a sheet stay inside the tile and its gutter down to the level
 //! at which a texel is half as wide as the gutter.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_cover::{
-    Cover, Footprints, GroupTriangles, NO_OWNER, StoredBlocks, TexelBlock, TexelTriangle, pack,
+    Cover, Footprints, GroupTriangles, NO_OWNER, StoredBlocks, TexelBlock, TexelTriangle, pack_within,
 };
 use fantex_mesh::{Mesh, SurfacePoint, shading_normals};
 use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
@@ -24,7 +23,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::export::{Components, Map, cancelled, scale_of};
-use crate::pictures::{Depth, samples};
+use crate::pictures::{Depth, halves, samples};
 use crate::{ChannelMap, MAX_SIDE};
 
 /// How sheets are made.
@@ -101,13 +100,33 @@ pub fn fan_sheets(
     progress: &dyn Progress,
 ) -> Result<FanSheets> {
     let packer = Packer::new(asset, options)?;
-    packer.check_memory(packer.pictures().map(|(sheet, map)| packer.picture_bytes(sheet, map)).sum())?;
+    let bytes = |(sheet, map)| packer.picture_bytes(sheet, map, SampleKind::Fixed);
+    packer.check_memory(packer.pictures().map(bytes).sum())?;
     let mut sheets = packer.described();
-    packer.draw(progress, &mut |sheet, _, picture| {
-        sheets.sheets[sheet].pictures.push(picture);
+    packer.draw(&[SampleKind::Fixed], progress, &mut |drawn| {
+        sheets.sheets[drawn.sheet].pictures.push(drawn.samples);
         Ok(())
     })?;
     Ok(sheets)
+}
+
+/// How the samples of a picture are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SampleKind {
+    /// Fixed-point numbers, colours sRGB-encoded, as [`samples`] makes them.
+    Fixed,
+    /// Linear half floats, as [`halves`] makes them.
+    Half,
+}
+
+/// A finished picture.
+pub(crate) struct DrawnMap {
+    pub(crate) sheet: usize,
+    /// Its place in [`Packer::maps`].
+    pub(crate) map: usize,
+    pub(crate) kind: SampleKind,
+    /// Row-major from the top.
+    pub(crate) samples: Vec<u8>,
 }
 
 /// Makes sheets, one picture after the other.
@@ -133,7 +152,8 @@ impl<'a> Packer<'a> {
             )));
         }
         let (mesh, cover) = (asset.mesh(), asset.cover());
-        let plans = plan(cover, gutter, largest_side)?;
+        let of_group = GroupTriangles::of(cover);
+        let plans = plan(mesh, cover, &of_group, gutter, largest_side)?;
         let cache = PageCache::new(Arc::clone(asset), (memory_bytes / 8) as usize);
         let maps = MAPS
             .into_iter()
@@ -143,7 +163,7 @@ impl<'a> Packer<'a> {
         let shapes = Shapes {
             mesh,
             cover,
-            of_group: GroupTriangles::of(cover),
+            of_group,
             normals: shading_normals(mesh),
             stored: cover.stored_blocks(mesh),
         };
@@ -156,8 +176,8 @@ impl<'a> Packer<'a> {
         (0..self.plans.len()).flat_map(move |sheet| (0..maps).map(move |map| (sheet, map)))
     }
 
-    pub(crate) fn picture_bytes(&self, sheet: usize, map: usize) -> u64 {
-        self.plans[sheet].texels() * texel_bytes(&self.maps[map]) as u64
+    pub(crate) fn picture_bytes(&self, sheet: usize, map: usize, kind: SampleKind) -> u64 {
+        self.plans[sheet].texels() * texel_bytes(&self.maps[map], kind) as u64
     }
 
     /// # Errors
@@ -199,24 +219,26 @@ impl<'a> Packer<'a> {
         sheets
     }
 
-    /// Makes each picture and hands it on, with the numbers of its sheet and map.
+    /// Makes each picture, in each of `kinds`, and hands it on.
     pub(crate) fn draw(
         &self,
+        kinds: &[SampleKind],
         progress: &dyn Progress,
-        keep: &mut dyn FnMut(usize, usize, Vec<u8>) -> Result<()>,
+        keep: &mut dyn FnMut(DrawnMap) -> Result<()>,
     ) -> Result<()> {
-        let total = texels_of_tiles(self.shapes.cover, &self.plans) * self.maps.len() as u64;
+        let pictures = self.maps.len() * kinds.len();
+        let total = texels_of_tiles(self.shapes.cover, &self.plans) * pictures as u64;
         let mut done = 0;
-        for (sheet, map) in self.pictures() {
+        let each_kind = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
+        for (sheet, map, kind) in self.pictures().flat_map(each_kind) {
             let mut tell = |texels| {
                 done += texels;
                 progress.report(done, total);
                 if progress.is_cancelled() { Err(cancelled()) } else { Ok(()) }
             };
-            let gutter = self.options.gutter;
-            let picture =
-                self.plans[sheet].picture(&self.cache, &self.maps[map], &self.shapes, gutter, &mut tell)?;
-            keep(sheet, map, picture)?;
+            let look = PictureLook { map: &self.maps[map], kind, gutter: self.options.gutter };
+            let samples = self.plans[sheet].picture(&self.cache, look, &self.shapes, &mut tell)?;
+            keep(DrawnMap { sheet, map, kind, samples })?;
         }
         Ok(())
     }
@@ -236,8 +258,16 @@ pub(crate) fn depth_of(map: &Map) -> Depth {
     if map.kind == ChannelMap::Normal { Depth::Sixteen } else { Depth::Eight }
 }
 
-fn texel_bytes(map: &Map) -> usize {
-    map.components.count() * if depth_of(map) == Depth::Eight { 1 } else { 2 }
+fn texel_bytes(map: &Map, kind: SampleKind) -> usize {
+    let is_byte = kind == SampleKind::Fixed && depth_of(map) == Depth::Eight;
+    map.components.count() * if is_byte { 1 } else { 2 }
+}
+
+fn encoded(values: &[[f32; 4]], map: &Map, kind: SampleKind) -> Vec<u8> {
+    match kind {
+        SampleKind::Fixed => samples(values, map, depth_of(map)),
+        SampleKind::Half => halves(values, map.components),
+    }
 }
 
 fn sheet_map(map: &Map) -> SheetMap {
@@ -279,6 +309,14 @@ struct Plan {
     cells: Vec<[u32; 2]>,
 }
 
+/// What a picture shows, and how it is laid out.
+#[derive(Clone, Copy)]
+struct PictureLook<'a> {
+    map: &'a Map,
+    kind: SampleKind,
+    gutter: u32,
+}
+
 /// Cells are this often the gutter wide, so that coarser texels begin and end with them.
 fn cell_extent(cover: &Cover, group: u32, gutter: u32) -> [u32; 2] {
     // Packing wants multiples of 4.
@@ -288,31 +326,99 @@ fn cell_extent(cover: &Cover, group: u32, gutter: u32) -> [u32; 2] {
         .map(|length| (length.next_multiple_of(gutter) + 2 * gutter).next_multiple_of(unit))
 }
 
-/// Divides the triangles among as few sheets as hold them; groups of neighbours stay together.
-fn plan(cover: &Cover, gutter: u32, largest_side: u32) -> Result<Vec<Plan>> {
-    let mut order: Vec<u32> = (0..cover.corner_groups.len() as u32).collect();
-    order.sort_by_key(|&t| cover.corner_groups[t as usize][0]);
-    let mut waiting = vec![order];
-    let mut plans = Vec::new();
-    while let Some(triangles) = waiting.pop() {
-        let groups: BTreeSet<u32> = triangles.iter().flat_map(|&t| cover.corner_groups[t as usize]).collect();
-        let groups: Vec<u32> = groups.into_iter().collect();
+/// Divides the triangles among few sheets. Each takes as many as its tiles allow, in an order that keeps neighbours together, since
+/// tiles that the triangles of two sheets read are in both.
+fn plan(
+    mesh: &Mesh,
+    cover: &Cover,
+    of_group: &GroupTriangles,
+    gutter: u32,
+    largest_side: u32,
+) -> Result<Vec<Plan>> {
+    let order = triangle_order(mesh, cover, of_group);
+    let mut seen = vec![0; cover.groups.len()];
+    let mut turn = 0;
+    // Coarser texels end with the sheet, too.
+    let unit = gutter.max(4);
+    // The sheet of so many triangles, where there is room for their tiles.
+    let mut sheet_of = |triangles: &[u32]| {
+        turn += 1;
+        let is_new = |group: &u32| std::mem::replace(&mut seen[*group as usize], turn) != turn;
+        let mut groups: Vec<u32> =
+            triangles.iter().flat_map(|&t| cover.corner_groups[t as usize]).filter(is_new).collect();
+        groups.sort_unstable();
         let extents: Vec<[u32; 2]> = groups.iter().map(|&group| cell_extent(cover, group, gutter)).collect();
-        let packing = pack(&extents);
-        if packing.width.max(packing.height) <= largest_side {
-            let size = [packing.width, packing.height];
-            plans.push(Plan { size, triangles, groups, cells: packing.positions });
-        } else if triangles.len() > 1 {
-            let (first, second) = triangles.split_at(triangles.len() / 2);
-            waiting.extend([second.to_vec(), first.to_vec()]);
-        } else {
-            let side = extents.into_iter().flatten().max().unwrap_or(0);
-            return Err(Error::too_large(format!(
-                "the tiles of a triangle need a sheet of more than {largest_side} columns (one is {side} texels wide); allow a larger one"
-            )));
+        let packing = pack_within(&extents, largest_side / unit * unit)?;
+        let size = [packing.width, packing.height].map(|length| length.next_multiple_of(unit));
+        Some(Plan { size, triangles: triangles.to_vec(), groups, cells: packing.positions })
+    };
+    let mut plans = Vec::new();
+    let mut rest = &order[..];
+    while !rest.is_empty() {
+        if let Some(whole) = sheet_of(rest) {
+            plans.push(whole);
+            break;
         }
+        let (mut fitting, mut too_many, mut best) = (0, rest.len(), None);
+        while too_many - fitting > 1 {
+            let middle = fitting.midpoint(too_many);
+            match sheet_of(&rest[..middle]) {
+                None => too_many = middle,
+                found => (fitting, best) = (middle, found),
+            }
+        }
+        let Some(plan) = best else {
+            let tiles = cover.corner_groups[rest[0] as usize];
+            let side = tiles.into_iter().flat_map(|group| cell_extent(cover, group, gutter)).max();
+            return Err(Error::too_large(format!(
+                "a triangle reads three tiles that do not fit into a sheet of {largest_side} columns and rows together (one is {} texels long); \
+                 allow a larger one",
+                side.unwrap_or(0)
+            )));
+        };
+        plans.push(plan);
+        rest = &rest[fitting..];
     }
     Ok(plans)
+}
+
+/// Triangles in the order of the first of their groups, groups in the order of a tree that halves space.
+fn triangle_order(mesh: &Mesh, cover: &Cover, of_group: &GroupTriangles) -> Vec<u32> {
+    let center = |group: u32| {
+        let triangles = of_group.of_group(group);
+        let middle = |t: &u32| mesh.triangle_positions(*t as usize).into_iter().sum::<Vec3>() / 3.0;
+        triangles.iter().map(middle).sum::<Vec3>() / triangles.len().max(1) as f32
+    };
+    let count = cover.groups.len() as u32;
+    let centers: Vec<Vec3> = (0..count).into_par_iter().map(center).collect();
+    let mut groups: Vec<u32> = (0..count).collect();
+    halve_space(&mut groups, &centers);
+    let mut rank = vec![0u32; groups.len()];
+    for (place, &group) in (0..).zip(&groups) {
+        rank[group as usize] = place;
+    }
+    let mut order: Vec<u32> = (0..cover.corner_groups.len() as u32).collect();
+    order.sort_by_key(|&t| {
+        cover.corner_groups[t as usize].map(|group| rank[group as usize]).into_iter().min()
+    });
+    order
+}
+
+/// Sorts by halves along the longest axis, and halves of halves.
+fn halve_space(groups: &mut [u32], centers: &[Vec3]) {
+    if groups.len() < 2 {
+        return;
+    }
+    let at = |group: &u32| centers[*group as usize];
+    let (low, high) = groups.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), group| {
+        (low.min(at(group)), high.max(at(group)))
+    });
+    let axis = (high - low).max_position();
+    let middle = groups.len() / 2;
+    groups.select_nth_unstable_by(middle, |a, b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(b)));
+    let (first, second) = groups.split_at_mut(middle);
+    halve_space(first, centers);
+    halve_space(second, centers);
 }
 
 impl Plan {
@@ -336,14 +442,12 @@ impl Plan {
     fn picture(
         &self,
         cache: &PageCache,
-        map: &Map,
+        PictureLook { map, kind, gutter }: PictureLook<'_>,
         shapes: &Shapes<'_>,
-        gutter: u32,
         tell: &mut dyn FnMut(u64) -> Result<()>,
     ) -> Result<Vec<u8>> {
-        let depth = depth_of(map);
-        let texel = texel_bytes(map);
-        let background = samples(&[map.background], map, depth);
+        let texel = texel_bytes(map, kind);
+        let background = encoded(&[map.background], map, kind);
         let mut picture = background.repeat(self.texels() as usize);
         let row_bytes = self.size[0] as usize * texel;
         for places in (0..self.groups.len()).collect::<Vec<_>>().chunks(TOGETHER) {
@@ -358,7 +462,7 @@ impl Plan {
                         shapes.stored.contains(group, [column, row])
                             && !is_empty[(row * columns + column) as usize]
                     });
-                    samples(&texels, map, depth)
+                    encoded(&texels, map, kind)
                 })
                 .collect();
             for (&place, tile) in places.iter().zip(tiles) {

@@ -4,8 +4,7 @@ use fantex_mesh::Material;
 use glam::Vec3;
 
 use crate::ChannelMap;
-use crate::fan_files::picture_name;
-use crate::fans::FanSheets;
+use crate::fan_files::PictureFiles;
 use crate::model_file::Geometry;
 
 /// A node: category, type, name, and its inputs as (name, type, value).
@@ -26,7 +25,7 @@ pub(crate) enum Input {
 
 impl Node {
     /// Whether it reads a picture of colours.
-    pub(crate) fn is_srgb(&self) -> bool {
+    pub(crate) fn is_color(&self) -> bool {
         self.category == "image" && self.kind.starts_with("color")
     }
 
@@ -120,14 +119,14 @@ impl Graph {
     }
 
     /// Everything that the materials of a sheet read.
-    pub(crate) fn of_sheet(stem: &str, sheets: &FanSheets, sheet: usize) -> Self {
+    pub(crate) fn of_sheet(pictures: &PictureFiles<'_>, sheet: usize) -> Self {
         let mut graph = Self::default();
-        graph.weights(sheets.delta);
+        graph.weights(pictures.sheets.delta);
         let mut outputs = Vec::new();
         let node = |name: &str| Input::Node(name.to_owned());
         let value = |text: &str| Input::Value(text.to_owned());
-        for map in &sheets.maps {
-            let file = format!("{}.png", picture_name(stem, sheets, sheet, map));
+        for map in &pictures.sheets.maps {
+            let file = pictures.file(sheet, map);
             match map.map {
                 ChannelMap::BaseColor if map.components == 4 => {
                     graph.blended("color_opacity", "color4", &file);
@@ -143,7 +142,14 @@ impl Graph {
                         ("in2", "float", node("g")),
                         ("in3", "float", node("b")),
                     ];
-                    graph.add("combine3", "color3", "color", inputs);
+                    let name = if pictures.is_exr { "associated_color" } else { "color" };
+                    graph.add("combine3", "color3", name, inputs);
+                    if pictures.is_exr {
+                        // Colours are multiplied with alpha there.
+                        graph.binary("max", "divisor", node("alpha"), value("0.0001"));
+                        let inputs = vec![("in1", "color3", node(name)), ("in2", "float", node("divisor"))];
+                        graph.add("divide", "color3", "color", inputs);
+                    }
                     graph.add("convert", "color3", "opacity", vec![("in", "float", node("alpha"))]);
                     outputs.extend([("color", "color3"), ("opacity", "color3")]);
                 }
@@ -189,7 +195,7 @@ impl Graph {
                     graph.blended("emission_stored", "color3", &file);
                     let inputs = vec![
                         ("in1", "color3", node("emission_stored")),
-                        ("in2", "float", value(&map.scale.to_string())),
+                        ("in2", "float", value(&pictures.scale(map).to_string())),
                     ];
                     graph.add("multiply", "color3", "emission", inputs);
                     outputs.push(("emission", "color3"));
@@ -228,24 +234,20 @@ pub(crate) fn surface_name((material, sheet): (usize, usize)) -> String {
 }
 
 /// A MaterialX document: a graph per sheet, a material for each material and sheet that have triangles together.
-pub(crate) fn materialx(
-    stem: &str,
-    sheets: &FanSheets,
-    geometry: &Geometry,
-    materials: &[Material],
-) -> String {
+pub(crate) fn materialx(pictures: &PictureFiles<'_>, geometry: &Geometry, materials: &[Material]) -> String {
     let mut text =
         String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.38\" colorspace=\"lin_rec709\">\n");
     let mut line = |text_line: String| text.push_str(&(text_line + "\n"));
     let graphs: Vec<Graph> =
-        (0..sheets.sheets.len()).map(|sheet| Graph::of_sheet(stem, sheets, sheet)).collect();
+        (0..pictures.sheets.sheets.len()).map(|sheet| Graph::of_sheet(pictures, sheet)).collect();
     for (index, graph) in graphs.iter().enumerate() {
         line(format!("  <nodegraph name=\"fans_{index}\">"));
         for node in &graph.nodes {
             line(format!("    <{} name=\"{}\" type=\"{}\">", node.category, node.name, node.kind));
             for (name, kind, input) in &node.inputs {
-                let is_color = *kind == "filename" && node.is_srgb();
-                let space = if is_color { " colorspace=\"srgb_texture\"" } else { "" };
+                let is_color = *kind == "filename" && node.is_color();
+                let space = pictures.color_space();
+                let space = if is_color { format!(" colorspace=\"{space}\"") } else { String::new() };
                 let from = match input {
                     Input::Value(value) => format!("value=\"{}\"{space}", escaped(value)),
                     Input::Node(node) => format!("nodename=\"{node}\""),

@@ -6,6 +6,11 @@ use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use exr::image::write::WritableImage as _;
+use exr::image::write::channels::WritableChannels;
+use exr::image::{Encoding, Layer, SpecificChannels};
+use exr::math::Vec2;
+use exr::meta::header::LayerAttributes;
 use fantex_base::files::folder_of;
 use fantex_base::{Error, Result};
 use fantex_store::{Quality, TexelFormat, TexelSlice, encode};
@@ -59,33 +64,39 @@ impl RowSink for FloatSink {
 // ---- Detail levels, row by row.
 
 /// Halves rows of values on and on: level `l + 1` is the mean of 2 x 2 texels of level `l`, in linear light. Rows of all
-/// levels come out as soon as they are known; one row per level is kept.
+/// levels come out as soon as they are known; one row per level is kept. Where a length is odd, its last texel is left out.
 #[derive(Clone, Debug)]
 struct Pyramid {
-    side: usize,
+    size: [u32; 2],
     /// The upper row of a pair, per level.
     waiting: Vec<Option<Vec<[f32; 4]>>>,
 }
 
 impl Pyramid {
-    /// For a square picture; `side` is a power of two.
-    fn new(side: u32) -> Self {
-        Self { side: side as usize, waiting: vec![None; level_count(side) as usize] }
+    fn new(size: [u32; 2]) -> Self {
+        Self { size, waiting: vec![None; level_count(size) as usize] }
     }
 
     /// Takes whole rows of level 0 and visits every row of every level that is complete, with its level.
     fn push(&mut self, rows: &[[f32; 4]], mut visit: impl FnMut(usize, &[[f32; 4]])) {
-        for row in rows.chunks_exact(self.side) {
+        for row in rows.chunks_exact(self.size[0] as usize) {
             let mut row = row.to_vec();
             for level in 0..self.waiting.len() {
                 visit(level, &row);
-                match self.waiting[level].take() {
-                    Some(upper) => row = halved_row(&upper, &row, [0.0; 4], mean).collect(),
+                let height = level_size(self.size, level as u32)[1];
+                let width = level_size(self.size, level as u32 + 1)[0] as usize;
+                let upper = match self.waiting[level].take() {
+                    Some(upper) => upper,
+                    None if height == 1 => row.clone(),
                     None => {
                         self.waiting[level] = Some(row);
                         break;
                     }
-                }
+                };
+                row = match row.len() {
+                    1 => vec![mean([upper[0], upper[0], row[0], row[0]])],
+                    _ => halved_row(&upper, &row, [0.0; 4], mean).take(width).collect(),
+                };
             }
         }
     }
@@ -96,8 +107,13 @@ fn mean([a, b, c, d]: [[f32; 4]; 4]) -> [f32; 4] {
 }
 
 /// Levels down to one texel.
-fn level_count(side: u32) -> u32 {
-    side.ilog2() + 1
+fn level_count([width, height]: [u32; 2]) -> u32 {
+    width.max(height).ilog2() + 1
+}
+
+/// Columns and rows of a level.
+fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
+    size.map(|length| length.checked_shr(level).unwrap_or(0).max(1))
 }
 
 // ---- PNG, row by row.
@@ -214,6 +230,80 @@ pub(crate) fn samples(values: &[[f32; 4]], map: &Map, depth: Depth) -> Vec<u8> {
     bytes
 }
 
+// ---- Half floats, and OpenEXR of them.
+
+/// Values as half floats, little-endian.
+pub(crate) fn halves(values: &[[f32; 4]], components: Components) -> Vec<u8> {
+    let range = match components {
+        Components::One(k) => k..k + 1,
+        Components::Rgb => 0..3,
+        Components::Rgba => 0..4,
+    };
+    values.iter().flat_map(|value| &value[range.clone()]).flat_map(|&x| half_of(x).to_le_bytes()).collect()
+}
+
+/// Values of which [`halves`] were made; what has no component is 0, and opaque.
+pub(crate) fn values_of_halves(bytes: &[u8], components: Components) -> Vec<[f32; 4]> {
+    let numbers = |texel: &[u8]| {
+        let mut value = [0.0, 0.0, 0.0, 1.0];
+        let first = if let Components::One(k) = components { k } else { 0 };
+        for (number, bytes) in value[first..].iter_mut().zip(texel.chunks_exact(2)) {
+            *number = f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+        }
+        value
+    };
+    bytes.chunks_exact(2 * components.count()).map(numbers).collect()
+}
+
+/// The nearest half float that is finite.
+fn half_of(x: f32) -> f16 {
+    f16::from_f32(x.clamp(-65504.0, 65504.0))
+}
+
+/// Writes [`halves`] of a map with red, green and blue as OpenEXR, packed without loss. Numbers are linear, the map's scale undone, and
+/// colours multiplied with alpha, as the format wants it.
+pub(crate) fn write_exr(file: &File, path: &Path, size: [u32; 2], map: &Map, halves: &[u8]) -> Result<()> {
+    let size = size.map(|length| length as usize);
+    let count = map.components.count();
+    let number = |x: usize, y: usize, k: usize| {
+        let at = ((y * size[0] + x) * count + k) * 2;
+        f16::from_le_bytes([halves[at], halves[at + 1]])
+    };
+    let light = |x: usize, y: usize, k: usize| match map.scale {
+        1.0 => number(x, y, k),
+        scale => half_of(number(x, y, k).to_f32() * scale),
+    };
+    let mut out = BufWriter::with_capacity(1 << 20, file);
+    let written = if map.components == Components::Rgba {
+        let rgba = |Vec2(x, y)| {
+            let alpha = number(x, y, 3);
+            let color = |k| half_of(light(x, y, k).to_f32() * alpha.to_f32());
+            (color(0), color(1), color(2), alpha)
+        };
+        let image = exr_image(size, SpecificChannels::rgba(rgba));
+        image.write().non_parallel().to_buffered(&mut out)
+    } else {
+        let rgb = |Vec2(x, y)| (light(x, y, 0), light(x, y, 1), light(x, y, 2));
+        let image = exr_image(size, SpecificChannels::rgb(rgb));
+        image.write().non_parallel().to_buffered(&mut out)
+    };
+    let written = written.map_err(|error| match error {
+        exr::error::Error::Io(error) => error,
+        error => io::Error::other(error.to_string()),
+    });
+    written.and_then(|()| out.flush()).map_err(|source| Error::writing(path, source))
+}
+
+fn exr_image<'a, C: WritableChannels<'a> + 'a>(size: [usize; 2], channels: C) -> exr::image::Image<Layer<C>> {
+    let attributes = LayerAttributes::default();
+    exr::image::Image::from_layer(Layer::new(
+        (size[0], size[1]),
+        attributes,
+        Encoding::SMALL_LOSSLESS,
+        channels,
+    ))
+}
+
 // ---- KTX2 with block-compressed texels, all detail levels, packed with zstd (Khronos, "KTX File Format Specification",
 // version 2.0, and "Khronos Data Format Specification", version 1.3).
 
@@ -235,6 +325,11 @@ pub(crate) enum Packing {
 }
 
 impl Packing {
+    /// What suits the map of a sheet of fans, whose normals are in object space, with all three coordinates, and have 16 bits in PNG.
+    pub(crate) fn of_sheet(map: &Map) -> Self {
+        if map.kind == ChannelMap::Normal { Self::Rgba16F } else { Self::of(map) }
+    }
+
     /// What suits a map: two coordinates for normals, 16 bits where steps would show, floats where values exceed 1.
     pub(crate) fn of(map: &Map) -> Self {
         match (map.kind, map.components) {
@@ -267,9 +362,11 @@ impl Packing {
         }
     }
 
-    fn level_bytes(self, side: u32) -> u64 {
-        let units = if self.block_format().is_some() { u64::from(side.div_ceil(4)) } else { u64::from(side) };
-        units * units * u64::from(self.numbers().1)
+    fn level_bytes(self, size: [u32; 2]) -> u64 {
+        let is_block = self.block_format().is_some();
+        let [columns, rows] =
+            size.map(|length| u64::from(if is_block { length.div_ceil(4) } else { length }));
+        columns * rows * u64::from(self.numbers().1)
     }
 
     /// The data format descriptor: a basic block, version 2.
@@ -321,7 +418,7 @@ const ZSTD_LEVEL: i32 = 5;
 pub(crate) struct Ktx2Sink {
     file: File,
     path: PathBuf,
-    side: u32,
+    size: [u32; 2],
     packing: Packing,
     is_normal: bool,
     components: Components,
@@ -330,7 +427,7 @@ pub(crate) struct Ktx2Sink {
 }
 
 struct Level {
-    side: u32,
+    size: [u32; 2],
     /// Rows that wait for others of their blocks.
     rows: Vec<[f32; 4]>,
     /// An unnamed file.
@@ -338,27 +435,25 @@ struct Level {
 }
 
 impl Ktx2Sink {
-    /// Begins a square picture in `file`, whose side is a power of two; `path` is what errors name and beside which levels
-    /// wait.
-    pub(crate) fn new(file: File, path: &Path, side: u32, map: &Map) -> Result<Self> {
+    /// Begins a picture of `size` columns and rows in `file`; `path` is what errors name and beside which levels wait.
+    pub(crate) fn new(file: File, path: &Path, size: [u32; 2], map: &Map, packing: Packing) -> Result<Self> {
         let failed = |source| Error::writing(path, source);
-        let packing = Packing::of(map);
         let level = |l: u32| {
-            let side = side >> l;
+            let size = level_size(size, l);
             let file = tempfile::tempfile_in(folder_of(path))?;
             let mut packed = zstd::Encoder::new(BufWriter::with_capacity(1 << 16, file), ZSTD_LEVEL)?;
-            packed.set_pledged_src_size(Some(packing.level_bytes(side)))?;
-            Ok(Level { side, rows: Vec::new(), packed: Some(packed) })
+            packed.set_pledged_src_size(Some(packing.level_bytes(size)))?;
+            Ok(Level { size, rows: Vec::new(), packed: Some(packed) })
         };
         Ok(Self {
             file,
             path: path.into(),
-            side,
+            size,
             packing,
             is_normal: map.kind == ChannelMap::Normal,
             components: map.components,
-            pyramid: Pyramid::new(side),
-            levels: (0..level_count(side)).map(level).collect::<io::Result<_>>().map_err(failed)?,
+            pyramid: Pyramid::new(size),
+            levels: (0..level_count(size)).map(level).collect::<io::Result<_>>().map_err(failed)?,
         })
     }
 
@@ -382,13 +477,13 @@ impl Ktx2Sink {
         }
     }
 
-    /// The bytes of whole rows of blocks (or of whole rows) of a level.
-    fn encoded(&self, side: u32, rows: &[[f32; 4]]) -> Result<Vec<u8>> {
+    /// The bytes of up to four rows of a level.
+    fn encoded(&self, width: u32, rows: &[[f32; 4]]) -> Result<Vec<u8>> {
         let stored: Vec<[f32; 4]> = rows.iter().map(|&v| self.stored(v)).collect();
         match self.packing.block_format() {
             Some(format) => {
-                let strip = padded_strip(side, &stored);
-                let width = side.max(4);
+                let strip = padded_strip(width, &stored);
+                let width = width.next_multiple_of(4);
                 encode(format, quality(self.packing), [width, 4], TexelSlice::F32(&strip))
                     .map_err(|error| Error::unsupported(error.to_string()))
             }
@@ -396,25 +491,22 @@ impl Ktx2Sink {
                 .iter()
                 .flat_map(|v| ((v[0].clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes())
                 .collect()),
-            None => {
-                let half = |x: f32| f16::from_f32(x.clamp(-65504.0, 65504.0)).to_le_bytes();
-                Ok(stored.iter().flatten().flat_map(|&x| half(x)).collect())
-            }
+            None => Ok(halves(&stored, Components::Rgba)),
         }
     }
 
     fn flush(&mut self, index: usize, is_last: bool) -> Result<()> {
         let level = &mut self.levels[index];
-        let strip = 4 * level.side as usize;
+        let width = level.size[0];
+        let strip = 4 * width as usize;
         let count = if is_last { level.rows.len() } else { level.rows.len() / strip * strip };
         if count == 0 {
             return Ok(());
         }
         let rest = level.rows.split_off(count);
         let rows = std::mem::replace(&mut level.rows, rest);
-        let side = level.side;
         let bytes: Vec<Vec<u8>> =
-            rows.par_chunks(strip).map(|rows| self.encoded(side, rows)).collect::<Result<_, _>>()?;
+            rows.par_chunks(strip).map(|rows| self.encoded(width, rows)).collect::<Result<_, _>>()?;
         let Some(packed) = &mut self.levels[index].packed else { return Ok(()) };
         let written = bytes.iter().try_for_each(|b| packed.write_all(b));
         written.map_err(|source| Error::writing(&self.path, source))
@@ -427,7 +519,7 @@ impl Ktx2Sink {
             let mut file = encoder.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?;
             let bytes = file.stream_position()?;
             file.rewind()?;
-            packed.push((file, bytes, self.packing.level_bytes(level.side)));
+            packed.push((file, bytes, self.packing.level_bytes(level.size)));
         }
         let descriptor = self.packing.descriptor();
         let pairs = key_values();
@@ -435,10 +527,10 @@ impl Ktx2Sink {
         let pairs_at = index_end + descriptor.len() as u64;
         let mut out = BufWriter::new(&self.file);
         out.write_all(b"\xabKTX 20\xbb\r\n\x1a\n")?;
-        let side = self.side;
+        let [width, height] = self.size;
         // Bytes of the numbers that a reader of another byte order would have to swap.
         let type_size = if self.packing.block_format().is_some() { 1 } else { 2 };
-        let header = [self.packing.numbers().0, type_size, side, side, 0, 0, 1];
+        let header = [self.packing.numbers().0, type_size, width, height, 0, 0, 1];
         let index = [index_end as u32, descriptor.len() as u32, pairs_at as u32, pairs.len() as u32];
         for word in header.into_iter().chain([packed.len() as u32, ZSTANDARD]).chain(index) {
             out.write_all(&word.to_le_bytes())?;
@@ -495,14 +587,12 @@ fn quality(packing: Packing) -> Quality {
     if packing == (Packing::Bc7 { is_srgb: false }) { Quality::VeryFast } else { Quality::UltraFast }
 }
 
-/// Four rows, of levels smaller than a block filled up with their last texels.
-fn padded_strip(side: u32, rows: &[[f32; 4]]) -> Vec<[f32; 4]> {
-    let side = side as usize;
-    if side >= 4 {
-        return rows.to_vec();
-    }
-    let texel = |i: usize| rows[(i / 4).min(side - 1) * side + (i % 4).min(side - 1)];
-    (0..16).map(texel).collect()
+/// Whole blocks of up to four rows, filled up with the last texels.
+fn padded_strip(width: u32, rows: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    let (width, wide) = (width as usize, width.next_multiple_of(4) as usize);
+    let last_row = rows.len() / width - 1;
+    let texel = |x: usize, y: usize| rows[y.min(last_row) * width + x.min(width - 1)];
+    (0..4).flat_map(|y| (0..wide).map(move |x| texel(x, y))).collect()
 }
 
 #[cfg(test)]
@@ -511,15 +601,40 @@ mod tests {
 
     #[test]
     fn all_levels_come_out_and_keep_the_mean() {
-        let side = 8u32;
+        let size = [8, 8];
         let rows: Vec<[f32; 4]> = (0..64).map(|i| [i as f32, 1.0, 0.0, (i % 2) as f32]).collect();
-        let mut pyramid = Pyramid::new(side);
-        let mut levels = vec![Vec::new(); level_count(side) as usize];
+        let mut pyramid = Pyramid::new(size);
+        let mut levels = vec![Vec::new(); level_count(size) as usize];
         for band in rows.chunks(24) {
             pyramid.push(band, |level, row| levels[level].extend_from_slice(row));
         }
         assert_eq!(levels.iter().map(Vec::len).collect::<Vec<_>>(), [64, 16, 4, 1]);
         assert_eq!(levels[3][0], [31.5, 1.0, 0.0, 0.5]);
         assert_eq!(levels[1][5], [(18 + 19 + 26 + 27) as f32 / 4.0, 1.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn levels_of_any_size_have_the_sizes_of_the_format() {
+        for size in [[12, 1], [1, 7], [20, 6], [3, 64]] {
+            let rows = vec![[0.25, 0.5, 0.75, 1.0]; (size[0] * size[1]) as usize];
+            let mut pyramid = Pyramid::new(size);
+            let mut levels = vec![Vec::new(); level_count(size) as usize];
+            pyramid.push(&rows, |level, row| levels[level].extend_from_slice(row));
+            for (level, texels) in (0..).zip(&levels) {
+                let [width, height] = level_size(size, level);
+                assert_eq!(texels.len() as u32, width * height, "level {level} of {size:?}");
+                assert!(texels.iter().all(|texel| *texel == rows[0]), "level {level} of {size:?}");
+            }
+            assert_eq!(level_size(size, level_count(size) - 1), [1, 1]);
+        }
+    }
+
+    #[test]
+    fn blocks_are_filled_up_with_the_last_texels() {
+        let row = |start: usize| (start..start + 6).map(|i| [i as f32; 4]).collect::<Vec<_>>();
+        let strip = padded_strip(6, &[row(0), row(6)].concat());
+        let first: Vec<usize> = strip.iter().map(|texel| texel[0] as usize).collect();
+        let (upper, lower) = ([0, 1, 2, 3, 4, 5, 5, 5], [6, 7, 8, 9, 10, 11, 11, 11]);
+        assert_eq!(first, [upper, lower, lower, lower].concat());
     }
 }

@@ -8,16 +8,15 @@ use std::io::{BufWriter, Write};
 use fantex_mesh::{Material, Mesh};
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::fans::FanSheets;
+use crate::fan_files::PictureFiles;
 use crate::materialx::{Graph, Input, NodeInput, surface_name};
 use crate::model_file::{Geometry, Primitive};
 
-/// Writes a model with a mesh per part. Pictures lie beside it, named after `stem`.
+/// Writes a model with a mesh per part. Pictures lie beside it.
 pub(crate) fn write_usda(
     mesh: &Mesh,
-    sheets: &FanSheets,
+    pictures: &PictureFiles<'_>,
     geometry: &Geometry,
-    stem: &str,
     out: &File,
 ) -> io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 20, out);
@@ -40,10 +39,10 @@ pub(crate) fn write_usda(
     writeln!(out, "    def Scope \"Materials\"\n    {{")?;
     let default_material = Material::default();
     for (material, sheet) in geometry.looks() {
-        let graph = Graph::of_sheet(stem, sheets, sheet);
+        let graph = Graph::of_sheet(pictures, sheet);
         let material =
             (mesh.materials.get(material).unwrap_or(&default_material), surface_name((material, sheet)));
-        write_material(&mut out, &graph, material.0, &material.1)?;
+        write_material(&mut out, &graph, material, pictures.color_space())?;
     }
     writeln!(out, "    }}\n}}")?;
     out.flush()
@@ -126,13 +125,18 @@ fn write_list(
 }
 
 /// A material of MaterialX nodes as USD's shading schema has them.
-fn write_material(out: &mut impl Write, graph: &Graph, material: &Material, name: &str) -> io::Result<()> {
+fn write_material(
+    out: &mut impl Write,
+    graph: &Graph,
+    (material, name): (&Material, String),
+    color_space: &str,
+) -> io::Result<()> {
     let place = format!("/Model/Materials/{name}");
     writeln!(out, "        def Material \"{name}\"\n        {{")?;
     writeln!(out, "            token outputs:mtlx:surface.connect = <{place}/surface.outputs:out>")?;
     for node in &graph.nodes {
         let output = format!("{} outputs:out", usd_type(node.kind));
-        let space = if node.is_srgb() { "srgb_texture" } else { "raw" };
+        let space = if node.is_color() { color_space } else { "raw" };
         write_shader(out, &place, &node.name, &node.definition(), &node.inputs, (&output, space))?;
     }
     let inputs = graph.surface(material);

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex::export::{
-    Depth, ExportOptions, FanFileOptions, FanSheetOptions, ShaderLanguage, UvChoice, export_atlas,
-    export_fans, export_model, fan_sheets,
+    Depth, ExportOptions, FanFileOptions, FanSheetOptions, ShaderLanguage, SheetPictures, UvChoice,
+    export_atlas, export_fans, export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
 use fantex::mesh::lambda_step;
@@ -15,7 +15,7 @@ use fantex::scene::{Background, Camera, FilterOptions, Lights};
 use fantex::store::{JUMP_BOUND, PageCache, VerifyOptions, verify_asset};
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment};
 use fantex::texture::{ColorSpace, Image, Samples};
-use fantex::{ChannelKind, Footprint, SurfacePoint};
+use fantex::{ChannelKind, FileKind, Footprint, SurfacePoint};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
 };
@@ -56,6 +56,24 @@ fn language(name: &str) -> PyResult<ShaderLanguage> {
     }
 }
 
+fn sheet_pictures(name: &str) -> PyResult<SheetPictures> {
+    match name {
+        "png" => Ok(SheetPictures::Png),
+        "png+ktx2" => Ok(SheetPictures::PngAndKtx2),
+        "png+exr" => Ok(SheetPictures::PngAndExr),
+        "exr" => Ok(SheetPictures::Exr),
+        _ => Err(PyValueError::new_err(format!(
+            "textures cannot be {name:?}; give \"png\", \"png+ktx2\", \"png+exr\" or \"exr\""
+        ))),
+    }
+}
+
+/// Whether a path or address leads to an asset.
+#[pyfunction]
+pub(crate) fn is_asset(py: Python<'_>, path: PathBuf) -> PyResult<bool> {
+    watched(py, None, |_| FileKind::of(&path)).map(|kind| kind == FileKind::Asset)
+}
+
 /// An open asset.
 #[pyclass(frozen, module = "fantex")]
 pub(crate) struct Asset {
@@ -73,6 +91,12 @@ type AtlasArrays<'py> = (
     Bound<'py, PyArray2<f32>>,
     Vec<(&'static str, Bound<'py, PyArray3<u8>>)>,
 );
+
+impl Asset {
+    pub(crate) fn asset(&self) -> &fantex::Asset {
+        &self.asset
+    }
+}
 
 #[pymethods]
 impl Asset {
@@ -283,6 +307,7 @@ impl Asset {
         path: PathBuf,
         gutter: u32,
         largest_side: u32,
+        textures: &str,
         shaders: Vec<String>,
         overwrite: bool,
         memory: u64,
@@ -290,7 +315,8 @@ impl Asset {
     ) -> PyResult<Vec<PathBuf>> {
         let shaders = shaders.iter().map(|name| language(name)).collect::<PyResult<_>>()?;
         let sheets = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
-        let options = FanFileOptions { sheets, shaders, force: overwrite };
+        let pictures = sheet_pictures(textures)?;
+        let options = FanFileOptions { sheets, pictures, shaders, force: overwrite };
         let asset = self.asset.shared();
         let summary = watched(py, progress.as_ref(), |watch| export_fans(asset, &path, &options, watch))?;
         Ok(summary.files.into_iter().map(|(path, _)| path).collect())

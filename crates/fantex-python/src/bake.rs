@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{array, rows};
-use crate::asset::name_of;
+use crate::asset::{Asset, name_of};
 use crate::mesh::Mesh;
 use crate::watch::{Watch, watched};
 
@@ -41,6 +41,7 @@ enum JobSource {
     OfModel,
     Function(Py<PyAny>),
     Detailed(Py<Mesh>),
+    Asset(Py<Asset>),
     Named(NamedSource),
 }
 
@@ -49,10 +50,13 @@ impl Job {
         let source = match source {
             None => JobSource::OfModel,
             Some(SourceParts::Function(function)) => JobSource::Function(function.unbind()),
-            Some(SourceParts::Named(name, parts)) => match optional(&parts, "mesh")? {
-                Some(detailed) => JobSource::Detailed(detailed),
-                None => JobSource::Named(NamedSource::new(&name, &parts)?),
-            },
+            Some(SourceParts::Named(name, parts)) => {
+                match (optional(&parts, "mesh")?, optional(&parts, "asset")?) {
+                    (Some(detailed), _) => JobSource::Detailed(detailed),
+                    (None, Some(detailed)) => JobSource::Asset(detailed),
+                    (None, None) => JobSource::Named(NamedSource::new(&name, &parts)?),
+                }
+            }
         };
         Ok(Self { mesh: Arc::clone(&mesh.0), source, settings: Settings::new(options)? })
     }
@@ -74,6 +78,9 @@ impl Job {
                 JobSource::Detailed(detailed) => {
                     reach(baker.source(Source::loaded_mesh(&detailed.get().0, settings.cage)))
                 }
+                JobSource::Asset(detailed) => {
+                    reach(baker.source(Source::asset(detailed.get().asset(), settings.cage)))
+                }
                 JobSource::Function(callable) => {
                     let world_from_mesh = mesh.world_from_mesh;
                     let function = FunctionSource { callable, world_from_mesh, watch };
@@ -89,7 +96,7 @@ impl Job {
         figures.set_item("channels", baked.summary.channels)?;
         figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
         figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
-        figures.set_item("notes", baked.notes)?;
+        figures.set_item("notes", [mesh.notes(), &baked.notes[..]].concat())?;
         Ok(figures)
     }
 }

@@ -9,10 +9,12 @@ mod bake;
 mod mesh;
 mod watch;
 
-#[pyo3::pymodule]
+// Free-threaded interpreters need no lock for it: classes are frozen, what they share is behind locks of its own or never changes
+// (`Asset`'s page cache), and arrays are copied before work begins.
+#[pyo3::pymodule(gil_used = false)]
 mod _native {
     #[pymodule_export]
-    use crate::asset::{Asset, encode_png, paint};
+    use crate::asset::{Asset, encode_png, is_asset, paint};
     #[pymodule_export]
     use crate::bake::{Plan, bake, bake_part, merge, plan};
     #[pymodule_export]

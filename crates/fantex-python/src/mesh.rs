@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex::FileKind;
 use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use fantex::mesh::{CornerAttributes, ImageSource, Material, Model, TextureRef, WrapMode};
@@ -11,6 +12,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{array, rows, triangles};
+use crate::asset::Asset;
 use crate::watch::watched;
 
 /// A mesh, loaded and cleaned.
@@ -19,10 +21,14 @@ pub(crate) struct Mesh(pub(crate) Arc<fantex::Mesh>);
 
 #[pymethods]
 impl Mesh {
-    /// Reads a model file.
+    /// Reads a model file, or the mesh of an asset.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        watched(py, None, |_| fantex::Mesh::load(&path)).map(|mesh| Self(Arc::new(mesh)))
+        let load = || match FileKind::of(&path)? {
+            FileKind::Asset => Ok(fantex::Mesh::of_asset(&fantex::Asset::open(&path)?)),
+            FileKind::Model | FileKind::Look => fantex::Mesh::load(&path),
+        };
+        watched(py, None, |_| load()).map(|mesh| Self(Arc::new(mesh)))
     }
 
     /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image.
@@ -70,6 +76,12 @@ impl Mesh {
             model.materials = vec![Material { base_color_texture: Some(texture), ..Material::default() }];
         }
         watched(py, None, |_| fantex::Mesh::from_model(model, "the mesh")).map(|mesh| Self(Arc::new(mesh)))
+    }
+
+    /// The mesh of an open asset.
+    #[staticmethod]
+    fn of_asset(py: Python<'_>, asset: &Asset) -> Self {
+        Self(Arc::new(py.detach(|| fantex::Mesh::of_asset(asset.asset()))))
     }
 
     /// The same shape with about so many triangles.

@@ -21,9 +21,9 @@ pyo3::create_exception!(
     "What cannot be done: a damaged or unsupported file, a limit, a missing channel. `path` is the file, or None."
 );
 
-/// The exception that stands for an error. Its text is the command line's.
+/// The exception that stands for an error. Its text is the command line's, with an argument where that names a flag.
 pub(crate) fn exception(error: fantex::Error) -> PyErr {
-    let text = error.to_string();
+    let text = error.to_string().replace("use --force", "give overwrite=True").replace("--memory", "memory=");
     match error.kind() {
         ErrorKind::NotFound if error.path().is_some() => PyFileNotFoundError::new_err(text),
         ErrorKind::AlreadyExists => PyFileExistsError::new_err(text),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -77,7 +78,7 @@ def test_functions_in_python(tmp_path, sphere):
     with pytest.raises(ValueError, match="the source's result has the shape"):
         fantex.bake(sphere, tmp_path / "b.fan", texels=20_000, source=lambda p, n: np.zeros((7, 3)))
     assert not (tmp_path / "b.fan").exists()
-    with pytest.raises(FileExistsError):
+    with pytest.raises(FileExistsError, match="overwrite=True"):
         fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=pattern)
 
 
@@ -288,3 +289,62 @@ def test_obj_with_a_map_per_number(tmp_path):
     assert np.abs(color[:, 3] - expected("d")[:, 0]).max() < 0.02
     assert np.abs(orm[:, 1] - expected("r")[:, 0]).max() < 0.02
     assert np.abs(orm[:, 2] - expected("m")[:, 0]).max() < 0.02
+
+
+@pytest.mark.parametrize("kind", ["path", "asset", "pickled"])
+def test_an_asset_is_a_source(tmp_path, waves, kind):
+    """All its channels come along, onto a coarser mesh."""
+    given = {"path": waves.place, "asset": waves, "pickled": waves}[kind]
+    source = fantex.mesh(given)
+    if kind == "pickled":
+        source = pickle.loads(pickle.dumps(source))
+    coarse = grid_sphere(12, 24)
+    asset = fantex.bake(coarse, tmp_path / "coarse.fan", texels=60_000, source=source)
+    assert sorted(asset.channels) == ["base-color", "normal"]
+    points = np.random.default_rng(2).normal(size=(2000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    seen, truth = asset.sample(points)[:, :3], waves.sample(points)[:, :3]
+    assert np.abs(seen - truth).max() < 0.03
+    # The coarse mesh is shaded as the fine one.
+    normals = asset.sample(points, channel="normal")[:, :3]
+    assert (normals * points).sum(1).mean() > 0.999
+
+
+def test_the_mesh_of_an_asset(tmp_path, waves):
+    for mesh in (fantex.Mesh.load(waves.place), fantex.Mesh.of(waves), fantex.Mesh.of(waves.place)):
+        np.testing.assert_array_equal(mesh.faces, waves.faces)
+        np.testing.assert_array_equal(mesh.positions, waves.positions)
+        with pytest.raises(fantex.Error, match="vertex colours"):
+            fantex.bake(mesh, tmp_path / "no.fan", source=fantex.vertex_colors())
+    coarse = fantex.Mesh.of(waves).simplified(300)
+    assert 100 < len(coarse.faces) <= 300
+    # Something else on the same mesh, and the same at another density.
+    marble = fantex.bake(waves, tmp_path / "marble.fan", texels=20_000, source=fantex.solid("marble"))
+    np.testing.assert_array_equal(marble.positions[: len(waves.positions)], waves.positions)
+    small = fantex.bake(waves, tmp_path / "small.fan", texels=20_000, source=fantex.mesh(waves))
+    assert small.info["texels"] < waves.info["texels"] / 5
+    assert np.abs(small.sample([[0, 0, 1]])[:, :3] - waves.sample([[0, 0, 1]])[:, :3]).max() < 0.02
+    with pytest.raises(ValueError, match="source"):
+        fantex.bake(waves, tmp_path / "nothing.fan")
+    with pytest.raises(FileNotFoundError, match="nowhere.fan"):
+        fantex.mesh(tmp_path / "nowhere.fan")
+
+
+def test_a_bake_says_what_cleaning_did(tmp_path, sphere):
+    """Also where the mesh is no object of its own that could be asked."""
+    positions, faces = sphere
+    soup, own = positions[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+    asset = fantex.bake((soup, own), tmp_path / "soup.fan", texels=20_000, source=pattern)
+    assert any("welded" in note for note in asset.baked["notes"]), asset.baked
+
+
+def test_parts_of_a_bake_from_an_asset(tmp_path, waves):
+    coarse = grid_sphere(12, 24)
+    settings = {"texels": 30_000, "source": fantex.mesh(waves)}
+    plan = fantex.plan(coarse, tmp_path / "a.plan", **settings)
+    for number in (1, 2):
+        fantex.bake_part(plan, (number, 2), tmp_path / f"{number}.part", mesh=coarse)
+    parts = [tmp_path / "1.part", tmp_path / "2.part"]
+    fantex.merge(plan, parts, tmp_path / "merged.fan")
+    fantex.bake(coarse, tmp_path / "whole.fan", **settings)
+    assert (tmp_path / "merged.fan").read_bytes() == (tmp_path / "whole.fan").read_bytes()

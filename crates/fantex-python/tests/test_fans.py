@@ -216,8 +216,9 @@ def leaf_asset(tmp_path_factory, sphere):
     return fantex.bake(folder / "leaf.glb", folder / "leaf.fan", texels=20_000)
 
 
+@pytest.mark.parametrize("textures", ["png", "exr"])
 @pytest.mark.parametrize("name", ["bottle_asset", "leaf_asset"])
-def test_materialx_is_valid_and_generates_code(tmp_path, name, request):
+def test_materialx_is_valid_and_generates_code(tmp_path, name, textures, request):
     mx = pytest.importorskip("MaterialX", reason="no MaterialX")
     import MaterialX.PyMaterialXGenShader as generate  # isort: skip (the others need its types)
     import MaterialX.PyMaterialXGenGlsl as glsl
@@ -225,7 +226,7 @@ def test_materialx_is_valid_and_generates_code(tmp_path, name, request):
     import MaterialX.PyMaterialXGenMsl as msl
     import MaterialX.PyMaterialXGenOsl as osl
 
-    request.getfixturevalue(name).export_fans(tmp_path / "bottle.usda")
+    request.getfixturevalue(name).export_fans(tmp_path / "bottle.usda", textures=textures)
     library = mx.createDocument()
     path = mx.getDefaultDataSearchPath()
     mx.loadLibraries(mx.getDefaultDataLibraryFolders(), path, library)
@@ -248,3 +249,143 @@ def test_materialx_is_valid_and_generates_code(tmp_path, name, request):
             shader = generator.generate(material.getName(), material, context)
             code = shader.getSourceCode("pixel")
             assert all(f"color{i}" in code or f"color_opacity{i}" in code for i in range(3)) and len(code) > 2000
+
+
+# ---- More than one sheet: one material each, of which each reader has to find the pictures.
+
+
+def blended(picture, places, corners, delta):
+    """The texture function at points: ``places`` ``(n, 3, 2)`` with v downwards, ``corners`` ``(n, 2)``; linear numbers in and out."""
+    l = np.concatenate([corners, 1 - corners.sum(1, keepdims=True)], 1)
+    others = np.stack([np.delete(l, i, 1).max(1) for i in range(3)], 1)
+    weights = np.maximum(0, l - others + delta)
+    weights /= weights.sum(1, keepdims=True)
+    height, width, _ = picture.shape
+    x, y = places[..., 0] * width - 0.5, places[..., 1] * height - 0.5
+    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+    fx, fy = (x - left)[..., None], (y - top)[..., None]
+    texel = lambda dx, dy: picture[np.clip(top + dy, 0, height - 1), np.clip(left + dx, 0, width - 1)]
+    value = (texel(0, 0) * (1 - fx) + texel(1, 0) * fx) * (1 - fy) + (texel(0, 1) * (1 - fx) + texel(1, 1) * fx) * fy
+    return (value * weights[..., None]).sum(1)
+
+
+def decibels(a, b):
+    return -10 * np.log10(np.mean((np.asarray(a, np.float64) - b) ** 2))
+
+
+def agrees(asset, faces, positions, places, corners, delta, picture_of_face, seed=3):
+    """PSNR of a reader's texture function and the asset's, in linear light, at one point of each face."""
+    barycentric = np.random.default_rng(seed).dirichlet((1, 1, 1), len(faces))
+    at = lambda values: (values[faces] * barycentric[:, :, None]).sum(1)
+    points, corners = at(positions), at(corners)
+    places = np.stack([at(place) for place in places], 1)
+    value = np.zeros((len(faces), 3))
+    for picture, of_picture in picture_of_face:
+        value[of_picture] = blended(picture, places[of_picture], corners[of_picture], delta)[:, :3]
+    face, found, _ = asset.nearest(points)
+    return decibels(value, asset.sample(face=face, barycentric=found)[:, :3])
+
+
+@pytest.fixture(scope="module", params=["bottle_asset", "scan_asset"])
+def large_asset(request):
+    """An asset that needs several sheets of 512 texels."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
+def scan_asset(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("scan") / "bunny.fan"
+    source = lambda points, normals: pattern(points / 0.1)
+    return fantex.bake(data / "meshes/bunny/stanford_bunny.ply", path, texels=200_000, source=source)
+
+
+def test_sheets_of_a_glb_are_found_by_material(tmp_path, large_asset):
+    image = pytest.importorskip("PIL.Image", reason="no Pillow")
+    import io
+
+    large_asset.export_fans(tmp_path / "a.glb", largest_side=512)
+    document, binary = read_glb(tmp_path / "a.glb")
+    views, accessors = document["bufferViews"], document["accessors"]
+    assert len(document["materials"]) > 1
+
+    def read(index, dtype, columns):
+        accessor = accessors[index]
+        start = views[accessor["bufferView"]]["byteOffset"] + accessor.get("byteOffset", 0)
+        return np.frombuffer(binary, dtype, accessor["count"] * columns, start).reshape(-1, columns)
+
+    worst = []
+    for primitive in document["meshes"][0]["primitives"]:
+        material = document["materials"][primitive["material"]]
+        texture = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+        view = views[document["images"][texture["source"]]["bufferView"]]
+        data = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        picture = linear(np.asarray(image.open(io.BytesIO(data)).convert("RGB")) / 255)
+        assert max(picture.shape) <= 512
+        attributes = primitive["attributes"]
+        places = [read(attributes[f"TEXCOORD_{i}"], np.float32, 2) for i in range(3)]
+        faces = read(primitive["indices"], np.uint32, 1).reshape(-1, 3)
+        positions = read(attributes["POSITION"], np.float32, 3) + np.array(document["nodes"][0].get("translation", (0, 0, 0)))
+        corners = read(attributes["TEXCOORD_3"], np.float32, 2)
+        everywhere = [(picture, np.ones(len(faces), bool))]
+        delta = material["extras"]["fantexDelta"]
+        worst.append(agrees(large_asset, faces, positions, places, corners, delta, everywhere))
+    assert min(worst) > 50, worst
+
+
+@pytest.mark.parametrize("textures", ["png", "exr"])
+def test_sheets_of_a_usd_are_found_by_material(tmp_path, large_asset, textures):
+    """Read by Pixar's library, pictures by OpenImageIO, which reads OpenEXR with its own."""
+    usd = pytest.importorskip("pxr.Usd", reason="no usd-core")
+    oiio = pytest.importorskip("OpenImageIO", reason="no OpenImageIO")
+    from pxr import UsdGeom, UsdShade
+
+    files = large_asset.export_fans(tmp_path / "a.usda", largest_side=512, textures=textures)
+    assert all(file.rsplit(".", 1)[1] in (textures, "usda", "mtlx") for file in files)
+    stage = usd.Stage.Open(str(tmp_path / "a.usda"))
+    (mesh,) = (UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh))
+    faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+    world = UsdGeom.XformCache().GetLocalToWorldTransform(mesh.GetPrim()).ExtractTranslation()
+    positions = np.asarray(mesh.GetPointsAttr().Get()) + np.array(world)
+    api = UsdGeom.PrimvarsAPI(mesh)
+    *places, corners = (np.asarray(api.GetPrimvar(name).Get()) for name in ("st", "st1", "st2", "st3"))
+    places = [place * (1, -1) + (0, 1) for place in places]
+    pictures = []
+    subsets = UsdGeom.Subset.GetAllGeomSubsets(mesh)
+    assert len(subsets) > 1
+    for subset in subsets:
+        material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
+        source = material.ComputeSurfaceSource("mtlx")[0].GetInput("base_color")
+        # Down the graph to the pictures.
+        while not source.GetPrim().GetAttribute("inputs:file"):
+            shader = UsdShade.Shader(source.GetConnectedSources()[0][0].source.GetPrim())
+            inputs = {name.GetBaseName(): name for name in shader.GetInputs()}
+            source = inputs.get("in1", inputs.get("in", inputs.get("file")))
+        file = source.GetPrim().GetAttribute("inputs:file")
+        picture = np.asarray(oiio.ImageBuf(file.Get().resolvedPath).get_pixels(oiio.FLOAT))[..., :3]
+        assert file.GetColorSpace() == {"png": "srgb_texture", "exr": "lin_rec709"}[textures]
+        of_picture = np.zeros(len(faces), bool)
+        of_picture[np.asarray(subset.GetIndicesAttr().Get())] = True
+        pictures.append((linear(picture) if textures == "png" else picture, of_picture))
+    assert (sum(of_picture for _, of_picture in pictures) == 1).all()
+    delta = large_asset.fan_attributes().delta
+    quality = agrees(large_asset, faces, positions, places, corners, delta, pictures)
+    assert quality > 50, quality
+
+
+def test_each_sheet_has_a_valid_graph(tmp_path, bottle_asset):
+    mx = pytest.importorskip("MaterialX", reason="no MaterialX")
+    bottle_asset.export_fans(tmp_path / "a.usda", largest_side=512, textures="exr")
+    library = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+    document = mx.createDocument()
+    mx.readFromXmlFile(document, str(tmp_path / "a.mtlx"))
+    document.setDataLibrary(library)
+    is_valid, why = document.validate()
+    assert is_valid, why
+    # The library's own are in the data library, whose graphs come along.
+    graphs = [graph for graph in document.getNodeGraphs() if graph.getName().startswith("fans_")]
+    assert len(graphs) == len(document.getMaterialNodes()) > 1
+    read = {
+        node.getInput("file").getValueString() for graph in graphs for node in graph.getNodes("image")
+    }
+    assert read == {file.name for file in tmp_path.glob("*.exr")}

@@ -44,6 +44,7 @@ enum Kind<'a> {
         cage: Option<f64>,
     },
     Loaded(&'a Mesh, Option<f64>),
+    Asset(&'a Asset, Option<f64>),
     #[cfg(feature = "photos")]
     Photos(PhotoSet),
     Function(Box<dyn Fn(&TexelPoint) -> Vec4 + Sync + 'a>),
@@ -98,6 +99,11 @@ impl<'a> Source<'a> {
     /// As [`mesh`](Self::mesh), of a model in memory; `cage` as in [`mesh_within`](Self::mesh_within).
     pub fn loaded_mesh(mesh: &'a Mesh, cage: Option<f64>) -> Self {
         Self(Kind::Loaded(mesh, cage))
+    }
+
+    /// As [`mesh`](Self::mesh), of an asset that is open; `cage` as in [`mesh_within`](Self::mesh_within).
+    pub fn asset(asset: &'a Asset, cage: Option<f64>) -> Self {
+        Self(Kind::Asset(asset, cage))
     }
 
     /// Photographs with cameras.
@@ -159,7 +165,7 @@ impl Kind<'_> {
                 Box::new(SolidSource::new(mesh, solid))
             }
             Self::Function(color) => Box::new(FunctionSource(color.as_ref())),
-            Self::Custom(_) | Self::Look(_) | Self::Mesh { .. } | Self::Loaded(..) => {
+            Self::Custom(_) | Self::Look(_) | Self::Mesh { .. } | Self::Loaded(..) | Self::Asset(..) => {
                 return Err(only_baked());
             }
             #[cfg(feature = "photos")]
@@ -182,6 +188,7 @@ impl fmt::Debug for Source<'_> {
             Kind::Look(path) => write!(f, "look {}", path.display()),
             Kind::Mesh { path, .. } => write!(f, "mesh {}", path.display()),
             Kind::Loaded(mesh, _) => write!(f, "mesh {}", mesh.path().display()),
+            Kind::Asset(asset, _) => write!(f, "mesh {}", asset.path().display()),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => write!(f, "photographs {}", photos.path.display()),
             Kind::Function(_) => f.write_str("function"),
@@ -395,10 +402,11 @@ impl<'a> Baker<'a> {
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
             }
             Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
-                self.transfer_asset(detailed, *cage, goal)
+                self.transfer_asset(&Asset::open(detailed)?, *cage, goal)
             }
             Kind::Mesh { path: detailed, cage } => self.transfer_model(&Mesh::load(detailed)?, *cage, goal),
             Kind::Loaded(detailed, cage) => self.transfer_model(detailed, *cage, goal),
+            Kind::Asset(detailed, cage) => self.transfer_asset(detailed, *cage, goal),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => {
                 let mesh = self.refined(model, self.longest_edge.unwrap_or_default(), None);
@@ -547,11 +555,10 @@ impl<'a> Baker<'a> {
     }
 
     /// Bakes what another asset holds, and its shape.
-    fn transfer_asset(&self, path: &Path, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
-        let asset = Asset::open(path)?;
+    fn transfer_asset(&self, asset: &Asset, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
         let cache_bytes = usize::try_from(self.options.memory_bytes / 4).unwrap_or(usize::MAX);
         let source = AssetSource::new(&PageCache::new(Arc::clone(asset.shared()), cache_bytes));
-        self.transfer(asset.mesh(), Some(&source), path, cage, goal)
+        self.transfer(asset.mesh(), Some(&source), asset.path(), cage, goal)
     }
 
     /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit.

@@ -10,6 +10,8 @@ use fantex_mesh::{
 };
 use glam::{Vec3, Vec4};
 
+use crate::Asset;
+
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
 ///
 /// It dereferences to [`fantex_mesh::Mesh`], which holds the geometry.
@@ -65,6 +67,26 @@ impl Mesh {
     pub fn from_triangles(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
         let positions = positions.iter().map(|&p| p.into()).collect();
         Self::from_model(Model { positions, triangles: triangles.to_vec(), ..Model::default() }, "mesh")
+    }
+
+    /// The mesh of an asset: its triangles and the names of its materials and parts, without what is baked. To bake something else
+    /// onto it, or to make it coarser.
+    pub fn of_asset(asset: &Asset) -> Self {
+        let mut mesh = asset.mesh().clone();
+        for material in &mut mesh.materials {
+            // Factors are in the texels.
+            (material.base_color, material.emission) = (Vec4::ONE, Vec3::ZERO);
+        }
+        mesh.corners.colors.clear();
+        Self {
+            mesh,
+            path: asset.path().into(),
+            report: CleanReport::default(),
+            origins: CornerOrigins::default(),
+            notes: Vec::new(),
+            load_time: Duration::ZERO,
+            clean_time: Duration::ZERO,
+        }
     }
 
     /// The same shape with about so many triangles, without texture coordinates, colours and normals: to bake this one

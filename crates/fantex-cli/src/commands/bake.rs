@@ -7,13 +7,13 @@ use clap::Args;
 use fantex::bake::{BakeSummary, LightMapNoise};
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
-use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality, Result};
+use fantex::{BakeFormat, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Context, peak_memory_bytes};
-use crate::scene::{open_model, show_notes};
+use crate::scene::{open_shape, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
@@ -50,7 +50,7 @@ pub(crate) struct BakeArgs {
 /// A model, what is baked onto it, and how.
 #[derive(Args, Debug)]
 pub(crate) struct JobArgs {
-    /// A model (.glb .gltf .obj .ply .stl)
+    /// A model (.glb .gltf .obj .ply .stl), or with --source or --look an asset (.fan), whose mesh is taken
     model: PathBuf,
     /// The file to write
     #[arg(short, long, value_name = "ASSET")]
@@ -205,7 +205,14 @@ pub(crate) fn bake(
     context: &Context,
 ) -> Result<BakeInfo> {
     let started = Instant::now();
-    let mesh = open_model(&args.model)?;
+    if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
+        let model = args.model.display();
+        return Err(Error::unsupported(format!(
+            "{model} is an asset, already baked; give the model that it was baked from, or say what to bake onto its mesh, such as \
+             --source solid=marble, or --source mesh={model} for what it holds at another density"
+        )));
+    }
+    let mesh = open_shape(&args.model)?;
     context.check_output_of(output, &args.model)?;
     show_notes(&mesh, context);
     let source = match (&args.look, &args.source) {

@@ -6,10 +6,10 @@ mod web;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::{ArgAction, Args, ValueEnum};
+use clap::{Args, ValueEnum};
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
-    UvChoice, export_channels, export_fans, export_model,
+    SheetPictures, UvChoice, export_channels, export_fans, export_model,
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
@@ -27,6 +27,7 @@ Example:
   fantex export bottle.fan -o bottle.glb
   fantex export bottle.fan -o bottle.gltf --size 4096 --textures png+ktx2
   fantex export bottle.fan -o bottle-fans.usda --fans
+  fantex export bottle.fan -o bottle-fans.usda --fans --textures exr
   fantex export bottle.fan -o bottle-fans.gltf --fans --shader godot
   fantex export bottle.fan -o bottle.glb --uv source
   fantex export bottle.fan -o normal.png --channel normal --depth 16
@@ -60,12 +61,12 @@ pub(crate) struct ExportArgs {
     /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16; with --fans 4]
     #[arg(long, value_name = "N")]
     padding: Option<u32>,
-    /// The pictures of a model; KTX2 files (BC7, BC5, all levels, zstd) come beside it
-    #[arg(long, value_parser = one_of(&TEXTURES), action = ArgAction::Set, default_value = "png", conflicts_with_all = ["channel", "turntable"])]
-    textures: bool,
+    /// The pictures of a model; KTX2 (BC7, BC5, all levels, zstd) and OpenEXR files (linear half floats) come beside it
+    #[arg(long, value_parser = one_of(&TEXTURES), default_value = "png", conflicts_with_all = ["channel", "turntable"])]
+    textures: SheetPictures,
     /// Write the fans themselves: sheets of tiles and three coordinates per corner, for shaders that blend them; .glb, .gltf,
     /// or .usda with a MaterialX file and pictures beside it
-    #[arg(long, conflicts_with_all = ["channel", "turntable", "uv", "model", "size", "textures"])]
+    #[arg(long, conflicts_with_all = ["channel", "turntable", "uv", "model", "size"])]
     fans: bool,
     /// Write a shader that blends fans beside the model, too; several with commas
     #[arg(long, value_name = "LANGUAGE", value_parser = one_of(&SHADERS), value_delimiter = ',', requires = "fans")]
@@ -136,10 +137,11 @@ const SHADERS: Choices<ShaderLanguage, 4> = [
     ("godot", "A spatial shader for Godot 4", ShaderLanguage::Godot),
 ];
 
-/// Whether KTX2 files come beside the PNG files.
-const TEXTURES: Choices<bool, 2> = [
-    ("png", "PNG, which every program reads", false),
-    ("png+ktx2", "PNG, and the same pictures as KTX2 files for engines", true),
+const TEXTURES: Choices<SheetPictures, 4> = [
+    ("png", "PNG, which every program reads", SheetPictures::Png),
+    ("png+ktx2", "PNG, and the same pictures as KTX2 files for engines", SheetPictures::PngAndKtx2),
+    ("png+exr", "PNG, and the sheets of --fans as OpenEXR files", SheetPictures::PngAndExr),
+    ("exr", "The sheets of --fans as OpenEXR files, which a .usda refers to", SheetPictures::Exr),
 ];
 
 /// A side, or width and height.
@@ -205,6 +207,11 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             args.output.display()
         )));
     }
+    if !args.fans && matches!(args.textures, SheetPictures::PngAndExr | SheetPictures::Exr) {
+        return Err(Error::invalid(
+            "--textures has exr for the sheets of --fans alone; write channels of an atlas with --channel and an .exr file",
+        ));
+    }
     let side = match args.size {
         Some(PictureSize::WidthHeight([width, height])) => {
             return Err(Error::invalid(format!(
@@ -227,7 +234,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         side,
         largest_side: args.max_size,
         padding: args.padding,
-        with_ktx2: args.textures,
+        with_ktx2: args.textures == SheetPictures::PngAndKtx2,
         force: context.force,
         memory_bytes: context.memory_bytes,
     };
@@ -241,7 +248,12 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                     largest_side: args.max_size,
                     memory_bytes: context.memory_bytes,
                 };
-                let fans = FanFileOptions { sheets, shaders: args.shader.clone(), force: context.force };
+                let fans = FanFileOptions {
+                    sheets,
+                    pictures: args.textures,
+                    shaders: args.shader.clone(),
+                    force: context.force,
+                };
                 export_fans(&asset, &args.output, &fans, &progress)
             }
             [] => export_model(&asset, &args.output, &options, &progress),

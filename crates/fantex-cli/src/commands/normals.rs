@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, saved};
 use crate::context::Context;
-use crate::scene::{open_model, show_notes, size};
+use crate::scene::{open_shape, show_notes, size};
 use crate::text::{Choices, one_of, positive};
 
 /// Bake the normals of a detailed model into a normal map over the texture coordinates of a coarse one.
@@ -25,9 +25,9 @@ Every point of the coarse model looks for the detailed one along its smooth norm
 measured where it is not given. Tangent space is glTF's: green points to the top of the image. Without texture coordinates there is
 'fantex bake coarse.ply -o coarse.fan --source mesh=scan.ply', which needs none.")]
 pub(crate) struct NormalsArgs {
-    /// The coarse model, with texture coordinates
+    /// The coarse model, or an asset, with texture coordinates
     coarse: PathBuf,
-    /// The detailed model, in the same place
+    /// The detailed model, or an asset, in the same place
     detailed: PathBuf,
     /// The picture to write
     #[arg(short, long, value_name = "FILE")]
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output_of(&args.output, &args.coarse)?;
     context.check_output_of(&args.output, &args.detailed)?;
-    let [coarse, detailed] = [open_model(&args.coarse)?, open_model(&args.detailed)?];
+    let [coarse, detailed] = [open_shape(&args.coarse)?, open_shape(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {
         size: args.size,

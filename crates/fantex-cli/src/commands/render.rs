@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, is_look, open_model, portrait, show_notes, size, vector,
+    FILTERS, Scene, SurroundingsArgs, is_look, open_shape, portrait, show_notes, size, vector,
 };
 use crate::text::{bytes, counted, one_of};
 
@@ -318,7 +318,7 @@ pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) -> Result
 }
 
 fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
-    let model = open_model(path)?;
+    let model = open_shape(path)?;
     show_notes(&model, context);
     Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
 }

@@ -10,7 +10,7 @@ use fantex::mesh::{WriteGeometry, write_model};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::{open_model, show_notes};
+use crate::scene::{open_shape, show_notes};
 use crate::text::{Count, counted};
 
 /// Write a model with the same shape and fewer triangles, to bake the fine one onto.
@@ -19,11 +19,13 @@ use crate::text::{Count, counted};
 Example:
   fantex simplify scan.ply -o coarse.ply --triangles 20k
   fantex bake coarse.ply -o coarse.fan --source mesh=scan.ply --texels 16M
+  fantex simplify scan.fan -o coarse.ply --triangles 20k
+  fantex bake coarse.ply -o coarse.fan --source mesh=scan.fan --texels 16M
 
 Edges collapse in the order of the error that this leaves. Where that is not enough, as with many loose pieces, vertices are united in
 the cells of a grid. Positions and triangles are written, no texture coordinates and no materials: 'fantex bake' needs none.")]
 pub(crate) struct SimplifyArgs {
-    /// A model (.glb .gltf .obj .ply .stl)
+    /// A model (.glb .gltf .obj .ply .stl), or an asset (.fan), of which the mesh is taken
     model: PathBuf,
     /// The file to write (.ply .obj .glb)
     #[arg(short, long, value_name = "FILE")]
@@ -46,7 +48,7 @@ struct SimplifyInfo {
 pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output_of(&args.output, &args.model)?;
-    let fine = open_model(&args.model)?;
+    let fine = open_shape(&args.model)?;
     show_notes(&fine, context);
     let coarse = fine.simplified(usize::try_from(args.triangles.0).unwrap_or(usize::MAX))?;
     let positions: Vec<DVec3> = coarse.positions.iter().map(|&p| coarse.world_from_mesh.point(p)).collect();

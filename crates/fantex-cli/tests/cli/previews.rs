@@ -1,5 +1,7 @@
 //! `fantex preview`, and assets as sources for other meshes.
 
+use std::path::Path;
+
 use crate::{COLORED_PLY, fails, json, succeeds, write};
 
 #[test]
@@ -86,4 +88,33 @@ fn a_scan_is_baked_onto_fewer_triangles() {
     assert!(baked > plain + 1.0, "{baked} dB with normals, {plain} without");
     fails(1, &["exists already"], &[&"simplify", &fine, &"-o", &place("coarse.glb"), &"--triangles", &"3k"]);
     fails(1, &["stl"], &[&"simplify", &fine, &"-o", &place("coarse.stl"), &"--triangles", &"3k"]);
+}
+
+#[test]
+fn the_mesh_of_an_asset_is_a_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let fine = place("land.ply");
+    succeeds(&[&"generate", &"landscape", &"-o", &fine, &"--triangles", &"20k"]);
+    let scan = place("scan.fan");
+    let bake = |model: &Path, out: &str, source: &str, texels: &str| {
+        json(&[&"bake", &model, &"-o", &place(out), &"--source", &source, &"--texels", &texels])
+    };
+    bake(&fine, "scan.fan", "solid=marble", "400k");
+    // Coarser, as the model would be.
+    let info = json(&[&"simplify", &scan, &"-o", &place("coarse.ply"), &"--triangles", &"2k"]);
+    assert!((1500..=2000).contains(&info["triangles"].as_u64().unwrap()), "{info}");
+    // Something else on its mesh, and what it holds at another density.
+    bake(&scan, "wood.fan", "solid=wood", "50k");
+    bake(&scan, "small.fan", &format!("mesh={}", scan.display()), "100k");
+    let triangles = |file: &Path| json(&[&"info", &file])["triangles"].as_u64();
+    assert_eq!(triangles(&place("small.fan")), triangles(&scan));
+    let psnr = |file: &str| {
+        let info = json(&[&"compare", &scan, &place(file), &"--views", &"2", &"--size", &"160x120"]);
+        info["psnr_db"]["min"].as_f64().unwrap()
+    };
+    let [same, other] = ["small.fan", "wood.fan"].map(psnr);
+    assert!(same > 35.0 && other < 30.0, "{same} and {other} dB");
+    fails(1, &["already baked", "--source mesh="], &[&"bake", &scan, &"-o", &place("no.fan")]);
+    fails(1, &["scan.fan"], &[&"bake", &scan, &"-o", &scan, &"--source", &"solid=wood", &"--force"]);
 }

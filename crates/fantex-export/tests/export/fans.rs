@@ -3,15 +3,18 @@
 use fantex_bake::NoProgress;
 use fantex_base::Random;
 use fantex_export::{
-    ChannelMap, FanFileOptions, FanSheetOptions, FanSheets, ShaderLanguage, export_fans, fan_sheets,
+    ChannelMap, Depth, FanFileOptions, FanSheetOptions, FanSheets, ShaderLanguage, SheetPictures,
+    export_fans, fan_sheets,
 };
 use fantex_mesh::{AlphaMode, Material, Parts, SurfacePoint, generate};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
-use fantex_texture::FilterOptions;
+use fantex_texture::color::linear_from_srgb;
+use fantex_texture::compare::psnr_db;
+use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
 use glam::{Vec2, Vec3};
 
 use crate::models::{check_glb, gltf_parts};
-use crate::support::{Waves, baked, baked_bottle, cleaned};
+use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, files};
 
 /// What a shader computes: bilinear look-ups in a picture of 8 bits, blended.
 fn shaded(fans: &FanSheets, map: usize, point: SurfacePoint) -> Vec3 {
@@ -155,4 +158,110 @@ fn files_keep_parts_and_materials() {
     let tight = FanFileOptions { sheets, ..options };
     let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, &NoProgress).unwrap_err();
     assert!(refused.to_string().contains("give more --memory"), "{refused}");
+}
+
+/// All maps of sheets, with light that is brighter than 1.
+fn bright() -> Baked {
+    use ChannelKind::{BaseColor, Emission, Light, Normal, OcclusionRoughnessMetallic};
+    let kinds = vec![BaseColor, OcclusionRoughnessMetallic, Normal, Emission, Light];
+    let waves = Waves { kinds, brightness: 6.0, has_alpha: true, ..Waves::color(3.0) };
+    let mut mesh = cleaned(generate::torus(16, 10));
+    mesh.materials = vec![Material { alpha: AlphaMode::Blend, ..Material::default() }];
+    baked(&mesh, &waves, 20_000, fantex_bake::BakeFormat::Float)
+}
+
+/// The linear, unscaled numbers of a sheet's picture, as fixed-point samples hold them.
+fn linear_numbers(fans: &FanSheets, sheet: usize, map: usize) -> Vec<f32> {
+    let (about, bytes) = (&fans.maps[map], &fans.sheets[sheet].pictures[map]);
+    let number = |i: usize| match about.depth {
+        Depth::Sixteen => f32::from(u16::from_be_bytes([bytes[2 * i], bytes[2 * i + 1]])) / 65535.0,
+        Depth::Eight if about.is_srgb && i % about.components < 3 => {
+            linear_from_srgb(f32::from(bytes[i]) / 255.0) * about.scale
+        }
+        Depth::Eight => f32::from(bytes[i]) / 255.0,
+    };
+    (0..bytes.len() / if about.depth == Depth::Eight { 1 } else { 2 }).map(number).collect()
+}
+
+#[test]
+fn sheets_in_openexr_hold_the_same_light() {
+    let baked = bright();
+    // Several sheets.
+    let sheets = FanSheetOptions { largest_side: 160, ..FanSheetOptions::default() };
+    let fans = fan_sheets(&baked.asset, &sheets, &NoProgress).unwrap();
+    assert!(fans.sheets.len() > 1 && fans.maps.len() == 5, "{} sheets", fans.sheets.len());
+    let options = FanFileOptions { sheets, pictures: SheetPictures::Exr, ..FanFileOptions::default() };
+    export_fans(&baked.asset, &baked.path("fans.usda"), &options, &NoProgress).unwrap();
+    assert!(files(baked.folder.path()).iter().all(|name| !name.ends_with(".png")));
+    for (index, sheet) in fans.sheets.iter().enumerate() {
+        for (map, about) in fans.maps.iter().enumerate() {
+            let name = format!("fans-fans-{}-{}.exr", about.map.name(), index + 1);
+            let image = Image::load_as(baked.path(&name), ColorSpace::Linear).unwrap();
+            assert_eq!([image.width, image.height], sheet.size);
+            assert_eq!(usize::from(image.channels), about.components, "{name}");
+            let Samples::F32(numbers) = &image.samples else { panic!("{name} holds no floats") };
+            let tolerance = match about.map {
+                // Those of 8 bits hold no more than 1.
+                ChannelMap::Light | ChannelMap::BaseColor | ChannelMap::OcclusionRoughnessMetallic => 5e-3,
+                ChannelMap::Emission => 6.0 * 5e-3,
+                _ => 3e-4,
+            };
+            for (exact, rounded) in numbers.iter().zip(linear_numbers(&fans, index, map)) {
+                assert!((exact - rounded).abs() < tolerance, "{name}: {exact} {rounded}");
+            }
+        }
+    }
+    let texts = ["fans.usda", "fans.mtlx"].map(|name| std::fs::read_to_string(baked.path(name)).unwrap());
+    for text in texts {
+        assert!(text.contains("fans-fans-emission-2.exr") && !text.contains(".png"));
+        assert!(text.contains("\"lin_rec709\"") && !text.contains("srgb_texture"));
+    }
+    // glTF knows no OpenEXR: beside it, or not at all.
+    let refused = export_fans(&baked.asset, &baked.path("no.glb"), &options, &NoProgress).unwrap_err();
+    assert!(refused.to_string().contains("png+exr"), "{refused}");
+    let options = FanFileOptions { pictures: SheetPictures::PngAndExr, ..options };
+    let summary = export_fans(&baked.asset, &baked.path("both.glb"), &options, &NoProgress).unwrap();
+    assert_eq!(summary.files.len(), 1 + fans.maps.len() * fans.sheets.len());
+}
+
+#[test]
+fn sheets_in_ktx2_have_all_levels() {
+    let baked = bright();
+    for gutter in [4, 16] {
+        let sheets = FanSheetOptions { gutter, ..FanSheetOptions::default() };
+        let fans = fan_sheets(&baked.asset, &sheets, &NoProgress).unwrap();
+        let size = fans.sheets[0].size;
+        // So that texels as wide as the gutter end with the sheet; and no square.
+        assert!(size.iter().all(|length| length % gutter == 0) && size[0] != size[1], "{size:?}");
+        let options = FanFileOptions { sheets, pictures: SheetPictures::PngAndKtx2, ..Default::default() };
+        let name = format!("gutter{gutter}");
+        export_fans(&baked.asset, &baked.path(&format!("{name}.glb")), &options, &NoProgress).unwrap();
+        for (map, about) in fans.maps.iter().enumerate() {
+            let path = baked.path(&format!("{name}-fans-{}.ktx2", about.map.name()));
+            let bytes = std::fs::read(&path).unwrap();
+            let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+            let format = match (about.map, about.is_srgb) {
+                (ChannelMap::Light | ChannelMap::Normal, _) => 97,
+                (_, true) => 146,
+                (_, false) => 145,
+            };
+            assert_eq!([word(12), word(20), word(24)], [format, size[0], size[1]], "{path:?}");
+            assert_eq!(word(40), size[0].max(size[1]).ilog2() + 1);
+            let space = if about.is_srgb { ColorSpace::Srgb } else { ColorSpace::Linear };
+            let packed = Image::load_as(&path, space).unwrap();
+            let expected = linear_numbers(&fans, 0, map);
+            let rgba = expected.chunks_exact(about.components).flat_map(|texel| {
+                let alpha = texel.get(3).copied().unwrap_or(1.0);
+                let color = Vec3::new(texel[0], texel[1], texel[2]) / about.scale;
+                // Means of normals, as texels have that nothing reads, are made unit vectors.
+                let unit = (color * 2.0 - 1.0).normalize_or(Vec3::Z) * 0.5 + 0.5;
+                let [r, g, b] = if about.map == ChannelMap::Normal { unit } else { color }.to_array();
+                [r, g, b, alpha]
+            });
+            let expected = Image::from_linear(size[0], size[1], 4, rgba.collect());
+            let db = psnr_db(&packed, &expected).unwrap();
+            println!("{:?}, gutter {gutter}: {db:.1} dB", about.map);
+            assert!(db > 38.0, "{:?}: {db} dB", about.map);
+        }
+    }
 }

@@ -283,6 +283,7 @@ class Asset:
         *,
         gutter: int = 4,
         largest_side: int = 8192,
+        textures: str = "png",
         shaders: Sequence[str] = (),
         overwrite: bool = False,
         memory: float = 1 << 30,
@@ -292,13 +293,16 @@ class Asset:
         and sheets beside it.
 
         Args:
+            largest_side: the most columns and rows of a sheet. Where one does not suffice there are several, one material each.
+            textures: ``"png"``; ``"png+ktx2"`` or ``"png+exr"``, which writes the sheets as KTX2 or OpenEXR beside the model, too; or
+                ``"exr"``, to which a ``.usda`` refers instead.
             shaders: languages in which the shader is written beside the model: ``"glsl"``, ``"wgsl"``, ``"hlsl"``, ``"godot"``.
 
         Returns:
             The paths of all files.
         """
         files = self._native.export_fans(
-            os.fspath(path), gutter, largest_side, list(shaders), overwrite, int(memory), progress
+            os.fspath(path), gutter, largest_side, textures, list(shaders), overwrite, int(memory), progress
         )
         return [os.fspath(file) for file in files]
 

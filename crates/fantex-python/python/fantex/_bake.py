@@ -64,11 +64,23 @@ def image(path: Path, mapping: str = "triplanar") -> Source:
 
 
 def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
-    """Another, more detailed mesh: its materials or colours, and its normals. ``cage``: how far its surface is looked for, world
-    units; measured where it is not given."""
-    source = Source("mesh", mesh=Mesh.of(other), cage=cage)
-    source._given = os.path.abspath(other) if isinstance(other, (str, os.PathLike)) else other
+    """Another, more detailed mesh: its materials or colours, and its normals. An :class:`Asset`, or the path or URL of one, gives all
+    its channels. ``cage``: how far its surface is looked for, world units; measured where it is not given."""
+    is_path = isinstance(other, (str, os.PathLike))
+    if is_path and _native.is_asset(os.fspath(other)):
+        other = Asset(other)
+    if isinstance(other, Asset):
+        source = Source("mesh", asset=other, cage=cage)
+    else:
+        source = Source("mesh", mesh=Mesh.of(other), cage=cage)
+    source._given = _absolute(other) if is_path or isinstance(other, Asset) else other
     return source
+
+
+def _absolute(place: Union[Path, Asset]) -> str:
+    """An absolute path, or an address as it is."""
+    place = place.place if isinstance(place, Asset) else os.fspath(place)
+    return place if "://" in place else os.path.abspath(place)
 
 
 def photos(
@@ -123,7 +135,8 @@ def bake(
     """Bakes a source onto a mesh, and opens the result.
 
     Args:
-        mesh: a path, ``(positions, faces)``, a :class:`Mesh`, or a mesh of trimesh or Open3D.
+        mesh: a path, ``(positions, faces)``, a :class:`Mesh`, a mesh of trimesh or Open3D; or an :class:`Asset` or its path, whose
+            mesh is taken, with a ``source``.
         path: the asset to write, ``.fan``. It appears at the end, whole, or not at all.
         texels: in all; 4 million where nothing else says how many.
         density: texels per world unit of length, instead.
@@ -185,8 +198,8 @@ def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> An
     if isinstance(source, Source):
         parts = dict(source._parts)
         options["cage"] = parts.pop("cage", None)
-        if "mesh" in parts:
-            parts["mesh"] = parts["mesh"]._native
+        for key in {"mesh", "asset"} & parts.keys():
+            parts[key] = parts[key]._native
         return source._name, parts
     if callable(source):
         function = source

@@ -112,7 +112,7 @@ class Mesh:
 
     @classmethod
     def load(cls, path: Union[str, os.PathLike]) -> "Mesh":
-        """Reads a model (``.glb .gltf .obj .ply .stl``)."""
+        """Reads a model (``.glb .gltf .obj .ply .stl``), or the mesh of an asset (``.fan``), without what is baked."""
         return cls._of(_native.Mesh.load(os.fspath(path)))
 
     @classmethod
@@ -124,11 +124,13 @@ class Mesh:
     @classmethod
     def of(cls, mesh: Any) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
-        ``faces``."""
+        ``faces``, or an :class:`Asset`."""
         if isinstance(mesh, Mesh):
             return mesh
         if isinstance(mesh, (str, os.PathLike)):
             return cls.load(mesh)
+        if isinstance(getattr(mesh, "_native", None), _native.Asset):
+            return cls._of(_native.Mesh.of_asset(mesh._native))
         if isinstance(mesh, tuple):
             if len(mesh) not in (2, 3):
                 raise TypeError("a mesh in a tuple is (positions, faces) or (positions, faces, colors)")

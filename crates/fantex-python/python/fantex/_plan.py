@@ -8,7 +8,7 @@ from typing import Any, Dict, Iterable, Optional, Tuple, Union
 
 from . import _native
 from ._asset import Asset
-from ._bake import Function, Path, Source, _options, _parts
+from ._bake import Function, Path, Source, _absolute, _options, _parts
 from ._mesh import Mesh, Progress
 
 # The key of the note in a plan. Plans of the command line note something else.
@@ -192,7 +192,7 @@ def merge(
 
 def _noted_mesh(mesh: Any) -> Optional[str]:
     """The model's path; None for what lies in memory."""
-    return os.path.abspath(mesh) if isinstance(mesh, (str, os.PathLike)) else None
+    return _absolute(mesh) if isinstance(mesh, (str, os.PathLike, Asset)) else None
 
 
 def _noted_source(source: Union[Source, Function, None]) -> Any:
@@ -205,9 +205,10 @@ def _noted_source(source: Union[Source, Function, None]) -> Any:
     for key in ("path", "images"):
         if key in parts:
             parts[key] = os.path.abspath(parts[key])
-    if "mesh" in parts:
+    if {"mesh", "asset"} & parts.keys():
         if not isinstance(source._given, str):
             return "memory"
+        parts.pop("asset", None)
         parts["mesh"] = source._given
     return {"name": source._name, "parts": parts}
 

@@ -65,6 +65,7 @@ def bake(
         KeyboardInterrupt: Ctrl-C; workers end their parts, and nothing is left.
     """
     workers = _workers(client)
+    model = model.place if isinstance(model, Asset) else model
     out = os.path.abspath(out)
     if os.path.lexists(out) and not overwrite:
         raise FileExistsError(f"{out} exists; overwrite=True replaces it")
