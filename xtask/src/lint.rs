@@ -25,10 +25,10 @@ pub(crate) fn run() -> Result<(), Failure> {
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
     // With examples, and so with the features that clippy has checked other crates with: these are checked once.
     eprintln!("> cargo doc --workspace --no-deps, warnings denied");
-    let targets = ["--lib", "--bins", "--examples"];
-    let mut doc = cargo_command(&[&["doc", "--workspace", "--no-deps", "--quiet"][..], &targets].concat());
+    let mut doc = cargo_command(&["doc", "--workspace", "--no-deps", "--quiet", "--lib", "--examples"]);
     shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
-    cargo(&["package", "--workspace", "--no-verify", "--quiet"])
+    // Trees are looked at before they are committed, too, and may have a built viewer.
+    cargo(&["package", "--workspace", "--no-verify", "--allow-dirty", "--quiet"])
 }
 
 /// No Rust file of the workspace may be too long; the figures tell whether files hold whole subjects.

@@ -205,6 +205,8 @@ pub(crate) fn bake(
     context: &Context,
 ) -> Result<BakeInfo> {
     let started = Instant::now();
+    // What is no asset, a plan or a damaged file, is named first.
+    let mesh = open_shape(&args.model)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
         let model = args.model.display();
         return Err(Error::unsupported(format!(
@@ -212,7 +214,6 @@ pub(crate) fn bake(
              --source solid=marble, or --source mesh={model} for what it holds at another density"
         )));
     }
-    let mesh = open_shape(&args.model)?;
     context.check_output_of(output, &args.model)?;
     show_notes(&mesh, context);
     let source = match (&args.look, &args.source) {

@@ -62,7 +62,7 @@ fn fans_are_written_for_other_programs() {
     };
     refused(2, "fans are written as .glb, .gltf or .usda", &command("fans.obj", "--padding=2"));
     refused(2, "a gutter cannot be 3 texels", &command("b.glb", "--padding=3"));
-    refused(1, "need a sheet of more than 64 columns", &command("b.glb", "--max-size=64"));
+    refused(1, "do not fit into a sheet of 64 columns", &command("b.glb", "--max-size=64"));
     refused(2, "cannot be used with", &command("b.glb", "--uv=source"));
 }
 
