@@ -145,7 +145,7 @@ class Mesh:
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
             return cls(mesh.vertices, mesh.faces, **_visual(mesh))
         raise TypeError(
-            f"{type(mesh).__name__} is no mesh: give a path, (positions, faces), or an object with vertices and faces"
+            f"{type(mesh).__name__} is no mesh: give a path, a fantex.Mesh, (positions, faces), or an object with vertices and faces"
         )
 
     def simplified(self, faces: int) -> "Mesh":
