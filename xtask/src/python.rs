@@ -56,19 +56,19 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
             skip(list, &format!("no {names} for Python"))?;
         }
     }
+    build_all(list)?;
     let source = root().join("crates/fantex-python");
     let mut tests = Command::new(&own);
     let package = folder.join("package");
     if slow {
         run_command(pip().args(["--force-reinstall", "--no-deps"]).arg(&source))?;
     } else {
-        assemble(&source, &package, list)?;
+        assemble(&source, &package)?;
         tests.env("PYTHONPATH", &package);
     }
     if let Some(data) = data_folder() {
         tests.env("FANTEX_DATA", data);
     }
-    build_all(list)?;
     tests.env(
         "FANTEX_PROGRAM",
         target_folder().join("debug").join(format!("fantex{}", std::env::consts::EXE_SUFFIX)),
@@ -81,7 +81,7 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
         skip(list, "no Python with bpy, numpy and pytest for Blender's extension (FANTEX_BPY)")?;
         return result;
     };
-    assemble(&source, &package, list)?;
+    assemble(&source, &package)?;
     let mut tests = Command::new(blender);
     tests.args(PYTEST).env("PYTHONPATH", &package).current_dir(root().join("blender"));
     result.and(run_command(&mut tests))
@@ -105,8 +105,7 @@ fn skip(list: &Path, reason: &str) -> Result<(), Failure> {
 }
 
 /// The folder that holds the package: its Python files and the library, as a wheel has them.
-fn assemble(source: &Path, folder: &Path, list: &Path) -> Result<(), Failure> {
-    build_all(list)?;
+fn assemble(source: &Path, folder: &Path) -> Result<(), Failure> {
     let (built, named) = match std::env::consts::OS {
         "windows" => ("_native.dll", "_native.pyd"),
         "macos" => ("lib_native.dylib", "_native.abi3.so"),

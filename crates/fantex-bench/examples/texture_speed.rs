@@ -19,15 +19,6 @@ use fantex_texture::{
 use glam::{Vec2, Vec3, Vec4};
 
 const SIDE: u32 = 2048;
-const FILTERS: [Filter; 7] = [
-    Filter::Nearest,
-    Filter::Bilinear,
-    Filter::Bicubic,
-    Filter::BicubicMipmaps,
-    Filter::Trilinear,
-    Filter::Anisotropic,
-    Filter::Ewa,
-];
 const BOUNDS: Aabb<Vec3> = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
 
 fn main() {
@@ -97,7 +88,7 @@ fn images() {
                 "  sample_area {width:4.1} x {width:3.1} texels {time:7.1} ns, prepared {prepared:7.1} ns"
             );
         }
-        for filter in FILTERS {
+        for filter in Filter::ALL {
             let edge = Vec2::from_angle(0.4) * 8.0 / SIDE as f32;
             let options = SampleOptions { filter, ..SampleOptions::default() };
             let time = nanoseconds(|uv| texture.sample(uv, [edge, edge.perp() * 0.25], &options));

@@ -186,8 +186,8 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
 /// Loads and cleans a model, or takes the mesh of an asset.
 pub(crate) fn open_shape(path: &Path) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
-        FileKind::Asset => Ok(fantex::Mesh::of_asset(&fantex::Asset::open(path)?)),
-        FileKind::Model | FileKind::Look => open_model(path),
+        FileKind::Look => Err(look_instead(path)),
+        FileKind::Asset | FileKind::Model => fantex::Mesh::open(path),
     }
 }
 

@@ -177,11 +177,13 @@ fn divide_fans(
 /// The patches' cost and lengths.
 fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32, Vec<u32>) {
     let mut picked = std::mem::take(&mut scratch.picked);
-    picked.clear();
-    if items.len() > SAMPLES {
+    let sampled = if items.len() > SAMPLES {
+        picked.clear();
         picked.extend(samples(items));
-    }
-    let sampled = if items.len() > SAMPLES { &picked } else { &*items };
+        picked.as_slice()
+    } else {
+        &*items
+    };
     let (whole, cut) = cut_of(sampled, items.len(), cutting, scratch);
     scratch.picked = picked;
     let Some(cut) = cut else { return (whole, vec![items.len() as u32]) };

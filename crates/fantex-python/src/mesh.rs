@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex::FileKind;
 use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use fantex::mesh::{CornerAttributes, ImageSource, Material, Model, TextureRef, WrapMode};
@@ -24,11 +23,7 @@ impl Mesh {
     /// Reads a model file, or the mesh of an asset.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let load = || match FileKind::of(&path)? {
-            FileKind::Asset => Ok(fantex::Mesh::of_asset(&fantex::Asset::open(&path)?)),
-            FileKind::Model | FileKind::Look => fantex::Mesh::load(&path),
-        };
-        watched(py, None, |_| load()).map(|mesh| Self(Arc::new(mesh)))
+        watched(py, None, |_| fantex::Mesh::open(&path)).map(|mesh| Self(Arc::new(mesh)))
     }
 
     /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image.

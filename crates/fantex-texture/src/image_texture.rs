@@ -80,6 +80,19 @@ pub enum Filter {
     Ewa,
 }
 
+impl Filter {
+    /// All filters.
+    pub const ALL: [Self; 7] = [
+        Self::Nearest,
+        Self::Bilinear,
+        Self::Bicubic,
+        Self::BicubicMipmaps,
+        Self::Trilinear,
+        Self::Anisotropic,
+        Self::Ewa,
+    ];
+}
+
 /// How textures are filtered: what of [`SampleOptions`] a renderer decides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterOptions {

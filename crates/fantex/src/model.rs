@@ -10,7 +10,7 @@ use fantex_mesh::{
 };
 use glam::{Vec3, Vec4};
 
-use crate::Asset;
+use crate::{Asset, FileKind};
 
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
 ///
@@ -67,6 +67,18 @@ impl Mesh {
     pub fn from_triangles(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
         let positions = positions.iter().map(|&p| p.into()).collect();
         Self::from_model(Model { positions, triangles: triangles.to_vec(), ..Model::default() }, "mesh")
+    }
+
+    /// A model as [`load`](Self::load) reads it, or the mesh of an asset at a path or an address, as [`of_asset`](Self::of_asset) takes it.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load) and [`Asset::open`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        match FileKind::of(path)? {
+            FileKind::Asset => Ok(Self::of_asset(&Asset::open(path)?)),
+            FileKind::Model | FileKind::Look => Self::load(path),
+        }
     }
 
     /// The mesh of an asset: its triangles and the names of its materials and parts, without what is baked. To bake something else

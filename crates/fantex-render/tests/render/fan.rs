@@ -18,16 +18,6 @@ use proptest::prelude::*;
 
 use crate::common::{MemoryTile, MemoryTiles, bake, fan_cover, fan_surface, frontal, sheet, square};
 
-const ALL_FILTERS: [Filter; 7] = [
-    Filter::Nearest,
-    Filter::Bilinear,
-    Filter::Bicubic,
-    Filter::BicubicMipmaps,
-    Filter::Trilinear,
-    Filter::Anisotropic,
-    Filter::Ewa,
-];
-
 fn options(shading: Shading) -> RenderOptions {
     let background = Background::Transparent;
     RenderOptions { width: 120, height: 80, samples: 1, shading, background, ..RenderOptions::default() }
@@ -95,7 +85,7 @@ fn every_filter_gives_back_a_smooth_colour() {
     let truth = rendering(&mesh, &truth, &oblique(), &options(Shading::BaseColor)).picture;
     // At the sheet's border texels lie half beside it.
     let truth = within(0.95, truth, &mesh, &oblique());
-    for f in ALL_FILTERS {
+    for f in Filter::ALL {
         let surface = fan_surface(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(f));
         let seen = rendering(&mesh, &surface, &oblique(), &options(Shading::BaseColor));
         let difference = largest_difference(&truth, &seen.picture);
@@ -244,7 +234,7 @@ fn a_tile_is_as_sharp_as_the_image_it_was_made_from() {
     let (mesh, cover, tiles) = twice_the_same(128, |x, y| hash(x / 2, y / 2));
     let cameras = [oblique(), frontal(0.7, 40.0), frontal(4.0, 40.0), frontal(20.0, 40.0)];
     for (c, camera) in cameras.iter().enumerate() {
-        for f in ALL_FILTERS {
+        for f in Filter::ALL {
             let by_uv = LookSurface::of_model(&mesh, filter(f)).unwrap();
             let channels = [channel(ChannelKind::OcclusionRoughnessMetallic)];
             let by_fan = fan_surface(&mesh, &cover, &channels, &tiles, filter(f));
@@ -284,7 +274,7 @@ fn an_asset_looks_like_the_tiles_that_were_written() {
     writer.finish(&means).unwrap();
 
     let cache = PageCache::new(Arc::new(Asset::open(&path).unwrap()), 1 << 20);
-    for f in ALL_FILTERS {
+    for f in Filter::ALL {
         let stored = FanSurface::of_asset(&cache, filter(f));
         let in_memory = fan_surface(&mesh, &cover, &channels, &tiles, filter(f));
         for camera in [oblique(), frontal(30.0, 20.0)] {

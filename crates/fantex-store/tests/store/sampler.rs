@@ -14,16 +14,6 @@ use glam::{Vec3, Vec4};
 
 use crate::common::{fan_cover, pages, sheet, tetrahedron};
 
-const FILTERS: [Filter; 7] = [
-    Filter::Nearest,
-    Filter::Bilinear,
-    Filter::Bicubic,
-    Filter::BicubicMipmaps,
-    Filter::Trilinear,
-    Filter::Anisotropic,
-    Filter::Ewa,
-];
-
 /// What is promised for values. Bytes in sRGB are rounded to 16 bits before they are interpolated.
 const TOLERANCE: f32 = 1e-5;
 
@@ -111,7 +101,7 @@ fn many_points_and_single_points_have_the_same_values() {
     let mut random = Random::new(5);
     for mesh in [sheet(3), tetrahedron()] {
         let cache = noise(folder.path(), &mesh, &mut random);
-        for filter in FILTERS {
+        for filter in Filter::ALL {
             let sampler = Sampler::of_cache(&cache, FilterOptions { filter, ..FilterOptions::default() });
             let points = random_points(&mesh, &mut random, 700);
             for Channel { kind, .. } in channels() {

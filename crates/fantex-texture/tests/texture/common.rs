@@ -3,18 +3,8 @@
 use std::sync::Arc;
 
 pub(crate) use fantex_test::data as data_folder;
-use fantex_texture::{Filter, Filtering, Image, ImageTexture, ShadingPoint};
+use fantex_texture::{Filtering, Image, ImageTexture, ShadingPoint};
 use glam::{Vec3, Vec4};
-
-pub(crate) const FILTERS: [Filter; 7] = [
-    Filter::Nearest,
-    Filter::Bilinear,
-    Filter::Bicubic,
-    Filter::BicubicMipmaps,
-    Filter::Trilinear,
-    Filter::Anisotropic,
-    Filter::Ewa,
-];
 
 /// Repeatable numbers, vectors and directions.
 pub(crate) struct Random(fantex_base::Random);

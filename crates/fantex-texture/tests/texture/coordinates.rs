@@ -179,7 +179,7 @@ fn every_kind_of_coordinates_gives_a_value() {
     };
     for coordinates in kinds {
         coordinates.check().unwrap();
-        for filter in crate::common::FILTERS {
+        for filter in Filter::ALL {
             let options = SampleOptions { filter, ..SampleOptions::default() };
             let lookup = ImageLookup {
                 coordinates: coordinates.clone(),
@@ -237,7 +237,7 @@ fn no_number_stops_a_look_up() {
         accepted += 1;
         let set = [UvPoint { uv, steps }];
         let at = ShadingPoint { uv: &set, ..shading_point(Vec3::ZERO, Vec3::Y) };
-        let filter = crate::common::FILTERS[accepted % 6];
+        let filter = Filter::ALL[accepted % Filter::ALL.len()];
         let wrap = [[Wrap::Repeat, Wrap::Mirror], [Wrap::Clamp, Wrap::Border]][accepted % 2];
         let options = SampleOptions { filter, wrap, ..SampleOptions::default() };
         let lookup = ImageLookup { matrix, options, ..ImageLookup::new(Arc::clone(&gradient)) };

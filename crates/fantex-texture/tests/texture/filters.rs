@@ -8,7 +8,7 @@ use fantex_texture::{
 };
 use glam::Vec2;
 
-use crate::common::{FILTERS, Random, assert_close, texture};
+use crate::common::{Random, assert_close, texture};
 
 const WRAPS: [Wrap; 4] = [Wrap::Clamp, Wrap::Border, Wrap::Repeat, Wrap::Mirror];
 
@@ -26,7 +26,7 @@ fn constants_stay_constant() {
             let uv = random_uv(&mut random, 3.0);
             let scale = 4.0_f32.powf(random.unit() * 6.0 - 5.0);
             let footprint = [random_uv(&mut random, scale), random_uv(&mut random, scale)];
-            for filter in FILTERS {
+            for filter in Filter::ALL {
                 for wrap in [Wrap::Clamp, Wrap::Repeat, Wrap::Mirror] {
                     let options = SampleOptions { wrap: [wrap; 2], filter, ..Default::default() };
                     assert_close(texture.sample(uv, footprint, &options), color, 2e-6, "constant");
@@ -97,7 +97,7 @@ fn every_filter_but_ewa_interpolates_texel_centers() {
     for y in 0..5 {
         for x in 0..6 {
             let uv = Vec2::new((x as f32 + 0.5) / 6.0, (y as f32 + 0.5) / 5.0);
-            for filter in &FILTERS[..6] {
+            for filter in &Filter::ALL[..6] {
                 for wrap in WRAPS {
                     let options = SampleOptions { wrap: [wrap; 2], filter: *filter, ..Default::default() };
                     let got = texture.sample(uv, [Vec2::ZERO; 2], &options);
@@ -224,7 +224,7 @@ fn transparent_texels_do_not_bleed() {
     }
     // Where all is transparent, the colour is still there.
     let clear = texture(4, 4, 4, |_, _| [0.2, 0.4, 0.6, 0.0]);
-    for filter in FILTERS {
+    for filter in Filter::ALL {
         let options = SampleOptions { filter, ..Default::default() };
         let got = clear.sample(uv, [Vec2::new(0.5, 0.0), Vec2::new(0.0, 0.5)], &options);
         assert_close(got, [0.2, 0.4, 0.6, 0.0], 1e-5, "clear");
@@ -241,7 +241,7 @@ fn gray_spreads_and_alpha_defaults_to_one() {
     ] {
         let texel = if channels == 2 { [0.25, 0.5, 0.0, 0.0] } else { [0.25, 0.5, 0.75, 0.5] };
         let texture = texture(3, 3, channels, |_, _| texel);
-        for filter in FILTERS {
+        for filter in Filter::ALL {
             let options = SampleOptions { filter, ..Default::default() };
             let footprint = [Vec2::new(0.7, 0.0), Vec2::new(0.0, 0.7)];
             assert_close(texture.sample(Vec2::ONE, footprint, &options), expected, 1e-5, "channels");
@@ -386,7 +386,7 @@ fn absurd_arguments_are_survived() {
     let absurd = [f32::NAN, f32::INFINITY, -f32::INFINITY, f32::MAX, f32::MIN, 1e12, 0.0, 1e-38];
     for u in absurd {
         for v in absurd {
-            for filter in FILTERS {
+            for filter in Filter::ALL {
                 for wrap in WRAPS {
                     let options = SampleOptions { wrap: [wrap; 2], filter, max_anisotropy: u };
                     let uv = Vec2::new(u, v);
@@ -514,7 +514,7 @@ fn many_look_ups_at_once_equal_the_reference() {
 fn it_does_not_matter_which_look_ups_are_made_together() {
     let texture = ImageTexture::new(Arc::new(noise(200, 100, 4, Depth::U8, ColorSpace::Srgb)));
     let points = points(&mut Random::new(6), 300, 200);
-    for filter in FILTERS {
+    for filter in Filter::ALL {
         let options = SampleOptions { filter, ..SampleOptions::default() };
         let mut together = vec![[0.0; 4]; points.len()];
         texture.sample_all(&points, &options, &mut together);
@@ -642,7 +642,7 @@ fn borders_have_their_color() {
             assert_same(got, wanted, &format!("area at {uv}"));
         }
         // Far outside, all filters see nothing else.
-        for filter in FILTERS {
+        for filter in Filter::ALL {
             let options = SampleOptions { wrap: [Wrap::Border; 2], filter, ..SampleOptions::default() };
             let got = small.sample(Vec2::new(-3.0, 4.0), [Vec2::X * 0.3, Vec2::Y * 0.3], &options);
             assert_same(got, border, &format!("{filter:?} outside"));
@@ -676,7 +676,7 @@ fn opaque_images_need_no_weights() {
     for _ in 0..200 {
         let uv = Vec2::new(random.unit(), random.unit());
         let footprint = [Vec2::X * random.unit(), Vec2::Y * random.unit()];
-        for filter in FILTERS {
+        for filter in Filter::ALL {
             let options = SampleOptions { filter, ..SampleOptions::default() };
             let [a, b] = [&opaque, &with_alpha].map(|texture| texture.sample(uv, footprint, &options));
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6), "{filter:?}: {a:?}, {b:?}");
@@ -739,7 +739,7 @@ fn supersampled(texture: &ImageTexture, x: f32, y: f32, n: u32, random: &mut Ran
 fn filters_show_the_truth_up_to_the_horizon() {
     let texture = checks();
     let mut random = Random::new(1);
-    let mut squares = [[0.0_f64; 2]; FILTERS.len()];
+    let mut squares = [[0.0_f64; 2]; Filter::ALL.len()];
     let mut count = 0;
     for row in HORIZON + 1..SIDE {
         for column in 0..SIDE {
@@ -748,7 +748,7 @@ fn filters_show_the_truth_up_to_the_horizon() {
             // At least 256 samples within the filter; more where a pixel sees many squares.
             let n = if footprint[1].length() > 0.2 { 64 } else { 24 };
             let truth = supersampled(&texture, x, y, n, &mut random);
-            for (filter, squares) in FILTERS.into_iter().zip(&mut squares) {
+            for (filter, squares) in Filter::ALL.into_iter().zip(&mut squares) {
                 let options = SampleOptions { filter, max_anisotropy: 64.0, ..SampleOptions::default() };
                 let got = texture.sample(uv, footprint, &options)[0];
                 for (sum, truth) in squares.iter_mut().zip(truth) {
@@ -759,7 +759,7 @@ fn filters_show_the_truth_up_to_the_horizon() {
         }
     }
     let rms = squares.map(|sums| sums.map(|sum| 255.0 * (sum / f64::from(count)).sqrt()));
-    for (filter, [gaussian, square]) in FILTERS.into_iter().zip(rms) {
+    for (filter, [gaussian, square]) in Filter::ALL.into_iter().zip(rms) {
         eprintln!(
             "plane to the horizon, {filter:?}: {gaussian:.2} / 255 rms of Gaussians, {square:.2} of squares"
         );
