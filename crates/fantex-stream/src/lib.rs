@@ -46,7 +46,7 @@ pub use loader::*;
 pub use outline::*;
 pub use parcel::*;
 #[cfg(not(target_arch = "wasm32"))]
-pub use read::open_asset;
+pub use read::{open_asset, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;

@@ -43,6 +43,8 @@ use std::time::Duration;
 
 #[cfg(not(target_arch = "wasm32"))]
 use fantex_store::Asset;
+#[cfg(feature = "http")]
+use fantex_store::ByteSource as _;
 
 #[cfg(target_arch = "wasm32")]
 pub use browser::{BROWSER_CONNECTIONS, RemoteFile};
@@ -194,6 +196,35 @@ pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
         #[cfg(not(feature = "http"))]
         Some(_) => Err(fantex_base::Error::reading(location, no_http())),
         None => Asset::open(location),
+    }
+}
+
+/// Reads what lies at a path or URL whole, where it has at most `most` bytes.
+///
+/// # Errors
+/// It cannot be read, is longer, or is at a URL, and this crate was built without the feature `http`.
+#[cfg(not(target_arch = "wasm32"))]
+pub fn read_whole(location: &Path, most: u64) -> fantex_base::Result<Vec<u8>> {
+    let failed = |source| fantex_base::Error::reading(location, source);
+    let check = |length: u64| {
+        let sentence = || format!("{} has {length} bytes, at most {most} were expected", location.display());
+        if length > most { Err(fantex_base::Error::too_large(sentence())) } else { Ok(length) }
+    };
+    match url_of(location) {
+        #[cfg(feature = "http")]
+        Some(url) => {
+            let source = HttpSource::new(url, 1);
+            let length = check(source.length().map_err(failed)?)?;
+            let mut bytes = vec![0; length as usize];
+            source.read_exact_at(&mut bytes, 0).map_err(failed)?;
+            Ok(bytes)
+        }
+        #[cfg(not(feature = "http"))]
+        Some(_) => Err(failed(no_http())),
+        None => {
+            check(std::fs::metadata(location).map_err(failed)?.len())?;
+            fantex_base::input::read(location)
+        }
     }
 }
 
