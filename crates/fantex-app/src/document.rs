@@ -200,6 +200,7 @@ impl Document {
             Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => Err(is_look_error(path)),
+                FileKind::World => Err(FileKind::world_instead(path)),
                 FileKind::Asset => Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?))),
                 FileKind::Model => {
                     let model = load(path, &LoadOptions::default())?;
@@ -234,6 +235,7 @@ impl Document {
             }
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => return Err(is_look_error(path)),
+                FileKind::World => return Err(FileKind::world_instead(path)),
                 FileKind::Asset => path.clone(),
                 FileKind::Model => match asset_of_model(path, answer, progress, &mut notes)? {
                     Made::Asset(path) => path,
