@@ -148,7 +148,7 @@ fn coarse_mesh(fine: &Mesh, triangles: usize, kept: &[u32]) -> Result<Mesh> {
 }
 
 /// For each corner of a model with vertices of the fine mesh the mean, by their angles, of the fine shading normals there that face as its
-/// triangle does.
+/// triangle does (a leaf has two sides), or of all where none do.
 fn normals_of_fine(fine: &Mesh, coarse: &Model) -> Vec<Vec3> {
     let normals = shading_normals(fine);
     let corners = VertexCorners::of(&fine.triangles, fine.positions.len());
@@ -157,9 +157,11 @@ fn normals_of_fine(fine: &Mesh, coarse: &Model) -> Vec<Vec3> {
         let facet = (b - a).cross(c - a).normalize_or_zero();
         triangle.map(|vertex| {
             let at_vertex = corners.at(vertex as usize).iter();
-            let alike = at_vertex.filter(|&&corner| normals[corner as usize].as_dvec3().dot(facet) > 0.0);
             let weighted = |&corner: &u32| normals[corner as usize].as_dvec3() * corner_angle(fine, corner);
-            alike.map(weighted).sum::<DVec3>().try_normalize().unwrap_or(facet).as_vec3()
+            let alike = at_vertex.clone().map(weighted).filter(|normal| normal.dot(facet) > 0.0);
+            let mean = alike.sum::<DVec3>().try_normalize();
+            let mean = mean.or_else(|| at_vertex.map(weighted).sum::<DVec3>().try_normalize());
+            mean.unwrap_or(facet).as_vec3()
         })
     };
     coarse.triangles.par_iter().flat_map_iter(of_triangle).collect()

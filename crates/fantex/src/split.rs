@@ -2,7 +2,7 @@
 //!
 //! The groups of a cover are ordered along a space-filling curve. A *sector* is a run of them: an asset of the triangles whose lowest group lies
 //! in the run, with all groups that these triangles name. So the texture function on each triangle is that of the whole, and tiles at borders
-//! are in several sectors.
+//! are in several sectors. Groups of more than half a sector's triangles are cut along a curve through space; each piece has the tile.
 //!
 //! ```text
 //!  groups   0 1 2 3 | 4 5 6 7 8 | 9 ...
@@ -19,6 +19,7 @@ use fantex_mesh::{Edges, Mesh, corners_of, shading_normals};
 use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, copy_groups};
 use fantex_stream::url_of;
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
@@ -98,22 +99,26 @@ pub fn split(
     let plan = Plan::of(asset, options.triangles)?;
     let mut world = World::default();
     let (mut done, mut in_sectors) = (0, 0);
+    let all = asset.mesh().triangles.len() as u128;
     for number in 0..plan.sectors.len() {
         let path = output.next(options.force)?;
-        let mut report = |texels: u64| match progress.is_cancelled() {
+        let sector = plan.sector(number);
+        let (triangles, texels) = (sector.mesh.triangles.len() as u64, sector.cover.texels());
+        in_sectors += texels;
+        // The whole's texels in proportion to the triangles.
+        let mut report = |copied: u64| match progress.is_cancelled() {
             true => Err(Error::cancelled("the split was cancelled")),
             false => {
-                progress.report((done + texels).min(plan.texels), plan.texels);
+                let triangles = u128::from(done) + u128::from(triangles * copied / texels.max(1));
+                progress.report((u128::from(plan.texels) * triangles / all) as u64, plan.texels);
                 Ok(())
             }
         };
-        let sector = plan.sector(number);
-        in_sectors += sector.cover.texels();
         sector.write(&path, asset, options.force, &mut report)?;
         if let Some(previews) = &options.previews {
             sector.add_preview(&path, previews, options.memory_bytes, progress)?;
         }
-        done += plan.own_texels(number);
+        done += triangles;
         let written = Asset::open(&path)?;
         world.objects.push(WorldObject::of(file_name(number), &written)?);
     }
@@ -216,11 +221,9 @@ struct Plan<'a> {
     normals: Vec<Vec3>,
     /// Of all tiles at level 0.
     texels: u64,
-    /// First group of each sector's run, and the end.
-    starts: Vec<u32>,
 }
 
-/// Bytes that a plan takes per triangle: edges while it is made (48), normals (36), numbers of sectors and triangles.
+/// Bytes that a plan takes per triangle: edges while it is made (48), normals (36), numbers of triangles.
 const PLAN_BYTES: u64 = 100;
 
 impl<'a> Plan<'a> {
@@ -229,23 +232,20 @@ impl<'a> Plan<'a> {
         let count = mesh.triangles.len();
         let what = format_args!("splitting {} with {count} triangles", asset.path().display()).to_string();
         let _held = input::reserve(what, PLAN_BYTES * count as u64)?;
-        let lowest = lowest_groups(mesh, cover);
-        let starts = cut(&lowest, cover.groups.len(), triangles);
-        let mut sectors = vec![Vec::new(); starts.len() - 1];
+        let sectors = sectors(mesh, cover, triangles);
         let mut is_shared = vec![false; mesh.positions.len()];
         let mut first_sector = vec![u32::MAX; mesh.positions.len()];
-        for (t, group) in lowest.into_iter().enumerate() {
-            let sector = starts.partition_point(|&start| start <= group) - 1;
-            sectors[sector].push(t as u32);
-            for vertex in mesh.triangles[t].map(|vertex| vertex as usize) {
+        for (number, sector) in (0u32..).zip(&sectors) {
+            let triangles = sector.iter().map(|&t| mesh.triangles[t as usize]);
+            for vertex in triangles.flatten().map(|vertex| vertex as usize) {
                 match first_sector[vertex] {
-                    u32::MAX => first_sector[vertex] = sector as u32,
-                    first => is_shared[vertex] |= first != sector as u32,
+                    u32::MAX => first_sector[vertex] = number,
+                    first => is_shared[vertex] |= first != number,
                 }
             }
         }
         let normals = shading_normals(mesh);
-        Ok(Self { mesh, cover, sectors, is_shared, normals, texels: cover.texels(), starts })
+        Ok(Self { mesh, cover, sectors, is_shared, normals, texels: cover.texels() })
     }
 
     fn sector(&self, number: usize) -> Sector {
@@ -257,24 +257,73 @@ impl<'a> Plan<'a> {
         let (cover, groups) = self.cover.subset(triangles);
         Sector { mesh, cover, groups, border }
     }
-
-    /// Texels of the tiles of a sector's run at level 0.
-    fn own_texels(&self, number: usize) -> u64 {
-        let run = self.starts[number] as usize..self.starts[number + 1] as usize;
-        self.cover.groups[run].iter().map(fantex_cover::Group::texels).sum()
-    }
 }
 
-/// For every triangle the lowest group at its corners; triangles that belong together have the lowest group of all of them.
-fn lowest_groups(mesh: &Mesh, cover: &Cover) -> Vec<u32> {
-    let mut sets = joined_triangles(mesh);
-    let mut lowest: Vec<u32> =
-        cover.corner_groups.iter().map(|&[a, b, c]| a.min(b).min(c)).collect();
-    for triangle in 0..lowest.len() as u32 {
-        let set = sets.find(triangle) as usize;
-        lowest[set] = lowest[set].min(lowest[triangle as usize]);
+/// Ascending triangles of each sector, of which there are about so many.
+fn sectors(mesh: &Mesh, cover: &Cover, triangles: usize) -> Vec<Vec<u32>> {
+    let keys = keys(mesh, cover);
+    let mut order: Vec<u32> = (0..keys.len() as u32).collect();
+    order.par_sort_unstable_by_key(|&triangle| (keys[triangle as usize], triangle));
+    let (all, wanted) = (order.len(), order.len().div_ceil(triangles));
+    let (mut sectors, mut sector) = (Vec::new(), Vec::new());
+    let (mut before, mut current) = (0, 0);
+    let key = |triangle: &u32| keys[*triangle as usize];
+    for group in order.chunk_by(|a, b| key(a).group == key(b).group) {
+        let is_large = group.len() > triangles / 2;
+        // A small group stays whole.
+        let pieces: Vec<&[u32]> = match is_large {
+            true => group.chunk_by(|a, b| key(a) == key(b)).collect(),
+            false => vec![group],
+        };
+        for piece in pieces {
+            let due = before * wanted / all;
+            if due > current {
+                sectors.push(std::mem::take(&mut sector));
+                current = due;
+            }
+            sector.extend_from_slice(piece);
+            before += piece.len();
+        }
     }
-    (0..lowest.len() as u32).map(|triangle| lowest[sets.find(triangle) as usize]).collect()
+    sectors.push(sector);
+    sectors.iter_mut().for_each(|sector: &mut Vec<u32>| sector.sort_unstable());
+    sectors
+}
+
+/// Where a triangle stands in the order in which sectors are cut: by group, and within large groups along a curve through space.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Key {
+    group: u32,
+    curve: u32,
+}
+
+/// The keys of all triangles: the lowest group at the corners; triangles that belong together have the lowest key of all of them.
+fn keys(mesh: &Mesh, cover: &Cover) -> Vec<Key> {
+    let mut sets = joined_triangles(mesh);
+    let key = |(t, &[a, b, c]): (usize, &[u32; 3])| {
+        let [p, q, r] = mesh.triangle_positions(t);
+        Key { group: a.min(b).min(c), curve: morton((p + q + r) / 3.0) }
+    };
+    let mut keys: Vec<Key> = cover.corner_groups.par_iter().enumerate().map(key).collect();
+    for triangle in 0..keys.len() as u32 {
+        let set = sets.find(triangle) as usize;
+        keys[set] = keys[set].min(keys[triangle as usize]);
+    }
+    // The smallest member of a set stands for it, so its key is final when the others take it.
+    for triangle in 0..keys.len() as u32 {
+        keys[triangle as usize] = keys[sets.find(triangle) as usize];
+    }
+    keys
+}
+
+/// Number along a Z-order curve of a point of the cube [-1, 1]: 10 bits per axis.
+fn morton(p: Vec3) -> u32 {
+    let cell = ((p + 1.0) * 512.0).clamp(Vec3::ZERO, Vec3::splat(1023.0)).as_uvec3();
+    let bit = |bit: u32| {
+        let [x, y, z] = cell.to_array().map(|n| n >> bit & 1);
+        (x | y << 1 | z << 2) << (3 * bit)
+    };
+    (0..10).map(bit).sum()
 }
 
 /// Sets of triangles that stay together: the two sides of a leaf, and those around an edge of more than two triangles, which continue each
@@ -297,27 +346,6 @@ fn joined_triangles(mesh: &Mesh) -> UnionFind {
         }
     }
     sets
-}
-
-/// Cuts the groups into runs with about so many triangles each; returns the first group of each run, and the end. `lowest`: the group that
-/// decides, for each triangle.
-fn cut(lowest: &[u32], groups: usize, triangles: usize) -> Vec<u32> {
-    let mut of_group = vec![0u64; groups];
-    lowest.iter().for_each(|&group| of_group[group as usize] += 1);
-    let (all, sectors) = (lowest.len() as u64, lowest.len().div_ceil(triangles) as u64);
-    let mut starts = vec![0];
-    let (mut before, mut current, mut in_run) = (0, 0, 0);
-    for (group, &count) in (0u32..).zip(&of_group).filter(|(_, count)| **count > 0) {
-        let due = before * sectors / all;
-        if due > current && in_run > 0 {
-            starts.push(group);
-            (current, in_run) = (due, 0);
-        }
-        before += count;
-        in_run += count;
-    }
-    starts.push(groups as u32);
-    starts
 }
 
 /// A part of the asset before it is written.
