@@ -93,7 +93,8 @@ impl Cover {
         groups.sort_unstable();
         groups.dedup();
         let number = |group: u32| groups.partition_point(|&other| other < group) as u32;
-        let corners = (0u32..).zip(triangles).flat_map(|(t, &whole)| [0, 1, 2].map(|k| (3 * t + k, 3 * whole + k)));
+        let corners =
+            (0u32..).zip(triangles).flat_map(|(t, &whole)| [0, 1, 2].map(|k| (3 * t + k, 3 * whole + k)));
         let subset = Self {
             corner_groups: triangles.iter().map(|&t| self.corner_groups[t as usize].map(number)).collect(),
             groups: groups.iter().map(|&group| self.groups[group as usize]).collect(),

@@ -126,7 +126,8 @@ mod tests {
     #[test]
     fn worlds_are_told_by_their_names() {
         let kind = |place: &str| FileKind::of(Path::new(place)).unwrap();
-        for place in ["a.fanworld", "b/A.FANWORLD", "https://a.b/c.fanworld", "s3://b/c.fanworld?versionId=2"] {
+        for place in ["a.fanworld", "b/A.FANWORLD", "https://a.b/c.fanworld", "s3://b/c.fanworld?versionId=2"]
+        {
             assert_eq!(kind(place), FileKind::World, "{place}");
         }
         for place in ["https://a.b/c.fan", "https://a.b/c?d=.fanworld", "gs://fanworld/c"] {

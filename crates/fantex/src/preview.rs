@@ -6,9 +6,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_bake::{
-    AssetSource, BakeOptions, NoProgress, Progress, TransferOptions, TransferSource, bake,
-};
+use fantex_bake::{AssetSource, BakeOptions, NoProgress, Progress, TransferOptions, TransferSource, bake};
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{

@@ -2,7 +2,7 @@
 //!
 //! The groups of a cover are ordered along a space-filling curve. A *sector* is a run of them: an asset of the triangles whose lowest group lies
 //! in the run, with all groups that these triangles name. So the texture function on each triangle is that of the whole, and tiles at borders
-//! are in several sectors. Groups of more than half a sector's triangles are cut along a curve through space; each piece has the tile.
+//! are in several sectors, as far as these read them. Groups of more than half a sector's triangles are cut along a curve through space; each piece has the tile.
 //!
 //! ```text
 //!  groups   0 1 2 3 | 4 5 6 7 8 | 9 ...
@@ -14,9 +14,9 @@ use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result, UnionFind, input};
-use fantex_cover::Cover;
+use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Edges, Mesh, corners_of, shading_normals};
-use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, copy_groups};
+use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
 use fantex_stream::url_of;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -71,7 +71,8 @@ pub struct Split {
     pub index: PathBuf,
     /// What it says: an object per sector.
     pub world: World,
-    /// Texels of tiles at level 0 that are stored more than once, per channel.
+    /// Texels of tiles at level 0 that are in more than one sector, counted beyond the first, per channel. Most of them are left out: what no
+    /// triangle of the sector reads takes no room.
     pub repeated_texels: u64,
 }
 
@@ -165,7 +166,9 @@ impl Output {
         }
         let output = Self { folder: folder.into(), was_made, written: Vec::new() };
         let names: Vec<String> = std::fs::read_dir(folder)
-            .and_then(|entries| entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect())
+            .and_then(|entries| {
+                entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
+            })
             .map_err(writing)?;
         if !force && !names.is_empty() {
             let folder = folder.display();
@@ -219,6 +222,8 @@ struct Plan<'a> {
     is_shared: Vec<bool>,
     /// Shading normals per corner.
     normals: Vec<Vec3>,
+    /// Triangles with a corner in each group.
+    in_group: Vec<u32>,
     /// Of all tiles at level 0.
     texels: u64,
 }
@@ -245,7 +250,11 @@ impl<'a> Plan<'a> {
             }
         }
         let normals = shading_normals(mesh);
-        Ok(Self { mesh, cover, sectors, is_shared, normals, texels: cover.texels() })
+        let mut in_group = vec![0; cover.groups.len()];
+        for triangle in 0..mesh.triangles.len() as u32 {
+            cover.groups_of(triangle).for_each(|group| in_group[group as usize] += 1);
+        }
+        Ok(Self { mesh, cover, sectors, is_shared, normals, in_group, texels: cover.texels() })
     }
 
     fn sector(&self, number: usize) -> Sector {
@@ -255,7 +264,12 @@ impl<'a> Plan<'a> {
         let border = (0u32..).zip(&vertices).filter(|(_, vertex)| self.is_shared[**vertex as usize]);
         let border = border.map(|(own, _)| own).collect();
         let (cover, groups) = self.cover.subset(triangles);
-        Sector { mesh, cover, groups, border }
+        let own = GroupTriangles::of(&cover);
+        let is_partial = (0u32..).zip(&groups);
+        let is_partial = is_partial.map(|(own_group, &group)| {
+            own.of_group(own_group).len() < self.in_group[group as usize] as usize
+        });
+        Sector { mesh, is_partial: is_partial.collect(), cover, groups, border }
     }
 }
 
@@ -331,7 +345,8 @@ fn morton(p: Vec3) -> u32 {
 fn joined_triangles(mesh: &Mesh) -> UnionFind {
     let mut sets = UnionFind::new(mesh.triangles.len());
     for edge in Edges::of(&mesh.triangles).iter().filter(|edge| edge.triangle_count() > 1) {
-        let mut at_edge: Vec<(u32, u32)> = edge.triangles().map(|(triangle, third)| (third, triangle)).collect();
+        let mut at_edge: Vec<(u32, u32)> =
+            edge.triangles().map(|(triangle, third)| (third, triangle)).collect();
         at_edge.sort_unstable();
         let mut leaves = 0;
         for pair in at_edge.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
@@ -354,6 +369,8 @@ struct Sector {
     cover: Cover,
     /// Which group of the whole each group is.
     groups: Vec<u32>,
+    /// Whether other sectors have triangles in it, too.
+    is_partial: Vec<bool>,
     /// Vertices that other sectors have, too.
     border: Vec<u32>,
 }
@@ -367,8 +384,8 @@ impl Sector {
         report: &mut dyn FnMut(u64) -> Result<()>,
     ) -> Result<()> {
         let options = CreateOptions { force, ..CreateOptions::default() };
-        let written = copy_groups(path, &options, (&self.mesh, &self.cover), (whole, &self.groups), report);
-        written.map(drop)
+        let Self { mesh, cover, groups, is_partial, .. } = self;
+        GroupCopy { mesh, cover, from: whole, groups, is_partial }.write(path, &options, report).map(drop)
     }
 
     fn add_preview(

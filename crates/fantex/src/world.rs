@@ -84,9 +84,9 @@ impl World {
         let place = place.as_ref();
         let bytes = read_whole(place, MOST_BYTES)?;
         let file: WorldFile = serde_json::from_slice(&bytes).map_err(|error| {
-            Error::invalid(format!("{} is no world: {error}", place.display())).with_path(place)
+            Error::malformed(format!("{} is no world: {error}", place.display())).with_path(place)
         })?;
-        let wrong = |what: String| Error::invalid(format!("{}: {what}", place.display())).with_path(place);
+        let wrong = |what: String| Error::malformed(format!("{}: {what}", place.display())).with_path(place);
         if file.format != FORMAT || file.version != VERSION {
             let WorldFile { format, version, .. } = file;
             return Err(wrong(format!(

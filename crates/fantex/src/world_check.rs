@@ -65,7 +65,8 @@ pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progre
         done += object.texels;
         progress.report(done, total);
     }
-    (report.seam_edges, report.largest_jump, report.worst_seam) = (seams.edges, seams.largest_jump, seams.worst);
+    (report.seam_edges, report.largest_jump, report.worst_seam) =
+        (seams.edges, seams.largest_jump, seams.worst);
     report.ok = report.objects.iter().all(|object| object.ok) && report.largest_jump <= JUMP_BOUND;
     Ok(report)
 }
@@ -113,7 +114,9 @@ fn differences(said: &WorldObject, actual: &WorldObject) -> Vec<String> {
     let mut found = Vec::new();
     let mut compare = |what: &str, said: String, actual: String| {
         if said != actual {
-            found.push(format!("the index says {what}: {said}, but it is {actual}; update the index with 'fantex world'"));
+            found.push(format!(
+                "the index says {what}: {said}, but it is {actual}; update the index with 'fantex world'"
+            ));
         }
     };
     compare("bytes", said.bytes.to_string(), actual.bytes.to_string());
@@ -174,9 +177,8 @@ impl Seams {
     fn compare(&mut self, objects: [usize; 2], a: &SeamValues, b: &SeamValues) {
         self.edges += 1;
         // Values beyond 1 relative to their size, as within assets.
-        let jump = |(a, b): (&Vec4, &Vec4)| {
-            ((*a - *b).abs() / a.abs().max(b.abs()).max(Vec4::ONE)).max_element()
-        };
+        let jump =
+            |(a, b): (&Vec4, &Vec4)| ((*a - *b).abs() / a.abs().max(b.abs()).max(Vec4::ONE)).max_element();
         let largest = match a.len() == b.len() {
             true => a.iter().zip(b).map(jump).fold(0.0, f32::max),
             // Other channels.
@@ -215,6 +217,7 @@ fn seam_values(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, Se
         }
     }
     let [x, y, z] = space.offset.to_array().map(f64::to_bits);
-    let common = [x, y, z, space.scale.to_bits(), cover.delta.to_bits().into(), cover.density.to_bits().into()];
+    let common =
+        [x, y, z, space.scale.to_bits(), cover.delta.to_bits().into(), cover.density.to_bits().into()];
     ((common, ends.map(|(place, _)| place)), values)
 }

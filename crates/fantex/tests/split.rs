@@ -12,8 +12,8 @@ use fantex::mesh::generate::{grid, icosphere};
 use fantex::mesh::{Edges, Mesh, Model, shading_normals};
 use fantex::store::{VerifyOptions, verify_asset};
 use fantex::{
-    Asset, Baker, ErrorKind, Footprint, NoProgress, Progress, SectorPreviews, Source, SplitOptions, SurfacePoint, World,
-    WorldObject, split,
+    Asset, Baker, ErrorKind, Footprint, NoProgress, Progress, SectorPreviews, Source, SplitOptions,
+    SurfacePoint, World, WorldObject, split,
 };
 use fantex_test::{ball_on_a_plane, bottle, workspace};
 use glam::{DVec3, Vec3, Vec4};
@@ -41,7 +41,8 @@ fn border(mesh: &Mesh) -> BTreeSet<[Place; 2]> {
 
 fn baked(folder: &Path, mesh: Mesh, texels: u64) -> Asset {
     let path = folder.join("whole.fan");
-    let color = |p: Vec3| Vec4::new(0.5 + 0.4 * (9.0 * p.x).sin(), 0.5 + 0.4 * (7.0 * p.y).cos(), p.z.abs(), 1.0);
+    let color =
+        |p: Vec3| Vec4::new(0.5 + 0.4 * (9.0 * p.x).sin(), 0.5 + 0.4 * (7.0 * p.y).cos(), p.z.abs(), 1.0);
     let model = fantex_mesh_of(mesh);
     let baker = Baker::new(&model).texels(texels).longest_edge(fantex::LongestEdge::Texels(0));
     baker.source(Source::function(move |point| color(point.position))).write(&path).unwrap();
@@ -52,7 +53,8 @@ fn baked(folder: &Path, mesh: Mesh, texels: u64) -> Asset {
 fn fantex_mesh_of(mesh: Mesh) -> fantex::Mesh {
     let positions = mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)).collect();
     let Mesh { triangles, materials, .. } = mesh;
-    fantex::Mesh::from_model(Model { positions, triangles, materials, ..Model::default() }, "whole.ply").unwrap()
+    fantex::Mesh::from_model(Model { positions, triangles, materials, ..Model::default() }, "whole.ply")
+        .unwrap()
 }
 
 struct Sectors {
@@ -94,7 +96,8 @@ fn assert_sectors_are_the_whole(whole: &Asset, sectors: &[Asset]) {
         let sampler = sector.sampler(64 << 20);
         let own_normals = shading_normals(part);
         for t in 0..part.triangles.len() {
-            let of_whole = left.remove(&key(part, t)).unwrap_or_else(|| panic!("triangle {t} of {number} is new"));
+            let of_whole =
+                left.remove(&key(part, t)).unwrap_or_else(|| panic!("triangle {t} of {number} is new"));
             assert_eq!(part.material_of(t), mesh.material_of(of_whole));
             assert_eq!(part.parts.of(t), mesh.parts.of(of_whole));
             assert_eq!(own_normals[3 * t..3 * t + 3], normals[3 * of_whole..3 * of_whole + 3]);
@@ -106,7 +109,11 @@ fn assert_sectors_are_the_whole(whole: &Asset, sectors: &[Asset]) {
             }
             let random = |i: u64| nth_random(number << 32 | t as u64, i) as u32 as f32 / u32::MAX as f32;
             let (a, b) = (random(0), random(1));
-            let lambda = if a + b > 1.0 { Vec3::new(1.0 - a, 1.0 - b, a + b - 1.0) } else { Vec3::new(a, b, 1.0 - a - b) };
+            let lambda = if a + b > 1.0 {
+                Vec3::new(1.0 - a, 1.0 - b, a + b - 1.0)
+            } else {
+                Vec3::new(a, b, 1.0 - a - b)
+            };
             let size = [0.0, 0.01, 0.3, 5.0][t % 4];
             let steps = [Vec3::new(size, -size, 0.0), Vec3::new(0.0, size, -size)];
             for channel in 0..whole.channels().len() {
@@ -114,7 +121,11 @@ fn assert_sectors_are_the_whole(whole: &Asset, sectors: &[Asset]) {
                 let footprint = Footprint { lambda_steps: steps };
                 let own = sampler.sample_channel(channel, at(t), footprint);
                 let expected = reference.sample_channel(channel, at(of_whole), footprint);
-                assert_eq!(own.to_array().map(f32::to_bits), expected.to_array().map(f32::to_bits), "{own} {expected}");
+                assert_eq!(
+                    own.to_array().map(f32::to_bits),
+                    expected.to_array().map(f32::to_bits),
+                    "{own} {expected}"
+                );
             }
         }
     }
@@ -248,7 +259,11 @@ fn dirty_meshes_are_split_as_they_are() {
         let previews = SectorPreviews { triangles: Some(100), texels: Some(20_000) };
         let options = SplitOptions { triangles: 250, previews: Some(previews), ..SplitOptions::default() };
         let split = split_into(&whole, &folder.path().join("world"), &options);
-        println!("seed {seed}: {} sectors of {} triangles", split.sectors.len(), whole.mesh().triangles.len());
+        println!(
+            "seed {seed}: {} sectors of {} triangles",
+            split.sectors.len(),
+            whole.mesh().triangles.len()
+        );
         assert_sectors_are_the_whole(&whole, &split.sectors);
         split.sectors.iter().for_each(|sector| drop(preview_of(sector)));
         // Edges of more than two triangles that are no two leaves tie their triangles together, but not the whole sheet.
@@ -266,7 +281,12 @@ fn a_sheet_with_two_sides_is_cut_and_its_sides_stay_together() {
     let whole = baked(folder.path(), fantex_test::cleaned(model), 60_000);
     let options = SplitOptions { triangles: 800, previews: None, ..SplitOptions::default() };
     let split = split_into(&whole, &folder.path().join("world"), &options);
-    assert!(split.sectors.len() >= 4, "{} sectors, {} groups", split.sectors.len(), whole.cover().groups.len());
+    assert!(
+        split.sectors.len() >= 4,
+        "{} sectors, {} groups",
+        split.sectors.len(),
+        whole.cover().groups.len()
+    );
     assert_sectors_are_the_whole(&whole, &split.sectors);
     for sector in &split.sectors {
         let opposed = fantex::mesh::OpposedTriangles::of(&sector.mesh().triangles);
@@ -338,7 +358,10 @@ fn nothing_is_left_of_a_world_that_is_not_finished() {
     split(whole.shared(), &target, &forced, &Stop(AtomicU64::new(2))).unwrap_err();
     assert_eq!(names(&target), ["notes.txt"]);
     let none = SplitOptions { triangles: 0, ..forced };
-    assert_eq!(split(whole.shared(), &target, &none, &NoProgress).unwrap_err().kind(), ErrorKind::InvalidArgument);
+    assert_eq!(
+        split(whole.shared(), &target, &none, &NoProgress).unwrap_err().kind(),
+        ErrorKind::InvalidArgument
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::base::input;
+use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::store::{Asset, JUMP_BOUND, PREVIEW, VerifyOptions};
 use fantex::stream::url_of;
 use fantex::{
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     check_index(&args.index)?;
     let mut world = match args.index.exists() {
-        true => World::open(&args.index)?,
+        true => open_to_change(&args.index)?,
         false => World::default(),
     };
     let mut removed = 0;
@@ -70,7 +70,9 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     let (mut added, mut updated, mut previews_made) = (0, 0, 0);
     let known = world.objects.iter().map(|object| World::asset_place(&args.index, object));
     let others = if args.make_previews { known.collect() } else { Vec::new() };
-    for (place, is_named) in args.assets.iter().map(|asset| (asset, true)).chain(others.iter().map(|asset| (asset, false))) {
+    for (place, is_named) in
+        args.assets.iter().map(|asset| (asset, true)).chain(others.iter().map(|asset| (asset, false)))
+    {
         context.check_interrupt()?;
         let name = World::name_of(&args.index, place)?;
         let mut asset = open_asset(place)?;
@@ -93,13 +95,21 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     })
 }
 
+/// Opens the index without marking it as an input, which nothing may overwrite.
+fn open_to_change(index: &Path) -> Result<World> {
+    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
+    ReadLimits::new(options).run(|| World::open(index))
+}
+
 fn check_index(index: &Path) -> Result<()> {
     if let Some(url) = url_of(index) {
         return Err(Error::unsupported(format!("{url} can only be read: change a copy of the index")));
     }
     if !index.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(WORLD_EXTENSION)) {
         let index = index.display();
-        return Err(Error::invalid(format!("{index} is no name for a world: end it with .{WORLD_EXTENSION}")));
+        return Err(Error::invalid(format!(
+            "{index} is no name for a world: end it with .{WORLD_EXTENSION}"
+        )));
     }
     input::check_output(index)
 }
@@ -107,7 +117,8 @@ fn check_index(index: &Path) -> Result<()> {
 /// Takes an asset out, by its name in the index or by its path.
 fn remove(world: &mut World, index: &Path, asset: &Path) -> Result<()> {
     let name = World::name_of(index, asset).ok();
-    let is_it = |object: &WorldObject| Path::new(&object.asset) == asset || Some(&object.asset) == name.as_ref();
+    let is_it =
+        |object: &WorldObject| Path::new(&object.asset) == asset || Some(&object.asset) == name.as_ref();
     let before = world.objects.len();
     world.objects.retain(|object| !is_it(object));
     if world.objects.len() == before {
@@ -126,7 +137,11 @@ fn make_preview(place: &Path, asset: &mut Arc<Asset>, context: &Context) -> Resu
         context.note(format!("{} has no preview and gets none: it can only be read", place.display()));
         return Ok(false);
     }
-    let options = PreviewOptions { keeps_borders: true, memory_bytes: context.memory_bytes, ..PreviewOptions::default() };
+    let options = PreviewOptions {
+        keeps_borders: true,
+        memory_bytes: context.memory_bytes,
+        ..PreviewOptions::default()
+    };
     Preview::add_to(place, &options)?;
     *asset = open_asset(place)?;
     Ok(true)
@@ -250,7 +265,9 @@ fn faults(report: &WorldReport) -> Vec<String> {
         }
         faults.extend(object.faults.iter().map(|fault| format!("{}: {fault}", object.place.display())));
     }
-    if report.largest_jump > JUMP_BOUND && let Some(seam) = report.worst_seam {
+    if report.largest_jump > JUMP_BOUND
+        && let Some(seam) = report.worst_seam
+    {
         let [a, b] = seam.map(|number| report.objects[number].place.display());
         let jump = report.largest_jump;
         faults.push(format!(

@@ -41,7 +41,10 @@ fn an_asset_is_split_and_verified() {
     // Those at borders are read on both sides.
     let texels = |info: &Value| info["texels"].as_u64().unwrap();
     assert!(texels(&world) > texels(&whole) && texels(&world) < 2 * texels(&whole), "{world}");
-    assert!(world["preview_triangles"].as_u64().unwrap() * 4 < world["triangles"].as_u64().unwrap(), "{world}");
+    assert!(
+        world["preview_triangles"].as_u64().unwrap() * 4 < world["triangles"].as_u64().unwrap(),
+        "{world}"
+    );
     let shown = String::from_utf8(succeeds(&[&"info", &index]).stdout).unwrap();
     assert!(shown.contains("sector-0001.fan"), "{shown}");
 
@@ -54,7 +57,10 @@ fn an_asset_is_split_and_verified() {
     let again = folder.path().join("again");
     succeeds(&[&"split", &asset, &"-o", &again, &"--triangles", &"8k", &"--threads", &"1"]);
     for name in &expected {
-        assert!(std::fs::read(again.join(name)).unwrap() == std::fs::read(target.join(name)).unwrap(), "{name}");
+        assert!(
+            std::fs::read(again.join(name)).unwrap() == std::fs::read(target.join(name)).unwrap(),
+            "{name}"
+        );
     }
 
     fails(1, &["is not empty", "--force"], &split);
@@ -63,10 +69,22 @@ fn an_asset_is_split_and_verified() {
     fails(1, &["--memory"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--memory", &"1M"]);
     assert!(!folder.path().join("no").exists());
     fails(1, &["it is a file"], &[&"split", &asset, &"-o", &asset]);
-    fails(1, &["is not an asset"], &[&"split", &folder.path().join("land.ply"), &"-o", &folder.path().join("no")]);
-    fails(1, &["cannot read", "none.fan"], &[&"split", &folder.path().join("none.fan"), &"-o", &folder.path().join("no")]);
-    fails(2, &["at least one triangle"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--triangles", &"0"]);
-    fails(2, &["--no-previews"], &[&"split", &asset, &"-o", &target, &"--no-previews", &"--preview-texels", &"9k"]);
+    fails(
+        1,
+        &["is not an asset"],
+        &[&"split", &folder.path().join("land.ply"), &"-o", &folder.path().join("no")],
+    );
+    fails(
+        1,
+        &["cannot read", "none.fan"],
+        &[&"split", &folder.path().join("none.fan"), &"-o", &folder.path().join("no")],
+    );
+    fails(2, &["--triangles"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--triangles", &"0"]);
+    fails(
+        2,
+        &["--no-previews"],
+        &[&"split", &asset, &"-o", &target, &"--no-previews", &"--preview-texels", &"9k"],
+    );
 }
 
 #[test]
@@ -82,7 +100,8 @@ fn what_is_wrong_with_a_world_is_said() {
 
     // A sector that is painted on shows a seam.
     let object = &serde_json::from_str::<Value>(&sound).unwrap()["objects"][1];
-    let strokes = STROKES.replace("LOW", &object["low"].to_string()).replace("HIGH", &object["high"].to_string());
+    let strokes =
+        STROKES.replace("LOW", &object["low"].to_string()).replace("HIGH", &object["high"].to_string());
     let strokes = write(folder.path(), "strokes.json", strokes);
     succeeds(&[&"paint", &sector, &"--replay", &strokes]);
     succeeds(&[&"world", &index, &sector]);
@@ -124,7 +143,11 @@ fn what_is_wrong_with_a_world_is_said() {
     fails(1, &["is a world"], &[&"info", &index, &"--texels", &"1M"]);
     fails(1, &["is a world"], &[&"render", &index, &"-o", &folder.path().join("a.png")]);
     fails(1, &["is a world"], &[&"bake", &index, &"-o", &folder.path().join("a.fan")]);
-    fails(1, &["is a world"], &[&"simplify", &index, &"-o", &folder.path().join("a.ply"), &"--triangles", &"9"]);
+    fails(
+        1,
+        &["is a world"],
+        &[&"simplify", &index, &"-o", &folder.path().join("a.ply"), &"--triangles", &"9"],
+    );
 }
 
 /// A broad stroke from one corner of a sector's box to the other one.
@@ -148,13 +171,18 @@ fn existing_assets_become_a_world() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     std::fs::create_dir(place("houses")).unwrap();
-    let (cube, tent) = (write(folder.path(), "cube.obj", CUBE_OBJ), write(folder.path(), "tent.ply", COLORED_PLY));
+    let (cube, tent) =
+        (write(folder.path(), "cube.obj", CUBE_OBJ), write(folder.path(), "tent.ply", COLORED_PLY));
     let (cube_asset, tent_asset) = (place("houses/cube.fan"), place("tent.fan"));
     succeeds(&[&"bake", &cube, &"-o", &cube_asset, &"--source", &"solid=marble", &"--texels", &"20k"]);
     succeeds(&[&"bake", &tent, &"-o", &tent_asset, &"--texels", &"20k"]);
     let index = place("town.fanworld");
     let info = json(&[&"world", &index, &cube_asset, &tent_asset]);
-    assert_eq!((&info["added"], &info["updated"], &info["previews"]), (&2.into(), &0.into(), &0.into()), "{info}");
+    assert_eq!(
+        (&info["added"], &info["updated"], &info["previews"]),
+        (&2.into(), &0.into(), &0.into()),
+        "{info}"
+    );
     assert_eq!(info["assets"], serde_json::json!(["houses/cube.fan", "tent.fan"]));
     let world = json(&[&"info", &index]);
     assert_eq!(world["low"], serde_json::json!([-1.0, -1.0, -1.0]));
@@ -162,10 +190,18 @@ fn existing_assets_become_a_world() {
     assert_eq!(json(&[&"verify", &index])["ok"], true);
 
     let info = json(&[&"world", &index, &"--make-previews"]);
-    assert_eq!((&info["updated"], &info["previews_made"], &info["previews"]), (&2.into(), &2.into(), &2.into()), "{info}");
+    assert_eq!(
+        (&info["updated"], &info["previews_made"], &info["previews"]),
+        (&2.into(), &2.into(), &2.into()),
+        "{info}"
+    );
     assert_eq!(json(&[&"verify", &index])["ok"], true);
     let info = json(&[&"world", &index, &tent_asset, &"--remove", &cube_asset]);
-    assert_eq!((&info["updated"], &info["removed"], &info["objects"]), (&1.into(), &1.into(), &1.into()), "{info}");
+    assert_eq!(
+        (&info["updated"], &info["removed"], &info["objects"]),
+        (&1.into(), &1.into(), &1.into()),
+        "{info}"
+    );
     assert!(cube_asset.exists());
 
     fails(1, &["has no asset", "cube.fan"], &[&"world", &index, &"--remove", &cube_asset]);
