@@ -123,16 +123,16 @@ fn what_is_wrong_with_a_world_is_said() {
     succeeds(&[&"world", &index, &"--remove", &"sector-0002.fan"]);
     assert_eq!(json(&[&"verify", &index])["ok"], true);
 
-    for (text, word) in [
-        ("{", "is no world"),
-        ("", "is no world"),
-        (&*sound.replace("\"version\": 1", "\"version\": 2"), "version 2"),
-        (&*sound.replace("\"bytes\"", "\"colour\": 1, \"bytes\""), "colour"),
-        (&*sound.replace("sector-0001", "../sector-0001"), "outside"),
+    for (code, text, word) in [
+        (1, "{", "is no world"),
+        (1, "", "is no world"),
+        (1, &*sound.replace("\"version\": 1", "\"version\": 2"), "version 2"),
+        (1, &*sound.replace("\"bytes\"", "\"colour\": 1, \"bytes\""), "colour"),
+        (2, &*sound.replace("sector-0001", "../sector-0001"), "--allow-outside"),
     ] {
         std::fs::write(&index, text).unwrap();
         for command in ["info", "verify"] {
-            fails(1, &[word], &[&command, &index]);
+            fails(code, &[word], &[&command, &index]);
         }
     }
     // Commands that take one asset say so.
