@@ -9,6 +9,7 @@
 //!  sector   1       | 2         | 3       the triangle of groups 3, 4 and 8 lies in sector 1, which has tiles 4 and 8, too
 //! ```
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -20,6 +21,7 @@ use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
 use fantex_stream::url_of;
 use glam::Vec3;
 use rayon::prelude::*;
+use tempfile::TempDir;
 
 use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
@@ -85,7 +87,8 @@ pub struct Split {
 ///
 /// # Errors
 /// The folder is not empty (unless forced) or cannot be written; texels of the asset are damaged; the memory that is
-/// [allowed](fantex_base::ReadLimits) does not suffice; somebody wants to stop. Then nothing is left of the sectors.
+/// [allowed](fantex_base::ReadLimits) does not suffice; somebody wants to stop. Then nothing is left of the sectors, and a world that was in the folder is
+/// as it was.
 pub fn split(
     asset: &Arc<Asset>,
     folder: &Path,
@@ -102,7 +105,7 @@ pub fn split(
     let (mut done, mut in_sectors) = (0, 0);
     let all = asset.mesh().triangles.len() as u128;
     for number in 0..plan.sectors.len() {
-        let path = output.next(options.force)?;
+        let path = output.next();
         let sector = plan.sector(number);
         let (triangles, texels) = (sector.mesh.triangles.len() as u64, sector.cover.texels());
         in_sectors += texels;
@@ -115,7 +118,7 @@ pub fn split(
                 Ok(())
             }
         };
-        sector.write(&path, asset, options.force, &mut report)?;
+        sector.write(&path, asset, &mut report)?;
         if let Some(previews) = &options.previews {
             sector.add_preview(&path, previews, options.memory_bytes, progress)?;
         }
@@ -126,8 +129,7 @@ pub fn split(
     if progress.is_cancelled() {
         return Err(Error::cancelled("the split was cancelled"));
     }
-    world.write(&index)?;
-    output.finish();
+    output.finish(&world, &index)?;
     Ok(Split { index, world, repeated_texels: in_sectors.saturating_sub(plan.texels) })
 }
 
@@ -150,11 +152,14 @@ fn is_sector(name: &str) -> bool {
     number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
-/// The folder while sectors are written. What was written goes away unless it is finished.
+/// The folder while sectors are written, in a folder within it. What was written goes away unless it is finished.
 struct Output {
     folder: PathBuf,
     was_made: bool,
-    written: Vec<PathBuf>,
+    unfinished: Option<TempDir>,
+    /// Sectors and the index of a world that is there.
+    replaced: Vec<PathBuf>,
+    sectors: usize,
 }
 
 impl Output {
@@ -164,7 +169,8 @@ impl Output {
         if was_made {
             std::fs::create_dir_all(folder).map_err(writing)?;
         }
-        let output = Self { folder: folder.into(), was_made, written: Vec::new() };
+        let mut output =
+            Self { folder: folder.into(), was_made, unfinished: None, replaced: Vec::new(), sectors: 0 };
         let names: Vec<String> = std::fs::read_dir(folder)
             .and_then(|entries| {
                 entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
@@ -176,40 +182,62 @@ impl Output {
                 "{folder} is not empty; give another folder, or write over the world in it with --force"
             )));
         }
-        input::check_output(index)?;
-        // An index without its sectors would be worse than none.
-        let stale = names.iter().filter(|name| is_sector(name)).map(|name| folder.join(name));
-        let stale: Vec<PathBuf> = stale.chain(index.exists().then(|| index.to_owned())).collect();
-        stale.iter().try_for_each(|path| input::check_output(path))?;
-        stale.iter().rev().try_for_each(std::fs::remove_file).map_err(writing)?;
+        output.replaced.extend(index.exists().then(|| index.to_owned()));
+        output.replaced.extend(names.iter().filter(|name| is_sector(name)).map(|name| folder.join(name)));
+        output.replaced.iter().try_for_each(|path| input::check_output(path))?;
+        let unfinished = tempfile::Builder::new().prefix(".fantex-").tempdir_in(folder);
+        output.unfinished = Some(unfinished.map_err(writing)?);
         Ok(output)
     }
 
-    /// The path of the next sector.
-    fn next(&mut self, force: bool) -> Result<PathBuf> {
-        let path = self.folder.join(file_name(self.written.len()));
-        input::check_output(&path)?;
-        if !force && path.symlink_metadata().is_ok() {
-            return Err(fantex_base::files::exists(&path));
-        }
-        self.written.push(path.clone());
-        Ok(path)
+    /// Where a file is until all are there.
+    fn unfinished(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.unfinished.as_ref().map_or(&*self.folder, TempDir::path).join(name)
     }
 
-    fn finish(mut self) {
-        self.written.clear();
+    /// The path of the next sector.
+    fn next(&mut self) -> PathBuf {
+        self.sectors += 1;
+        self.unfinished(file_name(self.sectors - 1))
+    }
+
+    /// Writes the index, and puts all files in their places. Nothing is changed of a world that is there before the new one is durable; while
+    /// files are exchanged there is no index.
+    fn finish(mut self, world: &World, index: &Path) -> Result<()> {
+        let name = index.file_name().unwrap_or_default();
+        let unfinished_index = self.unfinished(name);
+        world.write(&unfinished_index)?;
+        let failed = |path: &Path, error| Error::writing(path, error);
+        for path in &self.replaced {
+            std::fs::remove_file(path).map_err(|error| failed(path, error))?;
+        }
+        for number in 0..self.sectors {
+            let path = self.folder.join(file_name(number));
+            let moved = std::fs::rename(self.unfinished(file_name(number)), &path);
+            moved.map_err(|error| failed(&path, error))?;
+        }
+        std::fs::rename(unfinished_index, index).map_err(|error| failed(index, error))?;
         self.was_made = false;
+        sync_folder(&self.folder)
     }
 }
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // What cannot be removed stays; there is no index that names it.
-        self.written.iter().for_each(|path| std::fs::remove_file(path).unwrap_or_default());
+        drop(self.unfinished.take());
         if self.was_made {
             std::fs::remove_dir(&self.folder).unwrap_or_default();
         }
     }
+}
+
+/// Makes the names of its files durable.
+fn sync_folder(folder: &Path) -> Result<()> {
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    let synced = File::open(folder).and_then(|folder| folder.sync_all());
+    synced.map_err(|error| Error::writing(folder, error))
 }
 
 /// Which triangles are in which sector.
@@ -376,14 +404,8 @@ struct Sector {
 }
 
 impl Sector {
-    fn write(
-        &self,
-        path: &Path,
-        whole: &Asset,
-        force: bool,
-        report: &mut dyn FnMut(u64) -> Result<()>,
-    ) -> Result<()> {
-        let options = CreateOptions { force, ..CreateOptions::default() };
+    fn write(&self, path: &Path, whole: &Asset, report: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
+        let options = CreateOptions::default();
         let Self { mesh, cover, groups, is_partial, .. } = self;
         GroupCopy { mesh, cover, from: whole, groups, is_partial }.write(path, &options, report).map(drop)
     }

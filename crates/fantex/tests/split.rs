@@ -354,9 +354,11 @@ fn nothing_is_left_of_a_world_that_is_not_finished() {
     expected.insert(0, "notes.txt".into());
     expected.push("whole.fanworld".into());
     assert_eq!(names(&target), expected);
-    // A world that is being replaced is gone as a whole.
+    // A world stays as it is until the next one is there.
     split(whole.shared(), &target, &forced, &Stop(AtomicU64::new(2))).unwrap_err();
-    assert_eq!(names(&target), ["notes.txt"]);
+    assert_eq!(names(&target), expected);
+    let report = fantex::verify_world(&target.join("whole.fanworld"), &VerifyOptions::default(), &NoProgress);
+    assert!(report.unwrap().ok);
     let none = SplitOptions { triangles: 0, ..forced };
     assert_eq!(
         split(whole.shared(), &target, &none, &NoProgress).unwrap_err().kind(),

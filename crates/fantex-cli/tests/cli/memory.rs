@@ -11,7 +11,7 @@ use crate::{bottle, data, fantex, succeeds, write};
 const BESIDE_MIB: u64 = 192;
 
 /// Commands as in `outputs.rs`, and the least budget in MiB that does not refuse them.
-const CASES: [(&str, u64); 38] = [
+const CASES: [(&str, u64); 39] = [
     ("info IN/land.ply", 128),
     ("info IN/bottle.fan", 128),
     ("bake MODEL -o OUT/a.fan --texels 8M", 128),
@@ -48,6 +48,7 @@ const CASES: [(&str, u64); 38] = [
     ("simplify IN/land.ply -o OUT/a.ply --triangles 20k", 128),
     ("bake IN/land.ply -o OUT/a.fan --source mesh=IN/land.fan,cage=0.1 --texels 1M", 128),
     ("preview IN/land.fan", 128),
+    ("split IN/land.fan -o OUT --triangles 50k", 128),
     ("demo -o OUT --triangles 50k --texels 2M", 512),
     ("bench sample MODEL", 128),
 ];

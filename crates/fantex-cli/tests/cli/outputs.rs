@@ -22,7 +22,7 @@ const fn each(arguments: &'static str) -> Case {
 }
 
 /// Every kind of file that a command writes.
-const CASES: [Case; 32] = [
+const CASES: [Case; 33] = [
     whole("bake IN/cube.ply -o OUT/a.fan --texels 4k"),
     whole("plan IN/cube.ply -o OUT/a.plan --texels 4k"),
     whole("bake IN/bottle.plan --shard 2/2 -o OUT/a.part"),
@@ -54,6 +54,7 @@ const CASES: [Case; 32] = [
     each("gallery wood -o OUT --width 32"),
     whole("paint IN/bottle.fan --replay IN/strokes.json -o OUT/a.fan"),
     each("paint IN/painted.fan --export-log OUT/strokes.json"),
+    whole("split IN/bottle.fan -o OUT --triangles 5k --preview-triangles 1k --preview-texels 9k"),
     each("demo -o OUT --triangles 500 --texels 4k"),
 ];
 
