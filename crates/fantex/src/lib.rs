@@ -81,6 +81,8 @@ pub mod look_scene;
 mod model;
 mod preview;
 mod refined;
+#[cfg(feature = "gpu")]
+mod streamed_world;
 mod world;
 
 pub use asset::{Asset, FileKind};
@@ -98,6 +100,8 @@ pub use fantex_photos as photos;
 pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
+#[cfg(feature = "gpu")]
+pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,

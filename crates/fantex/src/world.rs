@@ -7,6 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fantex_base::{Error, Result, files, input};
+use fantex_mesh::WorldFromMesh;
 use fantex_stream::{read_whole, url_of};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -101,6 +102,14 @@ impl World {
         Ok(Self { objects: file.objects })
     }
 
+    /// Whether a file or address is called as worlds are.
+    pub fn is_named(place: &Path) -> bool {
+        let name = place.to_string_lossy();
+        let path =
+            if url_of(place).is_some() { name.split(['?', '#']).next().unwrap_or(&name) } else { &name };
+        Path::new(path).extension().is_some_and(|extension| extension.eq_ignore_ascii_case(WORLD_EXTENSION))
+    }
+
     /// Writes the index, whole or not at all; one that is there is replaced.
     ///
     /// # Errors
@@ -126,6 +135,12 @@ impl World {
             }
             None => files::folder_of(index).join(&object.asset),
         }
+    }
+
+    /// The mesh space that all objects are drawn in: that of a mesh which fills the same box. None where that is a point.
+    pub fn space(&self) -> Option<WorldFromMesh> {
+        let [low, high] = self.bounds()?;
+        WorldFromMesh::of_box(low, high)
     }
 
     /// Corners of the bounding box of all objects, world units; none without objects.
