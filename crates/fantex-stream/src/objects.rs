@@ -88,8 +88,9 @@ pub fn choose_objects(
             previews.push((size * preference, index, ObjectDetail::Preview, preview.bytes));
         }
         let enough = if now == ObjectDetail::Whole { STAYING_PIXELS } else { COARSE_PIXELS };
-        // What is not seen is not fetched, but may stay.
-        if (is_seen || now == ObjectDetail::Whole) && detail > enough {
+        // Without a preview there is nothing else. What is not seen is not fetched, but may stay.
+        let is_wanted = object.preview.is_none() || detail > enough;
+        if (is_seen || now == ObjectDetail::Whole) && is_wanted {
             wholes.push((detail * preference, index, ObjectDetail::Whole, object.whole_bytes));
         }
     }
