@@ -117,7 +117,7 @@ pub struct StreamingSettings {
 
 impl Default for StreamingSettings {
     fn default() -> Self {
-        Self { pool_mib: 64, geometry_mib: 512, upload_kib: 4096, is_running: true }
+        Self { pool_mib: 64, geometry_mib: 384, upload_kib: 4096, is_running: true }
     }
 }
 
