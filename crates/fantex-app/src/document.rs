@@ -216,6 +216,7 @@ impl Document {
             Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => Err(is_look_error(path)),
+                FileKind::World => Self::open_world(place, path),
                 FileKind::Asset => Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?))),
                 FileKind::Model => {
                     let model = load(path, &LoadOptions::default())?;
@@ -243,11 +244,6 @@ impl Document {
     ) -> Result<ForPainting> {
         progress.enter(Stage::Reading)?;
         let mut notes = Vec::new();
-        if World::is_named(Path::new(&place.name())) {
-            let sentence =
-                format!("{place} is a world, which can only be looked at: paint on one of its assets");
-            return Err(Error::unsupported(sentence));
-        }
         let path = match place {
             Place::Url(url) => {
                 let sentence = format!("{url} can only be looked at: download it to paint on it");
@@ -255,6 +251,12 @@ impl Document {
             }
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => return Err(is_look_error(path)),
+                FileKind::World => {
+                    let sentence = format!(
+                        "{place} is a world, which can only be looked at: paint on one of its assets"
+                    );
+                    return Err(Error::unsupported(sentence).with_path(path));
+                }
                 FileKind::Asset => path.clone(),
                 FileKind::Model => match asset_of_model(path, answer, progress, &mut notes)? {
                     Made::Asset(path) => path,

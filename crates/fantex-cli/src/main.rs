@@ -7,7 +7,7 @@ use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
-    preview, render, serve, simplify, table, verify, view, warp,
+    preview, render, serve, simplify, split, table, verify, view, warp, world,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
 use crate::text::bytes;
@@ -39,10 +39,12 @@ mod commands {
     pub(crate) mod render;
     pub(crate) mod serve;
     pub(crate) mod simplify;
+    pub(crate) mod split;
     pub(crate) mod table;
     pub(crate) mod verify;
     pub(crate) mod view;
     pub(crate) mod warp;
+    pub(crate) mod world;
 }
 
 fn main() -> ExitCode {
@@ -138,6 +140,8 @@ pub(crate) enum Command {
     Preview(preview::PreviewArgs),
     Serve(serve::ServeArgs),
     Simplify(simplify::SimplifyArgs),
+    Split(split::SplitArgs),
+    World(world::WorldArgs),
     Notices(notices::NoticesArgs),
 }
 
@@ -164,6 +168,8 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Preview(args) => preview::run(args, context),
         Command::Serve(args) => serve::run(args, context),
         Command::Simplify(args) => simplify::run(args, context),
+        Command::Split(args) => split::run(args, context),
+        Command::World(args) => world::run(args, context),
         Command::Notices(_) => notices::run(context),
     }?;
     Ok(ExitCode::SUCCESS)

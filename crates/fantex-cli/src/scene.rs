@@ -15,7 +15,7 @@ use fantex::store::{Asset, PageCache};
 use fantex::stream::url_of;
 use fantex::texture::Filter;
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
-use fantex::{Error, FileKind, Result};
+use fantex::{Error, FileKind, Result, World};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::context::Context;
@@ -42,6 +42,7 @@ impl Scene {
                 Content::Model(model)
             }
             Input::Look(_) => return Err(look_instead(path)),
+            Input::World(_) => return Err(FileKind::world_instead(path)),
             Input::Asset(asset) => Content::Asset(PageCache::new(asset, context.memory_bytes as usize)),
         };
         Ok(Self { path: path.into(), content })
@@ -159,12 +160,14 @@ pub(crate) enum Input {
     Model(Box<fantex::Mesh>),
     Asset(Arc<Asset>),
     Look(Box<LookFile>),
+    World(World),
 }
 
 impl Input {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         Ok(match FileKind::of(path)? {
             FileKind::Look => Self::Look(Box::new(LookFile::read(path)?)),
+            FileKind::World => Self::World(World::open(path)?),
             FileKind::Asset => Self::Asset(Arc::clone(fantex::Asset::open(path)?.shared())),
             FileKind::Model => Self::Model(Box::new(fantex::Mesh::load(path)?)),
         })
@@ -176,6 +179,7 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Model => fantex::Mesh::load(path),
         FileKind::Look => Err(look_instead(path)),
+        FileKind::World => Err(FileKind::world_instead(path)),
         FileKind::Asset => Err(fantex::Asset::open(path).err().unwrap_or_else(|| Error::unsupported(format!(
             "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
             path.display()
@@ -187,7 +191,7 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
 pub(crate) fn open_shape(path: &Path) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Look => Err(look_instead(path)),
-        FileKind::Asset | FileKind::Model => fantex::Mesh::open(path),
+        FileKind::Asset | FileKind::Model | FileKind::World => fantex::Mesh::open(path),
     }
 }
 
@@ -214,6 +218,7 @@ fn check_is_asset(path: &Path) -> Result<()> {
     match FileKind::of(path)? {
         FileKind::Asset => Ok(()),
         FileKind::Look => Err(look_instead(path)),
+        FileKind::World => Err(FileKind::world_instead(path)),
         FileKind::Model => Err(Error::unsupported(format!(
             "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
             path.display()

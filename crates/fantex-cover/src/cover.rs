@@ -3,7 +3,7 @@
 use fantex_mesh::{Mesh, SurfacePoint, WorldFromMesh, interpolate};
 use glam::{Vec2, Vec3};
 
-use crate::UnfoldedCorners;
+use crate::{UnfoldedCorner, UnfoldedCorners};
 
 /// How a group's surface is laid into its tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +96,27 @@ impl Cover {
                 self.unfolded.find(corner).map_or([Vec2::splat(0.5); 3], |entry| entry.uv)
             }
         }
+    }
+
+    /// The cover of a [subset](Mesh::subset) of the mesh's triangles: the texture function on these is the same. Also returns which group of
+    /// this cover each of its groups is, ascending.
+    #[must_use]
+    pub fn subset(&self, triangles: &[u32]) -> (Self, Vec<u32>) {
+        let mut groups: Vec<u32> = triangles.iter().flat_map(|&t| self.groups_of(t)).collect();
+        groups.sort_unstable();
+        groups.dedup();
+        let number = |group: u32| groups.partition_point(|&other| other < group) as u32;
+        let corners =
+            (0u32..).zip(triangles).flat_map(|(t, &whole)| [0, 1, 2].map(|k| (3 * t + k, 3 * whole + k)));
+        let subset = Self {
+            corner_groups: triangles.iter().map(|&t| self.corner_groups[t as usize].map(number)).collect(),
+            groups: groups.iter().map(|&group| self.groups[group as usize]).collect(),
+            unfolded: corners
+                .filter_map(|(corner, whole)| Some(UnfoldedCorner { corner, ..*self.unfolded.find(whole)? }))
+                .collect(),
+            ..*self
+        };
+        (subset, groups)
     }
 
     /// Texels of all tiles at level 0.

@@ -159,6 +159,12 @@ impl Edge<'_> {
         [(ends >> 32) as u32, ends as u32]
     }
 
+    /// The triangles that meet there, with their third vertices; ascending.
+    pub fn triangles(&self) -> impl Iterator<Item = (u32, u32)> + use<'_> {
+        let third = |half_edge: u32| EdgeSide::of_half_edge(self.triangles, half_edge, 0).opposite;
+        self.half_edges.iter().map(move |&(_, half_edge)| (half_edge / 3, third(half_edge)))
+    }
+
     /// How many triangles meet there.
     pub fn triangle_count(&self) -> usize {
         self.half_edges.len()

@@ -38,7 +38,7 @@ pub use mesh::*;
 pub use normals::*;
 pub use ray::*;
 #[cfg(not(target_arch = "wasm32"))]
-pub use simplify::simplified;
+pub use simplify::{simplified, simplified_keeping};
 pub use surface_point::*;
 pub use tangents::*;
 pub use write::*;

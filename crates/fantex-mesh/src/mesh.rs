@@ -2,6 +2,7 @@
 
 use fantex_base::Aabb;
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::{ImageSource, Material};
 
@@ -130,6 +131,38 @@ impl Mesh {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
+    /// The mesh of some of the triangles, in the order given, with the vertices that they use, in their order: in the same mesh space, with
+    /// the same materials, images and names of parts. Also returns which vertex of this mesh each of its vertices is.
+    #[must_use]
+    pub fn subset(&self, triangles: &[u32]) -> (Self, Vec<u32>) {
+        let of_whole = |&t: &u32| self.triangles[t as usize];
+        let mut vertices: Vec<u32> = triangles.iter().flat_map(of_whole).collect();
+        vertices.par_sort_unstable();
+        vertices.dedup();
+        let number = |vertex: u32| vertices.partition_point(|&other| other < vertex) as u32;
+        let corners = &self.corners;
+        let subset = Self {
+            positions: vertices.iter().map(|&v| self.positions[v as usize]).collect(),
+            triangles: triangles.iter().map(|t| of_whole(t).map(number)).collect(),
+            corners: CornerAttributes {
+                normals: corners_of(&corners.normals, triangles),
+                uv_sets: corners.uv_sets.iter().map(|set| corners_of(set, triangles)).collect(),
+                colors: corners_of(&corners.colors, triangles),
+                tangents: corners_of(&corners.tangents, triangles),
+            },
+            triangle_materials: match self.triangle_materials.is_empty() {
+                true => Vec::new(),
+                false => triangles.iter().map(|&t| self.triangle_materials[t as usize]).collect(),
+            },
+            materials: self.materials.clone(),
+            images: self.images.clone(),
+            parts: self.parts.of_sources(triangles.iter().copied()),
+            world_from_mesh: self.world_from_mesh,
+            undisplaced_bounds: self.undisplaced_bounds,
+        };
+        (subset, vertices)
+    }
+
     /// Unit normal of a triangle's front, from which its corners run counter-clockwise; zero for one without area, which no
     /// cleaned mesh has.
     pub fn facet_normal(&self, triangle: usize) -> DVec3 {
@@ -152,6 +185,14 @@ impl Mesh {
     pub fn triangle_area(&self, triangle: usize) -> f64 {
         let [a, b, c] = self.triangle_positions(triangle).map(|p| p.as_dvec3());
         0.5 * (b - a).cross(c - a).length()
+    }
+}
+
+/// The values of some triangles' corners, of those of all; none where there are none.
+pub fn corners_of<T: Copy>(values: &[T], triangles: &[u32]) -> Vec<T> {
+    match values.is_empty() {
+        true => Vec::new(),
+        false => triangles.iter().flat_map(|&t| [0, 1, 2].map(|k| values[3 * t as usize + k])).collect(),
     }
 }
 

@@ -173,7 +173,7 @@ impl Smoother {
 }
 
 /// Angle of a triangle at one of its corners, radians.
-pub(crate) fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
+pub fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
     let positions = mesh.triangle_positions(corner as usize / 3).map(|p| p.as_dvec3());
     let at = |k: u32| positions[((corner + k) % 3) as usize];
     angle_between(at(1) - at(0), at(2) - at(0))

@@ -6,7 +6,7 @@
 //! vertices are united within the cells of a grid (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering
 //! complex scenes", 1993).
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, UnionFind, input};
 use meshoptimizer_rs::{
     Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, VertexFlags, Workspace,
     simplify_sloppy, simplify_with_attributes,
@@ -27,42 +27,83 @@ const MIN_TRIANGLES: usize = 8;
 /// # Errors
 /// This takes more memory than is left of what is [allowed](fantex_base::ReadLimits).
 pub fn simplified(mesh: &Mesh, triangles: usize) -> Result<Model> {
-    let (mut kept, mut materials) = (Vec::new(), Vec::new());
-    let mut simplifier = Simplifier::new(mesh);
+    simplified_keeping(mesh, triangles, &[])
+}
+
+/// As [`simplified`]; the vertices `kept` stay where they are, and so do the edges between them that a single triangle has, so that the
+/// result fits to what they join. Pieces with such vertices may keep more triangles than their share. The model's positions are those of
+/// the mesh, with the same numbers.
+///
+/// # Errors
+/// As [`simplified`].
+pub fn simplified_keeping(mesh: &Mesh, triangles: usize, kept: &[u32]) -> Result<Model> {
+    let (mut left, mut materials) = (Vec::new(), Vec::new());
+    let mut simplifier = Simplifier::new(mesh, kept);
+    let is_anchored = anchored(mesh, kept);
     let by_material = triangles_by_material(mesh).into_iter().enumerate();
-    for (material, own) in by_material.filter(|(_, own)| !own.is_empty()) {
-        let share = own.len() as f64 / mesh.triangles.len() as f64;
-        let wanted = ((triangles as f64 * share).round() as usize).max(MIN_TRIANGLES);
-        kept.extend(simplifier.fewer(own, wanted)?);
-        materials.resize(kept.len(), material as u32);
+    for (material, own) in by_material {
+        let share = triangles as f64 / mesh.triangles.len() as f64;
+        let wanted = |own: &[[u32; 3]]| ((share * own.len() as f64).round() as usize).max(MIN_TRIANGLES);
+        let (anchored, loose): (Vec<_>, Vec<_>) =
+            own.into_iter().partition(|triangle| is_anchored[triangle[0] as usize]);
+        for (own, may_lose_pieces) in [(anchored, false), (loose, true)] {
+            if !own.is_empty() {
+                let wanted = wanted(&own);
+                left.extend(simplifier.fewer(own, wanted, may_lose_pieces)?);
+            }
+        }
+        materials.resize(left.len(), material as u32);
     }
     Ok(Model {
         positions: mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)).collect(),
-        triangles: kept,
+        triangles: left,
         triangle_materials: materials,
         materials: mesh.materials.clone(),
         ..Model::default()
     })
 }
 
+/// Per vertex whether its connected piece of the mesh has one of the vertices `kept`.
+fn anchored(mesh: &Mesh, kept: &[u32]) -> Vec<bool> {
+    let mut is_anchored = vec![false; mesh.positions.len()];
+    if kept.is_empty() {
+        return is_anchored;
+    }
+    let mut pieces = UnionFind::new(mesh.positions.len());
+    for &[a, b, c] in &mesh.triangles {
+        pieces.union(a, b);
+        pieces.union(b, c);
+    }
+    kept.iter().for_each(|&vertex| is_anchored[pieces.find(vertex) as usize] = true);
+    (0..mesh.positions.len() as u32).map(|vertex| is_anchored[pieces.find(vertex) as usize]).collect()
+}
+
 struct Simplifier {
     positions: Vec<[f32; 3]>,
-    /// Vertices between materials stay, so that these go on meeting there.
+    /// Vertices between materials stay, so that these go on meeting there, and those that were asked for.
     flags: Vec<VertexFlags>,
     workspace: Workspace,
 }
 
 impl Simplifier {
-    fn new(mesh: &Mesh) -> Self {
+    fn new(mesh: &Mesh, kept: &[u32]) -> Self {
         let max_bytes = usize::try_from(input::memory_left()).unwrap_or(usize::MAX);
+        let mut flags = flags(mesh);
+        kept.iter().for_each(|&vertex| flags[vertex as usize] = VertexFlags::LOCK);
         Self {
             positions: mesh.positions.iter().map(|p| p.to_array()).collect(),
-            flags: flags(mesh),
+            flags,
             workspace: Workspace::new(Limits { max_bytes, max_work: u64::MAX }),
         }
     }
 
-    fn fewer(&mut self, triangles: Vec<[u32; 3]>, wanted: usize) -> Result<Vec<[u32; 3]>> {
+    /// `may_lose_pieces`: loose pieces may go, and vertices that stay otherwise may be united.
+    fn fewer(
+        &mut self,
+        triangles: Vec<[u32; 3]>,
+        wanted: usize,
+        may_lose_pieces: bool,
+    ) -> Result<Vec<[u32; 3]>> {
         if triangles.len() <= wanted {
             return Ok(triangles);
         }
@@ -86,6 +127,9 @@ impl Simplifier {
                 .map(|fewer| fewer.indices)
                 .map_err(failed)
         };
+        if !may_lose_pieces {
+            return collapsed(SimplifyOptions::EMPTY).map(|left| left.as_chunks::<3>().0.to_vec());
+        }
         let mut left = collapsed(SimplifyOptions::PRUNE)?;
         // Where no more edges can collapse, pieces go whatever their size; it may be the whole mesh.
         if left.len() * TOLERATED_EXCESS < 3 * wanted {

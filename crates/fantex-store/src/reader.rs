@@ -280,6 +280,11 @@ impl Asset {
         extent.ok_or_else(|| self.no_such_page(channel, id))
     }
 
+    /// Bytes of a page in a channel's format.
+    pub(crate) fn page_bytes(&self, channel: usize, id: PageId) -> Result<usize> {
+        Ok(self.formats[channel].bytes(self.page_extent(channel, id)?))
+    }
+
     pub(crate) fn decode_page(
         &self,
         channel: usize,

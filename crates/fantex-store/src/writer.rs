@@ -31,9 +31,11 @@ use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section, packing};
 
+pub use self::copy::*;
 pub use self::part::*;
 pub use self::plan::*;
 
+mod copy;
 mod part;
 mod plan;
 

@@ -11,6 +11,8 @@ use fantex_store::{PageCache, Sampler};
 use fantex_texture::FilterOptions;
 use glam::DVec3;
 
+use crate::WORLD_EXTENSION;
+
 /// What a file is, by its name or its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
@@ -20,21 +22,27 @@ pub enum FileKind {
     Asset,
     /// Named `.toml`.
     Look,
+    /// Named `.fanworld`: an index of assets.
+    World,
 }
 
 impl FileKind {
-    /// Looks at a file. Those named `.fan` and `.toml` are not opened.
+    /// Looks at a file. Those named `.fan`, `.toml` and `.fanworld` are not opened, and what lies at an address is an asset unless it is named
+    /// `.fanworld`.
     ///
     /// # Errors
     /// It cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
-        if fantex_stream::url_of(path).is_some() {
-            return Ok(Self::Asset);
+        if let Some(url) = fantex_stream::url_of(path) {
+            let name = url.split(['?', '#']).next().unwrap_or(url);
+            let is_world = name.to_ascii_lowercase().ends_with(&format!(".{WORLD_EXTENSION}"));
+            return Ok(if is_world { Self::World } else { Self::Asset });
         }
         let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
         match extension.as_ref().and_then(|extension| extension.to_str()) {
             Some("toml") => return Ok(Self::Look),
             Some("fan") => return Ok(Self::Asset),
+            Some(WORLD_EXTENSION) => return Ok(Self::World),
             _ => {}
         }
         let mut start = Vec::with_capacity(4);
@@ -45,6 +53,13 @@ impl FileKind {
             Err(_) if path.is_dir() => Ok(Self::Model),
             Err(error) => Err(Error::reading(path, error)),
         }
+    }
+
+    /// The error of a world where a single asset or model is taken.
+    pub fn world_instead(path: &Path) -> Error {
+        let shown = path.display();
+        let sentence = format!("{shown} is a world, an index of assets; give one of its assets (.fan)");
+        Error::unsupported(sentence).with_path(path)
     }
 }
 
@@ -101,5 +116,22 @@ impl Deref for Asset {
 
     fn deref(&self) -> &fantex_store::Asset {
         &self.asset
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn worlds_are_told_by_their_names() {
+        let kind = |place: &str| FileKind::of(Path::new(place)).unwrap();
+        for place in ["a.fanworld", "b/A.FANWORLD", "https://a.b/c.fanworld", "s3://b/c.fanworld?versionId=2"]
+        {
+            assert_eq!(kind(place), FileKind::World, "{place}");
+        }
+        for place in ["https://a.b/c.fan", "https://a.b/c?d=.fanworld", "gs://fanworld/c"] {
+            assert_eq!(kind(place), FileKind::Asset, "{place}");
+        }
     }
 }

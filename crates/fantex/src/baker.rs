@@ -404,7 +404,7 @@ impl<'a> Baker<'a> {
             Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
                 self.transfer_asset(&Asset::open(detailed)?, *cage, goal)
             }
-            Kind::Mesh { path: detailed, cage } => self.transfer_model(&Mesh::load(detailed)?, *cage, goal),
+            Kind::Mesh { path: detailed, cage } => self.transfer_model(&Mesh::open(detailed)?, *cage, goal),
             Kind::Loaded(detailed, cage) => self.transfer_model(detailed, *cage, goal),
             Kind::Asset(detailed, cage) => self.transfer_asset(detailed, *cage, goal),
             #[cfg(feature = "photos")]

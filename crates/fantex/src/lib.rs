@@ -81,9 +81,11 @@ pub mod look_scene;
 mod model;
 mod preview;
 mod refined;
+mod split;
 #[cfg(feature = "gpu")]
 mod streamed_world;
 mod world;
+mod world_check;
 
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
@@ -100,9 +102,11 @@ pub use fantex_photos as photos;
 pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
+pub use split::{SectorPreviews, Split, SplitOptions, split};
 #[cfg(feature = "gpu")]
 pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
+pub use world_check::{ObjectReport, WorldReport, verify_world};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,
     fantex_mesh as mesh, fantex_render as render, fantex_scene as scene, fantex_store as store,

@@ -77,6 +77,7 @@ impl Mesh {
         let path = path.as_ref();
         match FileKind::of(path)? {
             FileKind::Asset => Ok(Self::of_asset(&Asset::open(path)?)),
+            FileKind::World => Err(FileKind::world_instead(path)),
             FileKind::Model | FileKind::Look => Self::load(path),
         }
     }

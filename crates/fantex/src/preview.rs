@@ -6,11 +6,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_bake::{AssetSource, BakeOptions, NoProgress, TransferOptions, TransferSource, bake};
+use fantex_bake::{AssetSource, BakeOptions, NoProgress, Progress, TransferOptions, TransferSource, bake};
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::{CleanOptions, clean, simplified};
-use fantex_store::{AssetEditor, EditOptions, PREVIEW, PageCache};
+use fantex_mesh::{
+    CleanOptions, Edges, Mesh, Model, TriangleBvh, VertexCorners, clean, corner_angle, shading_normals,
+    simplified_keeping,
+};
+use fantex_store::{Asset, AssetEditor, EditOptions, PREVIEW, PageCache};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// How large a preview is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,14 +24,17 @@ pub struct PreviewOptions {
     pub triangles: usize,
     /// Stored texels at level 0, per channel.
     pub texels: u64,
+    /// Vertices at edges of a single triangle stay, with their normals, so that previews of assets that meet there fit together, and to the
+    /// assets. There may be more triangles for it.
+    pub keeps_borders: bool,
     /// Bytes that decoded tiles and texels in work may take while it is made.
     pub memory_bytes: u64,
 }
 
 impl Default for PreviewOptions {
-    /// 5000 triangles and 100 000 texels: some 200 to 700 kB. 512 MiB.
+    /// 5000 triangles and 100 000 texels: some 200 to 700 kB. Borders are simplified, too. 512 MiB.
     fn default() -> Self {
-        Self { triangles: 5000, texels: 100_000, memory_bytes: 512 << 20 }
+        Self { triangles: 5000, texels: 100_000, keeps_borders: false, memory_bytes: 512 << 20 }
     }
 }
 
@@ -46,8 +54,19 @@ impl Preview {
     ///
     /// # Errors
     /// Nothing is left of its mesh at so few triangles; too few texels; there is no room for a temporary file of the preview's size.
-    pub fn of(asset: &Arc<fantex_store::Asset>, options: &PreviewOptions) -> Result<Self> {
-        let (coarse, _) = clean(simplified(asset.mesh(), options.triangles)?, &CleanOptions::default())?;
+    pub fn of(asset: &Arc<Asset>, options: &PreviewOptions) -> Result<Self> {
+        let kept = if options.keeps_borders { border_vertices(asset.mesh()) } else { Vec::new() };
+        Self::keeping(asset, options, &kept, &NoProgress)
+    }
+
+    /// As [`of`](Self::of); these vertices stay. Of `progress` only cancellation counts.
+    pub(crate) fn keeping(
+        asset: &Arc<Asset>,
+        options: &PreviewOptions,
+        kept: &[u32],
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let coarse = coarse_mesh(asset.mesh(), options.triangles, kept)?;
         let half = options.memory_bytes / 2;
         let cache_bytes = usize::try_from(half).unwrap_or(usize::MAX);
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
@@ -57,7 +76,7 @@ impl Preview {
         let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
         let path = folder.path().join("preview.fan");
         let bake_options = BakeOptions { memory_bytes: half, ..BakeOptions::default() };
-        let baked = bake(&coarse, &cover, &source, &path, &bake_options, &NoProgress)?;
+        let baked = bake(&coarse, &cover, &source, &path, &bake_options, &CancelOnly(progress))?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
         Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels: baked.texels })
     }
@@ -69,9 +88,15 @@ impl Preview {
     pub fn add_to(path: &Path, options: &PreviewOptions) -> Result<Self> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let preview = Self::of(editor.asset(), options)?;
-        editor.attach(PREVIEW, preview.bytes.clone())?;
-        editor.commit()?;
+        preview.attach(&mut editor)?;
         Ok(preview)
+    }
+
+    /// Puts it into an asset and commits.
+    pub(crate) fn attach(&self, editor: &mut AssetEditor) -> Result<()> {
+        editor.attach(PREVIEW, self.bytes.clone())?;
+        editor.commit()?;
+        Ok(())
     }
 
     /// Takes the preview out of an asset; false where there is none.
@@ -85,4 +110,77 @@ impl Preview {
         editor.commit()?;
         Ok(is_there)
     }
+}
+
+/// Passes on that somebody wants to stop, and nothing else.
+struct CancelOnly<'a>(&'a dyn Progress);
+
+impl Progress for CancelOnly<'_> {
+    fn report(&self, _done: u64, _total: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}
+
+/// The vertices at edges of a single triangle, ascending.
+fn border_vertices(mesh: &Mesh) -> Vec<u32> {
+    let edges = Edges::of(&mesh.triangles);
+    let borders = edges.iter().filter(|edge| edge.triangle_count() == 1);
+    let mut vertices: Vec<u32> = borders.flat_map(|edge| edge.vertices()).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
+/// About so many triangles. Where vertices are kept, it lies in the mesh space of the fine mesh, so that they stay where they are to the
+/// last bit, and has the normals that the fine mesh has at its vertices.
+fn coarse_mesh(fine: &Mesh, triangles: usize, kept: &[u32]) -> Result<Mesh> {
+    let mut model = simplified_keeping(fine, triangles, kept)?;
+    let mut options = CleanOptions::default();
+    if !kept.is_empty() {
+        options.world_from_mesh = Some(fine.world_from_mesh);
+        model.corners.normals = normals_of_fine(fine, &model);
+    }
+    Ok(clean(model, &options)?.0)
+}
+
+/// For each corner of a model with vertices of the fine mesh the mean, by their angles, of the fine shading normals there that face as its
+/// triangle does (a leaf has two sides), or of all where none do.
+fn normals_of_fine(fine: &Mesh, coarse: &Model) -> Vec<Vec3> {
+    let normals = shading_normals(fine);
+    let corners = VertexCorners::of(&fine.triangles, fine.positions.len());
+    let of_triangle = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|v| fine.positions[v as usize].as_dvec3());
+        let facet = (b - a).cross(c - a).normalize_or_zero();
+        triangle.map(|vertex| {
+            let at_vertex = corners.at(vertex as usize).iter();
+            let weighted = |&corner: &u32| normals[corner as usize].as_dvec3() * corner_angle(fine, corner);
+            let alike = at_vertex.clone().map(weighted).filter(|normal| normal.dot(facet) > 0.0);
+            let mean = alike.sum::<DVec3>().try_normalize();
+            let mean = mean.or_else(|| at_vertex.map(weighted).sum::<DVec3>().try_normalize());
+            mean.unwrap_or(facet).as_vec3()
+        })
+    };
+    coarse.triangles.par_iter().flat_map_iter(of_triangle).collect()
+}
+
+/// Vertices at which the distance between a mesh and its preview is measured, at most.
+const MAX_PROBES: usize = 100_000;
+
+/// Length of the finest detail that a preview shows, world units: the mean side of a texel, or, where that is longer, the largest distance of
+/// a vertex of the fine mesh (of 100 000, spread evenly) to the preview's surface.
+pub(crate) fn detail_of(fine: &Mesh, preview: &Asset, texels: u64) -> f64 {
+    let coarse = preview.mesh();
+    let scale = coarse.world_from_mesh.scale;
+    let texel = scale * (coarse.area() / texels.max(1) as f64).sqrt();
+    let surface = TriangleBvh::new(coarse);
+    let step = fine.positions.len().div_ceil(MAX_PROBES).max(1);
+    let probes: Vec<Vec3> = fine.positions.iter().copied().step_by(step).collect();
+    let distance = |&p: &Vec3| {
+        let p = coarse.world_from_mesh.inverse_point(fine.world_from_mesh.point(p));
+        surface.nearest_point(p, f32::INFINITY).map_or(0.0, |nearest| nearest.distance)
+    };
+    let farthest = probes.par_iter().map(distance).reduce(|| 0.0, f32::max);
+    texel.max(scale * f64::from(farthest))
 }

@@ -8,9 +8,12 @@ use std::path::{Path, PathBuf};
 
 use fantex_base::{Error, Result, files, input};
 use fantex_mesh::WorldFromMesh;
+use fantex_store::Asset;
 use fantex_stream::{read_whole, url_of};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+
+use crate::preview::detail_of;
 
 /// The extension of a world's file name.
 pub const WORLD_EXTENSION: &str = "fanworld";
@@ -102,14 +105,6 @@ impl World {
         Ok(Self { objects: file.objects })
     }
 
-    /// Whether a file or address is called as worlds are.
-    pub fn is_named(place: &Path) -> bool {
-        let name = place.to_string_lossy();
-        let path =
-            if url_of(place).is_some() { name.split(['?', '#']).next().unwrap_or(&name) } else { &name };
-        Path::new(path).extension().is_some_and(|extension| extension.eq_ignore_ascii_case(WORLD_EXTENSION))
-    }
-
     /// Writes the index, whole or not at all; one that is there is replaced.
     ///
     /// # Errors
@@ -120,6 +115,43 @@ impl World {
             .map_err(|error| Error::invalid(format!("the world cannot be written: {error}")))?;
         text.push(b'\n');
         files::write_whole(path, true, |file| file.write_all(&text))
+    }
+
+    /// Adds an object, in the place of one with the same asset where there is one: then true.
+    pub fn put(&mut self, object: WorldObject) -> bool {
+        match self.objects.iter_mut().find(|known| known.asset == object.asset) {
+            Some(known) => {
+                *known = object;
+                true
+            }
+            None => {
+                self.objects.push(object);
+                false
+            }
+        }
+    }
+
+    /// How an index names an asset: an address as it is, a file relative to the index's folder, below which it must lie.
+    ///
+    /// # Errors
+    /// The file does not lie below that folder, one of them cannot be found, or the name is not UTF-8.
+    pub fn name_of(index: &Path, asset: &Path) -> Result<String> {
+        if let Some(url) = url_of(asset) {
+            return Ok(url.to_owned());
+        }
+        let folder = files::folder_of(index);
+        let canonical = |path: &Path| path.canonicalize().map_err(|error| Error::reading(path, error));
+        let (folder, file) = (canonical(folder)?, canonical(asset)?);
+        let below = file.strip_prefix(&folder).map_err(|_| {
+            let (asset, folder) = (asset.display(), folder.display());
+            Error::unsupported(format!(
+                "{asset} does not lie below {folder}, the folder of the index; move one of them, or give an address"
+            ))
+        })?;
+        let names: Option<Vec<&str>> = below.iter().map(|name| name.to_str()).collect();
+        names.map(|names| names.join("/")).ok_or_else(|| {
+            Error::unsupported(format!("an index cannot name {}: its name is not UTF-8", asset.display()))
+        })
     }
 
     /// Where an object's asset is: a path or an address. `index` is where the world was read.
@@ -151,6 +183,32 @@ impl World {
 }
 
 impl WorldObject {
+    /// What an index says of an open asset. `name` is the asset's file relative to the index, or its address.
+    ///
+    /// # Errors
+    /// The asset's preview cannot be read.
+    pub fn of(name: impl Into<String>, asset: &Asset) -> Result<Self> {
+        let mesh = asset.mesh();
+        let bounds = mesh.bounds();
+        let preview = Asset::open_preview(&**asset.source())?.map(|preview| {
+            let texels = preview.cover().stored_texels(preview.mesh());
+            WorldPreview {
+                triangles: preview.mesh().triangles.len() as u64,
+                texels,
+                detail: detail_of(mesh, &preview, texels),
+            }
+        });
+        Ok(Self {
+            asset: name.into(),
+            bytes: asset.file_bytes(),
+            triangles: mesh.triangles.len() as u64,
+            texels: asset.cover().stored_texels(mesh),
+            low: mesh.world_from_mesh.point(bounds.min).into(),
+            high: mesh.world_from_mesh.point(bounds.max).into(),
+            preview,
+        })
+    }
+
     fn defect(&self) -> Option<&'static str> {
         if self.asset.is_empty() {
             return Some("names no file");

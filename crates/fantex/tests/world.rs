@@ -11,15 +11,15 @@ use fantex::base::ErrorKind;
 use fantex::gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, render_to_picture, stream_view,
 };
-use fantex::mesh::Material;
-use fantex::mesh::generate::icosphere;
-use fantex::scene::{Camera, FilterOptions, Lights, Shading, world_bounds};
+use fantex::mesh::generate::{LandscapeOptions, icosphere, landscape};
+use fantex::mesh::{Material, Model};
+use fantex::scene::{Background, Camera, FilterOptions, Lights, Shading, world_bounds};
 use fantex::stream::FrameOptions;
-use fantex::texture::Image;
 use fantex::texture::compare::psnr_db;
+use fantex::texture::{Image, Samples};
 use fantex::{
-    Asset, Baker, Mesh, Preview, PreviewOptions, Source, StreamedWorld, World, WorldObject, WorldOptions,
-    WorldPreview,
+    Asset, Baker, Mesh, NoProgress, Preview, PreviewOptions, Source, SplitOptions, StreamedWorld, World,
+    WorldObject, WorldOptions, WorldPreview, split,
 };
 use glam::{DVec3, Vec3, Vec4};
 
@@ -75,6 +75,29 @@ fn ball(folder: &Path, name: &str, center: DVec3, radius: f64) -> WorldObject {
     }
 }
 
+/// A landscape with tunnels and arches, of 40 000 triangles, split into sectors of 4000.
+fn split_landscape(folder: &Path) -> (PathBuf, PathBuf) {
+    let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() });
+    let model = Model {
+        positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
+        triangles: land.triangles,
+        materials: vec![Material::default()],
+        ..Model::default()
+    };
+    let mesh = Mesh::from_model(model, "land.ply").unwrap();
+    let path = folder.join("land.fan");
+    let color = |p: Vec3| {
+        let wave = |x: f32| 0.5 + 0.4 * (0.05 * x).sin();
+        Vec4::new(wave(p.x + p.y), wave(p.y - p.z), wave(p.z), 1.0)
+    };
+    let source = Source::function(move |point| color(point.position));
+    Baker::new(&mesh).texels(1_000_000).source(source).write(&path).unwrap();
+    let options = SplitOptions { triangles: 4000, ..SplitOptions::default() };
+    let asset = Asset::open(&path).unwrap();
+    let split = split(asset.shared(), &folder.join("sectors"), &options, &NoProgress).unwrap();
+    (path, split.index)
+}
+
 /// A world of two balls, of which the second is smaller and beside the first.
 fn two_balls(folder: &Path) -> (PathBuf, World) {
     let objects = vec![
@@ -91,8 +114,10 @@ fn camera(target: DVec3, distance: f64) -> Camera {
     Camera { eye, target, up: DVec3::Y, fov_degrees: 40.0 }
 }
 
-fn picture(gpu: &Gpu, model: &mut dyn Model, camera: &Camera) -> Image {
-    let options = DrawOptions { shading: Shading::BaseColor, ..DrawOptions::default() };
+fn picture(gpu: &Gpu, model: &mut dyn gpu::Model, camera: &Camera) -> Image {
+    let background = Background::Color(Vec3::Z);
+    let options =
+        DrawOptions { shading: Shading::BaseColor, background, tone_map: None, ..DrawOptions::default() };
     let mut frame = Frame { size: SIZE, camera, lights: &Lights::default(), model, options: &options };
     render_to_picture(gpu, &mut frame).unwrap().to_srgb_image()
 }
@@ -191,4 +216,52 @@ fn an_asset_that_is_gone_is_named_and_the_others_are_shown() {
     );
     assert!(!failed.is_empty());
     assert_eq!(world.statistics().whole, 1);
+}
+
+#[test]
+fn sectors_are_the_whole_and_fit_together_with_previews() {
+    let Some(gpu) = gpu() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (path, index) = split_landscape(folder.path());
+    let world = World::open(&index).unwrap();
+    let [low, high] = world.bounds().unwrap();
+    let (middle, size) = (0.5 * (low + high), (high - low).length());
+    let above = Camera {
+        eye: middle + DVec3::new(0.2, 0.9, 0.4) * size,
+        target: middle,
+        up: DVec3::Y,
+        fov_degrees: 40.0,
+    };
+    let expected = alone(&gpu, &path, &above);
+    let without = |object: &WorldObject| WorldObject { preview: None, ..object.clone() };
+    let whole = World { objects: world.objects.iter().map(without).collect() };
+    let mut whole = StreamedWorld::new(&index, Arc::new(whole), WorldOptions::default()).unwrap();
+    let shown = settled(&gpu, &mut whole, &above);
+    assert_eq!(counts(&whole), [world.objects.len(), 0, 0]);
+    let psnr = psnr_db(&shown, &expected).unwrap();
+    assert!(psnr > 55.0, "whole: {psnr} dB");
+    // Memory for half of the sectors: previews stand beside them, and nothing is seen through.
+    let sizes = world.objects.iter().map(|object| object.triangles * 640);
+    let options = WorldOptions { geometry_bytes: sizes.sum::<u64>() / 2, ..WorldOptions::default() };
+    let near = Camera { eye: middle + DVec3::new(0.1, 0.25, 0.15) * size, ..above };
+    let expected = alone(&gpu, &path, &near);
+    let mut mixed = StreamedWorld::new(&index, Arc::new(world), options).unwrap();
+    let shown = settled(&gpu, &mut mixed, &near);
+    let [whole, previews, failed] = counts(&mixed);
+    assert!(whole >= 2 && previews >= 2 && failed == 0, "{whole} {previews} {failed}");
+    let psnr = psnr_db(&shown, &expected).unwrap();
+    assert!(psnr > 25.0, "mixed: {psnr} dB");
+    let [shown, expected] = [&shown, &expected].map(is_background);
+    let [columns, rows] = SIZE.map(|n| n as usize);
+    let holes = (1..rows - 1).flat_map(|y| (1..columns - 1).map(move |x| y * columns + x)).filter(|&at| {
+        let around = [at, at - 1, at + 1, at - columns, at + columns];
+        shown[at] && !around.iter().any(|&at| expected[at])
+    });
+    assert_eq!(holes.count(), 0);
+}
+
+/// Whether a pixel shows what is behind everything, a blue that the landscape has not.
+fn is_background(image: &Image) -> Vec<bool> {
+    let Samples::U8(samples) = &image.samples else { panic!("bytes were expected") };
+    samples.chunks_exact(image.channels as usize).map(|p| p[2] > 230 && p[0] < 20 && p[1] < 20).collect()
 }

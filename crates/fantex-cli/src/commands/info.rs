@@ -12,15 +12,16 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::{Asset, PREVIEW};
-use fantex::{Error, LongestEdge, Mesh, Result};
+use fantex::{Error, FileKind, LongestEdge, Mesh, Result};
 use serde::Serialize;
 
+use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::Input;
 use crate::text::{Count, Table, grouped, megabytes, over_budget, positive, texels_asked};
 
-/// Show what is in a model, an asset or a look, and the cover that a model would get.
+/// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -32,7 +33,7 @@ Example:
 
 With --look, the model's own materials are printed as a look, which 'fantex render' and 'fantex bake --look' take.")]
 pub(crate) struct InfoArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), also at an https://, s3:// or gs:// address, or a look (.toml)
     file: PathBuf,
     /// Print the model's own materials as a look
     #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture"])]
@@ -214,11 +215,15 @@ struct AssetInfo {
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
     match Input::open(&args.file)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
-        Input::Asset(_) | Input::Look(_) if args.look => Err(Error::unsupported(format!(
+        Input::Asset(_) | Input::Look(_) | Input::World(_) if args.look => Err(Error::unsupported(format!(
             "{} is no model, and only models have materials that are printed as a look",
             args.file.display()
         ))),
         Input::Look(file) => print_look(&file, context),
+        Input::World(_) if args.picture.is_some() || !args.cover.is_default() => {
+            Err(FileKind::world_instead(&args.file))
+        }
+        Input::World(world) => print_world(&world, &args.file, context),
         Input::Model(model) => {
             let info = of_model(&model, args, context)?;
             context.print(&info, |info| model_text(info, &args.file))

@@ -31,6 +31,9 @@ pub(crate) struct PreviewArgs {
     /// Stored texels of the finest level
     #[arg(long, value_name = "N", conflicts_with = "remove")]
     texels: Option<Count>,
+    /// Leave open borders as they are, so that previews of assets that meet there fit together; there may be more triangles for it
+    #[arg(long, conflicts_with = "remove")]
+    keep_borders: bool,
     /// Take the preview out
     #[arg(long)]
     remove: bool,
@@ -61,6 +64,7 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let options = PreviewOptions {
         triangles: args.triangles.map_or(defaults.triangles, |n| n.0 as usize),
         texels: args.texels.map_or(defaults.texels, |n| n.0),
+        keeps_borders: args.keep_borders,
         memory_bytes: context.memory_bytes,
     };
     let preview = Preview::add_to(&args.asset, &options)?;

@@ -5,25 +5,28 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::store::{self, JUMP_BOUND, VerifyOptions, VerifyReport};
-use fantex::{Error, Result};
+use fantex::{Error, FileKind, Result};
 use serde::Serialize;
 
+use super::world::verify_and_print;
 use crate::context::Context;
 use crate::scene::open_asset;
 use crate::text::Table;
 use crate::text::{counted, grouped, megabytes};
 
-/// Check an asset: structure, checksums, and that its texture is continuous across every edge.
+/// Check an asset, or all assets of a world: structure, checksums, and that the texture is continuous across every edge.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
   fantex verify bottle.fan
   fantex verify bottle.fan --json
+  fantex verify land/land.fanworld
 
 Checked are both headers, every stored cluster and attachment against its checksum, the mesh, and the texture function on both sides of every
-edge, in all channels, at every level and at mixed levels. Not checked is what the texels show: docs/format.md says more.")]
+edge, in all channels, at every level and at mixed levels. Not checked is what the texels show: docs/format.md says more. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree
+where they meet.")]
 pub(crate) struct VerifyArgs {
-    /// An asset (.fan, also at an https://, s3:// or gs:// address)
+    /// An asset (.fan) or a world (.fanworld), also at an https://, s3:// or gs:// address
     asset: PathBuf,
 }
 
@@ -54,6 +57,9 @@ struct VerifyInfo {
 
 pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
+    if FileKind::of(&args.asset)? == FileKind::World {
+        return verify_and_print(&args.asset, context);
+    }
     // Opening says what is wrong with files of other kinds.
     let asset = open_asset(&args.asset)?;
     let report = store::verify_asset(&asset, &VerifyOptions { memory_bytes: context.memory_bytes as usize });

@@ -15,6 +15,7 @@ mod photographs;
 mod previews;
 mod round_trip;
 mod serve;
+mod worlds;
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

@@ -31,6 +31,9 @@ pub struct CleanOptions {
     pub weld_distance: f64,
     /// Turn closed components of negative volume inside out. Off by default: the file's sides are believed.
     pub turn_outward: bool,
+    /// The mesh space to use, in which all positions must lie within [-1, 1]: that of another mesh, to which this one belongs. By default
+    /// it is made for the model.
+    pub world_from_mesh: Option<WorldFromMesh>,
 }
 
 /// Cleans a model: see the module's description for the steps and [`Mesh`] for what holds afterwards.
@@ -71,10 +74,11 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     let used = used_vertices(&surface.triangles, model.positions.len());
 
     // Step 2: to mesh space.
-    let Some(world_from_mesh) = exact::world_from_mesh(&model.positions, |v| used[v]) else {
+    let Some(own_space) = exact::world_from_mesh(&model.positions, |v| used[v]) else {
         report.triangles_degenerate = surface.triangles.len() as u64;
         return Err(nothing_left(report, &model.name));
     };
+    let world_from_mesh = options.world_from_mesh.unwrap_or(own_space);
     let positions = mesh_positions(&model, &used, &world_from_mesh);
     model.positions = Vec::new();
 

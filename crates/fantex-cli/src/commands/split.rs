@@ -1,0 +1,114 @@
+//! `fantex split`: a large asset as a world of small ones.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use fantex::{Error, Result, SectorPreviews, SplitOptions, split};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::scene::open_asset;
+use crate::text::{Count, counted, grouped, megabytes};
+
+/// Split a large asset into a world: many small assets that viewers show near the eye, and an index.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex split land.fan -o land
+  fantex split land.fan -o land --triangles 1M --preview-triangles 5k
+  fantex info land/land.fanworld
+  fantex verify land/land.fanworld
+
+The folder gets the sectors, sector-0001.fan and so on, and when all are there the index, named after the asset. Sectors show what the
+whole shows, to the last bit: tiles are copied, those at borders into each sector that needs them. Their previews, by which they are
+shown far away, keep their borders, so that nothing shows through between them. See docs/worlds.md.")]
+pub(crate) struct SplitArgs {
+    /// The asset (.fan, also at an https://, s3:// or gs:// address), which stays as it is
+    asset: PathBuf,
+    /// The folder to write into; it is made where there is none
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Triangles of a sector, about
+    #[arg(long, value_name = "N", default_value = "250k")]
+    triangles: Count,
+    /// Triangles of a sector's preview, about [default: a 64th of the sector's, and what its border needs]
+    #[arg(long, value_name = "N")]
+    preview_triangles: Option<Count>,
+    /// Stored texels of a preview's finest level [default: a 64th of the sector's, at least 16 per triangle]
+    #[arg(long, value_name = "N")]
+    preview_texels: Option<Count>,
+    /// Make no previews
+    #[arg(long, conflicts_with_all = ["preview_triangles", "preview_texels"])]
+    no_previews: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct SplitInfo {
+    index: PathBuf,
+    sectors: u64,
+    triangles: u64,
+    /// Of all sectors, previews included.
+    bytes: u64,
+    /// Of the asset.
+    bytes_before: u64,
+    /// Texels of tiles that more than one sector has, counted beyond the first.
+    repeated_texels: u64,
+    preview_triangles: u64,
+    preview_texels: u64,
+    seconds: f64,
+}
+
+pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
+    let started = Instant::now();
+    check_folder(&args.output)?;
+    let asset = open_asset(&args.asset)?;
+    let previews = SectorPreviews {
+        triangles: args.preview_triangles.map(|n| usize::try_from(n.0).unwrap_or(usize::MAX)),
+        texels: args.preview_texels.map(|n| n.0),
+    };
+    let options = SplitOptions {
+        triangles: usize::try_from(args.triangles.0).unwrap_or(usize::MAX),
+        previews: (!args.no_previews).then_some(previews),
+        memory_bytes: context.memory_bytes,
+        force: context.force,
+    };
+    let written = {
+        let _deferral = context.defer_interrupt();
+        split(&asset, &args.output, &options, &context.progress("split"))?
+    };
+    let objects = &written.world.objects;
+    let previews = || objects.iter().filter_map(|object| object.preview);
+    let info = SplitInfo {
+        index: written.index,
+        sectors: objects.len() as u64,
+        triangles: objects.iter().map(|object| object.triangles).sum(),
+        bytes: objects.iter().map(|object| object.bytes).sum(),
+        bytes_before: asset.file_bytes(),
+        repeated_texels: written.repeated_texels,
+        preview_triangles: previews().map(|preview| preview.triangles).sum(),
+        preview_texels: previews().map(|preview| preview.texels).sum(),
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| {
+        format!(
+            "{}: {} of {} triangles, {} (the asset: {}), previews of {} triangles, {:.1} s\n",
+            info.index.display(),
+            counted(info.sectors, "sector"),
+            grouped(info.triangles),
+            megabytes(info.bytes),
+            megabytes(info.bytes_before),
+            grouped(info.preview_triangles),
+            info.seconds
+        )
+    })
+}
+
+/// Refuses what can be no folder.
+fn check_folder(folder: &Path) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        let folder = folder.display();
+        return Err(Error::conflict(format!("cannot write into {folder}: it is a file; give a folder")));
+    }
+    Ok(())
+}

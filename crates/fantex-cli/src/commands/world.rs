@@ -1,0 +1,285 @@
+//! `fantex world`: an index of assets; and what `fantex info` and `fantex verify` say of one.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use fantex::base::input;
+use fantex::store::{Asset, JUMP_BOUND, PREVIEW, VerifyOptions};
+use fantex::stream::url_of;
+use fantex::{
+    Error, Preview, PreviewOptions, Result, WORLD_EXTENSION, World, WorldObject, WorldReport, verify_world,
+};
+use serde::Serialize;
+
+use super::verify::not_verified;
+use crate::context::Context;
+use crate::scene::open_asset;
+use crate::text::{Table, counted, grouped, megabytes};
+
+/// Make a world, an index of assets that are shown together, or change one.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex world town.fanworld houses/*.fan ground.fan --make-previews
+  fantex world town.fanworld houses/church.fan
+  fantex world town.fanworld --remove houses/barn.fan
+  fantex info town.fanworld
+
+Assets stay where they are, below the folder of the index or at an address. One that is in the index already is read again. Viewers
+show assets near the eye whole, others by their previews. 'fantex split' makes a world of one large asset. See docs/worlds.md.")]
+pub(crate) struct WorldArgs {
+    /// The index (.fanworld)
+    index: PathBuf,
+    /// Assets to add or to read again (.fan, also at an https://, s3:// or gs:// address)
+    #[arg(required_unless_present_any = ["remove", "make_previews"])]
+    assets: Vec<PathBuf>,
+    /// Take an asset out of the index; its file stays
+    #[arg(long, value_name = "ASSET")]
+    remove: Vec<PathBuf>,
+    /// Give a preview to assets without one, which keeps their open borders; they are changed in place
+    #[arg(long)]
+    make_previews: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct WorldChange {
+    index: PathBuf,
+    added: u64,
+    updated: u64,
+    removed: u64,
+    previews_made: u64,
+    #[serde(flatten)]
+    world: WorldInfo,
+    seconds: f64,
+}
+
+pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
+    let started = Instant::now();
+    check_index(&args.index)?;
+    let mut world = match args.index.exists() {
+        true => World::open(&args.index)?,
+        false => World::default(),
+    };
+    let mut removed = 0;
+    for asset in &args.remove {
+        remove(&mut world, &args.index, asset)?;
+        removed += 1;
+    }
+    let (mut added, mut updated, mut previews_made) = (0, 0, 0);
+    let known = world.objects.iter().map(|object| World::asset_place(&args.index, object));
+    let others = if args.make_previews { known.collect() } else { Vec::new() };
+    for (place, is_named) in
+        args.assets.iter().map(|asset| (asset, true)).chain(others.iter().map(|asset| (asset, false)))
+    {
+        context.check_interrupt()?;
+        let name = World::name_of(&args.index, place)?;
+        let mut asset = open_asset(place)?;
+        let is_made = args.make_previews && make_preview(place, &mut asset, context)?;
+        previews_made += u64::from(is_made);
+        if is_named || is_made {
+            let is_update = world.put(WorldObject::of(name, &asset)?);
+            *if is_update { &mut updated } else { &mut added } += 1;
+        }
+    }
+    world.write(&args.index)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let index = args.index.clone();
+    let info = WorldInfo::of(&world);
+    let change = WorldChange { index, added, updated, removed, previews_made, world: info, seconds };
+    context.print(&change, |change| {
+        let WorldChange { added, updated, removed, world, .. } = change;
+        let counts = format!("{added} added, {updated} updated, {removed} removed");
+        format!("{}: {}, {counts}\n", change.index.display(), counted(world.objects, "asset"))
+    })
+}
+
+fn check_index(index: &Path) -> Result<()> {
+    if let Some(url) = url_of(index) {
+        return Err(Error::unsupported(format!("{url} can only be read: change a copy of the index")));
+    }
+    if !index.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(WORLD_EXTENSION)) {
+        let index = index.display();
+        return Err(Error::invalid(format!(
+            "{index} is no name for a world: end it with .{WORLD_EXTENSION}"
+        )));
+    }
+    input::check_output(index)
+}
+
+/// Takes an asset out, by its name in the index or by its path.
+fn remove(world: &mut World, index: &Path, asset: &Path) -> Result<()> {
+    let name = World::name_of(index, asset).ok();
+    let is_it =
+        |object: &WorldObject| Path::new(&object.asset) == asset || Some(&object.asset) == name.as_ref();
+    let before = world.objects.len();
+    world.objects.retain(|object| !is_it(object));
+    if world.objects.len() == before {
+        let (index, asset) = (index.display(), asset.display());
+        return Err(Error::not_found(format!("{index} has no asset {asset} that could be removed")));
+    }
+    Ok(())
+}
+
+/// Gives an asset a preview where it has none; the asset is opened again.
+fn make_preview(place: &Path, asset: &mut Arc<Asset>, context: &Context) -> Result<bool> {
+    if asset.attachment_bytes(PREVIEW)?.is_some() {
+        return Ok(false);
+    }
+    if url_of(place).is_some() {
+        context.note(format!("{} has no preview and gets none: it can only be read", place.display()));
+        return Ok(false);
+    }
+    let options = PreviewOptions {
+        keeps_borders: true,
+        memory_bytes: context.memory_bytes,
+        ..PreviewOptions::default()
+    };
+    Preview::add_to(place, &options)?;
+    *asset = open_asset(place)?;
+    Ok(true)
+}
+
+/// What an index says.
+#[derive(Debug, Serialize)]
+struct WorldInfo {
+    kind: &'static str,
+    objects: u64,
+    triangles: u64,
+    texels: u64,
+    bytes: u64,
+    /// Corners of the box, world units; none without assets.
+    low: Option<[f64; 3]>,
+    high: Option<[f64; 3]>,
+    /// Assets with one.
+    previews: u64,
+    preview_triangles: u64,
+    preview_texels: u64,
+    /// The coarsest, world units.
+    preview_detail: Option<f64>,
+    assets: Vec<String>,
+}
+
+impl WorldInfo {
+    fn of(world: &World) -> Self {
+        let objects = || world.objects.iter();
+        let previews = || objects().filter_map(|object| object.preview);
+        let bounds = world.bounds();
+        Self {
+            kind: "world",
+            objects: world.objects.len() as u64,
+            triangles: objects().map(|object| object.triangles).sum(),
+            texels: objects().map(|object| object.texels).sum(),
+            bytes: objects().map(|object| object.bytes).sum(),
+            low: bounds.map(|[low, _]| low.into()),
+            high: bounds.map(|[_, high]| high.into()),
+            previews: previews().count() as u64,
+            preview_triangles: previews().map(|preview| preview.triangles).sum(),
+            preview_texels: previews().map(|preview| preview.texels).sum(),
+            preview_detail: previews().map(|preview| preview.detail).reduce(f64::max),
+            assets: objects().map(|object| object.asset.clone()).collect(),
+        }
+    }
+}
+
+/// Prints what an index says; its assets are not opened.
+pub(crate) fn print_world(world: &World, path: &Path, context: &Context) -> Result<()> {
+    context.print(&WorldInfo::of(world), |info| {
+        let mut table = Table::default();
+        table
+            .row("world", path.display().to_string())
+            .row("assets", grouped(info.objects))
+            .row("triangles", grouped(info.triangles))
+            .row("texels per channel", grouped(info.texels))
+            .row("bytes", format!("{} ({})", grouped(info.bytes), megabytes(info.bytes)));
+        if let (Some(low), Some(high)) = (info.low, info.high) {
+            let corner = |[x, y, z]: [f64; 3]| format!("{x} {y} {z}");
+            table.row("box", format!("{} to {}", corner(low), corner(high)));
+        }
+        table
+            .row("previews", grouped(info.previews))
+            .row("  triangles", grouped(info.preview_triangles))
+            .row("  texels", grouped(info.preview_texels));
+        table.rows("  coarsest detail", info.preview_detail.map(|detail| format!("{detail:.4}")));
+        table.rows("asset", &info.assets);
+        table.to_text()
+    })
+}
+
+#[derive(Debug, Serialize)]
+struct WorldVerifyInfo {
+    ok: bool,
+    objects: u64,
+    /// Of these, such with a fault.
+    faulty: u64,
+    seam_edges: u64,
+    largest_jump: f32,
+    bound: f32,
+    /// A sentence each.
+    faults: Vec<String>,
+    seconds: f64,
+}
+
+/// `fantex verify` for a world.
+pub(crate) fn verify_and_print(index: &Path, context: &Context) -> Result<()> {
+    let started = Instant::now();
+    let options = VerifyOptions { memory_bytes: context.memory_bytes as usize };
+    let report = {
+        let _deferral = context.defer_interrupt();
+        verify_world(index, &options, &context.progress("verify"))?
+    };
+    let faults = faults(&report);
+    let info = WorldVerifyInfo {
+        ok: report.ok,
+        objects: report.objects.len() as u64,
+        faulty: report.objects.iter().filter(|object| !object.ok).count() as u64,
+        seam_edges: report.seam_edges,
+        largest_jump: report.largest_jump,
+        bound: JUMP_BOUND,
+        faults,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| verify_text(info, index))?;
+    match info.faults.first() {
+        Some(fault) if !info.ok => {
+            let (index, count) = (index.display(), counted(info.faults.len() as u64, "fault"));
+            Err(Error::damaged(format!("{index} did not pass: {count}; the first: {fault}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// All faults, a sentence each.
+fn faults(report: &WorldReport) -> Vec<String> {
+    let mut faults = Vec::new();
+    for object in &report.objects {
+        if let Some(found) = object.asset.as_ref().filter(|found| !found.ok) {
+            faults.push(not_verified(&object.place, found).to_string());
+        }
+        faults.extend(object.faults.iter().map(|fault| format!("{}: {fault}", object.place.display())));
+    }
+    if report.largest_jump > JUMP_BOUND
+        && let Some(seam) = report.worst_seam
+    {
+        let [a, b] = seam.map(|number| report.objects[number].place.display());
+        let jump = report.largest_jump;
+        faults.push(format!(
+            "the texture jumps by {jump:.1e} between {a} and {b}, more than the bound of {JUMP_BOUND:.0e}"
+        ));
+    }
+    faults
+}
+
+fn verify_text(info: &WorldVerifyInfo, index: &Path) -> String {
+    let mut table = Table::default();
+    table
+        .row("world", index.display().to_string())
+        .row("assets", grouped(info.objects))
+        .row("  with a fault", grouped(info.faulty))
+        .row("edges compared between them", grouped(info.seam_edges))
+        .row("largest jump there", format!("{:.2e} (bound {:.0e})", info.largest_jump, info.bound))
+        .row("result", if info.ok { "passed" } else { "NOT PASSED" });
+    table.rows("fault", &info.faults);
+    table.to_text()
+}

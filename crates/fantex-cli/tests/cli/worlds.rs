@@ -1,0 +1,221 @@
+//! `fantex split` and `fantex world`, and what `info` and `verify` say of worlds.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::{COLORED_PLY, CUBE_OBJ, fails, files, json, succeeds, write};
+
+/// A landscape as an asset.
+fn land(folder: &Path) -> PathBuf {
+    let (model, asset) = (folder.join("land.ply"), folder.join("land.fan"));
+    succeeds(&[&"generate", &"landscape", &"-o", &model, &"--triangles", &"30k"]);
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--source", &"solid=landscape", &"--texels", &"300k"]);
+    asset
+}
+
+#[test]
+fn an_asset_is_split_and_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = land(folder.path());
+    let before = std::fs::read(&asset).unwrap();
+    let target = folder.path().join("out/land");
+    let split = [&"split" as &dyn AsRef<std::ffi::OsStr>, &asset, &"-o", &target, &"--triangles", &"8k"];
+    let info = json(&split);
+    let sectors = info["sectors"].as_u64().unwrap();
+    assert!((3..=6).contains(&sectors), "{info}");
+    assert_eq!(std::fs::read(&asset).unwrap(), before);
+    let index = target.join("land.fanworld");
+    assert_eq!(info["index"], index.to_str().unwrap());
+    let mut expected: Vec<String> = (1..=sectors).map(|number| format!("sector-{number:04}.fan")).collect();
+    expected.insert(0, "land.fanworld".into());
+    assert_eq!(files(&target), expected);
+
+    let whole = json(&[&"info", &asset]);
+    let world = json(&[&"info", &index]);
+    assert_eq!(world["kind"], "world");
+    assert_eq!(world["triangles"], whole["triangles"]);
+    assert_eq!(world["objects"], sectors);
+    assert_eq!(world["previews"], sectors);
+    assert_eq!(world["bytes"], info["bytes"]);
+    // Those at borders are read on both sides.
+    let texels = |info: &Value| info["texels"].as_u64().unwrap();
+    assert!(texels(&world) > texels(&whole) && texels(&world) < 2 * texels(&whole), "{world}");
+    assert!(
+        world["preview_triangles"].as_u64().unwrap() * 4 < world["triangles"].as_u64().unwrap(),
+        "{world}"
+    );
+    let shown = String::from_utf8(succeeds(&[&"info", &index]).stdout).unwrap();
+    assert!(shown.contains("sector-0001.fan"), "{shown}");
+
+    let verified = json(&[&"verify", &index]);
+    assert_eq!(verified["ok"], true, "{verified}");
+    assert!(verified["seam_edges"].as_u64().unwrap() > 100, "{verified}");
+    assert!(verified["largest_jump"].as_f64().unwrap() < 1e-5, "{verified}");
+
+    // The same bytes again, on another number of threads.
+    let again = folder.path().join("again");
+    succeeds(&[&"split", &asset, &"-o", &again, &"--triangles", &"8k", &"--threads", &"1"]);
+    for name in &expected {
+        assert!(
+            std::fs::read(again.join(name)).unwrap() == std::fs::read(target.join(name)).unwrap(),
+            "{name}"
+        );
+    }
+
+    fails(1, &["is not empty", "--force"], &split);
+    succeeds(&[&split[..], &[&"--force", &"--no-previews"]].concat());
+    assert_eq!(json(&[&"info", &index])["previews"], 0);
+    fails(1, &["--memory"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--memory", &"1M"]);
+    assert!(!folder.path().join("no").exists());
+    fails(1, &["it is a file"], &[&"split", &asset, &"-o", &asset]);
+    fails(
+        1,
+        &["is not an asset"],
+        &[&"split", &folder.path().join("land.ply"), &"-o", &folder.path().join("no")],
+    );
+    fails(
+        1,
+        &["cannot read", "none.fan"],
+        &[&"split", &folder.path().join("none.fan"), &"-o", &folder.path().join("no")],
+    );
+    fails(
+        2,
+        &["at least one triangle"],
+        &[&"split", &asset, &"-o", &folder.path().join("no"), &"--triangles", &"0"],
+    );
+    fails(
+        2,
+        &["--no-previews"],
+        &[&"split", &asset, &"-o", &target, &"--no-previews", &"--preview-texels", &"9k"],
+    );
+}
+
+#[test]
+fn what_is_wrong_with_a_world_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = land(folder.path());
+    let target = folder.path().join("land");
+    let index = target.join("land.fanworld");
+    succeeds(&[&"split", &asset, &"-o", &target, &"--triangles", &"8k", &"--no-previews"]);
+    let sound = std::fs::read_to_string(&index).unwrap();
+    let sector = target.join("sector-0002.fan");
+    let of_sector = std::fs::read(&sector).unwrap();
+
+    // A sector that is painted on shows a seam.
+    let object = &serde_json::from_str::<Value>(&sound).unwrap()["objects"][1];
+    let strokes =
+        STROKES.replace("LOW", &object["low"].to_string()).replace("HIGH", &object["high"].to_string());
+    let strokes = write(folder.path(), "strokes.json", strokes);
+    succeeds(&[&"paint", &sector, &"--replay", &strokes]);
+    succeeds(&[&"world", &index, &sector]);
+    fails_to_verify(&index, &["jumps by", "sector-0002.fan"]);
+
+    // An asset changed behind the index' back, a damaged one, none at all.
+    std::fs::write(&sector, &of_sector).unwrap();
+    fails_to_verify(&index, &["the index says bytes", "sector-0002.fan"]);
+    std::fs::write(&index, &sound).unwrap();
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
+    let mut damaged = of_sector.clone();
+    let middle = damaged.len() / 2;
+    damaged[middle..middle + 64].fill(0x55);
+    std::fs::write(&sector, &damaged).unwrap();
+    fails_to_verify(&index, &["sector-0002.fan", "damaged"]);
+    std::fs::remove_file(&sector).unwrap();
+    fails_to_verify(&index, &["cannot read", "sector-0002.fan"]);
+    // Without it the rest is a world.
+    succeeds(&[&"world", &index, &"--remove", &"sector-0002.fan"]);
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
+
+    for (text, word) in [
+        ("{", "is no world"),
+        ("", "is no world"),
+        (&*sound.replace("\"version\": 1", "\"version\": 2"), "version 2"),
+        (&*sound.replace("\"bytes\"", "\"colour\": 1, \"bytes\""), "colour"),
+        (&*sound.replace("sector-0001", "../sector-0001"), "outside"),
+    ] {
+        std::fs::write(&index, text).unwrap();
+        for command in ["info", "verify"] {
+            fails(1, &[word], &[&command, &index]);
+        }
+    }
+    // Commands that take one asset say so.
+    std::fs::write(&index, &sound).unwrap();
+    let out = folder.path().join("a");
+    fails(1, &["is a world", "one of its assets"], &[&"preview", &index]);
+    fails(1, &["is a world", "one of its assets"], &[&"split", &index, &"-o", &out]);
+    fails(1, &["is a world"], &[&"info", &index, &"--texels", &"1M"]);
+    fails(1, &["is a world"], &[&"render", &index, &"-o", &folder.path().join("a.png")]);
+    fails(1, &["is a world"], &[&"bake", &index, &"-o", &folder.path().join("a.fan")]);
+    fails(
+        1,
+        &["is a world"],
+        &[&"simplify", &index, &"-o", &folder.path().join("a.ply"), &"--triangles", &"9"],
+    );
+}
+
+/// A broad stroke from one corner of a sector's box to the other one.
+const STROKES: &str = r#"{ "version": 1, "strokes": [{
+    "brush": { "size": { "texels": 400 } },
+    "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.9] } }],
+    "samples": [{ "at": { "position": LOW } }, { "at": { "position": HIGH } }] }] }"#;
+
+fn fails_to_verify(index: &Path, words: &[&str]) {
+    let output = crate::run(&[&"--json", &"verify", &index]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = crate::stderr(&output);
+    words.iter().for_each(|word| assert!(said.contains(word), "'{word}' is missing in: {said}"));
+    let info: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(info["ok"], false);
+    assert!(!info["faults"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn existing_assets_become_a_world() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    std::fs::create_dir(place("houses")).unwrap();
+    let (cube, tent) =
+        (write(folder.path(), "cube.obj", CUBE_OBJ), write(folder.path(), "tent.ply", COLORED_PLY));
+    let (cube_asset, tent_asset) = (place("houses/cube.fan"), place("tent.fan"));
+    succeeds(&[&"bake", &cube, &"-o", &cube_asset, &"--source", &"solid=marble", &"--texels", &"20k"]);
+    succeeds(&[&"bake", &tent, &"-o", &tent_asset, &"--texels", &"20k"]);
+    let index = place("town.fanworld");
+    let info = json(&[&"world", &index, &cube_asset, &tent_asset]);
+    assert_eq!(
+        (&info["added"], &info["updated"], &info["previews"]),
+        (&2.into(), &0.into(), &0.into()),
+        "{info}"
+    );
+    assert_eq!(info["assets"], serde_json::json!(["houses/cube.fan", "tent.fan"]));
+    let world = json(&[&"info", &index]);
+    assert_eq!(world["low"], serde_json::json!([-1.0, -1.0, -1.0]));
+    assert_eq!(world["high"], serde_json::json!([1.0, 1.0, 1.0]));
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
+
+    let info = json(&[&"world", &index, &"--make-previews"]);
+    assert_eq!(
+        (&info["updated"], &info["previews_made"], &info["previews"]),
+        (&2.into(), &2.into(), &2.into()),
+        "{info}"
+    );
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
+    let info = json(&[&"world", &index, &tent_asset, &"--remove", &cube_asset]);
+    assert_eq!(
+        (&info["updated"], &info["removed"], &info["objects"]),
+        (&1.into(), &1.into(), &1.into()),
+        "{info}"
+    );
+    assert!(cube_asset.exists());
+
+    fails(1, &["has no asset", "cube.fan"], &[&"world", &index, &"--remove", &cube_asset]);
+    fails(1, &["cannot read", "none.fan"], &[&"world", &index, &place("none.fan")]);
+    fails(1, &["is not an asset"], &[&"world", &index, &cube]);
+    let elsewhere = place("houses/town.fanworld");
+    fails(1, &["does not lie below"], &[&"world", &elsewhere, &tent_asset]);
+    assert!(!elsewhere.exists());
+    fails(1, &["can only be read"], &[&"world", &"https://example.org/a.fanworld", &tent_asset]);
+    fails(2, &["end it with .fanworld"], &[&"world", &place("town.fan"), &tent_asset]);
+    fails(2, &["ASSET"], &[&"world", &index]);
+    assert_eq!(json(&[&"info", &index])["objects"], 1);
+}

@@ -1,0 +1,390 @@
+//! A large asset as a world of small ones.
+//!
+//! The groups of a cover are ordered along a space-filling curve. A *sector* is a run of them: an asset of the triangles whose lowest group lies
+//! in the run, with all groups that these triangles name. So the texture function on each triangle is that of the whole, and tiles at borders
+//! are in several sectors. Groups of more than half a sector's triangles are cut along a curve through space; each piece has the tile.
+//!
+//! ```text
+//!  groups   0 1 2 3 | 4 5 6 7 8 | 9 ...
+//!  sector   1       | 2         | 3       the triangle of groups 3, 4 and 8 lies in sector 1, which has tiles 4 and 8, too
+//! ```
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_bake::Progress;
+use fantex_base::{Error, Result, UnionFind, input};
+use fantex_cover::Cover;
+use fantex_mesh::{Edges, Mesh, corners_of, shading_normals};
+use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, copy_groups};
+use fantex_stream::url_of;
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
+
+/// How to split an asset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SplitOptions {
+    /// Triangles of a sector, about; at least 1.
+    pub triangles: usize,
+    /// The sectors' previews; none: sectors get no previews.
+    pub previews: Option<SectorPreviews>,
+    /// Bytes that decoded tiles and texels in work may take while previews are made.
+    pub memory_bytes: u64,
+    /// Write into a folder that is not empty, and over a world that is there.
+    pub force: bool,
+}
+
+impl Default for SplitOptions {
+    /// 250 000 triangles, with previews, 512 MiB, only into a new or empty folder.
+    fn default() -> Self {
+        let previews = Some(SectorPreviews::default());
+        Self { triangles: 250_000, previews, memory_bytes: 512 << 20, force: false }
+    }
+}
+
+/// How large the previews of sectors are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SectorPreviews {
+    /// Triangles, about; by default a 64th of the sector's, and as many as its border needs.
+    pub triangles: Option<usize>,
+    /// Stored texels at level 0, per channel; by default a 64th of the sector's, and at least 16 per triangle.
+    pub texels: Option<u64>,
+}
+
+impl SectorPreviews {
+    /// Triangles for a sector with so many triangles and vertices at its border.
+    fn triangles(&self, triangles: usize, border: usize) -> usize {
+        self.triangles.unwrap_or(triangles / 64 + border + border / 2).max(1)
+    }
+
+    fn texels(&self, texels: u64, triangles: usize) -> u64 {
+        self.texels.unwrap_or((texels / 64).max(16 * triangles as u64))
+    }
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Split {
+    /// The index.
+    pub index: PathBuf,
+    /// What it says: an object per sector.
+    pub world: World,
+    /// Texels of tiles at level 0 that are stored more than once, per channel.
+    pub repeated_texels: u64,
+}
+
+/// Splits an asset into sectors in a folder, which is made where there is none: `sector-0001.fan`, ... and, when all are there, the index
+/// `NAME.fanworld`, NAME being the asset's. The asset stays as it is; attachments (layers, history) stay with it alone.
+///
+/// Sectors have the mesh space, materials, names of parts and corner attributes of the whole, and its shading normals. Vertices that sectors share
+/// are at the same places in sectors and previews, to the last bit. Memory beside the asset grows with the triangles, by about 100 bytes each, not with the
+/// texels.
+///
+/// # Errors
+/// The folder is not empty (unless forced) or cannot be written; texels of the asset are damaged; the memory that is
+/// [allowed](fantex_base::ReadLimits) does not suffice; somebody wants to stop. Then nothing is left of the sectors.
+pub fn split(
+    asset: &Arc<Asset>,
+    folder: &Path,
+    options: &SplitOptions,
+    progress: &dyn Progress,
+) -> Result<Split> {
+    if options.triangles == 0 {
+        return Err(Error::invalid("a sector has at least one triangle"));
+    }
+    let index = folder.join(format!("{}.{WORLD_EXTENSION}", name_of(asset.path())));
+    let mut output = Output::begin(folder, &index, options.force)?;
+    let plan = Plan::of(asset, options.triangles)?;
+    let mut world = World::default();
+    let (mut done, mut in_sectors) = (0, 0);
+    let all = asset.mesh().triangles.len() as u128;
+    for number in 0..plan.sectors.len() {
+        let path = output.next(options.force)?;
+        let sector = plan.sector(number);
+        let (triangles, texels) = (sector.mesh.triangles.len() as u64, sector.cover.texels());
+        in_sectors += texels;
+        // The whole's texels in proportion to the triangles.
+        let mut report = |copied: u64| match progress.is_cancelled() {
+            true => Err(Error::cancelled("the split was cancelled")),
+            false => {
+                let triangles = u128::from(done) + u128::from(triangles * copied / texels.max(1));
+                progress.report((u128::from(plan.texels) * triangles / all) as u64, plan.texels);
+                Ok(())
+            }
+        };
+        sector.write(&path, asset, options.force, &mut report)?;
+        if let Some(previews) = &options.previews {
+            sector.add_preview(&path, previews, options.memory_bytes, progress)?;
+        }
+        done += triangles;
+        let written = Asset::open(&path)?;
+        world.objects.push(WorldObject::of(file_name(number), &written)?);
+    }
+    if progress.is_cancelled() {
+        return Err(Error::cancelled("the split was cancelled"));
+    }
+    world.write(&index)?;
+    output.finish();
+    Ok(Split { index, world, repeated_texels: in_sectors.saturating_sub(plan.texels) })
+}
+
+/// The name of an asset without folders and extension.
+fn name_of(place: &Path) -> String {
+    let place = url_of(place).map_or(place, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
+    place.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// The file of a sector, counted from 0.
+fn file_name(number: usize) -> String {
+    format!("{SECTOR_PREFIX}{:04}.fan", number + 1)
+}
+
+const SECTOR_PREFIX: &str = "sector-";
+
+/// Whether a file has a name that sectors have.
+fn is_sector(name: &str) -> bool {
+    let number = name.strip_prefix(SECTOR_PREFIX).and_then(|rest| rest.strip_suffix(".fan"));
+    number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+/// The folder while sectors are written. What was written goes away unless it is finished.
+struct Output {
+    folder: PathBuf,
+    was_made: bool,
+    written: Vec<PathBuf>,
+}
+
+impl Output {
+    fn begin(folder: &Path, index: &Path, force: bool) -> Result<Self> {
+        let writing = |error| Error::writing(folder, error);
+        let was_made = !folder.exists();
+        if was_made {
+            std::fs::create_dir_all(folder).map_err(writing)?;
+        }
+        let output = Self { folder: folder.into(), was_made, written: Vec::new() };
+        let names: Vec<String> = std::fs::read_dir(folder)
+            .and_then(|entries| {
+                entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
+            })
+            .map_err(writing)?;
+        if !force && !names.is_empty() {
+            let folder = folder.display();
+            return Err(Error::conflict(format!(
+                "{folder} is not empty; give another folder, or write over the world in it with --force"
+            )));
+        }
+        input::check_output(index)?;
+        // An index without its sectors would be worse than none.
+        let stale = names.iter().filter(|name| is_sector(name)).map(|name| folder.join(name));
+        let stale: Vec<PathBuf> = stale.chain(index.exists().then(|| index.to_owned())).collect();
+        stale.iter().try_for_each(|path| input::check_output(path))?;
+        stale.iter().rev().try_for_each(std::fs::remove_file).map_err(writing)?;
+        Ok(output)
+    }
+
+    /// The path of the next sector.
+    fn next(&mut self, force: bool) -> Result<PathBuf> {
+        let path = self.folder.join(file_name(self.written.len()));
+        input::check_output(&path)?;
+        if !force && path.symlink_metadata().is_ok() {
+            return Err(fantex_base::files::exists(&path));
+        }
+        self.written.push(path.clone());
+        Ok(path)
+    }
+
+    fn finish(mut self) {
+        self.written.clear();
+        self.was_made = false;
+    }
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        // What cannot be removed stays; there is no index that names it.
+        self.written.iter().for_each(|path| std::fs::remove_file(path).unwrap_or_default());
+        if self.was_made {
+            std::fs::remove_dir(&self.folder).unwrap_or_default();
+        }
+    }
+}
+
+/// Which triangles are in which sector.
+struct Plan<'a> {
+    mesh: &'a Mesh,
+    cover: &'a Cover,
+    /// Ascending triangles of each sector.
+    sectors: Vec<Vec<u32>>,
+    /// Per vertex whether several sectors have it.
+    is_shared: Vec<bool>,
+    /// Shading normals per corner.
+    normals: Vec<Vec3>,
+    /// Of all tiles at level 0.
+    texels: u64,
+}
+
+/// Bytes that a plan takes per triangle: edges while it is made (48), normals (36), numbers of triangles.
+const PLAN_BYTES: u64 = 100;
+
+impl<'a> Plan<'a> {
+    fn of(asset: &'a Asset, triangles: usize) -> Result<Self> {
+        let (mesh, cover) = (asset.mesh(), asset.cover());
+        let count = mesh.triangles.len();
+        let what = format_args!("splitting {} with {count} triangles", asset.path().display()).to_string();
+        let _held = input::reserve(what, PLAN_BYTES * count as u64)?;
+        let sectors = sectors(mesh, cover, triangles);
+        let mut is_shared = vec![false; mesh.positions.len()];
+        let mut first_sector = vec![u32::MAX; mesh.positions.len()];
+        for (number, sector) in (0u32..).zip(&sectors) {
+            let triangles = sector.iter().map(|&t| mesh.triangles[t as usize]);
+            for vertex in triangles.flatten().map(|vertex| vertex as usize) {
+                match first_sector[vertex] {
+                    u32::MAX => first_sector[vertex] = number,
+                    first => is_shared[vertex] |= first != number,
+                }
+            }
+        }
+        let normals = shading_normals(mesh);
+        Ok(Self { mesh, cover, sectors, is_shared, normals, texels: cover.texels() })
+    }
+
+    fn sector(&self, number: usize) -> Sector {
+        let triangles = &self.sectors[number];
+        let (mut mesh, vertices) = self.mesh.subset(triangles);
+        mesh.corners.normals = corners_of(&self.normals, triangles);
+        let border = (0u32..).zip(&vertices).filter(|(_, vertex)| self.is_shared[**vertex as usize]);
+        let border = border.map(|(own, _)| own).collect();
+        let (cover, groups) = self.cover.subset(triangles);
+        Sector { mesh, cover, groups, border }
+    }
+}
+
+/// Ascending triangles of each sector, of which there are about so many.
+fn sectors(mesh: &Mesh, cover: &Cover, triangles: usize) -> Vec<Vec<u32>> {
+    let keys = keys(mesh, cover);
+    let mut order: Vec<u32> = (0..keys.len() as u32).collect();
+    order.par_sort_unstable_by_key(|&triangle| (keys[triangle as usize], triangle));
+    let (all, wanted) = (order.len(), order.len().div_ceil(triangles));
+    let (mut sectors, mut sector) = (Vec::new(), Vec::new());
+    let (mut before, mut current) = (0, 0);
+    let key = |triangle: &u32| keys[*triangle as usize];
+    for group in order.chunk_by(|a, b| key(a).group == key(b).group) {
+        let is_large = group.len() > triangles / 2;
+        // A small group stays whole.
+        let pieces: Vec<&[u32]> = match is_large {
+            true => group.chunk_by(|a, b| key(a) == key(b)).collect(),
+            false => vec![group],
+        };
+        for piece in pieces {
+            let due = before * wanted / all;
+            if due > current {
+                sectors.push(std::mem::take(&mut sector));
+                current = due;
+            }
+            sector.extend_from_slice(piece);
+            before += piece.len();
+        }
+    }
+    sectors.push(sector);
+    sectors.iter_mut().for_each(|sector: &mut Vec<u32>| sector.sort_unstable());
+    sectors
+}
+
+/// Where a triangle stands in the order in which sectors are cut: by group, and within large groups along a curve through space.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Key {
+    group: u32,
+    curve: u32,
+}
+
+/// The keys of all triangles: the lowest group at the corners; triangles that belong together have the lowest key of all of them.
+fn keys(mesh: &Mesh, cover: &Cover) -> Vec<Key> {
+    let mut sets = joined_triangles(mesh);
+    let key = |(t, &[a, b, c]): (usize, &[u32; 3])| {
+        let [p, q, r] = mesh.triangle_positions(t);
+        Key { group: a.min(b).min(c), curve: morton((p + q + r) / 3.0) }
+    };
+    let mut keys: Vec<Key> = cover.corner_groups.par_iter().enumerate().map(key).collect();
+    for triangle in 0..keys.len() as u32 {
+        let set = sets.find(triangle) as usize;
+        keys[set] = keys[set].min(keys[triangle as usize]);
+    }
+    // The smallest member of a set stands for it, so its key is final when the others take it.
+    for triangle in 0..keys.len() as u32 {
+        keys[triangle as usize] = keys[sets.find(triangle) as usize];
+    }
+    keys
+}
+
+/// Number along a Z-order curve of a point of the cube [-1, 1]: 10 bits per axis.
+fn morton(p: Vec3) -> u32 {
+    let cell = ((p + 1.0) * 512.0).clamp(Vec3::ZERO, Vec3::splat(1023.0)).as_uvec3();
+    let bit = |bit: u32| {
+        let [x, y, z] = cell.to_array().map(|n| n >> bit & 1);
+        (x | y << 1 | z << 2) << (3 * bit)
+    };
+    (0..10).map(bit).sum()
+}
+
+/// Sets of triangles that stay together: the two sides of a leaf, and those around an edge of more than two triangles, which continue each
+/// other by what else lies there. (Where two leaves meet, front continues front and back back, whether or not the other leaf is there.)
+fn joined_triangles(mesh: &Mesh) -> UnionFind {
+    let mut sets = UnionFind::new(mesh.triangles.len());
+    for edge in Edges::of(&mesh.triangles).iter().filter(|edge| edge.triangle_count() > 1) {
+        let mut at_edge: Vec<(u32, u32)> =
+            edge.triangles().map(|(triangle, third)| (third, triangle)).collect();
+        at_edge.sort_unstable();
+        let mut leaves = 0;
+        for pair in at_edge.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            leaves += 1;
+            sets.union(pair[0].1, pair[1].1);
+        }
+        let are_two_leaves = at_edge.len() == 4 && leaves == 2 && at_edge[1].0 != at_edge[2].0;
+        if at_edge.len() > 2 && !are_two_leaves {
+            at_edge.windows(2).for_each(|pair| {
+                sets.union(pair[0].1, pair[1].1);
+            });
+        }
+    }
+    sets
+}
+
+/// A part of the asset before it is written.
+struct Sector {
+    mesh: Mesh,
+    cover: Cover,
+    /// Which group of the whole each group is.
+    groups: Vec<u32>,
+    /// Vertices that other sectors have, too.
+    border: Vec<u32>,
+}
+
+impl Sector {
+    fn write(
+        &self,
+        path: &Path,
+        whole: &Asset,
+        force: bool,
+        report: &mut dyn FnMut(u64) -> Result<()>,
+    ) -> Result<()> {
+        let options = CreateOptions { force, ..CreateOptions::default() };
+        let written = copy_groups(path, &options, (&self.mesh, &self.cover), (whole, &self.groups), report);
+        written.map(drop)
+    }
+
+    fn add_preview(
+        &self,
+        path: &Path,
+        previews: &SectorPreviews,
+        memory_bytes: u64,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let mut editor = AssetEditor::open(path, &EditOptions::default())?;
+        let triangles = previews.triangles(self.mesh.triangles.len(), self.border.len());
+        let texels = previews.texels(self.cover.stored_texels(&self.mesh), triangles);
+        let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
+        Preview::keeping(editor.asset(), &options, &self.border, progress)?.attach(&mut editor)
+    }
+}

@@ -1,0 +1,382 @@
+//! A world of sectors shows what the whole asset shows, bit by bit, and its previews fit together.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use fantex::base::random::nth_random;
+use fantex::mesh::generate::{grid, icosphere};
+use fantex::mesh::{Edges, Mesh, Model, shading_normals};
+use fantex::store::{VerifyOptions, verify_asset};
+use fantex::{
+    Asset, Baker, ErrorKind, Footprint, NoProgress, Progress, SectorPreviews, Source, SplitOptions,
+    SurfacePoint, World, WorldObject, split,
+};
+use fantex_test::{ball_on_a_plane, bottle, workspace};
+use glam::{DVec3, Vec3, Vec4};
+
+/// A position in the world, to the last bit.
+type Place = [u64; 3];
+
+fn places(mesh: &Mesh) -> Vec<Place> {
+    let place = |&p: &Vec3| mesh.world_from_mesh.point(p).to_array().map(|x| (x + 0.0).to_bits());
+    mesh.positions.iter().map(place).collect()
+}
+
+/// Edges of one triangle, as pairs of places.
+fn border(mesh: &Mesh) -> BTreeSet<[Place; 2]> {
+    let places = places(mesh);
+    let edges = Edges::of(&mesh.triangles);
+    let borders = edges.iter().filter(|edge| edge.triangle_count() == 1);
+    let pair = |[a, b]: [u32; 2]| {
+        let mut pair = [places[a as usize], places[b as usize]];
+        pair.sort_unstable();
+        pair
+    };
+    borders.map(|edge| pair(edge.vertices())).collect()
+}
+
+fn baked(folder: &Path, mesh: Mesh, texels: u64) -> Asset {
+    let path = folder.join("whole.fan");
+    let color =
+        |p: Vec3| Vec4::new(0.5 + 0.4 * (9.0 * p.x).sin(), 0.5 + 0.4 * (7.0 * p.y).cos(), p.z.abs(), 1.0);
+    let model = fantex_mesh_of(mesh);
+    let baker = Baker::new(&model).texels(texels).longest_edge(fantex::LongestEdge::Texels(0));
+    baker.source(Source::function(move |point| color(point.position))).write(&path).unwrap();
+    Asset::open(&path).unwrap()
+}
+
+/// The mesh as a program would load it.
+fn fantex_mesh_of(mesh: Mesh) -> fantex::Mesh {
+    let positions = mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)).collect();
+    let Mesh { triangles, materials, .. } = mesh;
+    fantex::Mesh::from_model(Model { positions, triangles, materials, ..Model::default() }, "whole.ply")
+        .unwrap()
+}
+
+struct Sectors {
+    world: World,
+    sectors: Vec<Asset>,
+}
+
+fn split_into(whole: &Asset, folder: &Path, options: &SplitOptions) -> Sectors {
+    let written = split(whole.shared(), folder, options, &NoProgress).unwrap();
+    assert_eq!(written.index, folder.join("whole.fanworld"));
+    assert_eq!(World::open(&written.index).unwrap(), written.world);
+    let open = |object: &WorldObject| {
+        let path = World::asset_place(&written.index, object);
+        assert_eq!(std::fs::metadata(&path).unwrap().len(), object.bytes);
+        let asset = Asset::open(&path).unwrap();
+        assert_eq!(*object, WorldObject::of(object.asset.clone(), &asset).unwrap());
+        asset
+    };
+    let sectors: Vec<Asset> = written.world.objects.iter().map(open).collect();
+    Sectors { world: written.world, sectors }
+}
+
+/// Corners of a triangle by their places: no other triangle of a mesh has the same.
+fn key(mesh: &Mesh, triangle: usize) -> [[u32; 3]; 3] {
+    mesh.triangle_positions(triangle).map(|p| p.to_array().map(f32::to_bits))
+}
+
+/// Every triangle is in one sector, with the same material and part, and all channels are the same there at any size of footprint.
+fn assert_sectors_are_the_whole(whole: &Asset, sectors: &[Asset]) {
+    let mesh = whole.mesh();
+    let mut left: BTreeMap<_, usize> = (0..mesh.triangles.len()).map(|t| (key(mesh, t), t)).collect();
+    let reference = whole.sampler(64 << 20);
+    let normals = shading_normals(mesh);
+    for (number, sector) in (0u64..).zip(sectors) {
+        assert!(verify_asset(sector.shared(), &VerifyOptions::default()).ok, "sector {number}");
+        let part = sector.mesh();
+        assert_eq!(part.world_from_mesh, mesh.world_from_mesh);
+        assert_eq!(part.materials, mesh.materials);
+        let sampler = sector.sampler(64 << 20);
+        let own_normals = shading_normals(part);
+        for t in 0..part.triangles.len() {
+            let of_whole =
+                left.remove(&key(part, t)).unwrap_or_else(|| panic!("triangle {t} of {number} is new"));
+            assert_eq!(part.material_of(t), mesh.material_of(of_whole));
+            assert_eq!(part.parts.of(t), mesh.parts.of(of_whole));
+            assert_eq!(own_normals[3 * t..3 * t + 3], normals[3 * of_whole..3 * of_whole + 3]);
+            for (&own, &group) in
+                sector.cover().corner_groups[t].iter().zip(&whole.cover().corner_groups[of_whole])
+            {
+                assert_eq!(sector.cover().groups[own as usize], whole.cover().groups[group as usize]);
+                assert_eq!(sector.mean(0, own), whole.mean(0, group));
+            }
+            let random = |i: u64| nth_random(number << 32 | t as u64, i) as u32 as f32 / u32::MAX as f32;
+            let (a, b) = (random(0), random(1));
+            let lambda = if a + b > 1.0 {
+                Vec3::new(1.0 - a, 1.0 - b, a + b - 1.0)
+            } else {
+                Vec3::new(a, b, 1.0 - a - b)
+            };
+            let size = [0.0, 0.01, 0.3, 5.0][t % 4];
+            let steps = [Vec3::new(size, -size, 0.0), Vec3::new(0.0, size, -size)];
+            for channel in 0..whole.channels().len() {
+                let at = |triangle: usize| SurfacePoint { triangle: triangle as u32, lambda };
+                let footprint = Footprint { lambda_steps: steps };
+                let own = sampler.sample_channel(channel, at(t), footprint);
+                let expected = reference.sample_channel(channel, at(of_whole), footprint);
+                assert_eq!(
+                    own.to_array().map(f32::to_bits),
+                    expected.to_array().map(f32::to_bits),
+                    "{own} {expected}"
+                );
+            }
+        }
+    }
+    assert!(left.is_empty(), "{} triangles are in no sector", left.len());
+}
+
+fn preview_of(sector: &Asset) -> Arc<fantex::store::Asset> {
+    let preview = fantex::store::Asset::open_preview(&**sector.source()).unwrap().unwrap();
+    assert!(verify_asset(&Arc::new(preview), &VerifyOptions::default()).ok);
+    Arc::new(fantex::store::Asset::open_preview(&**sector.source()).unwrap().unwrap())
+}
+
+fn bumpy_ball() -> Mesh {
+    let mut model = icosphere(5);
+    for p in &mut model.positions {
+        *p *= 1.0 + 0.08 * (p.x * 5.0).sin() * (p.y * 4.0).cos() + 0.04 * (p.z * 9.0).sin();
+        *p = *p * 730.0 + DVec3::new(5.1e5, 3.3e6, 17.0);
+    }
+    fantex_test::cleaned(model)
+}
+
+#[test]
+fn all_channels_of_a_model_are_bit_by_bit_those_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.fan");
+    let model = fantex::Mesh::load(workspace().join("assets/WaterBottle/WaterBottle.gltf")).unwrap();
+    Baker::new(&model).texels(100_000).source(Source::own_materials()).write(&path).unwrap();
+    assert_eq!(bottle().triangles.len(), model.triangles.len());
+    let whole = Asset::open(&path).unwrap();
+    assert!(whole.channels().len() > 3);
+    let options = SplitOptions { triangles: 700, previews: None, ..SplitOptions::default() };
+    let split = split_into(&whole, &folder.path().join("world"), &options);
+    let due = whole.mesh().triangles.len().div_ceil(700);
+    assert!(split.sectors.len() > due / 2 && split.sectors.len() <= due, "{} of {due}", split.sectors.len());
+    assert!(split.world.objects.iter().all(|object| object.preview.is_none()));
+    assert_sectors_are_the_whole(&whole, &split.sectors);
+}
+
+#[test]
+fn previews_of_a_closed_surface_have_the_borders_of_their_sectors() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), bumpy_ball(), 300_000);
+    let options = SplitOptions { triangles: 4000, ..SplitOptions::default() };
+    let split = split_into(&whole, &folder.path().join("world"), &options);
+    assert!(split.sectors.len() >= 4, "{}", split.sectors.len());
+    assert_sectors_are_the_whole(&whole, &split.sectors);
+    for (object, sector) in split.world.objects.iter().zip(&split.sectors) {
+        let preview = preview_of(sector);
+        // Whichever of two neighbours is shown whole or coarse: their edges are the same, so nothing shows through.
+        let edges = border(sector.mesh());
+        assert!(!edges.is_empty());
+        assert_eq!(border(preview.mesh()), edges);
+        let known = object.preview.unwrap();
+        assert_eq!(known.triangles, preview.mesh().triangles.len() as u64);
+        assert!(known.triangles * 4 < object.triangles, "{} of {}", known.triangles, object.triangles);
+        // Some 30 world units are a fifth of a texel's length of the preview, and more than the bumps that it leaves out.
+        assert!(known.detail > 1.0 && known.detail < 100.0, "{}", known.detail);
+        assert_normals_agree_at_borders(sector.mesh(), preview.mesh(), &edges);
+    }
+}
+
+/// Light does not jump between a sector and the preview of another one.
+fn assert_normals_agree_at_borders(fine: &Mesh, coarse: &Mesh, edges: &BTreeSet<[Place; 2]>) {
+    let at_border: BTreeSet<Place> = edges.iter().flatten().copied().collect();
+    let normals = |mesh: &Mesh| {
+        let (places, normals) = (places(mesh), shading_normals(mesh));
+        let corners = mesh.triangles.iter().flatten().zip(normals);
+        let at_place = corners.map(move |(&vertex, normal)| (places[vertex as usize], normal));
+        at_place.filter(|(place, _)| at_border.contains(place)).collect::<BTreeMap<_, _>>()
+    };
+    let (fine, coarse) = (normals(fine), normals(coarse));
+    assert_eq!(fine.len(), coarse.len());
+    for (place, normal) in fine {
+        assert!(normal.distance(coarse[&place]) < 1e-5, "{normal} {}", coarse[&place]);
+    }
+}
+
+#[test]
+fn open_borders_of_the_whole_are_simplified_and_those_between_sectors_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut land = grid(96);
+    land.positions.iter_mut().for_each(|p| p.z += 0.05 * (7.0 * p.x).sin() * (5.0 * p.y).cos());
+    let whole = baked(folder.path(), fantex_test::cleaned(land), 200_000);
+    let previews = SectorPreviews { triangles: Some(50), texels: Some(20_000) };
+    let options = SplitOptions { triangles: 3000, previews: Some(previews), ..SplitOptions::default() };
+    let split = split_into(&whole, &folder.path().join("world"), &options);
+    let outline = border(whole.mesh());
+    let mut simplified = 0;
+    for sector in &split.sectors {
+        let (fine, coarse) = (border(sector.mesh()), border(preview_of(sector).mesh()));
+        let inner: BTreeSet<_> = fine.difference(&outline).copied().collect();
+        let missing = inner.difference(&coarse).count();
+        // The corner of a triangle with two sides at the outline may go.
+        assert!(missing <= 2, "{missing} of {}", inner.len());
+        simplified += fine.intersection(&outline).count() - coarse.intersection(&outline).count();
+    }
+    assert!(simplified * 2 > outline.len(), "{simplified} of {}", outline.len());
+}
+
+/// Sheets with both sides, fins on them, loose triangles and crossing walls.
+fn dirty_mesh(seed: u64) -> Mesh {
+    let random = |i: u64| nth_random(seed, i);
+    let mut model = grid(24);
+    model.positions.iter_mut().for_each(|p| p.z += 0.1 * (9.0 * p.x).sin());
+    let front = model.triangles.clone();
+    let vertices = model.positions.len() as u64;
+    for (i, &[a, b, c]) in (0u64..).zip(&front) {
+        if seed.is_multiple_of(2) || random(i) % 3 > 0 {
+            model.triangles.push([a, c, b]);
+        }
+        if random(1000 + i) % 11 == 0 {
+            let apex = model.positions.len() as u32;
+            let lift = DVec3::new(0.0, 0.01, 0.1 + 0.01 * (random(2000 + i) % 8) as f64);
+            model.positions.push(model.positions[a as usize] + lift);
+            model.triangles.push([a, b, apex]);
+        }
+    }
+    for i in 0..30 {
+        let vertex = |k: u64| (random(10_000 + 3 * i + k) % vertices) as u32;
+        model.triangles.push([vertex(0), vertex(1), vertex(2)]);
+    }
+    fantex_test::cleaned(model)
+}
+
+#[test]
+fn dirty_meshes_are_split_as_they_are() {
+    for seed in 1..=6 {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = baked(folder.path(), dirty_mesh(seed), 60_000);
+        assert!(verify_asset(whole.shared(), &VerifyOptions::default()).ok, "seed {seed}");
+        let previews = SectorPreviews { triangles: Some(100), texels: Some(20_000) };
+        let options = SplitOptions { triangles: 250, previews: Some(previews), ..SplitOptions::default() };
+        let split = split_into(&whole, &folder.path().join("world"), &options);
+        println!(
+            "seed {seed}: {} sectors of {} triangles",
+            split.sectors.len(),
+            whole.mesh().triangles.len()
+        );
+        assert_sectors_are_the_whole(&whole, &split.sectors);
+        split.sectors.iter().for_each(|sector| drop(preview_of(sector)));
+        // Edges of more than two triangles that are no two leaves tie their triangles together, but not the whole sheet.
+        assert!(split.sectors.len() > 1 || seed % 2 == 1, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_sheet_with_two_sides_is_cut_and_its_sides_stay_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut model = grid(40);
+    model.positions.iter_mut().for_each(|p| p.z += 0.5 * (9.0 * p.x).sin() * (8.0 * p.y).cos());
+    let back: Vec<_> = model.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    model.triangles.extend(back);
+    let whole = baked(folder.path(), fantex_test::cleaned(model), 60_000);
+    let options = SplitOptions { triangles: 800, previews: None, ..SplitOptions::default() };
+    let split = split_into(&whole, &folder.path().join("world"), &options);
+    assert!(
+        split.sectors.len() >= 4,
+        "{} sectors, {} groups",
+        split.sectors.len(),
+        whole.cover().groups.len()
+    );
+    assert_sectors_are_the_whole(&whole, &split.sectors);
+    for sector in &split.sectors {
+        let opposed = fantex::mesh::OpposedTriangles::of(&sector.mesh().triangles);
+        assert!((0..sector.mesh().triangles.len()).all(|t| opposed.contains(t)));
+    }
+}
+
+#[test]
+fn a_small_asset_is_a_world_of_one_sector() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), ball_on_a_plane(), 50_000);
+    let split = split_into(&whole, &folder.path().join("a/world"), &SplitOptions::default());
+    assert_eq!(split.sectors.len(), 1);
+    assert_sectors_are_the_whole(&whole, &split.sectors);
+    assert_eq!(split.sectors[0].cover(), whole.cover());
+    assert_eq!(split.world.objects[0].asset, "sector-0001.fan");
+    preview_of(&split.sectors[0]);
+}
+
+/// Names of what is in a folder.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = folder.read_dir().unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// Stops when so many reports have come.
+struct Stop(AtomicU64);
+
+impl Progress for Stop {
+    fn report(&self, done: u64, total: u64) {
+        assert!(done <= total);
+        self.0.fetch_sub(1, Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.0.load(Relaxed) == 0
+    }
+}
+
+#[test]
+fn nothing_is_left_of_a_world_that_is_not_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), bumpy_ball(), 100_000);
+    let target = folder.path().join("world");
+    let options = SplitOptions { triangles: 4000, ..SplitOptions::default() };
+    let error = split(whole.shared(), &target, &options, &Stop(AtomicU64::new(2))).unwrap_err();
+    assert!(error.is_cancelled());
+    assert!(!target.exists());
+
+    // Neither is anything written over, unless that is wanted.
+    std::fs::create_dir(&target).unwrap();
+    std::fs::write(target.join("notes.txt"), "mine").unwrap();
+    let error = split(whole.shared(), &target, &options, &NoProgress).unwrap_err();
+    assert!(error.to_string().contains("is not empty"), "{error}");
+    assert_eq!(names(&target), ["notes.txt"]);
+    let forced = SplitOptions { force: true, ..options.clone() };
+    let many = split(whole.shared(), &target, &forced, &NoProgress).unwrap().world.objects.len();
+    let fewer = SplitOptions { triangles: 12_000, ..forced.clone() };
+    let few = split(whole.shared(), &target, &fewer, &NoProgress).unwrap().world.objects.len();
+    assert!(few < many);
+    let mut expected: Vec<String> = (1..=few).map(|number| format!("sector-{number:04}.fan")).collect();
+    expected.insert(0, "notes.txt".into());
+    expected.push("whole.fanworld".into());
+    assert_eq!(names(&target), expected);
+    // A world that is being replaced is gone as a whole.
+    split(whole.shared(), &target, &forced, &Stop(AtomicU64::new(2))).unwrap_err();
+    assert_eq!(names(&target), ["notes.txt"]);
+    let none = SplitOptions { triangles: 0, ..forced };
+    assert_eq!(
+        split(whole.shared(), &target, &none, &NoProgress).unwrap_err().kind(),
+        ErrorKind::InvalidArgument
+    );
+}
+
+#[test]
+fn damaged_texels_are_not_copied() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), ball_on_a_plane(), 50_000);
+    let path: PathBuf = whole.path().into();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let cluster = whole.cluster_range(whole.clusters().next().unwrap());
+    bytes[cluster.start as usize + 20] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let whole = Asset::open(&path).unwrap();
+    let target = folder.path().join("world");
+    let error = split(whole.shared(), &target, &SplitOptions::default(), &NoProgress).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Damaged);
+    assert!(error.to_string().contains("whole.fan"), "{error}");
+    assert!(!target.exists());
+}
