@@ -204,10 +204,9 @@ impl Document {
     pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self> {
         progress.enter(Stage::Reading)?;
         match place {
-            Place::Url(url) if World::is_named(Path::new(&place.name())) => {
+            Place::Url(url) if FileKind::of(Path::new(url))? == FileKind::World => {
                 Self::open_world(place, Path::new(url))
             }
-            Place::File(path) if World::is_named(path) => Self::open_world(place, path),
             Place::Url(url) if !is_asset_url(url) => {
                 let sentence =
                     format!("{url} is no asset (.fan): models are opened from files; download it first");
