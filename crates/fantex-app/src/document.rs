@@ -4,15 +4,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
-use fantex::FileKind;
 use fantex::bake::Progress;
 use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
-use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
+use fantex::gpu::ModelSpace;
+use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load};
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, ChannelKind, cover_level_count};
 use fantex::stream::{open_asset, url_of};
+use fantex::{FileKind, World, WorldObject};
 use serde::Deserialize;
 
 use crate::camera::SceneScale;
@@ -58,6 +59,17 @@ impl std::fmt::Display for Place {
 pub enum Content {
     Model(Arc<Mesh>),
     Asset(Arc<Asset>),
+    World(Arc<WorldContent>),
+}
+
+/// An index of assets, and what stands for them where a mesh is asked for.
+#[derive(Debug)]
+pub struct WorldContent {
+    /// Where it was read.
+    pub index: PathBuf,
+    pub world: Arc<World>,
+    /// The objects' boxes.
+    pub boxes: Arc<Mesh>,
 }
 
 #[derive(Clone, Debug)]
@@ -192,6 +204,9 @@ impl Document {
     pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self> {
         progress.enter(Stage::Reading)?;
         match place {
+            Place::Url(url) if FileKind::of(Path::new(url))? == FileKind::World => {
+                Self::open_world(place, Path::new(url))
+            }
             Place::Url(url) if !is_asset_url(url) => {
                 let sentence =
                     format!("{url} is no asset (.fan): models are opened from files; download it first");
@@ -200,7 +215,7 @@ impl Document {
             Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => Err(is_look_error(path)),
-                FileKind::World => Err(FileKind::world_instead(path)),
+                FileKind::World => Self::open_world(place, path),
                 FileKind::Asset => Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?))),
                 FileKind::Model => {
                     let model = load(path, &LoadOptions::default())?;
@@ -235,7 +250,12 @@ impl Document {
             }
             Place::File(path) => match FileKind::of(path)? {
                 FileKind::Look => return Err(is_look_error(path)),
-                FileKind::World => return Err(FileKind::world_instead(path)),
+                FileKind::World => {
+                    let sentence = format!(
+                        "{place} is a world, which can only be looked at: paint on one of its assets"
+                    );
+                    return Err(Error::unsupported(sentence).with_path(path));
+                }
                 FileKind::Asset => path.clone(),
                 FileKind::Model => match asset_of_model(path, answer, progress, &mut notes)? {
                     Made::Asset(path) => path,
@@ -256,6 +276,39 @@ impl Document {
         let asset = painter.editor().asset().clone();
         let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
         Ok(ForPainting::Ready(Box::new((document, painter))))
+    }
+
+    /// Opens the index of a world. Its assets are opened as they are seen.
+    fn open_world(place: &Place, index: &Path) -> Result<Self> {
+        let world = World::open(index)?;
+        let space = world.space().ok_or_else(|| {
+            let sentence = format!("there is nothing to show in the world {place}");
+            Error::invalid(sentence)
+        })?;
+        let boxes = Arc::new(box_mesh(&world, space));
+        let bounds = world_bounds(&boxes);
+        let [x, y, z] = (bounds.max - bounds.min).to_array().map(short_number);
+        let total = |of: fn(&WorldObject) -> u64| world.objects.iter().map(of).sum::<u64>();
+        let previews = world.objects.iter().filter(|object| object.preview.is_some()).count();
+        let model_facts = vec![
+            fact("Objects", grouped(world.objects.len() as u64)),
+            fact("Previews", grouped(previews as u64)),
+            fact("Triangles", grouped(total(|object| object.triangles))),
+            fact("Texels", grouped(total(|object| object.texels))),
+            fact("Extent", format!("{x} × {y} × {z}")),
+            fact("Files", bytes_text(total(|object| object.bytes) as f64)),
+        ];
+        let content = WorldContent { index: index.to_owned(), world: Arc::new(world), boxes };
+        Ok(Self {
+            place: place.clone(),
+            scale: SceneScale::of(&bounds),
+            content: Content::World(Arc::new(content)),
+            notes: Vec::new(),
+            model_facts,
+            cover_facts: Vec::new(),
+            channels: Vec::new(),
+            exchange: None,
+        })
     }
 
     pub fn of_model(place: Place, mesh: Arc<Mesh>, report: &CleanReport, notes: Vec<String>) -> Self {
@@ -309,13 +362,28 @@ impl Document {
         match &self.content {
             Content::Model(mesh) => mesh,
             Content::Asset(asset) => asset.mesh(),
+            Content::World(content) => &content.boxes,
         }
+    }
+
+    /// The same, to share.
+    pub fn shared_mesh(&self) -> Arc<Mesh> {
+        match &self.content {
+            Content::Model(mesh) => mesh.clone(),
+            Content::Asset(asset) => asset.shared_mesh(),
+            Content::World(content) => content.boxes.clone(),
+        }
+    }
+
+    /// Whether it is made of fans, which are streamed.
+    pub fn is_streamed(&self) -> bool {
+        !matches!(self.content, Content::Model(_))
     }
 
     pub fn asset(&self) -> Option<&Arc<Asset>> {
         match &self.content {
             Content::Asset(asset) => Some(asset),
-            Content::Model(_) => None,
+            Content::Model(_) | Content::World(_) => None,
         }
     }
 }
@@ -484,6 +552,27 @@ fn replay_onto(
 
 fn fact(name: &'static str, value: String) -> Fact {
     Fact { name, value }
+}
+
+/// The boxes of all objects.
+fn box_mesh(world: &World, space: WorldFromMesh) -> Mesh {
+    let boxes: Vec<_> = world
+        .objects
+        .iter()
+        .map(|object| [object.low, object.high].map(|corner| space.inverse_point(corner.into())))
+        .collect();
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let of_box = |first: u32| {
+        let triangles = sides.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        triangles.map(move |triangle| triangle.map(|corner: u32| first + corner))
+    };
+    Mesh {
+        positions: ModelSpace::of_boxes(space, &boxes).points.to_vec(),
+        triangles: (0..boxes.len() as u32).flat_map(|index| of_box(8 * index)).collect(),
+        materials: vec![Material::default()],
+        world_from_mesh: space,
+        ..Mesh::default()
+    }
 }
 
 fn mesh_facts(mesh: &Mesh) -> Vec<Fact> {

@@ -44,6 +44,24 @@ pub struct StreamFigures {
     pub evicted_parcels: u64,
     pub damaged: Vec<DamagedPart>,
     pub damaged_count: u64,
+    /// Of a world what there is of its objects.
+    pub objects: Option<ObjectFigures>,
+}
+
+/// The objects of a world.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ObjectFigures {
+    pub whole: u64,
+    /// Shown by their previews.
+    pub previews: u64,
+    /// Objects and previews to come.
+    pub missing: u64,
+    /// Drawn triangles.
+    pub triangles: u64,
+    /// Memory that their geometry counts for.
+    pub geometry_bytes: u64,
+    /// Names of objects that could not be opened, and why.
+    pub failed: Vec<(String, String)>,
 }
 
 impl StreamFigures {
@@ -54,7 +72,7 @@ impl StreamFigures {
 
     /// Whether everything that is wanted is there.
     pub fn is_sharp(&self) -> bool {
-        self.missing == 0
+        self.missing == 0 && self.objects.as_ref().is_none_or(|objects| objects.missing == 0)
     }
 
     /// Share of the pool that is in use, 0..1.

@@ -107,6 +107,8 @@ impl Default for PanelSettings {
 pub struct StreamingSettings {
     /// Graphics memory for texels, mebibytes.
     pub pool_mib: u32,
+    /// Memory for the geometry of a world's objects, mebibytes.
+    pub geometry_mib: u32,
     /// Texels that go to the graphics memory in one frame, kibibytes.
     pub upload_kib: u32,
     /// Whether pages are loaded; off, what is there stays.
@@ -115,16 +117,21 @@ pub struct StreamingSettings {
 
 impl Default for StreamingSettings {
     fn default() -> Self {
-        Self { pool_mib: 64, upload_kib: 4096, is_running: true }
+        Self { pool_mib: 64, geometry_mib: 384, upload_kib: 4096, is_running: true }
     }
 }
 
 impl StreamingSettings {
     pub const POOL_MIB: [u32; 2] = [1, 4096];
+    pub const GEOMETRY_MIB: [u32; 2] = [16, 16384];
     pub const UPLOAD_KIB: [u32; 2] = [64, 65536];
 
     pub fn pool_bytes(&self) -> u64 {
         u64::from(self.pool_mib) << 20
+    }
+
+    pub fn geometry_bytes(&self) -> u64 {
+        u64::from(self.geometry_mib) << 20
     }
 
     pub fn upload_bytes(&self) -> usize {

@@ -358,10 +358,7 @@ impl Viewer {
             return;
         }
         // Not the asset: a painter's must not be kept from reusing its space.
-        let mesh = match &document.content {
-            Content::Model(mesh) => mesh.clone(),
-            Content::Asset(asset) => asset.shared_mesh(),
-        };
+        let mesh = document.shared_mesh();
         match Job::spawn("ground", self.waker(), move || MeshGround::new(mesh)) {
             Ok(job) => self.ground_job = Some(job),
             Err(error) => self.notices.warning(format!("cannot start a thread for the ground: {error}")),

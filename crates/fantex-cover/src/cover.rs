@@ -1,6 +1,6 @@
 //! What a cover *is*: the data that the texture function needs at run time. Building one is in `build`.
 
-use fantex_mesh::{Mesh, SurfacePoint, interpolate};
+use fantex_mesh::{Mesh, SurfacePoint, WorldFromMesh, interpolate};
 use glam::{Vec2, Vec3};
 
 use crate::{UnfoldedCorner, UnfoldedCorners};
@@ -71,6 +71,19 @@ pub struct Cover {
 }
 
 impl Cover {
+    /// That of the same mesh in another mesh space ([`Mesh::move_to`]).
+    pub fn move_between(&mut self, from: &WorldFromMesh, to: &WorldFromMesh) {
+        if from == to {
+            return;
+        }
+        let shrink = (to.scale / from.scale) as f32;
+        self.density *= shrink;
+        for group in &mut self.groups {
+            group.frame.origin = to.inverse_point(from.point(group.frame.origin));
+            group.uv_scale *= shrink;
+        }
+    }
+
     /// Tile coordinates (in 0..1 where the texture function looks them up) of the three corners of `triangle` in
     /// the tile of the group at its corner `slot` (0..3). They interpolate linearly over the triangle.
     #[inline]

@@ -78,6 +78,22 @@ impl ModelSpace {
             triangles: mesh.triangles.as_slice().into(),
         }
     }
+
+    /// That of what lies in boxes, given by their corners in mesh space. There are no edges to draw lines along.
+    pub fn of_boxes(world_from_mesh: WorldFromMesh, boxes: &[[Vec3; 2]]) -> Self {
+        let corner = |of: usize, low: Vec3, high: Vec3| {
+            let axis = |axis: usize| if of >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            Vec3::new(axis(0), axis(1), axis(2))
+        };
+        let points = boxes.iter().flat_map(|&[low, high]| (0..8).map(move |of| corner(of, low, high)));
+        let bounds = boxes.iter().copied().reduce(|[low, high], [l, h]| [low.min(l), high.max(h)]);
+        Self {
+            world_from_mesh,
+            bounds: bounds.unwrap_or_default(),
+            points: points.collect(),
+            triangles: Arc::default(),
+        }
+    }
 }
 
 // How to draw a frame.

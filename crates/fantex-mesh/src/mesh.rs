@@ -108,6 +108,15 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Lies in another mesh space from now on, at the same place in the world; positions are rounded to it.
+    pub fn move_to(&mut self, world_from_mesh: WorldFromMesh) {
+        let from = std::mem::replace(&mut self.world_from_mesh, world_from_mesh);
+        if from != world_from_mesh {
+            self.positions.iter_mut().for_each(|p| *p = world_from_mesh.inverse_point(from.point(*p)));
+            self.undisplaced_bounds = None;
+        }
+    }
+
     /// The bounding box of all vertices, mesh space; of no vertices the origin.
     pub fn bounds(&self) -> Aabb {
         let Some(&first) = self.positions.first() else { return Aabb { min: Vec3::ZERO, max: Vec3::ZERO } };

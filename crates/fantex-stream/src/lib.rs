@@ -24,11 +24,14 @@
 mod atlas;
 mod camera_path;
 mod cluster_loader;
+#[cfg(not(target_arch = "wasm32"))]
+mod complete;
 mod demand;
 #[cfg(not(target_arch = "wasm32"))]
 mod disk_speed;
 pub mod drawing;
 mod loader;
+mod objects;
 mod outline;
 mod parcel;
 pub mod read;
@@ -39,14 +42,17 @@ mod streamer;
 pub use atlas::*;
 pub use camera_path::*;
 pub use cluster_loader::*;
+#[cfg(not(target_arch = "wasm32"))]
+pub use complete::complete_atlas;
 pub use demand::{DemandWork, Detail, PageDemand};
 #[cfg(not(target_arch = "wasm32"))]
 pub use disk_speed::*;
 pub use loader::*;
+pub use objects::*;
 pub use outline::*;
 pub use parcel::*;
 #[cfg(not(target_arch = "wasm32"))]
-pub use read::{open_asset, read_whole};
+pub use read::{open_asset, open_preview, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;

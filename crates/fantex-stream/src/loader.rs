@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use fantex_base::Error;
-use fantex_store::PageId;
+use fantex_store::{Asset, PageId, decode_plain};
 
 use crate::drawing::UploadRows;
 use crate::{AtlasFormat, Outline, Parcel, ParcelLayout};
@@ -100,6 +100,33 @@ pub fn assemble<'p, E>(
         channels.push(Arc::from(texels));
     }
     Ok(ParcelTexels { extent: layout.extent, outline: Outline::WHOLE, channels })
+}
+
+/// A parcel's texels in these formats of the atlas, from the bytes of its pages as they are stored.
+///
+/// # Errors
+/// Those of `stored_page`.
+pub(crate) fn stored_texels<'p>(
+    asset: &Asset,
+    formats: &[AtlasFormat],
+    parcel: Parcel,
+    stored_page: impl Fn(usize, PageId) -> Result<&'p [u8], Error>,
+) -> Result<ParcelTexels, Error> {
+    let layout = parcel.layout(asset.cover());
+    let outline = Outline::of_stored(&layout, asset.channels(), &stored_page)?;
+    let texels = assemble(&layout, formats, |index, page| {
+        let (channel, format) = (&asset.channels()[index], formats[index]);
+        let stored = stored_page(index, page)?;
+        if format == AtlasFormat::of(channel.format, true) && format != AtlasFormat::Rgba16F {
+            return Ok(Cow::Borrowed(stored));
+        }
+        let extent = asset.page_extent(index, page)?;
+        let plain = decode_plain(channel.format, channel.srgb, extent, stored);
+        // The page's bytes are as many as its extent asks for, so this error does not happen.
+        let no_such_page = |_| asset.no_such_page(index, page);
+        Ok(Cow::Owned(plain.map_err(no_such_page)?))
+    })?;
+    Ok(ParcelTexels { outline, ..texels })
 }
 
 #[cfg(test)]

@@ -82,6 +82,8 @@ mod model;
 mod preview;
 mod refined;
 mod split;
+#[cfg(feature = "gpu")]
+mod streamed_world;
 mod world;
 mod world_check;
 
@@ -101,6 +103,8 @@ pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use split::{SectorPreviews, Split, SplitOptions, split};
+#[cfg(feature = "gpu")]
+pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
 pub use {

@@ -7,6 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fantex_base::{Error, Result, files, input};
+use fantex_mesh::WorldFromMesh;
 use fantex_store::Asset;
 use fantex_stream::{read_whole, url_of};
 use glam::DVec3;
@@ -166,6 +167,12 @@ impl World {
             }
             None => files::folder_of(index).join(&object.asset),
         }
+    }
+
+    /// The mesh space that all objects are drawn in: that of a mesh which fills the same box. None where that is a point.
+    pub fn space(&self) -> Option<WorldFromMesh> {
+        let [low, high] = self.bounds()?;
+        WorldFromMesh::of_box(low, high)
     }
 
     /// Corners of the bounding box of all objects, world units; none without objects.

@@ -5,7 +5,7 @@ use eframe::egui::{Align, Button, Color32, Label, Layout, RichText, Ui};
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::{Command, keys_of};
 use crate::display::{Overlay, ShadingView};
-use crate::document::bytes_text;
+use crate::document::{Document, bytes_text};
 use crate::light::LightPreset;
 use crate::paint::PaintCommand;
 use crate::panels::widgets::{named_choice, segments, switch};
@@ -145,7 +145,7 @@ fn item(
 }
 
 fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
-    let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
+    let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
     let display = &mut viewer.settings.display;
     if ui.available_width() < CHOICE_POINTS {
         return;
@@ -156,7 +156,7 @@ fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
     if is_narrow {
         return;
     }
-    ui.add_enabled_ui(is_asset, |ui| {
+    ui.add_enabled_ui(is_streamed, |ui| {
         named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL);
     });
     if switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)") {
@@ -289,14 +289,14 @@ fn figures(ui: &mut Ui, viewer: &Viewer, width: f32) {
         ui.label(RichText::new(&viewer.adapter).color(theme::FAINT));
         ui.separator();
     }
-    let has_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
+    let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
     if let Some(ms) = viewer.graphs.frame_ms.last().filter(|_| width >= WIDTHS[1]) {
         ui.label(format!("{ms:.1} ms"));
-        if has_asset {
+        if is_streamed {
             ui.separator();
         }
     }
-    if has_asset {
+    if is_streamed {
         let figures = &viewer.figures;
         ui.label(format!(
             "{} of {}",

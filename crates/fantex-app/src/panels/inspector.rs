@@ -42,9 +42,9 @@ fn show_model(ui: &mut Ui, viewer: &Viewer) {
     if document.notes.is_empty() {
         hint(
             ui,
-            match document.asset() {
-                Some(_) => "An asset holds a cleaned mesh: there is nothing to report.",
-                None => "The mesh is clean: nothing was dropped, welded or turned.",
+            match document.is_streamed() {
+                true => "An asset holds a cleaned mesh: there is nothing to report.",
+                false => "The mesh is clean: nothing was dropped, welded or turned.",
             },
         );
     }
@@ -60,6 +60,12 @@ fn show_cover(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(document) = &viewer.document else {
         return hint(ui, "Open an asset to see how partial fans cover it.");
     };
+    if document.is_streamed() && document.asset().is_none() {
+        return hint(
+            ui,
+            "A world has many assets, each with a cover of its own. Open one of them to see it.",
+        );
+    }
     if document.asset().is_none() {
         return hint(
             ui,

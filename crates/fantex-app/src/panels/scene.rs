@@ -12,7 +12,7 @@ use super::{Textures, compare, paint};
 use crate::camera::MoveInput;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
-use crate::document::Stage;
+use crate::document::{Document, Stage};
 use crate::notices::{Notice, Severity};
 use crate::paint::{PenEvent, PenPhase};
 use crate::pen::felt;
@@ -162,7 +162,7 @@ fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect) {
     ui.scope_builder(UiBuilder::new().max_rect(card).layout(Layout::top_down(Align::Center)), |ui| {
         ui.add_space(24.0);
         ui.label(RichText::new("Drop a model or an asset here").size(20.0).color(theme::STRONG));
-        ui.label(RichText::new(".glb  .gltf  .obj  .ply  .stl  .fan").color(theme::FAINT));
+        ui.label(RichText::new(".glb  .gltf  .obj  .ply  .stl  .fan  .fanworld").color(theme::FAINT));
         ui.add_space(10.0);
         let keys = keys_of(false, &Command::OpenDialog).unwrap_or_default();
         let button =
@@ -252,8 +252,8 @@ fn drop_target(ui: &Ui, rect: Rect) {
 /// What the overlay's colours mean, in the upper left corner.
 fn legend(ui: &Ui, viewer: &Viewer, rect: Rect) {
     let overlay = viewer.settings.display.overlay;
-    let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
-    if overlay == Overlay::None || !is_asset || rect.width() < 240.0 {
+    let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
+    if overlay == Overlay::None || !is_streamed || rect.width() < 240.0 {
         return;
     }
     let at = rect.min + vec2(12.0, 12.0);

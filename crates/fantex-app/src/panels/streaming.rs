@@ -5,8 +5,8 @@ use eframe::egui::{
     Align, Color32, ComboBox, DragValue, Grid, Image, Layout, Rect, RichText, Sense, Ui, vec2,
 };
 
-use crate::document::{bytes_text, grouped};
-use crate::figures::{DamagedPart, StreamFigures};
+use crate::document::{Document, bytes_text, grouped};
+use crate::figures::{DamagedPart, ObjectFigures, StreamFigures};
 use crate::panels::AtlasTexture;
 use crate::panels::widgets::{Chart, dot, facts, gauge, heading, hint, number, row};
 use crate::settings::StreamingSettings;
@@ -16,7 +16,7 @@ use crate::viewer::Viewer;
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     heading(ui, "Pool");
     settings(ui, &mut viewer.settings.streaming);
-    if viewer.document.as_ref().is_none_or(|document| document.asset().is_none()) {
+    if !viewer.document.as_ref().is_some_and(Document::is_streamed) {
         return hint(ui, "Only assets (.fan) are streamed; a model lies whole in the graphics memory.");
     }
     show_figures(ui, &viewer.figures);
@@ -26,21 +26,16 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
 pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
     gauge(ui, figures.occupancy(), theme::ACCENT).on_hover_text("Share of the pool that holds tiles");
     let [width, height, layers] = figures.atlas;
-    facts(
-        ui,
-        "pool facts",
-        [
-            (
-                "In use",
-                format!(
-                    "{} of {}",
-                    bytes_text(figures.used_bytes as f64),
-                    bytes_text(figures.pool_bytes as f64)
-                ),
-            ),
-            ("Atlas", format!("{width} × {height} texels, {layers} layers")),
-        ],
-    );
+    let used =
+        format!("{} of {}", bytes_text(figures.used_bytes as f64), bytes_text(figures.pool_bytes as f64));
+    let mut pool = vec![("In use", used)];
+    if figures.objects.is_none() {
+        pool.push(("Atlas", format!("{width} × {height} texels, {layers} layers")));
+    }
+    facts(ui, "pool facts", pool);
+    if let Some(objects) = &figures.objects {
+        show_objects(ui, objects);
+    }
     heading(ui, "Now");
     facts(
         ui,
@@ -61,16 +56,42 @@ pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
             ("Evicted", format!("{} parcels", grouped(figures.evicted_parcels))),
         ],
     );
-    heading(ui, "Resident per level");
-    levels(ui, figures);
+    if figures.objects.is_none() {
+        heading(ui, "Resident per level");
+        levels(ui, figures);
+    }
     heading(ui, "Damaged");
     damage(ui, figures);
+}
+
+/// What there is of a world's objects.
+fn show_objects(ui: &mut Ui, objects: &ObjectFigures) {
+    heading(ui, "Objects");
+    facts(
+        ui,
+        "object facts",
+        [
+            ("Whole", grouped(objects.whole)),
+            ("By their previews", grouped(objects.previews)),
+            ("To come", grouped(objects.missing)),
+            ("Triangles", grouped(objects.triangles)),
+            ("Geometry", bytes_text(objects.geometry_bytes as f64)),
+        ],
+    );
+    for (name, reason) in &objects.failed {
+        ui.label(RichText::new(format!("{name} could not be opened")).color(theme::WARNING))
+            .on_hover_text(reason);
+    }
 }
 
 fn settings(ui: &mut Ui, streaming: &mut StreamingSettings) {
     let [least, most] = StreamingSettings::POOL_MIB;
     let size = number("Size", " MiB", 0, "Graphics memory for texels; nothing beyond it is taken");
     size.logarithmic().show(ui, &mut streaming.pool_mib, least..=most);
+    let [least, most] = StreamingSettings::GEOMETRY_MIB;
+    let hint =
+        "Memory for the meshes of a world's objects; those that are far away are shown by their previews";
+    number("Geometry", " MiB", 0, hint).logarithmic().show(ui, &mut streaming.geometry_mib, least..=most);
     let [least, most] = StreamingSettings::UPLOAD_KIB;
     row(ui, "Per frame", |ui| {
         let value = DragValue::new(&mut streaming.upload_kib).range(least..=most).speed(64).suffix(" KiB");

@@ -22,12 +22,6 @@ use crate::viewer::Viewer;
 /// Seconds for which another size of the pool must have been asked for before it is made.
 const POOL_SECONDS: f32 = 0.4;
 
-/// The pace for which the upload budget of a frame is meant.
-const QUICK_FRAMES_PER_SECOND: f32 = 60.0;
-
-/// A slow frame takes no more than so many quick ones would.
-const MAX_QUICK_FRAMES: f32 = 64.0;
-
 /// An asset, streamed.
 pub struct FanScene {
     asset: Arc<Asset>,
@@ -96,18 +90,14 @@ impl FanScene {
         gpu: &Gpu,
         viewer: &Viewer,
         (camera, size): (&Camera, [u32; 2]),
-        elapsed_seconds: f32,
+        frame: FrameOptions,
     ) -> Result<bool> {
         let settings = viewer.settings.streaming;
-        self.follow_settings(gpu, viewer, elapsed_seconds)?;
+        self.follow_settings(gpu, viewer, frame.elapsed_seconds)?;
         if !settings.is_running {
             return Ok(self.upload_painted(gpu));
         }
         let view = stream_view(camera, size, self.streamed.model.space());
-        // The budget is meant for quick frames; slow ones take as much per second.
-        let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MAX_QUICK_FRAMES);
-        let upload_bytes = (settings.upload_bytes() as f32 * frames) as usize;
-        let frame = FrameOptions { upload_bytes, elapsed_seconds };
         let was_hidden = self.streamed.model.has_hidden_atlas();
         let changes = self.streamed.advance(gpu, Some(&view), frame);
         let is_new = was_hidden && !self.streamed.model.has_hidden_atlas();
@@ -195,6 +185,7 @@ impl FanScene {
             evicted_parcels: now.evictions,
             damaged: self.damaged.clone(),
             damaged_count: now.damaged as u64,
+            objects: None,
         }
     }
 

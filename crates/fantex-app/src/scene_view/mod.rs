@@ -1,7 +1,7 @@
 //! The scene on the GPU: the document's model, pictures of it, and what streaming does between them.
 //!
 //! ```text
-//!  Document --PrepareScene (in the background)--> SceneModel: UvModel | streamed fan model
+//!  Document --PrepareScene (in the background)--> SceneModel: UvModel | streamed fan model | streamed world
 //!  Viewer --draw--> picture in a texture, which egui shows         (one at a time, see `pacing`)
 //!         --capture--> picture in main memory, then a PNG file     (never waits)
 //! ```
@@ -22,6 +22,8 @@ use fantex::gpu::{
     DrawOptions, Frame, Gpu, Model, Overlay as DrawnOverlay, Renderer, UvModel, WireframeOptions,
 };
 use fantex::scene::{Camera, Lights, Shading, ToneMap};
+use fantex::stream::FrameOptions;
+pub use world::WorldScene;
 
 use crate::display::{Overlay, ShadingView};
 use crate::document::{Content, Document};
@@ -34,6 +36,13 @@ use crate::viewer::Viewer;
 mod atlas_view;
 mod capture;
 mod fan;
+mod world;
+
+/// The pace for which the upload budget of a frame is meant.
+const QUICK_FRAMES_PER_SECOND: f32 = 60.0;
+
+/// A slow frame takes no more than so many quick ones would.
+const MAX_QUICK_FRAMES: f32 = 64.0;
 
 /// Encoded as screens want it: egui takes such texels as they are.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -99,10 +108,7 @@ impl SceneView {
             Some(awaited) => (awaited.seen.camera, awaited.size),
             None => (viewer.camera(), viewer.scene_pixels),
         };
-        let has_arrived = match model.fan_mut() {
-            Some(scene) => scene.stream(&self.gpu, viewer, (&camera, size), elapsed as f32)?,
-            None => false,
-        };
+        let has_arrived = model.stream(&self.gpu, viewer, (&camera, size), elapsed as f32)?;
         self.capture_awaited(seconds)?;
         let Some(model) = &mut self.model else { return Ok(false) };
         if has_arrived {
@@ -112,7 +118,7 @@ impl SceneView {
                 false => viewer.pacing.changed(),
             }
         }
-        if let Some(figures) = model.fan().map(FanScene::figures) {
+        if let Some(figures) = model.figures() {
             viewer.graphs.stream(seconds, &figures);
             viewer.figures = figures;
         } else {
@@ -195,7 +201,7 @@ impl SceneView {
         };
         let capturing = Capturing::new(&self.gpu, size, path)?;
         let awaited = Awaited { capturing, seen: Seen::of(viewer), size, frames: 0, since: viewer.now() };
-        let is_streamed = model.fan().is_some() && viewer.settings.streaming.is_running;
+        let is_streamed = model.is_streamed() && viewer.settings.streaming.is_running;
         if size == viewer.scene_pixels || viewer.scene_pixels.contains(&0) || !is_streamed {
             return self.draw_awaited(awaited);
         }
@@ -250,7 +256,7 @@ impl SceneView {
 
     /// Whether streaming has nothing to do until the view changes: everything that is seen has the level that it can have.
     pub fn is_settled(&self) -> bool {
-        self.model.as_ref().and_then(SceneModel::fan).is_none_or(FanScene::is_settled)
+        self.model.as_ref().is_none_or(SceneModel::is_settled)
     }
 }
 
@@ -284,7 +290,7 @@ struct Seen {
 impl Seen {
     fn of(viewer: &Viewer) -> Self {
         let display = &viewer.settings.display;
-        let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
+        let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
         let options = DrawOptions {
             shading: shading(display.shading),
             filter: display.filter(),
@@ -294,7 +300,7 @@ impl Seen {
             tone_map: Some(if display.shading == ShadingView::Lit { display.tone } else { ToneMap::Clip }),
             samples: display.samples,
             wireframe: display.has_wireframe.then(WireframeOptions::default),
-            overlay: if is_asset { overlay(display.overlay) } else { DrawnOverlay::None },
+            overlay: if is_streamed { overlay(display.overlay) } else { DrawnOverlay::None },
             seconds: 0.0,
         };
         Self { camera: viewer.camera(), lights: viewer.lights(), options }
@@ -341,6 +347,8 @@ pub enum SceneModel {
     Uv(Box<UvModel>),
     /// An asset, streamed.
     Fan(Box<FanScene>),
+    /// Many of them.
+    World(Box<WorldScene>),
 }
 
 pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
@@ -350,6 +358,7 @@ pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
             let scene = FanScene::new(&gpu, asset.clone(), settings, document.exchange.clone())?;
             Ok(SceneModel::Fan(Box::new(scene)))
         }
+        Content::World(content) => Ok(SceneModel::World(Box::new(WorldScene::new(content, settings)?))),
     })
 }
 
@@ -358,6 +367,47 @@ impl SceneModel {
         match self {
             Self::Uv(model) => &mut **model,
             Self::Fan(scene) => scene.model(),
+            Self::World(scene) => &mut scene.world,
+        }
+    }
+
+    fn is_streamed(&self) -> bool {
+        !matches!(self, Self::Uv(_))
+    }
+
+    /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
+    fn stream(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        viewer: &Viewer,
+        seen: (&Camera, [u32; 2]),
+        elapsed_seconds: f32,
+    ) -> Result<bool> {
+        // The budget is meant for quick frames; slow ones take as much per second.
+        let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MAX_QUICK_FRAMES);
+        let upload_bytes = (viewer.settings.streaming.upload_bytes() as f32 * frames) as usize;
+        let frame = FrameOptions { upload_bytes, elapsed_seconds };
+        match self {
+            Self::Uv(_) => Ok(false),
+            Self::Fan(scene) => scene.stream(gpu, viewer, seen, frame),
+            Self::World(scene) => scene.stream(gpu, viewer, seen, frame),
+        }
+    }
+
+    fn figures(&self) -> Option<StreamFigures> {
+        match self {
+            Self::Uv(_) => None,
+            Self::Fan(scene) => Some(scene.figures()),
+            Self::World(scene) => Some(scene.figures()),
+        }
+    }
+
+    /// Whether the picture stays as it is until the view changes.
+    fn is_settled(&self) -> bool {
+        match self {
+            Self::Uv(_) => true,
+            Self::Fan(scene) => scene.is_settled(),
+            Self::World(scene) => scene.is_settled(),
         }
     }
 

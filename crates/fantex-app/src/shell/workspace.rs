@@ -145,7 +145,7 @@ pub(super) struct Dialogs {
     wake: Wake,
 }
 
-const MODELS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan", "toml"];
+const MODELS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan", "fanworld", "toml"];
 
 impl Dialogs {
     pub(super) fn new(wake: Wake) -> Self {

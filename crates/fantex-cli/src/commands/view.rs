@@ -11,19 +11,20 @@ use fantex::{Error, Result};
 
 const VIEWER: &str = "fantex-app";
 
-/// Show a model, an asset or a look in a window.
+/// Show a model, an asset, a world or a look in a window.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
   fantex view bunny.fan
   fantex view bottle.glb --size 1920x1080
   fantex view https://example.org/landscape.fan
+  fantex view town.fanworld
   fantex view oak.toml --on chair.glb
 
 Everything after 'view' goes to the viewer; 'fantex view -- --help' lists its options.")]
 pub(crate) struct ViewArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml), and
-    /// options of the viewer
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3:// or gs:// address, or
+    /// a look (.toml), and options of the viewer
     #[arg(value_name = "FILE", trailing_var_arg = true, allow_hyphen_values = true)]
     pub(crate) arguments: Vec<OsString>,
 }

@@ -120,20 +120,34 @@ impl FanModel {
         AtlasGrid::fitting(AtlasShape::within(budget_bytes, formats), gpu.limits().max_texture_dimension_2d)
     }
 
-    /// A model of an open asset whose texels take at most `budget_bytes` of graphics memory.
+    /// A model of an open asset whose texels take at most `budget_bytes` of graphics memory. Mesh and cover are `geometry`, the asset's own
+    /// or a copy.
     ///
     /// # Errors
     /// As [`FanModel::new`].
-    pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self> {
+    pub fn of_asset(
+        gpu: &Gpu,
+        asset: &Asset,
+        geometry: &dyn Geometry,
+        pages: &PageTable,
+        budget_bytes: u64,
+    ) -> Result<Self> {
         let formats = Self::atlas_formats(gpu, asset.channels());
-        let source = FanModelSource {
-            mesh: asset.mesh(),
-            cover: asset.cover(),
-            channels: asset.channels(),
-            formats: &formats,
-            pages,
-            shape: Self::atlas_shape(gpu, budget_bytes, &formats),
-        };
+        let shape = Self::atlas_shape(gpu, budget_bytes, &formats);
+        Self::with_atlas(gpu, asset, geometry, pages, shape)
+    }
+
+    fn with_atlas(
+        gpu: &Gpu,
+        asset: &Asset,
+        geometry: &dyn Geometry,
+        pages: &PageTable,
+        shape: AtlasShape,
+    ) -> Result<Self> {
+        let channels = asset.channels();
+        let formats = &Self::atlas_formats(gpu, channels)[..];
+        let (mesh, cover) = (geometry.mesh(), geometry.cover());
+        let source = FanModelSource { mesh, cover, channels, formats, pages, shape };
         Self::new(gpu, &source, |channel, group| asset.mean(channel, group))
     }
 
@@ -497,8 +511,8 @@ impl StreamedModel {
     ) -> Result<Self> {
         let atlas = FanModel::atlas_shape(gpu, budget_bytes, &FanModel::atlas_formats(gpu, asset.channels()));
         let options = StreamerOptions { atlas, ..StreamerOptions::default() };
-        let streamer = Streamer::new(geometry, loader, options);
-        let model = FanModel::of_asset(gpu, asset, streamer.table(), budget_bytes)?;
+        let streamer = Streamer::new(Arc::clone(&geometry), loader, options);
+        let model = FanModel::with_atlas(gpu, asset, &*geometry, streamer.table(), atlas)?;
         Ok(Self { model, streamer, filling_seconds: 0.0 })
     }
 

@@ -21,9 +21,6 @@ pub(super) fn is_usable(p: DVec3) -> bool {
 }
 
 /// Centre and scale for the used positions; `None` where they all coincide (to 1e-300) or none is used.
-///
-/// The centre is the middle of the box, rounded to a few bits relative to the scale: subtracting it then loses nothing
-/// of positions that were single precision in the file.
 pub(super) fn world_from_mesh(
     positions: &[DVec3],
     used: impl Fn(usize) -> bool + Sync,
@@ -35,20 +32,30 @@ pub(super) fn world_from_mesh(
         .filter(|&(i, _)| used(i))
         .fold(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (_, &p)| (low.min(p), high.max(p)))
         .reduce(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let half_extent = (0.5 * (high - low)).max_element();
-    if half_extent.is_nan() || half_extent < COINCIDENT {
-        return None;
-    }
-    let middle = 0.5 * (low + high);
-    let mut scale = power_of_two_at_least(half_extent);
-    loop {
-        let step = scale / 8.0;
-        let rounded = (middle / step).round() * step;
-        let offset = if rounded.is_finite() { rounded } else { middle };
-        if (high - offset).max_element() <= scale && (offset - low).max_element() <= scale {
-            return Some(WorldFromMesh { offset, scale });
+    WorldFromMesh::of_box(low, high)
+}
+
+impl WorldFromMesh {
+    /// The mesh space of what fills a box, given by its corners; `None` for a box of a single point, or of none.
+    ///
+    /// The origin is the middle of the box, rounded to a few bits relative to the scale: subtracting it then loses nothing of positions that
+    /// were single precision in the file. So boxes that are nearly the same have the same space.
+    pub fn of_box(low: DVec3, high: DVec3) -> Option<Self> {
+        let half_extent = (0.5 * (high - low)).max_element();
+        if half_extent.is_nan() || half_extent < COINCIDENT {
+            return None;
         }
-        scale *= 2.0;
+        let middle = 0.5 * (low + high);
+        let mut scale = power_of_two_at_least(half_extent);
+        loop {
+            let step = scale / 8.0;
+            let rounded = (middle / step).round() * step;
+            let offset = if rounded.is_finite() { rounded } else { middle };
+            if (high - offset).max_element() <= scale && (offset - low).max_element() <= scale {
+                return Some(Self { offset, scale });
+            }
+            scale *= 2.0;
+        }
     }
 }
 

@@ -1,18 +1,18 @@
 //! The threads that unpack and decode, and the cache of what they have unpacked.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 use fantex_base::Error;
-use fantex_store::{ClusterId, ClusterPages, PageId, decode_plain, page_extent};
+use fantex_store::{ClusterId, ClusterPages, PageId, page_extent};
 use web_time::Instant;
 
 use super::board::Order;
 use super::{ClusterLoaderOptions, Shared};
+use crate::loader::stored_texels;
 use crate::read::ReadBuffer;
-use crate::{AtlasFormat, Outline, Parcel, ParcelTexels, assemble};
+use crate::{Parcel, ParcelTexels};
 
 /// Works for a loader. See the [module](super).
 pub(super) struct Worker {
@@ -131,21 +131,9 @@ impl Worker {
     /// A parcel's texels out of the clusters that hold its pages.
     fn texels(&self, from: &[Arc<ClusterPages>], parcel: Parcel) -> Result<ParcelTexels, Error> {
         let Shared { asset, formats, .. } = &*self.shared;
-        let layout = parcel.layout(asset.cover());
-        let stored_page = |index, page| asset.page_in_any(from.iter().map(Arc::as_ref), index, page);
-        let outline = Outline::of_stored(&layout, asset.channels(), stored_page)?;
-        let texels = assemble(&layout, formats, |index, page| {
-            let (channel, format) = (&asset.channels()[index], formats[index]);
-            let stored = stored_page(index, page)?;
-            if format == AtlasFormat::of(channel.format, true) && format != AtlasFormat::Rgba16F {
-                return Ok(Cow::Borrowed(stored));
-            }
-            let plain = decode_plain(channel.format, channel.srgb, self.extent(page), stored);
-            // The page's bytes are as many as its extent asks for, so this error does not happen.
-            let no_such_page = |_| asset.no_such_page(index, page);
-            Ok(Cow::Owned(plain.map_err(no_such_page)?))
-        })?;
-        Ok(ParcelTexels { outline, ..texels })
+        stored_texels(asset, formats, parcel, |index, page| {
+            asset.page_in_any(from.iter().map(Arc::as_ref), index, page)
+        })
     }
 }
 

@@ -68,6 +68,12 @@ impl Lens {
         }
     }
 
+    /// Whether a sphere may be in the picture.
+    pub(crate) fn may_see(&self, sphere: &Sphere) -> bool {
+        let to_center = sphere.center - self.eye;
+        self.planes.iter().all(|n| n.dot(to_center) >= -sphere.radius)
+    }
+
     /// Distance of the nearest point of a sphere; negative inside.
     #[inline]
     pub(crate) fn gap(&self, sphere: &Sphere) -> f32 {

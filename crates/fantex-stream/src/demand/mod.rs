@@ -32,7 +32,8 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bounds::{Bounds, Lens, LogDensities, Relief, Sight, Slack, group_bounds};
+use bounds::{Bounds, LogDensities, Relief, Sight, Slack, group_bounds};
+pub(crate) use bounds::{Lens, Sphere};
 use fantex_cover::GroupTriangles;
 use glam::{Mat3, Vec3};
 pub use paged::PageDemand;

@@ -41,10 +41,10 @@ use std::task::{Poll, Waker};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-#[cfg(not(target_arch = "wasm32"))]
-use fantex_store::Asset;
 #[cfg(feature = "http")]
 use fantex_store::ByteSource as _;
+#[cfg(not(target_arch = "wasm32"))]
+use fantex_store::{Asset, FileSource};
 
 #[cfg(target_arch = "wasm32")]
 pub use browser::{BROWSER_CONNECTIONS, RemoteFile};
@@ -196,6 +196,24 @@ pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
         #[cfg(not(feature = "http"))]
         Some(_) => Err(fantex_base::Error::reading(location, no_http())),
         None => Asset::open(location),
+    }
+}
+
+/// Opens the preview of an asset at a path or URL, without reading more of the asset than it must; none where it has none.
+///
+/// # Errors
+/// As [`open_asset`].
+#[cfg(not(target_arch = "wasm32"))]
+pub fn open_preview(location: &Path) -> fantex_base::Result<Option<Asset>> {
+    match url_of(location) {
+        #[cfg(feature = "http")]
+        Some(url) => Asset::open_preview(&HttpSource::new(url, 1)),
+        #[cfg(not(feature = "http"))]
+        Some(_) => Err(fantex_base::Error::reading(location, no_http())),
+        None => {
+            let file = FileSource::open(location);
+            Asset::open_preview(&file.map_err(|source| fantex_base::Error::reading(location, source))?)
+        }
     }
 }
 

@@ -250,7 +250,7 @@ struct Screen {
 impl Screen {
     fn new(gpu: Gpu, asset: &Asset, pages: &PageTable, args: &StreamArgs) -> Result<Self> {
         let size = args.size;
-        let model = FanModel::of_asset(&gpu, asset, pages, args.pool)?;
+        let model = FanModel::of_asset(&gpu, asset, asset, pages, args.pool)?;
         Ok(Self { hidden: HiddenScreen::new(&gpu, size), gpu, model, size, lights: Lights::default() })
     }
 

@@ -1,0 +1,531 @@
+//! A world on the GPU: what is near is whole and streamed, what is far is drawn by its preview, in a stated amount of memory.
+//!
+//! ```text
+//!  World, view --choose_objects--> what each object is to show            (fantex_stream, no GPU)
+//!                                     |  the most urgent first, a few at a time
+//!                                     v
+//!  threads: open, move into the world's space, bring to the device --> Preview | Whole
+//!                                     |
+//!  Model: draws what is there; a preview until its object has its texels
+//! ```
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use fantex_base::{Error, Result};
+use fantex_cover::Cover;
+use fantex_gpu::{
+    FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view,
+};
+use fantex_mesh::{Mesh, WorldFromMesh};
+use fantex_scene::{Camera, FilterOptions};
+use fantex_store::Asset;
+use fantex_stream::{
+    FrameOptions, Geometry, ObjectDetail, StreamStatistics, ViewObject, ViewPreview, choose_objects,
+    open_asset, open_preview,
+};
+use glam::{DVec3, Vec3};
+
+use crate::{World, WorldObject};
+
+/// Memory that a triangle of an open object takes: mesh, cover and what demand knows of it, in main and in graphics memory. (Of landscapes
+/// of 0.5 and 1.9 M triangles in the viewer, on a software adapter: 637.)
+const TRIANGLE_BYTES: u64 = 640;
+
+/// The same of a preview, of which only what is drawn is kept.
+const PREVIEW_TRIANGLE_BYTES: u64 = 256;
+
+/// Texels of a preview take so many bytes each, in all channels.
+const PREVIEW_TEXEL_BYTES: u64 = 4;
+
+/// Objects that are opened at a time.
+const OPENED_AT_ONCE: usize = 2;
+
+/// Seconds after which an object takes its preview's place even if it lacks texels.
+const MAX_FILLING_SECONDS: f32 = 3.0;
+
+/// How much memory a world may take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldOptions {
+    /// Graphics memory for the texels of whole objects, bytes.
+    pub pool_bytes: u64,
+    /// Main and graphics memory for meshes and covers, and for previews, bytes. What is being opened comes on top of it.
+    pub geometry_bytes: u64,
+    /// How textures will be filtered.
+    pub filter: FilterOptions,
+}
+
+impl Default for WorldOptions {
+    /// 64 MiB of texels, 384 MiB of geometry.
+    fn default() -> Self {
+        Self { pool_bytes: 64 << 20, geometry_bytes: 384 << 20, filter: FilterOptions::default() }
+    }
+}
+
+/// What is there of a world.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WorldStatistics {
+    /// Objects that are whole.
+    pub whole: usize,
+    /// Objects that are shown by their previews.
+    pub previews: usize,
+    /// Objects and previews that the view needs and that are not there.
+    pub missing: usize,
+    /// Triangles that are drawn.
+    pub triangles: u64,
+    /// Memory that is counted as taken by geometry and previews, bytes.
+    pub geometry_bytes: u64,
+    /// Bytes of texels that went to the graphics memory since the start, and parcels of them.
+    pub uploaded: [u64; 2],
+    /// Objects that could not be opened, and why.
+    pub failed: Vec<(String, String)>,
+}
+
+/// A world whose objects come and go with the view.
+pub struct StreamedWorld {
+    world: Arc<World>,
+    index: PathBuf,
+    space: ModelSpace,
+    shapes: Vec<ViewObject>,
+    objects: Vec<Object>,
+    options: WorldOptions,
+    /// Whole objects among which the pool is divided, a power of two.
+    shares: u64,
+    opened: (Sender<Opened>, Receiver<Opened>),
+    opening: usize,
+    statistics: WorldStatistics,
+    /// Objects that are drawn, the nearest first.
+    drawn: Vec<usize>,
+    /// Grows when other objects are drawn.
+    revision: u64,
+}
+
+impl std::fmt::Debug for StreamedWorld {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("StreamedWorld").field("index", &self.index).finish_non_exhaustive()
+    }
+}
+
+/// What there is of an object.
+#[derive(Default)]
+struct Object {
+    preview: Slot<FanModel>,
+    whole: Slot<Whole>,
+}
+
+struct Whole {
+    streamed: StreamedModel,
+    /// Seconds for which it has been filled; none once it is shown.
+    filling: Option<f32>,
+    shares: u64,
+}
+
+#[derive(Default)]
+enum Slot<T> {
+    #[default]
+    Absent,
+    Opening,
+    There(Box<T>),
+    Failed,
+}
+
+impl<T> Slot<T> {
+    fn get(&self) -> Option<&T> {
+        if let Self::There(there) = self { Some(there) } else { None }
+    }
+
+    fn get_mut(&mut self) -> Option<&mut T> {
+        if let Self::There(there) = self { Some(there) } else { None }
+    }
+
+    /// Takes what was opened; false where it could not be.
+    fn fill(&mut self, opened: Option<T>) {
+        *self = opened.map_or(Self::Failed, |there| Self::There(Box::new(there)));
+    }
+
+    fn empty(&mut self) {
+        if let Self::There(_) = self {
+            *self = Self::Absent;
+        }
+    }
+}
+
+/// What a thread has opened.
+struct Opened {
+    object: usize,
+    result: OpenedDetail,
+}
+
+enum OpenedDetail {
+    Preview(Result<FanModel>),
+    Whole(Result<StreamedModel>),
+}
+
+impl StreamedWorld {
+    /// Nothing is there. `index` is where the world was read, a path or an address.
+    ///
+    /// # Errors
+    /// There is no object, or all lie in one point.
+    pub fn new(index: &Path, world: Arc<World>, options: WorldOptions) -> Result<Self> {
+        let space = world.space().ok_or_else(|| {
+            Error::invalid(format!("there is nothing to show in the world {}", index.display()))
+        })?;
+        let shapes: Vec<_> = world.objects.iter().map(|object| shape(object, &space)).collect();
+        let boxes: Vec<_> = shapes.iter().map(|shape| shape.bounds).collect();
+        Ok(Self {
+            index: index.to_owned(),
+            space: ModelSpace::of_boxes(space, &boxes),
+            shapes,
+            objects: world.objects.iter().map(|_| Object::default()).collect(),
+            world,
+            options,
+            shares: 1,
+            opened: channel(),
+            opening: 0,
+            statistics: WorldStatistics::default(),
+            drawn: Vec::new(),
+            revision: 0,
+        })
+    }
+
+    /// The world.
+    pub fn world(&self) -> &Arc<World> {
+        &self.world
+    }
+
+    /// What is there.
+    pub fn statistics(&self) -> &WorldStatistics {
+        &self.statistics
+    }
+
+    /// What the streamers of whole objects tell.
+    pub fn streamers(&self) -> impl Iterator<Item = StreamStatistics> + '_ {
+        self.objects.iter().filter_map(|object| Some(object.whole.get()?.streamed.streamer.statistics()))
+    }
+
+    /// Graphics memory for the texels of whole objects, and how much of it is in use; bytes.
+    pub fn texel_bytes(&self) -> [u64; 2] {
+        let wholes = self.objects.iter().filter_map(|object| object.whole.get());
+        wholes.fold([0; 2], |[all, used], Whole { streamed, .. }| {
+            let bytes = streamed.model.texel_bytes();
+            let share = streamed.streamer.statistics().occupancy();
+            [all + bytes, used + (bytes as f64 * share) as u64]
+        })
+    }
+
+    /// Whether the picture stays as it is until the view changes.
+    pub fn is_settled(&self) -> bool {
+        self.opening == 0
+            && self.statistics.missing == 0
+            && self.objects.iter().filter_map(|object| object.whole.get()).all(|whole| {
+                whole.filling.is_none()
+                    && whole.streamed.streamer.is_settled()
+                    && !whole.streamed.model.has_hidden_atlas()
+            })
+    }
+
+    /// Gives it other memory, and another filter, from the next frame on.
+    pub fn set_options(&mut self, options: WorldOptions) {
+        let anisotropy = max_anisotropy(&options.filter);
+        if anisotropy != max_anisotropy(&self.options.filter) {
+            for whole in self.objects.iter_mut().filter_map(|object| object.whole.get_mut()) {
+                whole.streamed.streamer.set_max_anisotropy(anisotropy);
+            }
+        }
+        if options.pool_bytes != self.options.pool_bytes {
+            // So that every pool is looked at again.
+            self.objects
+                .iter_mut()
+                .filter_map(|object| object.whole.get_mut())
+                .for_each(|whole| whole.shares = 0);
+        }
+        self.options = options;
+    }
+
+    /// Lets objects come and go, and streaming go on, for a frame from `camera` onto `size` pixels. Returns whether something has changed
+    /// that may be seen.
+    ///
+    /// # Errors
+    /// The device cannot hold the pools. Objects that cannot be opened are listed in the [statistics](Self::statistics).
+    pub fn advance(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        camera: &Camera,
+        size: [u32; 2],
+        frame: FrameOptions,
+    ) -> Result<bool> {
+        self.take_opened();
+        let view = stream_view(camera, size, &self.space);
+        let shown: Vec<_> = self.objects.iter().map(Object::detail).collect();
+        let choice = choose_objects(&self.shapes, &view, self.options.geometry_bytes, &shown);
+        for (object, &detail) in self.objects.iter_mut().zip(&choice.details) {
+            if detail < ObjectDetail::Whole {
+                object.whole.empty();
+            }
+            if detail < ObjectDetail::Preview {
+                object.preview.empty();
+            }
+        }
+        let missing = choice.order.iter().filter(|&&(index, detail)| self.lacks(index, detail)).copied();
+        let missing: Vec<_> = missing.collect();
+        self.statistics.missing = missing.len();
+        self.statistics.geometry_bytes = choice.bytes;
+        for (index, detail) in missing {
+            if self.opening < OPENED_AT_ONCE {
+                self.open(gpu, index, detail)?;
+            }
+        }
+        let whole = choice.details.iter().filter(|&&detail| detail == ObjectDetail::Whole).count() as u64;
+        self.shares = whole.max(1).next_power_of_two();
+        let mut has_changed = self.stream(gpu, &view, frame)?;
+        has_changed |= self.order_drawn(view.eye);
+        Ok(has_changed)
+    }
+
+    /// Lets the whole objects stream.
+    fn stream(&mut self, gpu: &Gpu, view: &fantex_stream::StreamView, frame: FrameOptions) -> Result<bool> {
+        let mut has_changed = false;
+        let pool_bytes = self.options.pool_bytes / self.shares;
+        for whole in self.objects.iter_mut().filter_map(|object| object.whole.get_mut()) {
+            if whole.shares != self.shares {
+                whole.streamed.set_budget(gpu, pool_bytes)?;
+                whole.shares = self.shares;
+            }
+            let changes = whole.streamed.advance(gpu, Some(view), frame);
+            has_changed |= !(changes.uploads.is_empty() && changes.entries.is_empty());
+            let [bytes, parcels] = &mut self.statistics.uploaded;
+            *bytes += changes.uploads.iter().map(|upload| upload.texels.bytes() as u64).sum::<u64>();
+            *parcels += changes.uploads.len() as u64;
+            if let Some(seconds) = &mut whole.filling {
+                *seconds += frame.elapsed_seconds;
+                if whole.streamed.streamer.is_settled() || *seconds > MAX_FILLING_SECONDS {
+                    whole.filling = None;
+                }
+            }
+        }
+        Ok(has_changed)
+    }
+
+    /// Whether something is wanted that neither is there nor has failed.
+    fn lacks(&self, index: usize, detail: ObjectDetail) -> bool {
+        let object = &self.objects[index];
+        match detail {
+            ObjectDetail::Absent => false,
+            ObjectDetail::Preview => matches!(object.preview, Slot::Absent),
+            ObjectDetail::Whole => matches!(object.whole, Slot::Absent),
+        }
+    }
+
+    /// Begins to open an object or its preview.
+    fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) -> Result<()> {
+        let place = World::asset_place(&self.index, &self.world.objects[index]);
+        let (gpu, space, sender) = (Arc::clone(gpu), self.space.world_from_mesh, self.opened.0.clone());
+        let pool_bytes = self.options.pool_bytes / self.shares;
+        let is_whole = detail == ObjectDetail::Whole;
+        let work = move || {
+            let result = match is_whole {
+                true => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes)),
+                false => OpenedDetail::Preview(open_small(&gpu, &place, &space)),
+            };
+            // Whoever dropped the world does not want it.
+            sender.send(Opened { object: index, result }).unwrap_or_default();
+        };
+        let thread = std::thread::Builder::new().name("fantex-object".into());
+        thread.spawn(work).map_err(|source| {
+            Error::unavailable(format!("cannot start a thread to open {}: {source}", self.index.display()))
+        })?;
+        self.opening += 1;
+        let object = &mut self.objects[index];
+        match is_whole {
+            true => object.whole = Slot::Opening,
+            false => object.preview = Slot::Opening,
+        }
+        Ok(())
+    }
+
+    /// Takes over what threads have opened.
+    fn take_opened(&mut self) {
+        let anisotropy = max_anisotropy(&self.options.filter);
+        while let Ok(Opened { object: index, result }) = self.opened.1.try_recv() {
+            self.opening -= 1;
+            let object = &mut self.objects[index];
+            let error = match result {
+                OpenedDetail::Preview(preview) => {
+                    let error = preview.as_ref().err().map(ToString::to_string);
+                    object.preview.fill(preview.ok());
+                    error
+                }
+                OpenedDetail::Whole(streamed) => {
+                    let error = streamed.as_ref().err().map(ToString::to_string);
+                    object.whole.fill(streamed.ok().map(|mut streamed| {
+                        streamed.streamer.set_max_anisotropy(anisotropy);
+                        Whole { streamed, filling: Some(0.0), shares: self.shares }
+                    }));
+                    error
+                }
+            };
+            if let Some(error) = error {
+                self.statistics.failed.push((self.world.objects[index].asset.clone(), error));
+            }
+        }
+    }
+
+    /// Lists what is drawn, the nearest first. Returns whether that is something else than before.
+    fn order_drawn(&mut self, eye: Vec3) -> bool {
+        let mut drawn: Vec<usize> =
+            (0..self.objects.len()).filter(|&index| self.objects[index].drawn().is_some()).collect();
+        let distance = |index: &usize| {
+            let [low, high] = self.shapes[*index].bounds;
+            eye.distance(eye.clamp(low, high))
+        };
+        drawn.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+        let statistics = &mut self.statistics;
+        let before = (statistics.whole, statistics.previews, statistics.triangles);
+        (statistics.whole, statistics.previews, statistics.triangles) = (0, 0, 0);
+        for &index in &drawn {
+            let object = &self.world.objects[index];
+            match self.objects[index].is_whole_drawn() {
+                true => {
+                    (statistics.whole, statistics.triangles) =
+                        (statistics.whole + 1, statistics.triangles + object.triangles)
+                }
+                false => {
+                    statistics.previews += 1;
+                    statistics.triangles += object.preview.map_or(0, |preview| preview.triangles);
+                }
+            }
+        }
+        let has_changed = before != (statistics.whole, statistics.previews, statistics.triangles)
+            || drawn.len() != self.drawn.len();
+        self.revision += u64::from(has_changed);
+        self.drawn = drawn;
+        has_changed
+    }
+
+    fn drawn(&self) -> impl DoubleEndedIterator<Item = &FanModel> {
+        self.drawn.iter().filter_map(|&index| self.objects[index].drawn())
+    }
+}
+
+impl Object {
+    fn detail(&self) -> ObjectDetail {
+        match (&self.whole, &self.preview) {
+            (Slot::There(_) | Slot::Opening, _) => ObjectDetail::Whole,
+            (_, Slot::There(_) | Slot::Opening) => ObjectDetail::Preview,
+            _ => ObjectDetail::Absent,
+        }
+    }
+
+    fn is_whole_drawn(&self) -> bool {
+        self.whole.get().is_some_and(|whole| whole.filling.is_none() || self.preview.get().is_none())
+    }
+
+    /// What is drawn of it.
+    fn drawn(&self) -> Option<&FanModel> {
+        if self.is_whole_drawn() {
+            self.whole.get().map(|whole| &whole.streamed.model)
+        } else {
+            self.preview.get()
+        }
+    }
+
+    fn drawn_mut(&mut self) -> Option<&mut FanModel> {
+        match self.is_whole_drawn() {
+            true => self.whole.get_mut().map(|whole| &mut whole.streamed.model),
+            false => self.preview.get_mut(),
+        }
+    }
+}
+
+impl Model for StreamedWorld {
+    fn space(&self) -> &ModelSpace {
+        &self.space
+    }
+
+    fn shadow_revision(&self) -> u64 {
+        self.revision + self.drawn().map(Model::shadow_revision).sum::<u64>()
+    }
+
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameContext<'_>,
+    ) -> Result<()> {
+        for &index in &self.drawn {
+            if let Some(model) = self.objects[index].drawn_mut() {
+                model.prepare(gpu, encoder, frame)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.drawn().for_each(|model| model.draw_casters(pass));
+    }
+
+    fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.drawn().for_each(|model| model.draw_opaque(pass));
+    }
+
+    fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.drawn().rev().for_each(|model| model.draw_layered(pass));
+    }
+}
+
+fn shape(object: &WorldObject, space: &WorldFromMesh) -> ViewObject {
+    let preview = object.preview.map(|preview| ViewPreview {
+        bytes: preview.triangles * PREVIEW_TRIANGLE_BYTES + preview.texels * PREVIEW_TEXEL_BYTES,
+        detail: (preview.detail / space.scale) as f32,
+    });
+    ViewObject {
+        bounds: [object.low, object.high].map(|corner| space.inverse_point(DVec3::from(corner))),
+        whole_bytes: object.triangles * TRIANGLE_BYTES,
+        preview,
+    }
+}
+
+// What threads do.
+
+/// Mesh and cover of an object in the space of its world.
+struct MovedGeometry {
+    mesh: Mesh,
+    cover: Cover,
+}
+
+impl Geometry for MovedGeometry {
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    fn cover(&self) -> &Cover {
+        &self.cover
+    }
+}
+
+/// The asset itself, where it lies in that space.
+fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
+    let from = asset.mesh().world_from_mesh;
+    if from == *space {
+        return Arc::<Asset>::clone(asset);
+    }
+    let (mut mesh, mut cover) = (asset.mesh().clone(), asset.cover().clone());
+    mesh.move_to(*space);
+    cover.move_between(&from, space);
+    Arc::new(MovedGeometry { mesh, cover })
+}
+
+fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -> Result<StreamedModel> {
+    let asset = Arc::new(open_asset(place)?);
+    let loader = StreamedModel::loader(gpu, &asset)?;
+    StreamedModel::with_pages(gpu, &asset, geometry_in(&asset, space), Box::new(loader), pool_bytes)
+}
+
+fn open_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<FanModel> {
+    let preview = open_preview(place)?.ok_or_else(|| {
+        Error::not_found(format!("{} has no preview, although its world says so", place.display()))
+    })?;
+    let preview = Arc::new(preview);
+    FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))
+}
