@@ -108,7 +108,10 @@ pub fn export(
     let mut files: Vec<PathBuf> = Vec::new();
     let summary = export_model(&asset, output, &options, progress)?;
     // All lie as in the model.
-    let options = ExportOptions { side: summary.sides.first().copied().or(settings.side), ..options };
+    let options = ExportOptions {
+        side: summary.sizes.first().map(|[columns, rows]| *columns.max(rows)).or(settings.side),
+        ..options
+    };
     files.extend(summary.files.into_iter().map(|(path, _)| path));
     for (name, map) in settings.preset.pictures() {
         if asset.channel_of_kind(map.channel().channel()).is_none() {

@@ -189,6 +189,8 @@ pub struct Viewer {
     pub kept: Option<Kept>,
     /// The scene's size on the screen in pixels; zero while it is not shown.
     pub scene_pixels: [u32; 2],
+    /// Pixels per point of the window; zero while the scene is not shown.
+    pub pixels_per_point: f64,
     /// The scene's upper left corner in the window, points.
     pub scene_corner: [f32; 2],
     /// What draws.

@@ -23,8 +23,8 @@ use crate::texels::{RowSink, TexelSampler, make_page};
 pub struct ExportSummary {
     /// The files, and their lengths in bytes.
     pub files: Vec<(PathBuf, u64)>,
-    /// Columns and rows of the pictures of each page; the model's coordinates may need one page per material.
-    pub sides: Vec<u32>,
+    /// Columns and rows of the pictures of each page or sheet; the model's coordinates may need one page per material.
+    pub sizes: Vec<[u32; 2]>,
     /// What the pictures show.
     pub maps: Vec<ChannelMap>,
     /// Pieces of an own packing; 0 for the model's coordinates.
@@ -299,7 +299,7 @@ impl<'a> Job<'a> {
             contested += stats.contested;
         }
         Ok(ExportSummary {
-            sides: self.layout.pages.iter().map(|p| p.side).collect(),
+            sizes: self.layout.pages.iter().map(|p| [p.side; 2]).collect(),
             maps: maps.iter().map(|m| m.kind).collect(),
             charts: self.layout.charts,
             padding: self.layout.padding,

@@ -141,7 +141,7 @@ pub fn export_fans(
     let texels = sheets.sheets.iter().map(|sheet| u64::from(sheet.size[0]) * u64::from(sheet.size[1])).sum();
     Ok(ExportSummary {
         files: outputs.commit()?,
-        sides: sheets.sheets.iter().map(|sheet| sheet.size[0].max(sheet.size[1])).collect(),
+        sizes: sheets.sheets.iter().map(|sheet| sheet.size).collect(),
         maps: sheets.maps.iter().map(|map| map.map).collect(),
         charts: asset.cover().groups.len(),
         padding: options.sheets.gutter,

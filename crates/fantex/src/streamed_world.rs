@@ -22,8 +22,8 @@ use fantex_mesh::{Mesh, WorldFromMesh};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::Asset;
 use fantex_stream::{
-    FrameOptions, Geometry, ObjectDetail, StreamStatistics, ViewObject, ViewPreview, choose_objects,
-    open_asset, open_preview,
+    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics, ViewObject,
+    ViewPreview, choose_objects, open_asset, open_preview,
 };
 use glam::{DVec3, Vec3};
 
@@ -516,9 +516,19 @@ fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
     Arc::new(MovedGeometry { mesh, cover })
 }
 
+/// Caches are small: many objects have one each.
 fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -> Result<StreamedModel> {
     let asset = Arc::new(open_asset(place)?);
-    let loader = StreamedModel::loader(gpu, &asset)?;
+    let options = ClusterLoaderOptions {
+        block_compressed: gpu.has_block_compression(),
+        worker_threads: 1,
+        in_flight_bytes: 4 << 20,
+        cache_bytes: 8 << 20,
+        stored_cache_bytes: 16 << 20,
+        ready_bytes: 4 << 20,
+        ..ClusterLoaderOptions::default()
+    };
+    let loader = ClusterLoader::open(Arc::clone(&asset), &options)?;
     StreamedModel::with_pages(gpu, &asset, geometry_in(&asset, space), Box::new(loader), pool_bytes)
 }
 

@@ -30,9 +30,16 @@ pub struct Viewpoint {
     pub rig: CameraRig,
     /// Width and height of the scene in pixels.
     pub pixels: [u32; 2],
+    /// Pixels per point of the window: 1 on ordinary screens, 2 or more on dense ones. Less counts as 1.
+    pub pixels_per_point: f64,
 }
 
 impl Viewpoint {
+    /// Width and height of the scene in points.
+    pub(super) fn points(&self) -> DVec2 {
+        DVec2::from(self.pixels.map(|n| f64::from(n.max(1)))) / self.pixels_per_point.max(1.0)
+    }
+
     pub fn aspect(&self) -> f64 {
         let [width, height] = self.pixels.map(|n| f64::from(n.max(1)));
         width / height

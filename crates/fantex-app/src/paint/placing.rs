@@ -14,10 +14,10 @@ use crate::paint::{
     StrokeStart, Viewpoint,
 };
 
-/// Pixels from a handle within which it is taken.
+/// Points from a handle within which it is taken.
 const REACH: f64 = 14.0;
 
-/// Pixels from the upper side to the handle that turns.
+/// Points from the upper side to the handle that turns.
 const KNOB: f64 = 34.0;
 
 /// Points along a side of the outline.
@@ -80,10 +80,10 @@ impl Placing {
         };
         let outline = (0..4).flat_map(along).map(seen).collect::<Option<Vec<DVec2>>>()?;
         let middle = view.project(place.point(center.as_vec3()))?;
-        let pixels = DVec2::from(view.pixels.map(|n| f64::from(n.max(1))));
+        let points = view.points();
         let top = outline[SIDE_POINTS / 2];
-        let outward = ((top - middle) * pixels).normalize_or(DVec2::NEG_Y);
-        let knob = top + outward * KNOB / pixels;
+        let outward = ((top - middle) * points).normalize_or(DVec2::NEG_Y);
+        let knob = top + outward * KNOB / points;
         Some(PlacingOutline {
             middle,
             corners: [0, 1, 2, 3].map(|k| outline[k * SIDE_POINTS]),
@@ -96,8 +96,8 @@ impl Placing {
 impl PlacingOutline {
     /// What is taken hold of at a place; none outside.
     fn grip(&self, at: DVec2, view: &Viewpoint) -> Option<Grip> {
-        let pixels = DVec2::from(view.pixels.map(|n| f64::from(n.max(1))));
-        let is_near = |handle: DVec2| ((handle - at) * pixels).length() <= REACH;
+        let points = view.points();
+        let is_near = |handle: DVec2| ((handle - at) * points).length() <= REACH;
         if is_near(self.knob) {
             Some(Grip::Turn(at))
         } else if self.corners.into_iter().any(is_near) {

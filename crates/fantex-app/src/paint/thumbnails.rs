@@ -83,7 +83,7 @@ impl Thumbnails {
 fn seen(painter: &Painter) -> (Vec<usize>, Vec<SurfacePoint>) {
     let surface = painter.surface();
     let rig = ViewPreset::ThreeQuarter.rig(surface.mesh(), 1.0);
-    let view = Viewpoint { rig, pixels: [THUMBNAIL as u32; 2] };
+    let view = Viewpoint { rig, pixels: [THUMBNAIL as u32; 2], pixels_per_point: 1.0 };
     let hits = (0..THUMBNAIL * THUMBNAIL).filter_map(|pixel| {
         let [x, y] = [pixel % THUMBNAIL, pixel / THUMBNAIL].map(|n| (n as f64 + 0.5) / THUMBNAIL as f64);
         Some((pixel, view.hit(surface, DVec2::new(x, y))?))

@@ -28,6 +28,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, textures: &Textures) -> Sce
     let rect = ui.max_rect();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
+    viewer.pixels_per_point = f64::from(ui.ctx().pixels_per_point());
     viewer.scene_corner = rect.min.into();
     ui.painter().rect_filled(rect, CornerRadius::ZERO, theme::WELL);
     let mut input = SceneInput::default();

@@ -349,7 +349,7 @@ impl Viewer {
     }
 
     pub fn viewpoint(&self) -> Viewpoint {
-        Viewpoint { rig: self.rig, pixels: self.scene_pixels }
+        Viewpoint { rig: self.rig, pixels: self.scene_pixels, pixels_per_point: self.pixels_per_point }
     }
 
     /// Whether the window may close: not while something painted is not in the file, unless that is asked for again.

@@ -147,8 +147,11 @@ fn a_picture_is_fitted_moved_and_turned() {
 
 #[test]
 fn what_a_ray_meets_is_seen_where_it_started() {
-    let view =
-        Viewpoint { rig: CameraRig { yaw: 0.4, pitch: -0.2, ..CameraRig::default() }, pixels: [800, 500] };
+    let view = Viewpoint {
+        rig: CameraRig { yaw: 0.4, pitch: -0.2, ..CameraRig::default() },
+        pixels: [800, 500],
+        pixels_per_point: 1.0,
+    };
     for at in [DVec2::new(0.5, 0.5), DVec2::new(0.1, 0.8), DVec2::new(0.95, 0.03)] {
         let point = view.rig.eye + 7.0 * view.rig.ray(at, view.aspect());
         assert!((view.project(point).unwrap() - at).length() < 1e-9);
@@ -166,7 +169,7 @@ fn rings_lie_around_the_cursor_and_its_mirror_image() {
     let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
     let rig = ViewPreset::Top.rig(&mesh, 1.6);
     let surface = Surface::new(Arc::new(mesh), Arc::new(cover));
-    let view = Viewpoint { rig, pixels: [800, 500] };
+    let view = Viewpoint { rig, pixels: [800, 500], pixels_per_point: 1.0 };
     // A torus seen from above: on its right side.
     let at = (0..100).map(|k| DVec2::new(0.5 + 0.005 * f64::from(k), 0.5));
     let (at, point) = at.filter_map(|at| Some((at, view.hit(&surface, at)?))).nth(10).unwrap();
@@ -195,7 +198,7 @@ fn planes_pass_the_centre_unless_moved() {
 fn seen(model: Model, preset: ViewPreset) -> (Viewpoint, Vec<Vec<DVec3>>) {
     let (mesh, _) = clean(model, &CleanOptions::default()).unwrap();
     let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
-    let view = Viewpoint { rig: preset.rig(&mesh, 1.0), pixels: [900, 900] };
+    let view = Viewpoint { rig: preset.rig(&mesh, 1.0), pixels: [900, 900], pixels_per_point: 1.0 };
     let surface = Surface::new(Arc::new(mesh), Arc::new(cover));
     let mut section = Section::default();
     section.follow(&surface, 0, 0.0);

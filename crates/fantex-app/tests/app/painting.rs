@@ -70,7 +70,7 @@ impl Studio {
             painting,
             settings: PaintSettings::default(),
             notices: Notices::default(),
-            view: Viewpoint { rig, pixels: [500, 500] },
+            view: Viewpoint { rig, pixels: [500, 500], pixels_per_point: 1.0 },
             _folder: folder,
         };
         studio.settings.brush.size = 30.0;

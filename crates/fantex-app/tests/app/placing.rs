@@ -3,7 +3,7 @@
 use fantex::glam::{DVec2, Vec4};
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::store::{Asset, PageId, group_pages};
-use fantex_app::paint::{LayerAction, PaintCommand, PaintTool, PenPhase, SymmetryKind};
+use fantex_app::paint::{LayerAction, PaintCommand, PaintTool, PenPhase, SymmetryKind, Viewpoint};
 
 use crate::painting::Studio;
 
@@ -107,6 +107,22 @@ fn what_is_not_applied_is_not_saved() {
     assert!(contents(&copy) == before, "the file as a crash leaves it");
     let _folder = studio.close();
     assert!(contents(&path) == before);
+}
+
+#[test]
+fn handles_are_measured_in_points() {
+    let mut studio = with_sticker();
+    click(&mut studio, 0.5, 0.85);
+    let ordinary = studio.painting.placing_outline(&studio.view).unwrap();
+    studio.view = Viewpoint { pixels: [1000, 1000], pixels_per_point: 2.0, ..studio.view };
+    assert_eq!(studio.painting.placing_outline(&studio.view).unwrap(), ordinary, "on a dense screen");
+    // Twelve points beside a corner, outside the picture.
+    let (_, _, size) = studio.painting.placing_place().unwrap();
+    let outward = (ordinary.corners[1] - ordinary.middle).normalize();
+    let beside = ordinary.corners[1] + outward * 12.0 / 500.0;
+    drag(&mut studio, beside, ordinary.middle.lerp(beside, 0.5));
+    let (_, _, half) = studio.painting.placing_place().unwrap();
+    assert!((half / size - 0.5).abs() < 0.05, "the corner was not taken: {half} {size}");
 }
 
 #[test]

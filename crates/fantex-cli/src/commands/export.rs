@@ -170,8 +170,10 @@ struct ExportInfo {
     /// Tiles of fans instead of an atlas.
     fans: bool,
     files: Vec<FileInfo>,
-    /// Sides of the pictures in texels, one per page.
+    /// Longer sides of the pictures in texels, one per page.
     sizes: Vec<u32>,
+    /// Columns and rows of the pictures, one pair per page.
+    extents: Vec<[u32; 2]>,
     channels: Vec<&'static str>,
     /// Pieces of an own packing.
     charts: usize,
@@ -286,7 +288,7 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
     let output = args.output.display();
     if summary.density_share < 0.9 {
         let percent = 100.0 * summary.density_share;
-        let side = summary.sides.iter().max().copied().unwrap_or(0);
+        let side = summary.sizes.as_flattened().iter().max().copied().unwrap_or(0);
         context.note(format!(
             "{output}: {side} texels a side hold {percent:.0} % of the asset's density; give a larger --size for all of it"
         ));
@@ -329,7 +331,8 @@ fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64)
             .iter()
             .map(|(path, bytes)| FileInfo { path: path.clone(), bytes: *bytes })
             .collect(),
-        sizes: summary.sides.clone(),
+        sizes: summary.sizes.iter().map(|[columns, rows]| *columns.max(rows)).collect(),
+        extents: summary.sizes.clone(),
         channels: summary.maps.iter().map(|m| m.name()).collect(),
         charts: summary.charts,
         padding: summary.padding,
@@ -345,7 +348,8 @@ fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64)
 
 fn text(info: &ExportInfo) -> String {
     let bytes = info.files.iter().map(|f| f.bytes).sum();
-    let sizes: Vec<String> = info.sizes.iter().map(|n| format!("{n} x {n}")).collect();
+    let sizes: Vec<String> =
+        info.extents.iter().map(|[columns, rows]| format!("{columns} x {rows}")).collect();
     let pieces = match info.charts {
         0 => "the model's coordinates".to_owned(),
         charts => format!(

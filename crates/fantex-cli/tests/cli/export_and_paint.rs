@@ -35,6 +35,20 @@ fn fans_are_written_for_other_programs() {
     assert_eq!((info["fans"].as_bool(), info["padding"].as_u64()), (Some(true), Some(4)));
     assert_eq!(info["channels"], serde_json::json!(["base-color", "orm", "normal", "emission"]));
     assert!(info["used_share"].as_f64().unwrap() > 0.6, "{info}");
+    // The sheet lies in the model as PNG, whose header has its sides behind the first sixteen bytes.
+    let model = std::fs::read(out("fans.glb")).unwrap();
+    let png = model
+        .windows(16)
+        .position(|bytes| bytes.starts_with(b"\x89PNG") && bytes.ends_with(b"IHDR"))
+        .unwrap();
+    let side = |at: usize| u32::from_be_bytes(model[png + at..png + at + 4].try_into().unwrap());
+    let [columns, rows] = [side(16), side(20)];
+    assert_ne!(columns, rows, "a square sheet proves nothing");
+    assert_eq!(info["extents"], serde_json::json!([[columns, rows]]));
+    assert_eq!(info["sizes"], serde_json::json!([columns.max(rows)]));
+    let told = succeeds(&[&"export", &asset, &"-o", &out("told.glb"), &"--fans"]);
+    let told = String::from_utf8(told.stdout).unwrap();
+    assert!(told.contains(&format!("{columns} x {rows} texels")), "{told}");
     // Each triangle by the tile of its first corner: few are wrong.
     let compared = json(&[&"compare", &asset, &out("fans.glb"), &"--views", &"1", &"--size", &"160x120"]);
     assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 15.0, "{compared}");
