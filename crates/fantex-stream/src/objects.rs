@@ -10,15 +10,56 @@ use crate::StreamView;
 use crate::demand::{Lens, Sphere};
 
 /// An object, as the choice needs to know it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ViewObject {
     /// Corners of its box, in the space of the view.
     pub bounds: [Vec3; 2],
+    /// Where its surface is, once that is known: the eye is often in the boxes of several objects.
+    pub surface: SurfaceSamples,
     /// Memory that it takes whole.
     pub whole_bytes: u64,
     /// Its preview, if it has one.
     pub preview: Option<ViewPreview>,
 }
+
+/// Points of a surface, for its distance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceSamples {
+    points: Vec<Vec3>,
+    /// Every point that was given is as near to one of them.
+    spacing: f32,
+}
+
+/// Points that are kept of a surface.
+const SAMPLES: usize = 256;
+
+impl SurfaceSamples {
+    /// Some hundred of the points of a surface.
+    pub fn of(points: &[Vec3]) -> Self {
+        let step = points.len().div_ceil(SAMPLES).max(1);
+        let mut samples = Self { points: points.iter().copied().step_by(step).collect(), spacing: 0.0 };
+        samples.spacing = points.iter().map(|&p| samples.nearest(p)).fold(0.0, f32::max);
+        samples
+    }
+
+    /// Distance of the nearest of the points.
+    fn nearest(&self, p: Vec3) -> f32 {
+        self.points.iter().map(|q| q.distance_squared(p)).fold(f32::INFINITY, f32::min).sqrt()
+    }
+
+    /// About the distance of the surface from a point; 0 where nothing is known of it.
+    fn distance(&self, p: Vec3) -> f32 {
+        if self.points.is_empty() {
+            return 0.0;
+        }
+        let nearest = self.nearest(p);
+        // What is nearer than the points lie apart still has an order.
+        (nearest - self.spacing).max(NEAR_SHARE * nearest)
+    }
+}
+
+/// Of the distance of the nearest sample, the least that the surface is taken to be away.
+const NEAR_SHARE: f32 = 0.25;
 
 /// The preview of an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,10 +156,16 @@ impl ViewObject {
         Sphere { center: 0.5 * (low + high), radius: 0.5 * low.distance(high) }
     }
 
+    /// About its distance from a point.
+    pub fn distance(&self, p: Vec3) -> f32 {
+        let [low, high] = self.bounds;
+        p.distance(p.clamp(low, high)).max(self.surface.distance(p))
+    }
+
     /// Lengths on the screen where it is nearest to the eye, in pixels: of the whole object, and of what its preview lacks.
     fn pixels(&self, view: &StreamView) -> [f32; 2] {
         let [low, high] = self.bounds;
-        let distance = view.eye.distance(view.eye.clamp(low, high)).max(f32::MIN_POSITIVE);
+        let distance = self.distance(view.eye).max(f32::MIN_POSITIVE);
         let length = low.distance(high);
         let detail = self.preview.map_or(length * ASSUMED_DETAIL, |preview| preview.detail);
         [length, detail].map(|length| length * view.focal_pixels / distance)
@@ -141,6 +188,7 @@ mod tests {
         let half = Vec3::splat(0.5);
         ViewObject {
             bounds: [center - half, center + half],
+            surface: SurfaceSamples::default(),
             whole_bytes: 100,
             preview: Some(ViewPreview { bytes: 1, detail }),
         }
@@ -166,11 +214,30 @@ mod tests {
         assert_eq!(detail(ObjectDetail::Whole), ObjectDetail::Whole);
     }
 
+    #[test]
+    fn of_objects_around_the_eye_the_nearer_surface_comes_first() {
+        let around = |distance: f32| {
+            // A floor below the eye.
+            let points: Vec<_> = (0..2500)
+                .map(|i| Vec3::new((i % 50) as f32 - 25.0, -distance, (i / 50) as f32 - 25.0))
+                .collect();
+            let surface = SurfaceSamples::of(&points);
+            let found = surface.distance(Vec3::ZERO);
+            assert!((0.25 * distance..=distance).contains(&found), "{found} of {distance}");
+            ViewObject { bounds: [Vec3::splat(-50.0), Vec3::splat(50.0)], surface, ..object(Vec3::ZERO, 0.5) }
+        };
+        let objects = [20.0, 4.0, 9.0].map(around);
+        let choice = choose_objects(&objects, &view(), 103, &[]);
+        use ObjectDetail::{Preview, Whole};
+        assert_eq!(choice.details, [Preview, Whole, Preview]);
+    }
+
     fn any_object() -> impl Strategy<Value = ViewObject> {
         let place = [-10.0f32..10.0, -10.0..10.0, -10.0..10.0];
         (place, [0.1f32..3.0, 0.1..3.0, 0.1..3.0], 1u64..100, prop::option::of((1u64..10, 0.001f32..0.1)))
             .prop_map(|(low, size, whole_bytes, preview)| ViewObject {
                 bounds: [Vec3::from(low), Vec3::from(low) + Vec3::from(size)],
+                surface: SurfaceSamples::default(),
                 whole_bytes,
                 preview: preview.map(|(bytes, detail)| ViewPreview { bytes, detail }),
             })

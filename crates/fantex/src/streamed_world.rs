@@ -22,8 +22,8 @@ use fantex_mesh::{Mesh, WorldFromMesh};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::Asset;
 use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics, ViewObject,
-    ViewPreview, choose_objects, open_asset, open_preview,
+    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics,
+    SurfaceSamples, ViewObject, ViewPreview, choose_objects, open_asset, open_preview,
 };
 use glam::{DVec3, Vec3};
 
@@ -158,7 +158,7 @@ struct Opened {
 }
 
 enum OpenedDetail {
-    Preview(Result<FanModel>),
+    Preview(Result<(FanModel, SurfaceSamples)>),
     Whole(Result<StreamedModel>),
 }
 
@@ -353,7 +353,10 @@ impl StreamedWorld {
             let error = match result {
                 OpenedDetail::Preview(preview) => {
                     let error = preview.as_ref().err().map(ToString::to_string);
-                    object.preview.fill(preview.ok());
+                    if let Ok((_, surface)) = &preview {
+                        self.shapes[index].surface.clone_from(surface);
+                    }
+                    object.preview.fill(preview.ok().map(|(model, _)| model));
                     error
                 }
                 OpenedDetail::Whole(streamed) => {
@@ -375,10 +378,7 @@ impl StreamedWorld {
     fn order_drawn(&mut self, eye: Vec3) -> bool {
         let mut drawn: Vec<usize> =
             (0..self.objects.len()).filter(|&index| self.objects[index].drawn().is_some()).collect();
-        let distance = |index: &usize| {
-            let [low, high] = self.shapes[*index].bounds;
-            eye.distance(eye.clamp(low, high))
-        };
+        let distance = |index: &usize| self.shapes[*index].distance(eye);
         drawn.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
         let statistics = &mut self.statistics;
         let before = (statistics.whole, statistics.previews, statistics.triangles);
@@ -481,6 +481,7 @@ fn shape(object: &WorldObject, space: &WorldFromMesh) -> ViewObject {
     });
     ViewObject {
         bounds: [object.low, object.high].map(|corner| space.inverse_point(DVec3::from(corner))),
+        surface: SurfaceSamples::default(),
         whole_bytes: object.triangles * TRIANGLE_BYTES,
         preview,
     }
@@ -532,10 +533,12 @@ fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -
     StreamedModel::with_pages(gpu, &asset, geometry_in(&asset, space), Box::new(loader), pool_bytes)
 }
 
-fn open_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<FanModel> {
+fn open_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
     let preview = open_preview(place)?.ok_or_else(|| {
         Error::not_found(format!("{} has no preview, although its world says so", place.display()))
     })?;
     let preview = Arc::new(preview);
-    FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))
+    let model = FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))?;
+    let surface = SurfaceSamples::of(&model.space().points);
+    Ok((model, surface))
 }
