@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use fantex::base::ErrorKind;
 use fantex::gpu::{
-    DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, render_to_picture, stream_view,
+    self, DrawOptions, Frame, Gpu, GpuOptions, Model as _, StreamedModel, render_to_picture, stream_view,
 };
 use fantex::mesh::generate::{LandscapeOptions, icosphere, landscape};
 use fantex::mesh::{Material, Model};
