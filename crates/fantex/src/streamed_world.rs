@@ -158,8 +158,8 @@ struct Opened {
 }
 
 enum OpenedDetail {
-    Preview(Result<(FanModel, SurfaceSamples)>),
-    Whole(Result<StreamedModel>),
+    Preview(Result<Box<(FanModel, SurfaceSamples)>>),
+    Whole(Result<Box<StreamedModel>>),
 }
 
 impl StreamedWorld {
@@ -325,8 +325,8 @@ impl StreamedWorld {
         let is_whole = detail == ObjectDetail::Whole;
         let work = move || {
             let result = match is_whole {
-                true => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes)),
-                false => OpenedDetail::Preview(open_small(&gpu, &place, &space)),
+                true => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes).map(Box::new)),
+                false => OpenedDetail::Preview(open_small(&gpu, &place, &space).map(Box::new)),
             };
             // Whoever dropped the world does not want it.
             sender.send(Opened { object: index, result }).unwrap_or_default();
@@ -353,15 +353,17 @@ impl StreamedWorld {
             let error = match result {
                 OpenedDetail::Preview(preview) => {
                     let error = preview.as_ref().err().map(ToString::to_string);
-                    if let Ok((_, surface)) = &preview {
-                        self.shapes[index].surface.clone_from(surface);
-                    }
-                    object.preview.fill(preview.ok().map(|(model, _)| model));
+                    object.preview.fill(preview.ok().map(|preview| {
+                        let (model, surface) = *preview;
+                        self.shapes[index].surface = surface;
+                        model
+                    }));
                     error
                 }
                 OpenedDetail::Whole(streamed) => {
                     let error = streamed.as_ref().err().map(ToString::to_string);
-                    object.whole.fill(streamed.ok().map(|mut streamed| {
+                    object.whole.fill(streamed.ok().map(|streamed| {
+                        let mut streamed = *streamed;
                         streamed.streamer.set_max_anisotropy(anisotropy);
                         Whole { streamed, filling: Some(0.0), shares: self.shares }
                     }));
