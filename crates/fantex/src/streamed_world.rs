@@ -22,7 +22,7 @@ use fantex_mesh::{Mesh, WorldFromMesh};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::Asset;
 use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics,
+    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics, StreamView,
     SurfaceSamples, ViewObject, ViewPreview, choose_objects, open_asset, open_preview,
 };
 use glam::{DVec3, Vec3};
@@ -139,7 +139,7 @@ impl<T> Slot<T> {
         if let Self::There(there) = self { Some(there) } else { None }
     }
 
-    /// Takes what was opened; false where it could not be.
+    /// Takes what was opened; nothing where it could not be.
     fn fill(&mut self, opened: Option<T>) {
         *self = opened.map_or(Self::Failed, |there| Self::There(Box::new(there)));
     }
@@ -283,19 +283,22 @@ impl StreamedWorld {
         Ok(has_changed)
     }
 
-    /// Lets the whole objects stream.
-    fn stream(&mut self, gpu: &Gpu, view: &fantex_stream::StreamView, frame: FrameOptions) -> Result<bool> {
+    /// Lets the whole objects stream; together they upload what a frame may.
+    fn stream(&mut self, gpu: &Gpu, view: &StreamView, frame: FrameOptions) -> Result<bool> {
         let mut has_changed = false;
         let pool_bytes = self.options.pool_bytes / self.shares;
+        let mut upload_bytes = frame.upload_bytes;
         for whole in self.objects.iter_mut().filter_map(|object| object.whole.get_mut()) {
             if whole.shares != self.shares {
                 whole.streamed.set_budget(gpu, pool_bytes)?;
                 whole.shares = self.shares;
             }
-            let changes = whole.streamed.advance(gpu, Some(view), frame);
+            let changes = whole.streamed.advance(gpu, Some(view), FrameOptions { upload_bytes, ..frame });
             has_changed |= !(changes.uploads.is_empty() && changes.entries.is_empty());
+            let uploaded: usize = changes.uploads.iter().map(|upload| upload.texels.bytes()).sum();
+            upload_bytes = upload_bytes.saturating_sub(uploaded);
             let [bytes, parcels] = &mut self.statistics.uploaded;
-            *bytes += changes.uploads.iter().map(|upload| upload.texels.bytes() as u64).sum::<u64>();
+            *bytes += uploaded as u64;
             *parcels += changes.uploads.len() as u64;
             if let Some(seconds) = &mut whole.filling {
                 *seconds += frame.elapsed_seconds;
@@ -365,7 +368,8 @@ impl StreamedWorld {
                     object.whole.fill(streamed.ok().map(|streamed| {
                         let mut streamed = *streamed;
                         streamed.streamer.set_max_anisotropy(anisotropy);
-                        Whole { streamed, filling: Some(0.0), shares: self.shares }
+                        // Its pool may have been made for another number of objects.
+                        Whole { streamed, filling: Some(0.0), shares: 0 }
                     }));
                     error
                 }
