@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fantex::store::Asset;
-use fantex::{Error, Result};
+use fantex::{Error, FileKind, Result};
 use fantex_web::Page;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
@@ -43,6 +43,9 @@ struct ServeInfo {
 
 pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     // What is no asset is refused at once, not by the browser.
+    if FileKind::of(&args.asset)? == FileKind::World {
+        return Err(FileKind::world_instead(&args.asset));
+    }
     drop(Asset::open(&args.asset)?);
     let name = file_name(&args.asset)?;
     let encoded = encoded(&name);

@@ -185,6 +185,8 @@ fn what_cannot_be_served_is_said_at_once() {
     let model = folder.path().join("colored.ply");
     fails(1, &["colored.ply", "is not a .fan asset"], &[&"serve", &model]);
     fails(1, &["missing.fan"], &[&"serve", &folder.path().join("missing.fan")]);
+    let world = folder.path().join("town.fanworld");
+    fails(1, &["town.fanworld is a world", "one of its assets"], &[&"serve", &world]);
     assert_eq!(run(&[&"serve", &"a.fan", &"--port", &"0"]).status.code(), Some(2));
     let damaged = write(folder.path(), "half.fan", &bytes[..bytes.len() / 2]);
     fails(1, &["half.fan", "truncated"], &[&"serve", &damaged]);
