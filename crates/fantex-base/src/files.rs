@@ -120,9 +120,19 @@ pub fn persist_all(files: Vec<(TempPath, PathBuf)>, force: bool) -> Result<()> {
     }
     // Names are durable once their folders are.
     named.dedup_by(|a, b| folder_of(a) == folder_of(b));
-    let sync = |path: &PathBuf| File::open(folder_of(path)).and_then(|folder| folder.sync_all());
-    let sync = |path: &PathBuf| sync(path).map_err(|error| failed(path, error));
-    if cfg!(unix) { named.iter().try_for_each(sync) } else { Ok(()) }
+    named.iter().try_for_each(|path| sync_folder(folder_of(path)))
+}
+
+/// Makes the names of a folder's files durable, where the system can.
+///
+/// # Errors
+/// The system refuses.
+pub fn sync_folder(folder: &Path) -> Result<()> {
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    let synced = File::open(folder).and_then(|folder| folder.sync_all());
+    synced.map_err(|error| Error::writing(folder, error))
 }
 
 /// Writes a file whole or not at all.

@@ -1,15 +1,15 @@
 //! From fans to groups that are laid flat.
 
-use fantex_mesh::Fans;
+use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::Frame;
-use crate::build::NominalDensity;
 use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
+use crate::nominal::{Demand, NominalDensity};
 use crate::partition::{Connector, Cutting, FanSet, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
@@ -35,7 +35,8 @@ pub(crate) struct Patch {
     pub(crate) layout: Layout,
     /// Where the corners of an unfolded patch lie.
     corners: FlatCorners,
-    /// Nominal texels per mesh unit.
+    pub(crate) demand: Demand,
+    /// Nominal texels per mesh unit, those of the demand.
     pub(crate) density: f32,
     /// Smallest facing cosine that one of its fans reaches alone.
     pub(crate) steepest_fan: f32,
@@ -52,7 +53,7 @@ impl Patch {
         let factor = if density.is_total() {
             distortion.density(region.scaled(Vec2::splat(self.density)), self.density * self.density)
         } else {
-            distortion.density_for_nominal()
+            distortion.density_for_nominal() * self.demand.factor_for_own()
         };
         let density = distortion.aspect() * factor * self.density;
         let Self { layout, corners, length, .. } = self;
@@ -65,9 +66,11 @@ impl Patch {
         self.flat.distortion.cost(region, self.density * self.density, self.corners.len())
     }
 
-    /// Its area in nominal texels.
-    fn texels(&self) -> f32 {
-        self.flat.distortion.area() * self.density * self.density
+    /// The density of two patches as one.
+    fn density_with(&self, other: &Self) -> f32 {
+        let mut demand = self.demand;
+        demand.add(&other.demand);
+        demand.density().unwrap_or(self.density)
     }
 }
 
@@ -230,15 +233,14 @@ impl Builder<'_> {
 
     fn flatten_piece(&self, start: u32, length: u32, group: u32, flattener: &mut Flattener) -> Option<Patch> {
         let fans = &self.order[start as usize..(start + length) as usize];
-        let (mut area, mut weighted, mut steepest_fan) = (0.0, 0.0, 1.0f32);
+        let (mut demand, mut steepest_fan) = (Demand::default(), 1.0f32);
         for &fan in fans {
             let shape = &self.shapes[fan as usize];
-            area += shape.area;
-            weighted += shape.area * self.density.of_fan(self.surface, fan as usize);
+            demand.add(&Demand::of(shape.area, self.density.of_fan(self.surface, fan as usize)));
             steepest_fan = steepest_fan.min(shape.cone.cos);
         }
         let first = fans[0] as usize;
-        let density = if area > 0.0 { weighted / area } else { self.density.of_fan(self.surface, first) };
+        let density = demand.density().unwrap_or_else(|| self.density.of_fan(self.surface, first));
         if self.must_part(fans, |fan| self.fan_groups[fan as usize] == group) {
             return None;
         }
@@ -256,7 +258,7 @@ impl Builder<'_> {
         } else {
             (flattener.project(self.surface, fans, membership, &limits)?, FlatCorners::default())
         };
-        Some(Patch { start, length, flat, layout: shape.layout, corners, density, steepest_fan })
+        Some(Patch { start, length, flat, layout: shape.layout, corners, demand, density, steepest_fan })
     }
 
     /// True where two of the fans must not share a tile.
@@ -474,8 +476,9 @@ impl Unrolling<'_> {
 
     /// The least that two patches can cost as one.
     fn promised_cost(&self, a: &Patch, b: &Patch, common: u32) -> f32 {
-        let texels = a.texels() + b.texels();
-        let outline_of = |p: &Patch| p.flat.region.scaled(p.flat.distortion.aspect() * p.density).outline;
+        let density = a.density_with(b);
+        let texels = (a.flat.distortion.area() + b.flat.distortion.area()) * density * density;
+        let outline_of = |p: &Patch| p.flat.region.scaled(p.flat.distortion.aspect() * density).outline;
         let shared = shared_outline(common, texels, (a.length + b.length) as f32);
         let convex = 2.0 * (std::f32::consts::PI * texels).sqrt();
         let outline = (outline_of(a) + outline_of(b) - 2.0 * shared).max(convex);
@@ -492,14 +495,15 @@ impl Unrolling<'_> {
         if corners > MAX_CORNERS || builder.must_part(&fans, |fan| fans.contains(&fan)) {
             return None;
         }
-        let area: f32 = patches().map(|p| p.flat.distortion.area()).sum();
-        let weighted: f32 = patches().map(|p| p.flat.distortion.area() * p.density).sum();
+        let mut demand = Demand::default();
+        patches().for_each(|p| demand.add(&p.demand));
         let first = patches().next()?;
-        let density = if area > 0.0 { weighted / area } else { first.density };
+        let density = demand.density().unwrap_or(first.density);
         let (flat, corners) = flattener.unroll(builder.surface, &fans, &builder.free_limits(density))?;
         let steepest_fan = patches().map(|p| p.steepest_fan).fold(1.0, f32::min);
         let (length, layout) = (fans.len() as u32, Layout::Unfolded);
-        let union = Patch { start: first.start, length, flat, layout, corners, density, steepest_fan };
+        let union =
+            Patch { start: first.start, length, flat, layout, corners, demand, density, steepest_fan };
         let fits = (union.flat.region.size * density).max_element() <= builder.limits.extent_texels;
         let apart: f32 = patches().map(Patch::cost).sum();
         (fits && union.cost() < (1.0 - WORTH_UNROLLING) * apart).then_some(union)
@@ -587,19 +591,9 @@ pub(crate) fn fan_groups(fans: &Fans, laid: &[Laid]) -> Vec<u32> {
     groups
 }
 
-/// All fans along a Morton curve through mesh space, 10 bits per axis: the place on the curve above, the fan below.
+/// All fans along a Morton curve through mesh space: the place on the curve above, the fan below.
 fn curve(surface: &Surface<'_>) -> Vec<u64> {
-    let spread = |x: f32| {
-        let mut bits = ((x + 1.0) * 511.5) as u32 & 1023;
-        bits = (bits | bits << 16) & 0x0300_00ff;
-        bits = (bits | bits << 8) & 0x0300_f00f;
-        bits = (bits | bits << 4) & 0x030c_30c3;
-        (bits | bits << 2) & 0x0924_9249
-    };
-    let key = |fan: usize| {
-        let [x, y, z] = surface.fan_center(fan).to_array().map(spread);
-        u64::from(x | y << 1 | z << 2) << 32 | fan as u64
-    };
+    let key = |fan: usize| u64::from(morton(surface.fan_center(fan))) << 32 | fan as u64;
     let mut keys: Vec<u64> = (0..surface.fans.len()).into_par_iter().with_min_len(1 << 12).map(key).collect();
     keys.par_sort_unstable();
     keys

@@ -21,6 +21,7 @@ mod footprints;
 mod groups;
 mod injective;
 mod merge;
+mod nominal;
 mod pack;
 mod partition;
 mod rectangle;

@@ -15,6 +15,7 @@ use crate::cost::{self, Region};
 use crate::fan_shape::Layout;
 use crate::flatten::Flat;
 use crate::groups::{Patch, facing_limit};
+use crate::nominal::Demand;
 use crate::rectangle::FourBounds;
 
 /// Neighbours tried per group, by the length of the common border.
@@ -37,14 +38,15 @@ struct Summary {
     outline: Box<[Vec3]>,
     /// Mean direction, by area.
     direction: Vec3,
-    /// Area in nominal texels.
-    texels: f32,
+    area: f32,
+    demand: Demand,
+    /// Nominal texels per mesh unit, those of the demand.
+    density: f32,
     /// In nominal texels.
     region: Region,
     /// Error per area.
     error: f32,
     cost: f32,
-    density: f32,
     fans: u32,
     steepest_fan: f32,
     mergeable: bool,
@@ -174,17 +176,18 @@ impl Summary {
         let Flat { frame, region, cos, distortion, outline, .. } = &patch.flat;
         let region = region.scaled(Vec2::splat(patch.density));
         let squared = patch.density * patch.density;
-        let texels = distortion.area() * squared;
-        let error = distortion.error(Vec2::ONE) * squared;
+        let area = distortion.area();
+        let error = distortion.error(Vec2::ONE);
         Self {
             cone: WideCone { axis: frame.direction, half_angle: libm::acosf(cos.clamp(-1.0, 1.0)) },
             outline: outline.clone(),
             direction: frame.direction,
-            texels,
-            error: if texels > 0.0 { error / texels } else { 1.0 },
-            cost: cost::cost(error, &region),
-            region,
+            area,
+            demand: patch.demand,
             density: patch.density,
+            error: if area > 0.0 { error / area } else { 1.0 },
+            cost: cost::cost(error * squared, &region),
+            region,
             fans: patch.length,
             steepest_fan: patch.steepest_fan,
             mergeable: patch.layout == Layout::Projected,
@@ -202,63 +205,83 @@ impl Summary {
         {
             return None;
         }
-        let (direction, error) = self.union_error(other)?;
-        if libm::cbrtf(error) * libm::cbrtf((self.texels + other.texels).powi(2)) >= self.cost + other.cost {
+        let (_, density) = self.union_demand(other);
+        let (direction, error) = self.union_error(other, density)?;
+        let (texels, squared) = (self.area + other.area, density * density);
+        let (texels, error) = (texels * squared, error * squared);
+        if libm::cbrtf(error) * libm::cbrtf(texels * texels) >= self.cost + other.cost {
             return None;
         }
-        let size = bounding_size(self.planar_outline(other, direction)) * self.union_density(other);
-        let region = self.union_region(other, direction, size, common);
+        let size = bounding_size(self.planar_outline(other, direction)) * density;
+        let region = self.union_region(other, direction, size, common, density);
         (size.max_element() <= limits.extent_texels).then(|| cost::cost(error, &region))
     }
 
-    /// The direction and the error of a union.
-    fn union_error(&self, other: &Summary) -> Option<(Vec3, f32)> {
-        let facets = [(self.direction, self.texels), (other.direction, other.texels)].into_iter();
-        let mean = self.direction * self.texels + other.direction * other.texels;
-        let direction = cost::direction(facets, mean.try_normalize()?);
-        let error = |part: &Summary| part.texels * part.error * cost::error_at(part.direction.dot(direction));
-        Some((direction, error(self) + error(other)))
+    /// What both ask for together, and the density of that.
+    fn union_demand(&self, other: &Summary) -> (Demand, f32) {
+        let mut demand = self.demand;
+        demand.add(&other.demand);
+        (demand, demand.density().unwrap_or(self.density))
+    }
+
+    /// The direction and the error (in mesh units) of a union at a density.
+    fn union_error(&self, other: &Summary, density: f32) -> Option<(Vec3, f32)> {
+        let parts = [self, other].map(|part| {
+            let ratio = part.density / density;
+            let squared = ratio * ratio;
+            (part, part.area * squared * squared * squared)
+        });
+        let facets = parts.map(|(part, weighted)| (part.direction, weighted));
+        let mean = facets.iter().map(|&(direction, weighted)| direction * weighted).sum::<Vec3>();
+        let direction = cost::direction(facets.into_iter(), mean.try_normalize()?);
+        let error = parts
+            .iter()
+            .map(|(part, weighted)| weighted * part.error * cost::error_at(part.direction.dot(direction)));
+        Some((direction, error.sum()))
     }
 
     /// A guess: the outlines of both without what they share, but no shorter than a convex region's.
-    fn union_region(&self, other: &Summary, direction: Vec3, size: Vec2, common: u32) -> Region {
-        let (fans, texels) = ((self.fans + other.fans) as f32, self.texels + other.texels);
+    fn union_region(
+        &self,
+        other: &Summary,
+        direction: Vec3,
+        size: Vec2,
+        common: u32,
+        density: f32,
+    ) -> Region {
+        let parts = [self, other].map(|s| (s, s.region.scaled(Vec2::splat(density / s.density))));
+        let (fans, texels) = ((self.fans + other.fans) as f32, (self.area + other.area) * density * density);
         let shared = shared_outline(common, texels, fans);
         let area: f32 =
-            [self, other].map(|s| s.region.area * s.direction.dot(direction).max(0.0)).iter().sum();
+            parts.iter().map(|(s, region)| region.area * s.direction.dot(direction).max(0.0)).sum();
         let convex = 2.0 * (std::f32::consts::PI * area).sqrt();
-        let outline = (self.region.outline + other.region.outline - 2.0 * shared).max(convex);
-        Region { size, area, outline }
+        let outline: f32 = parts.iter().map(|(_, region)| region.outline).sum();
+        Region { size, area, outline: (outline - 2.0 * shared).max(convex) }
     }
 
     fn union(&self, other: &Summary, common: u32) -> Option<Summary> {
         let cone = self.cone.union(other.cone)?;
-        let density = self.union_density(other);
-        let (direction, error) = self.union_error(other)?;
+        let (demand, density) = self.union_demand(other);
+        let (direction, error) = self.union_error(other, density)?;
         let planar: Vec<Vec2> = self.planar_outline(other, direction).collect();
         let size = bounding_size(planar.iter().copied()) * density;
-        let region = self.union_region(other, direction, size, common);
-        let cost = cost::cost(error, &region);
+        let region = self.union_region(other, direction, size, common, density);
         let spatial: Vec<Vec3> = self.outline.iter().chain(&other.outline).copied().collect();
-        let texels = self.texels + other.texels;
+        let area = self.area + other.area;
         Some(Summary {
             cone,
             outline: extreme_points(&planar).map(|i| spatial[i]).collect(),
             direction,
-            texels,
-            error: error / texels.max(f32::MIN_POSITIVE),
-            cost,
-            region,
+            area,
+            demand,
             density,
+            cost: cost::cost(error * density * density, &region),
+            error: error / area.max(f32::MIN_POSITIVE),
+            region,
             fans: self.fans + other.fans,
             steepest_fan: self.steepest_fan.min(other.steepest_fan),
             mergeable: true,
         })
-    }
-
-    fn union_density(&self, other: &Summary) -> f32 {
-        let (a, b) = (self.fans as f32, other.fans as f32);
-        (self.density * a + other.density * b) / (a + b)
     }
 
     fn planar_outline<'a>(

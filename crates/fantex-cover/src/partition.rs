@@ -1,8 +1,8 @@
 //! Top-down partition of the fans into patches that cost as little as possible.
 //!
-//! A set of fans is cut by a plane in space or between its normals: across the sides of its own rectangle and along the
-//! direction in which its normals differ most, at the place where the two parts promise the least [`cost`](crate::cost). Then both
-//! parts are cut further, and what they cost in the end decides whether the cut stays: as in a decision tree (L. Breiman and
+//! A set of fans is cut by a plane in space, between its normals, or between the densities asked for: across the sides of its own
+//! rectangle and along the direction in which its normals differ most, at the place where the two parts promise the least
+//! [`cost`](crate::cost). Then both parts are cut further, and what they cost in the end decides whether the cut stays: as in a decision tree (L. Breiman and
 //! others, "Classification and Regression Trees", 1984), which is grown fully and pruned from the leaves. Every cut permutes one
 //! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
@@ -10,10 +10,10 @@ use arrayvec::ArrayVec;
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::build::NominalDensity;
 use crate::cone::Cone;
 use crate::cost::{self, Region};
 use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
+use crate::nominal::{Demand, NominalDensity};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 
@@ -48,7 +48,11 @@ impl FanSet<'_> {
     /// Where a fan lies along a cut's direction.
     fn key(&self, cut: &Cut, fan: u32) -> f32 {
         let fan = fan as usize;
-        cut.key(self.surface.fan_center(fan), self.shapes[fan].axis)
+        match cut.along {
+            Along::Place(direction) => self.surface.fan_center(fan).dot(direction),
+            Along::Normal(direction) => self.shapes[fan].axis.dot(direction),
+            Along::Density => density_key(self.density.of_fan(self.surface, fan)),
+        }
     }
 }
 
@@ -133,6 +137,8 @@ struct Scratch {
 struct Sample {
     key: f32,
     area: f32,
+    /// Area times weight.
+    weighted: f32,
     /// Its normal, by area.
     axis: Vec3,
     low: Vec3,
@@ -187,7 +193,7 @@ fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32,
     let (whole, cut) = cut_of(sampled, items.len(), cutting, scratch);
     scratch.picked = picked;
     let Some(cut) = cut else { return (whole, vec![items.len() as u32]) };
-    let key = |item: &Item| cut.key(item.position, item.axis);
+    let key = |item: &Item| cut.key(item);
     let middle = separate(items, |item| key(item) < cut.threshold);
     let middle = match middle == 0 || middle == items.len() {
         true => halve(items, |item| (key(item), item.fan)),
@@ -228,20 +234,37 @@ fn cheaper(
     (a + b, first)
 }
 
-/// A plane: items with a smaller key go left.
+/// Items with a smaller key go left.
 #[derive(Clone, Copy)]
 struct Cut {
-    direction: Vec3,
-    by_normal: bool,
+    along: Along,
     threshold: f32,
+}
+
+/// What sets are cut along.
+#[derive(Clone, Copy)]
+enum Along {
+    /// A direction in space.
+    Place(Vec3),
+    /// A direction between normals.
+    Normal(Vec3),
+    /// The densities asked for.
+    Density,
 }
 
 impl Cut {
     #[inline]
-    fn key(&self, position: Vec3, normal: Vec3) -> f32 {
-        let v = if self.by_normal { normal } else { position };
-        v.dot(self.direction)
+    fn key(&self, item: &Item) -> f32 {
+        match self.along {
+            Along::Place(direction) => item.position.dot(direction),
+            Along::Normal(direction) => item.axis.dot(direction),
+            Along::Density => density_key(item.density),
+        }
     }
+}
+
+fn density_key(density: f32) -> f32 {
+    libm::log2f(density.max(f32::MIN_POSITIVE))
 }
 
 /// Stable partition, which asks in order; returns the number of items that went left.
@@ -281,6 +304,9 @@ struct Set {
     axis: Vec3,
     /// Texels per mesh unit.
     density: f32,
+    /// The least and the most density asked for.
+    densities: [f32; 2],
+    /// Texels asked for.
     texels: f32,
     low: Vec3,
     high: Vec3,
@@ -288,6 +314,9 @@ struct Set {
     /// Items per sample.
     times: f32,
 }
+
+/// Sets whose densities differ by less are not cut between them.
+const UNEVEN: f32 = 1.25;
 
 /// A set as one patch.
 struct Tile {
@@ -300,19 +329,28 @@ struct Tile {
 impl Set {
     /// Of `count` items, of which some were picked.
     fn of(picked: &[Item], count: usize) -> Self {
-        let (mut area, mut axis, mut density) = (0.0, Vec3::ZERO, 0.0);
+        let (mut area, mut axis, mut demand) = (0.0, Vec3::ZERO, Demand::default());
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let mut densities = [f32::INFINITY, 0.0];
         for item in picked {
             area += item.area;
             axis += item.axis * item.area;
-            density += item.density * item.area;
+            demand.add(&Demand::of(item.area, item.density));
+            densities = [densities[0].min(item.density), densities[1].max(item.density)];
             low = low.min(item.position);
             high = high.max(item.position);
         }
         let times = count as f32 / picked.len() as f32;
-        let density = if area > 0.0 { density / area } else { picked[0].density };
-        let texels = area * times * density * density;
-        Self { area: area * times, axis: axis * times, density, texels, low, high, count, times }
+        let density = demand.density().unwrap_or(picked[0].density);
+        let texels = demand.texels() * times;
+        Self { area: area * times, axis: axis * times, density, densities, texels, low, high, count, times }
+    }
+
+    /// The error per area of what asks for a density, relative to that of what asks for the set's.
+    #[inline]
+    fn weight(&self, density: f32) -> f32 {
+        let squared = (density / self.density) * (density / self.density);
+        if squared.is_finite() { squared * squared * squared } else { 1.0 }
     }
 
     /// The set as one patch; `None` where it is too long or has no direction.
@@ -337,8 +375,11 @@ impl Set {
             high = high.max(p + reach);
         }
         let size = (high - low) * self.density;
-        let error =
-            picked.iter().map(|i| i.area * i.error * cost::error_at(i.axis.dot(direction))).sum::<f32>();
+        let error = picked.iter().map(|item| {
+            let weighted = item.area * self.weight(item.density);
+            weighted * item.error * cost::error_at(item.axis.dot(direction))
+        });
+        let error: f32 = error.sum();
         let squared = self.times * self.density * self.density;
         let (error, area) = (error * squared, self.axis.dot(direction).max(0.0) / self.times * squared);
         let region = Region { size, area, outline: OUTLINE * 2.0 * (size.x + size.y) };
@@ -356,43 +397,45 @@ impl Set {
         sampled: &mut Vec<Sample>,
     ) -> Cut {
         let longest = (self.high - self.low).max_element() * self.density;
-        let mut cuts: ArrayVec<Cut, 4> = ArrayVec::new();
-        let mut consider =
-            |direction: Vec3, by_normal: bool| cuts.push(Cut { direction, by_normal, threshold: 0.0 });
+        let mut cuts: ArrayVec<Along, 5> = ArrayVec::new();
         match tile {
             Some(tile) => {
-                tile.sides.iter().for_each(|&side| consider(side, false));
+                cuts.extend(tile.sides.map(Along::Place));
                 if tile.cost.is_finite() {
-                    consider(self.normals_axis(picked), true);
+                    cuts.push(Along::Normal(self.normals_axis(picked)));
                 }
             }
             None if longest < normals_below => {
-                Vec3::AXES.iter().for_each(|&side| consider(side, false));
-                consider(self.normals_axis(picked), true);
+                cuts.extend(Vec3::AXES.map(Along::Place));
+                cuts.push(Along::Normal(self.normals_axis(picked)));
             }
             None => {}
+        }
+        if !cuts.is_empty() && self.densities[1] > UNEVEN * self.densities[0] {
+            cuts.push(Along::Density);
         }
         if !cuts.is_empty() {
             let axes = tile.map_or(Vec3::AXES, |t| [t.sides[0], t.sides[1], t.direction]);
             sampled.clear();
-            sampled.extend(picked.iter().map(|item| Sample::of(item, &axes)));
+            sampled.extend(picked.iter().map(|item| Sample::of(item, self.weight(item.density), &axes)));
         }
         let mut best: Option<(f32, Cut)> = None;
-        for cut in cuts {
+        for along in cuts {
+            let mut cut = Cut { along, threshold: 0.0 };
             for (sample, item) in sampled.iter_mut().zip(picked) {
-                sample.key = cut.key(item.position, item.axis);
+                sample.key = cut.key(item);
             }
             if let Some((cost, threshold)) = self.sweep(sampled)
                 && best.is_none_or(|(least, _)| cost < least)
             {
-                best = Some((cost, Cut { threshold, ..cut }));
+                cut.threshold = threshold;
+                best = Some((cost, cut));
             }
         }
         let widest = || {
-            let mut direction = Vec3::ZERO;
             let axis = (self.high - self.low).max_position();
-            direction[axis] = 1.0;
-            Cut { direction, by_normal: false, threshold: 0.5 * (self.low[axis] + self.high[axis]) }
+            let threshold = 0.5 * (self.low[axis] + self.high[axis]);
+            Cut { along: Along::Place(Vec3::AXES[axis]), threshold }
         };
         best.map_or_else(widest, |(_, cut)| cut)
     }
@@ -448,11 +491,12 @@ impl Set {
 
 impl Sample {
     #[inline]
-    fn of(item: &Item, axes: &[Vec3; 3]) -> Self {
+    fn of(item: &Item, weight: f32, axes: &[Vec3; 3]) -> Self {
         let coordinates = |v: Vec3| Vec3::from(axes.map(|axis| v.dot(axis)));
         let (p, reach) = (coordinates(item.position), Vec3::from(axes.map(|axis| item.reach.along(axis))));
         let axis = coordinates(item.axis) * item.area;
-        Self { key: 0.0, area: item.area, axis, low: p - reach, high: p + reach }
+        let weighted = item.area * weight;
+        Self { key: 0.0, area: item.area, weighted, axis, low: p - reach, high: p + reach }
     }
 }
 
@@ -460,6 +504,8 @@ impl Sample {
 #[derive(Clone, Copy)]
 struct Bin {
     area: f32,
+    /// Area times weight.
+    weighted: f32,
     axis: Vec3,
     /// Along the sides and the direction of the tile, or along the axes.
     low: Vec3,
@@ -468,14 +514,23 @@ struct Bin {
 
 impl Default for Bin {
     fn default() -> Self {
-        Self { area: 0.0, axis: Vec3::ZERO, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }
+        Self { area: 0.0, weighted: 0.0, axis: Vec3::ZERO, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }
     }
 }
 
 impl Bin {
+    /// See [`Demand::density`].
+    fn density(&self, set: &Set) -> f32 {
+        if set.densities[0] == set.densities[1] {
+            return set.density;
+        }
+        set.density * libm::cbrtf(self.weighted / self.area.max(f32::MIN_POSITIVE)).sqrt()
+    }
+
     #[inline]
     fn add(&mut self, sample: &Sample) {
         self.area += sample.area;
+        self.weighted += sample.weighted;
         self.axis += sample.axis;
         self.low = self.low.min(sample.low);
         self.high = self.high.max(sample.high);
@@ -484,6 +539,7 @@ impl Bin {
     #[inline]
     fn merge(&mut self, other: &Self) {
         self.area += other.area;
+        self.weighted += other.weighted;
         self.axis += other.axis;
         self.low = self.low.min(other.low);
         self.high = self.high.max(other.high);
@@ -493,13 +549,14 @@ impl Bin {
     fn cost(&self, set: &Set) -> f32 {
         let length = self.axis.length() / self.area.max(f32::MIN_POSITIVE);
         let mean = length.max(0.05);
-        let area = self.area * set.times * set.density * set.density;
+        let density = self.density(set);
+        let area = self.area * set.times * density * density;
         let error = area / (mean * mean * mean * mean * mean);
         // The box as it is seen along the mean normal.
-        let size = (self.high - self.low) * set.density;
+        let size = (self.high - self.low) * density;
         let sides = Vec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
         let seen = sides.dot(self.axis.abs()) / self.axis.length().max(f32::MIN_POSITIVE);
-        let seen_area = self.axis.length() * set.times * set.density * set.density;
+        let seen_area = self.axis.length() * set.times * density * density;
         let side = seen.max(0.0).sqrt();
         cost::cost(error, &Region { size: Vec2::splat(side), area: seen_area, outline: OUTLINE * 4.0 * side })
     }

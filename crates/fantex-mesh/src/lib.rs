@@ -19,6 +19,7 @@ pub mod generate;
 mod load;
 mod material;
 mod mesh;
+mod morton;
 mod normals;
 mod ray;
 #[cfg(not(target_arch = "wasm32"))]
@@ -35,6 +36,7 @@ pub use fans::*;
 pub use load::*;
 pub use material::*;
 pub use mesh::*;
+pub use morton::*;
 pub use normals::*;
 pub use ray::*;
 #[cfg(not(target_arch = "wasm32"))]

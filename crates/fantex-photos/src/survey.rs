@@ -5,9 +5,9 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, ReadLimits, Result};
-use fantex_mesh::{Mesh, corner_normals, interpolate};
+use fantex_mesh::{Mesh, corner_normals, interpolate, morton};
 use fantex_texture::Image;
-use glam::{DVec2, UVec3, Vec3};
+use glam::{DVec2, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
@@ -467,13 +467,6 @@ impl Clusters {
         }
         extremes
     }
-}
-
-/// Ten bits of each coordinate, interleaved.
-fn morton(p: Vec3) -> u32 {
-    let UVec3 { x, y, z } = ((p + 1.0) * 511.5).clamp(Vec3::ZERO, Vec3::splat(1023.0)).as_uvec3();
-    let spread = |n: u32| (0..10).fold(0, |bits, k| bits | (n >> k & 1) << (3 * k));
-    spread(x) | spread(y) << 1 | spread(z) << 2
 }
 
 // ---- Points of the surface that the survey asks every photograph about: all vertices, and points spread evenly over the area.

@@ -9,14 +9,14 @@
 //!  sector   1       | 2         | 3       the triangle of groups 3, 4 and 8 lies in sector 1, which has tiles 4 and 8, too
 //! ```
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
+use fantex_base::files::sync_folder;
 use fantex_base::{Error, Result, UnionFind, input};
 use fantex_cover::{Cover, GroupTriangles};
-use fantex_mesh::{Edges, Mesh, corners_of, shading_normals};
+use fantex_mesh::{Edges, Mesh, corners_of, morton, shading_normals};
 use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
 use fantex_stream::url_of;
 use glam::Vec3;
@@ -231,15 +231,6 @@ impl Drop for Output {
     }
 }
 
-/// Makes the names of its files durable.
-fn sync_folder(folder: &Path) -> Result<()> {
-    if !cfg!(unix) {
-        return Ok(());
-    }
-    let synced = File::open(folder).and_then(|folder| folder.sync_all());
-    synced.map_err(|error| Error::writing(folder, error))
-}
-
 /// Which triangles are in which sector.
 struct Plan<'a> {
     mesh: &'a Mesh,
@@ -356,16 +347,6 @@ fn keys(mesh: &Mesh, cover: &Cover) -> Vec<Key> {
         keys[triangle as usize] = keys[sets.find(triangle) as usize];
     }
     keys
-}
-
-/// Number along a Z-order curve of a point of the cube [-1, 1]: 10 bits per axis.
-fn morton(p: Vec3) -> u32 {
-    let cell = ((p + 1.0) * 512.0).clamp(Vec3::ZERO, Vec3::splat(1023.0)).as_uvec3();
-    let bit = |bit: u32| {
-        let [x, y, z] = cell.to_array().map(|n| n >> bit & 1);
-        (x | y << 1 | z << 2) << (3 * bit)
-    };
-    (0..10).map(bit).sum()
 }
 
 /// Sets of triangles that stay together: the two sides of a leaf, and those around an edge of more than two triangles, which continue each

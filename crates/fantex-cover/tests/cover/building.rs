@@ -86,6 +86,31 @@ fn densities_stay_near_the_nominal() {
     }
 }
 
+/// What asks for more texels than its surroundings gets them, and the surroundings do not pay for it: tiles end there, and one that
+/// holds both has the error of both at their own densities.
+#[test]
+fn dense_spots_keep_their_density() {
+    let mesh = cleaned(generate::icosphere(5));
+    let height =
+        |t: usize| mesh.triangle_positions(t).map(|p| p.z / p.length()).into_iter().sum::<f32>() / 3.0;
+    let asked: Vec<f32> =
+        (0..mesh.triangles.len()).map(|t| if height(t) > 0.9 { 360.0 } else { 60.0 }).collect();
+    let texels_asked: f64 =
+        asked.iter().zip(0..).map(|(&d, t)| mesh.triangle_area(t) * f64::from(d).powi(2)).sum();
+    let cover = built(&mesh, 1024, TexelBudget::PerTriangle(asked.clone()));
+    for (triangle, &asked) in asked.iter().enumerate() {
+        for group in cover.corner_groups[triangle].map(|g| &cover.groups[g as usize]) {
+            let texels = group.uv_scale.to_array().into_iter().zip(group.extent);
+            let squared: f32 = texels.map(|(scale, extent)| scale * extent as f32).product();
+            assert!(squared.sqrt() > 0.85 * asked, "triangle {triangle}: {} of {asked}", squared.sqrt());
+        }
+    }
+    let evenly = built(&mesh, 1024, TexelBudget::Density(100.0));
+    let overhead = evenly.stored_texels(&mesh) as f64 / (mesh.area() * 100.0 * 100.0);
+    let stored = cover.stored_texels(&mesh) as f64 / texels_asked;
+    assert!(stored < 1.25 * overhead, "{stored}, evenly {overhead}");
+}
+
 #[test]
 fn every_triangle_gets_its_density_in_single_fans() {
     let mesh = landscape(3_000);
