@@ -11,7 +11,7 @@ use fantex::render::{
     Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
     LookSurface, RenderOptions, Rendering, Surface, render,
 };
-use fantex::store::{Asset, PageCache};
+use fantex::store::{Asset, Damage, PageCache};
 use fantex::stream::url_of;
 use fantex::texture::Filter;
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
@@ -73,15 +73,19 @@ impl Scene {
     /// Notes damaged tiles that rendering has met.
     pub(crate) fn show_damage(&self, context: &Context) -> Result<()> {
         let Content::Asset(cache) = &self.content else { return Ok(()) };
-        let damage = cache.damage();
-        match damage.first.first() {
-            None => Ok(()),
-            Some((_, page, reason)) => context.report_damage(format!(
-                "{}: coarser texels stand in for {}; the first: {page}: {reason}",
-                self.path.display(),
-                counted(damage.pages, "damaged tile")
-            )),
-        }
+        report_damage(&self.path, &cache.damage(), context)
+    }
+}
+
+/// Notes damaged tiles, if there are any.
+pub(crate) fn report_damage(path: &Path, damage: &Damage, context: &Context) -> Result<()> {
+    match damage.first.first() {
+        None => Ok(()),
+        Some((_, page, reason)) => context.report_damage(format!(
+            "{}: coarser texels stand in for {}; the first: {page}: {reason}",
+            path.display(),
+            counted(damage.pages, "damaged tile")
+        )),
     }
 }
 

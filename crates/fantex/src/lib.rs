@@ -86,6 +86,8 @@ mod split;
 mod streamed_world;
 mod world;
 mod world_check;
+mod world_scene;
+mod world_view;
 
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
@@ -107,6 +109,7 @@ pub use split::{SectorPreviews, Split, SplitOptions, split};
 pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
+pub use world_scene::{WorldScene, WorldSurface};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,
     fantex_mesh as mesh, fantex_render as render, fantex_scene as scene, fantex_store as store,

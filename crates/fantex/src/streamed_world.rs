@@ -23,21 +23,12 @@ use fantex_scene::{Camera, FilterOptions};
 use fantex_store::Asset;
 use fantex_stream::{
     ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics, StreamView,
-    SurfaceSamples, ViewObject, ViewPreview, choose_objects, open_asset, open_preview,
+    SurfaceSamples, ViewObject, choose_objects, open_asset, open_preview,
 };
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
-use crate::{World, WorldObject};
-
-/// Memory that a triangle of an open object takes: mesh, cover and what demand knows of it, in main and in graphics memory. (Of landscapes
-/// of 0.5 and 1.9 M triangles in the viewer, on a software adapter: 637.)
-const TRIANGLE_BYTES: u64 = 640;
-
-/// The same of a preview, of which only what is drawn is kept.
-const PREVIEW_TRIANGLE_BYTES: u64 = 256;
-
-/// Texels of a preview take so many bytes each, in all channels.
-const PREVIEW_TEXEL_BYTES: u64 = 4;
+use crate::World;
+use crate::world_view::view_objects;
 
 /// Objects that are opened at a time.
 const OPENED_AT_ONCE: usize = 2;
@@ -168,10 +159,8 @@ impl StreamedWorld {
     /// # Errors
     /// There is no object, or all lie in one point.
     pub fn new(index: &Path, world: Arc<World>, options: WorldOptions) -> Result<Self> {
-        let space = world.space().ok_or_else(|| {
-            Error::invalid(format!("there is nothing to show in the world {}", index.display()))
-        })?;
-        let shapes: Vec<_> = world.objects.iter().map(|object| shape(object, &space)).collect();
+        let space = world.space_to_show(index)?;
+        let shapes = view_objects(&world, &space);
         let boxes: Vec<_> = shapes.iter().map(|shape| shape.bounds).collect();
         Ok(Self {
             index: index.to_owned(),
@@ -477,19 +466,6 @@ impl Model for StreamedWorld {
 
     fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
         self.drawn().rev().for_each(|model| model.draw_layered(pass));
-    }
-}
-
-fn shape(object: &WorldObject, space: &WorldFromMesh) -> ViewObject {
-    let preview = object.preview.map(|preview| ViewPreview {
-        bytes: preview.triangles * PREVIEW_TRIANGLE_BYTES + preview.texels * PREVIEW_TEXEL_BYTES,
-        detail: (preview.detail / space.scale) as f32,
-    });
-    ViewObject {
-        bounds: [object.low, object.high].map(|corner| space.inverse_point(DVec3::from(corner))),
-        surface: SurfaceSamples::default(),
-        whole_bytes: object.triangles * TRIANGLE_BYTES,
-        preview,
     }
 }
 

@@ -175,6 +175,13 @@ impl World {
         WorldFromMesh::of_box(low, high)
     }
 
+    /// As [`space`](Self::space), for those who want to show something.
+    pub(crate) fn space_to_show(&self, index: &Path) -> Result<WorldFromMesh> {
+        self.space().ok_or_else(|| {
+            Error::invalid(format!("there is nothing to show in the world {}", index.display()))
+        })
+    }
+
     /// Corners of the bounding box of all objects, world units; none without objects.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes = self.objects.iter().map(|object| [DVec3::from(object.low), DVec3::from(object.high)]);

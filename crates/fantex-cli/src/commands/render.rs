@@ -1,6 +1,7 @@
 //! `fantex render`: a picture of a model or an asset.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -10,20 +11,22 @@ use fantex::gpu::{
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
+use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
+use fantex::stream::FrameOptions;
 use fantex::texture::Filter;
-use fantex::{Error, Result};
+use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene};
 use glam::DVec3;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, is_look, open_shape, portrait, show_notes, size, vector,
+    FILTERS, Scene, SurroundingsArgs, is_look, open_shape, portrait, report_damage, show_notes, size, vector,
 };
 use crate::text::{bytes, counted, one_of};
 
-/// Render a model, an asset or a look.
+/// Render a model, an asset, a world or a look.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -33,10 +36,12 @@ Example:
   fantex render cave.glb -o cave.exr --size 1920x1080 --eye 3,2,5 --target 0,1,0 --fov 60 --samples 16
   fantex render car.glb -o car.png --environment forest.exr --environment-rotation 90
   fantex render world.fan -o world.png --gpu --pool 128M
+  fantex render land.fanworld -o land.png --eye 0,400,1800 --target 0,0,0
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3:// or gs:// address, or
+    /// a look (.toml)
     file: PathBuf,
     /// A look (.toml) for the model: materials, lamps, surroundings, camera
     #[arg(long, value_name = "LOOK")]
@@ -104,16 +109,47 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         }
         return render_look(args, &LookFile::read(path)?, context);
     }
+    if FileKind::of(&args.file)? == FileKind::World {
+        return render_world(args, context);
+    }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
+    let options = options(args)?;
+    let camera = camera(args, scene.mesh(), &options);
+    let lights = lights(args, &camera)?;
+    let filter = args.filter.unwrap_or(Filter::Anisotropic);
+    let (picture, info) = if args.gpu {
+        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool, context)?;
+        drawn.into_parts(scene.mesh().triangles.len() as u64)
+    } else {
+        let surface = scene.surface(filter)?;
+        let rendering = render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
+        scene.show_damage(context)?;
+        of_rendering(rendering)
+    };
+    finish(args, &picture, info, context)
+}
+
+/// Writes the picture and says so.
+fn finish(args: &RenderArgs, picture: &Picture, info: RenderInfo, context: &Context) -> Result<()> {
+    save(picture, &args.output, context)?;
+    let RenderOptions { width, height, .. } = options(args)?;
+    context.print(&RenderInfo { output: args.output.clone(), width, height, ..info }, text)
+}
+
+/// What the options say of the picture.
+fn options(args: &RenderArgs) -> Result<RenderOptions> {
     let mut options = RenderOptions::default();
     [options.width, options.height] = args.size.unwrap_or([options.width, options.height]);
-    options.samples = args.samples.unwrap_or(options.samples);
+    options.samples = args.samples.unwrap_or(if args.gpu { 4 } else { options.samples });
     options.background = args.surroundings.background()?;
-    let [width, height] = [options.width, options.height];
-    let camera = camera(args, &scene, &options);
+    Ok(options)
+}
+
+/// The sun and the surroundings.
+fn lights(args: &RenderArgs, camera: &Camera) -> Result<Lights> {
     let sun = args.light.map(|to_light| to_light.as_vec3());
-    let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
+    let mut lights = sun.map_or_else(|| Lights::behind(camera), Lights::sun);
     if let Some(surroundings) = args.surroundings.load(sun)? {
         lights.ambient = AmbientLight::environment(surroundings.light);
         lights.lamps.retain_mut(|lamp| match surroundings.sun {
@@ -124,34 +160,99 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
             None => sun.is_some(),
         });
     }
-    let filter = args.filter.unwrap_or(Filter::Anisotropic);
-    let mut info = RenderInfo {
-        output: args.output.clone(),
-        width,
-        height,
-        triangles: scene.mesh().triangles.len() as u64,
+    Ok(lights)
+}
+
+fn of_rendering(Rendering { picture, stats }: Rendering) -> (Picture, RenderInfo) {
+    let info = RenderInfo {
+        seconds: stats.elapsed.as_secs_f64(),
+        triangles: stats.triangles,
+        shaded: Some(stats.shaded),
+        lookups: Some(stats.lookups),
+        lookups_per_shading: Some(stats.lookups as f64 / stats.shaded.max(1) as f64),
         ..RenderInfo::default()
     };
-    let picture = if args.gpu {
-        options.samples = args.samples.unwrap_or(4);
-        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool, context)?;
-        info.seconds = drawn.elapsed.as_secs_f64();
-        info.adapter = Some(drawn.adapter);
-        drawn.picture
+    (picture, info)
+}
+
+/// Renders a world: what is near whole, what is far by its previews, as memory allows.
+fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
+    let world = World::open(&args.file)?;
+    context.check_output(&args.output)?;
+    let (options, bounds) = (options(args)?, bounds(&world));
+    let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
+    if let Some(defect) = camera.defect() {
+        return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
+    }
+    let lights = lights(args, &camera)?;
+    let filter =
+        FilterOptions { filter: args.filter.unwrap_or(Filter::Anisotropic), ..FilterOptions::default() };
+    let (picture, info) = if args.gpu {
+        draw_world(args, world, &camera, &lights, &options, filter, context)?
     } else {
-        let surface = scene.surface(filter)?;
-        let Rendering { picture, stats } =
-            render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
-        scene.show_damage(context)?;
-        info.seconds = stats.elapsed.as_secs_f64();
-        info.triangles = stats.triangles;
-        info.shaded = Some(stats.shaded);
-        info.lookups = Some(stats.lookups);
-        info.lookups_per_shading = Some(stats.lookups as f64 / stats.shaded.max(1) as f64);
-        picture
+        let scene = WorldScene::open(&args.file, &world, &camera, size, context.memory_bytes)?;
+        let rendering = render(scene.mesh(), &scene.surface(filter), &camera, &lights, &options)?;
+        scene.damage().try_for_each(|damage| report_damage(&args.file, &damage, context))?;
+        note_coarse(scene.coarse(), context);
+        of_rendering(rendering)
     };
-    save(&picture, &args.output, context)?;
-    context.print(&info, text)
+    finish(args, &picture, info, context)
+}
+
+fn note_coarse(objects: usize, context: &Context) {
+    if objects > 0 {
+        context.note(format!(
+            "{} are coarser than the picture could show; give it more memory by --memory",
+            counted(objects as u64, "object")
+        ));
+    }
+}
+
+/// The corners of a world's objects, as a mesh.
+fn bounds(world: &World) -> Mesh {
+    let world_from_mesh = world.space().unwrap_or_default();
+    let corners = world.objects.iter().flat_map(|object| {
+        (0..8).map(|bits| {
+            let side = |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
+            world_from_mesh.inverse_point(DVec3::from_array(std::array::from_fn(side)))
+        })
+    });
+    Mesh { positions: corners.collect(), world_from_mesh, ..Mesh::default() }
+}
+
+/// Draws a world on the graphics card, once all is there that the view needs.
+fn draw_world(
+    args: &RenderArgs,
+    world: World,
+    camera: &Camera,
+    lights: &Lights,
+    options: &RenderOptions,
+    filter: FilterOptions,
+    context: &Context,
+) -> Result<(Picture, RenderInfo)> {
+    let gpu = Arc::new(Gpu::headless(&GpuOptions::default())?);
+    let settings = WorldOptions { pool_bytes: args.pool, geometry_bytes: context.memory_bytes / 2, filter };
+    let mut streamed = StreamedWorld::new(&args.file, Arc::new(world), settings)?;
+    let started = Instant::now();
+    loop {
+        streamed.advance(&gpu, camera, [options.width, options.height], FrameOptions::default())?;
+        gpu.wait()?;
+        context.check_interrupt()?;
+        if streamed.is_settled() {
+            break;
+        }
+        if started.elapsed() > MAX_WAIT {
+            context.note(format!("tiles were still missing after {} s", MAX_WAIT.as_secs()));
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    if let Some((asset, error)) = streamed.statistics().failed.first() {
+        return Err(Error::not_found(format!("{asset}: {error}")));
+    }
+    let triangles = streamed.statistics().triangles;
+    let drawn = draw(&gpu, &mut streamed, camera, lights, options, filter)?;
+    Ok(drawn.into_parts(triangles))
 }
 
 fn not_for_looks(option: &str, path: &Path) -> Error {
@@ -173,9 +274,9 @@ fn text(info: &RenderInfo) -> String {
 }
 
 /// The camera that was asked for; what was not is taken from the view that shows the whole model.
-fn camera(args: &RenderArgs, scene: &Scene, options: &RenderOptions) -> Camera {
-    let framed = portrait(scene.mesh(), options);
-    let center = scene.mesh().world_from_mesh.offset;
+fn camera(args: &RenderArgs, mesh: &Mesh, options: &RenderOptions) -> Camera {
+    let framed = portrait(mesh, options);
+    let center = mesh.world_from_mesh.offset;
     let target = args.target.unwrap_or(center);
     let fov_degrees = args.fov.unwrap_or(framed.fov_degrees);
     match (args.eye, args.target) {
@@ -199,11 +300,43 @@ pub(crate) fn save(picture: &Picture, path: &Path, context: &Context) -> Result<
 const MAX_WAIT: Duration = Duration::from_secs(600);
 
 /// What was drawn, and on what.
-pub(super) struct GpuRendering {
-    pub(super) picture: Picture,
-    pub(super) adapter: String,
+struct GpuRendering {
+    picture: Picture,
+    adapter: String,
     /// Drawing and reading back, without loading.
-    pub(super) elapsed: Duration,
+    elapsed: Duration,
+}
+
+impl GpuRendering {
+    fn into_parts(self, triangles: u64) -> (Picture, RenderInfo) {
+        let (seconds, adapter) = (self.elapsed.as_secs_f64(), Some(self.adapter));
+        (self.picture, RenderInfo { seconds, triangles, adapter, ..RenderInfo::default() })
+    }
+}
+
+/// Draws a model that has all that it needs.
+fn draw(
+    gpu: &Gpu,
+    model: &mut dyn Model,
+    camera: &Camera,
+    lights: &Lights,
+    options: &RenderOptions,
+    filter: FilterOptions,
+) -> Result<GpuRendering> {
+    let settings = DrawOptions {
+        shading: options.shading,
+        filter,
+        background: options.background,
+        exposure: options.exposure,
+        // Whoever saves the picture brings it into its range.
+        tone_map: None,
+        samples: options.samples,
+        ..DrawOptions::default()
+    };
+    let started = Instant::now();
+    let size = [options.width, options.height];
+    let picture = render_to_picture(gpu, &mut Frame { size, camera, lights, model, options: &settings })?;
+    Ok(GpuRendering { picture, adapter: gpu.info().name.clone(), elapsed: started.elapsed() })
 }
 
 /// Draws a model with its own textures, or an asset through an atlas of at most `pool_bytes`.
@@ -219,25 +352,8 @@ fn render_on_gpu(
     let gpu = Gpu::headless(&GpuOptions::default())?;
     let size = [options.width, options.height];
     let filter = FilterOptions { filter, ..FilterOptions::default() };
-    let draw = DrawOptions {
-        shading: options.shading,
-        filter,
-        background: options.background,
-        exposure: options.exposure,
-        // Whoever saves the picture brings it into its range.
-        tone_map: None,
-        samples: options.samples,
-        ..DrawOptions::default()
-    };
-    let picture_of = |model: &mut dyn Model| {
-        let started = Instant::now();
-        let mut frame = Frame { size, camera, lights, model, options: &draw };
-        let picture = render_to_picture(&gpu, &mut frame)?;
-        let adapter = gpu.info().name.clone();
-        Ok(GpuRendering { picture, adapter, elapsed: started.elapsed() })
-    };
     let Some(asset) = scene.asset() else {
-        return picture_of(&mut UvModel::load(&gpu, scene.mesh())?);
+        return draw(&gpu, &mut UvModel::load(&gpu, scene.mesh())?, camera, lights, options, filter);
     };
     let mut streamed = StreamedModel::open(&gpu, asset.clone(), pool_bytes)?;
     let view = stream_view(camera, size, streamed.model.space());
@@ -255,7 +371,7 @@ fn render_on_gpu(
     for (parcel, error) in streamed.streamer.damaged().take(4) {
         context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));
     }
-    picture_of(&mut streamed.model)
+    draw(&gpu, &mut streamed.model, camera, lights, options, filter)
 }
 
 #[derive(Debug, Default, Serialize)]

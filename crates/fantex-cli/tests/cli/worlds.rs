@@ -1,7 +1,10 @@
 //! `fantex split` and `fantex world`, and what `info` and `verify` say of worlds.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use fantex::texture::compare::psnr_db;
+use fantex::texture::{Image, Samples};
 use serde_json::Value;
 
 use crate::{COLORED_PLY, CUBE_OBJ, fails, files, json, succeeds, write};
@@ -20,7 +23,7 @@ fn an_asset_is_split_and_verified() {
     let asset = land(folder.path());
     let before = std::fs::read(&asset).unwrap();
     let target = folder.path().join("out/land");
-    let split = [&"split" as &dyn AsRef<std::ffi::OsStr>, &asset, &"-o", &target, &"--triangles", &"8k"];
+    let split = [&"split" as &dyn AsRef<OsStr>, &asset, &"-o", &target, &"--triangles", &"8k"];
     let info = json(&split);
     let sectors = info["sectors"].as_u64().unwrap();
     assert!((3..=6).contains(&sectors), "{info}");
@@ -141,7 +144,6 @@ fn what_is_wrong_with_a_world_is_said() {
     fails(1, &["is a world", "one of its assets"], &[&"preview", &index]);
     fails(1, &["is a world", "one of its assets"], &[&"split", &index, &"-o", &out]);
     fails(1, &["is a world"], &[&"info", &index, &"--texels", &"1M"]);
-    fails(1, &["is a world"], &[&"render", &index, &"-o", &folder.path().join("a.png")]);
     fails(1, &["is a world"], &[&"bake", &index, &"-o", &folder.path().join("a.fan")]);
     fails(
         1,
@@ -155,6 +157,52 @@ const STROKES: &str = r#"{ "version": 1, "strokes": [{
     "brush": { "size": { "texels": 400 } },
     "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.9] } }],
     "samples": [{ "at": { "position": LOW } }, { "at": { "position": HIGH } }] }] }"#;
+
+/// The largest difference of two pictures, and their likeness.
+fn difference(a: &Path, b: &Path) -> (u8, f64) {
+    let [a, b] = [a, b].map(|path| Image::load(path).unwrap());
+    let (Samples::U8(x), Samples::U8(y)) = (&a.samples, &b.samples) else { panic!("pictures are bytes") };
+    let largest = x.iter().zip(y).map(|(x, y)| x.abs_diff(*y)).max().unwrap();
+    (largest, psnr_db(&a, &b).unwrap())
+}
+
+#[test]
+fn a_world_is_rendered_like_the_asset_that_was_split() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = land(folder.path());
+    let place = |name: &str| folder.path().join(name);
+    let (target, index) = (place("out"), place("out/land.fanworld"));
+    succeeds(&[&"split", &asset, &"-o", &target, &"--triangles", &"8k"]);
+    let rendered = |subject: &Path, name: &str, more: &[&str]| {
+        let picture = place(name);
+        let mut arguments: Vec<&dyn AsRef<OsStr>> = vec![&"render", &subject, &"-o", &picture];
+        arguments.extend([&"--size" as &dyn AsRef<OsStr>, &"240x160", &"--samples", &"4"]);
+        arguments.extend([&"--eye" as &dyn AsRef<OsStr>, &"0,60,260", &"--target", &"0,20,0"]);
+        arguments.extend(more.iter().map(|text| text as &dyn AsRef<OsStr>));
+        (json(&arguments), picture)
+    };
+    let (info, whole) = rendered(&asset, "whole.png", &[]);
+    let (world_info, world) = rendered(&index, "world.png", &[]);
+    assert_eq!(world_info["triangles"], info["triangles"]);
+    assert_eq!(world_info["lookups"], info["lookups"]);
+    let (largest, _) = difference(&whole, &world);
+    assert!(largest <= 1, "{largest}");
+
+    // What does not fit is shown by its preview, and said.
+    let (info, coarse) = rendered(&index, "coarse.png", &["--memory", "8M"]);
+    assert!(info["triangles"].as_u64() < world_info["triangles"].as_u64(), "{info}");
+    let (_, psnr) = difference(&whole, &coarse);
+    assert!(psnr > 25.0 && psnr < 60.0, "{psnr} dB");
+    let near = [&"--eye" as &dyn AsRef<OsStr>, &"0,60,260", &"--target", &"0,20,0", &"--size", &"240x160"];
+    let render = [&"render" as &dyn AsRef<OsStr>, &index, &"-o", &place("a.png"), &"--memory", &"8M"];
+    let said = crate::stderr(&crate::run(&[&render[..], &near].concat()));
+    assert!(said.contains("coarser than the picture could show"), "{said}");
+
+    std::fs::remove_file(place("out/sector-0001.fan")).unwrap();
+    fails(1, &["sector-0001.fan"], &[&"render", &index, &"-o", &place("none.png")]);
+    fails(1, &["world"], &[&"render", &index, &"--look", &index, &"-o", &place("none.png")]);
+    assert!(!place("none.png").exists());
+}
 
 fn fails_to_verify(index: &Path, words: &[&str]) {
     let output = crate::run(&[&"--json", &"verify", &index]);
