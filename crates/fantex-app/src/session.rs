@@ -27,7 +27,7 @@ use crate::display::{Overlay, ShadingView};
 use crate::document::Answer;
 use crate::export::Preset;
 use crate::paint::{
-    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
+    AlphaShown, BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
     SymmetrySettings, TextureChoice, parse_hex,
 };
 use crate::settings::{Tab, read_limited};
@@ -97,6 +97,14 @@ pub enum Step {
     SaveCopy(PathBuf),
     /// Gives the asset that is painted on further channels.
     AddChannels(Vec<KindName>),
+    /// Takes channels out of it, without asking.
+    RemoveChannels(Vec<KindName>),
+    /// What the materials of what is painted on make of the opacity.
+    ShowAlpha(AlphaShown),
+    /// Where the tool `opacity` brings the opacity, 0..1.
+    OpacityTo(f32),
+    /// Shows the height alone, or no longer.
+    SeeHeight(bool),
     /// Waits until it is exported or copied, at most so many seconds.
     WaitExported(f64),
     /// Answers what is asked before a model is painted on.

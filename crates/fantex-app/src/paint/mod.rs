@@ -36,11 +36,11 @@ pub use layer_list::{LayerRow, drop_place, layer_rows};
 pub use painting::Painting;
 pub use placing::PlacingOutline;
 pub use settings::{
-    ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
-    paint_shortcuts,
+    AlphaShown, ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
+    channel_name, paint_shortcuts,
 };
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};
 pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice};
 pub use thumbnails::{THUMBNAIL, Thumbnail};
-pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};
+pub use worker::{Alone, LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};

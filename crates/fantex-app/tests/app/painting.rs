@@ -651,3 +651,36 @@ fn pictures_are_laid_as_normals_and_heights() {
         "{found:?} {replayed:?}"
     );
 }
+
+/// Whatever the brush else paints; on the base and on layers, not on masks. The log repeats it.
+#[test]
+fn opacity_is_painted_alone() {
+    let mut studio = Studio::open();
+    (studio.settings.tool, studio.settings.channels.color) = (PaintTool::Opacity, false);
+    studio.settings.brush.flow = 1.0;
+    studio.stroke();
+    assert_eq!(studio.painting.snapshot.done, ["opacity"]);
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
+    studio.wait();
+    let layer = studio.painting.snapshot.layers[0].id();
+    studio.painting.layer_action(&LayerAction::AddMask(layer, true), &studio.settings).unwrap();
+    studio.wait();
+    let steps = studio.painting.snapshot.done.len();
+    studio.stroke();
+    assert_eq!(studio.painting.snapshot.done.len(), steps);
+    assert!(studio.notices.shown().any(|notice| notice.text.contains("A mask has no opacity")));
+    let at = studio.view.hit(&studio.painting.surface, DVec2::new(0.55, 0.845)).unwrap();
+    let path = studio.path.clone();
+    let _folder = studio.close();
+    let value = |path: &Path| Painter::open(path, &PaintOptions::default()).unwrap().pick(0, at).unwrap();
+    let (_replayed, again) = replayed_log(&path);
+    let (_fresh, plain) = {
+        let folder = tempfile::tempdir().unwrap();
+        let path = small_asset(folder.path());
+        (folder, path)
+    };
+    let [painted, again, plain] = [&path, &again, &plain].map(|path| value(path));
+    assert!(painted.w < 0.1 && plain.w == 1.0, "{painted} {plain}");
+    assert!((painted - plain).truncate().abs().max_element() < 0.05, "{painted} {plain}");
+    assert!((painted - again).abs().max_element() < 0.05, "{painted} {again}");
+}

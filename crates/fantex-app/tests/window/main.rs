@@ -3,6 +3,8 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
+#[cfg(target_os = "linux")]
+mod clipboard;
 mod display;
 mod painting;
 #[cfg(target_os = "linux")]
