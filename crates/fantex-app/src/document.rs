@@ -8,7 +8,9 @@ use fantex::bake::Progress;
 use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
 use fantex::gpu::ModelSpace;
-use fantex::mesh::{AlphaMode, CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load};
+use fantex::mesh::{
+    AlphaMode, CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load,
+};
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, AssetEditor, ChannelKind, EditOptions, cover_level_count};

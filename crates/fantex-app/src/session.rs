@@ -197,6 +197,12 @@ pub enum Step {
         #[serde(default)]
         steps: Option<usize>,
     },
+    /// Waits until there is a file, at most so many seconds.
+    #[cfg(feature = "test-steps")]
+    WaitFile {
+        path: PathBuf,
+        seconds: f64,
+    },
     Quit,
 }
 
@@ -312,6 +318,8 @@ impl Step {
             Self::Texture(TextureChoice { look: Some(path), .. })
             | Self::Stencil(StencilSettings { image: Some(path), .. }) => *path = folder.join(&*path),
             #[cfg(feature = "test-steps")]
+            Self::WaitFile { path, .. } => *path = folder.join(&*path),
+            #[cfg(feature = "test-steps")]
             Self::Copy { from, to } => (*from, *to) = (folder.join(&*from), folder.join(&*to)),
             Self::Open(place) if !place.contains("://") => {
                 *place = folder.join(&*place).to_string_lossy().into_owned();
@@ -374,9 +382,11 @@ pub struct SessionRunner {
 }
 
 /// What is waited for, from a frame on and at most so many seconds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Wait {
     is_over: fn(&Situation) -> bool,
+    /// A file that must be there, too.
+    file: Option<PathBuf>,
     frame: u64,
     since: f64,
     seconds: f64,
@@ -395,8 +405,9 @@ impl SessionRunner {
     /// # Errors
     /// A step failed or took too long.
     pub fn next(&mut self, now: &Situation) -> Result<Act> {
-        if let Some(wait) = self.wait {
-            let is_over = now.frame >= wait.frame && (wait.is_over)(now);
+        if let Some(wait) = self.wait.clone() {
+            let is_there = wait.file.as_ref().is_none_or(|file| file.exists());
+            let is_over = now.frame >= wait.frame && is_there && (wait.is_over)(now);
             if !is_over && now.seconds - wait.since > wait.seconds {
                 let Wait { seconds, problem, .. } = wait;
                 return Err(at_step(self.number, format!("after {seconds} s {problem}")));
@@ -410,6 +421,7 @@ impl SessionRunner {
         self.number += 1;
         let frames = |count: u32| Wait {
             is_over: |_| true,
+            file: None,
             frame: now.frame + u64::from(count),
             since: now.seconds,
             seconds: f64::INFINITY,
@@ -454,6 +466,11 @@ impl SessionRunner {
             Step::WaitSaved(seconds) => {
                 let is_saved = |now: &Situation| !now.is_painting && !now.is_unsaved;
                 (Wait { frame: now.frame + 2, ..until(is_saved, *seconds, "not all was saved") }, false)
+            }
+            #[cfg(feature = "test-steps")]
+            Step::WaitFile { path, seconds } => {
+                let file = Some(path.clone());
+                (Wait { file, ..until(|_| true, *seconds, "there was no such file") }, false)
             }
             #[cfg(feature = "test-steps")]
             Step::ExpectMessage(text) => {

@@ -7,8 +7,8 @@
 //! no more memory than a short one); `history/index` names them. They are committed together with the texels, so a
 //! restart finds both in agreement.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fantex_base::Result;
 use fantex_store::{AssetEditor, PageId};
@@ -280,7 +280,11 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
         Record::Attachment { name, contents } => {
             let contents = direction.chosen(contents);
             if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
-                return Err(damaged(editor.asset(), "history", "a step changes what is neither layer nor log"));
+                return Err(damaged(
+                    editor.asset(),
+                    "history",
+                    "a step changes what is neither layer nor log",
+                ));
             }
             // A step from before channels were added knows nothing of them.
             let contents = with_added_channels(editor, &name, contents)?;

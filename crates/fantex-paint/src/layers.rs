@@ -34,8 +34,8 @@ use crate::stroke_page::StrokePage;
 use crate::texel_page::Rect;
 use crate::work::{FlattenWork, Work};
 use crate::{
-    BlendMode, ChannelPaint, GraphFill, GroupKind, LayerMove, LayerPlace, MaskSource, Painter, StrokeSettings,
-    Tool,
+    BlendMode, ChannelPaint, GraphFill, GroupKind, LayerMove, LayerPlace, MaskSource, Painter,
+    StrokeSettings, Tool,
 };
 
 pub(crate) const INDEX: &str = "layers/index";

@@ -15,7 +15,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::{Error, Result};
 use fantex_store::{
-    Asset, AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_extent, page_origin,
+    Asset, AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full,
+    page_extent, page_origin,
 };
 use glam::Vec4;
 use rayon::prelude::*;
@@ -326,9 +327,15 @@ impl Painter {
             return Err(Error::invalid(sentence));
         }
         let channels = self.editor.asset().channels();
-        match paint.channels.iter().map(|painted| channels[painted.channel].kind).find(|kind| *kind != ChannelKind::BaseColor) {
+        match paint
+            .channels
+            .iter()
+            .map(|painted| channels[painted.channel].kind)
+            .find(|kind| *kind != ChannelKind::BaseColor)
+        {
             Some(kind) => {
-                let sentence = format!("the channel {kind} has no opacity: only the base colour's can be painted");
+                let sentence =
+                    format!("the channel {kind} has no opacity: only the base colour's can be painted");
                 Err(Error::invalid(sentence))
             }
             None => Ok(()),

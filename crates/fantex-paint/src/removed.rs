@@ -15,7 +15,9 @@ use crate::error::{damaged, encoded};
 use crate::graph::FillTextures;
 use crate::layers::{self, Layers, TEXEL_BYTES, base_page_of_suffix, page_of_suffix, prefix};
 use crate::relief::Relief;
-use crate::{FillSettings, History, Layer, LayerContent, Painter, StrokeSettings, Target, added, history, log};
+use crate::{
+    FillSettings, History, Layer, LayerContent, Painter, StrokeSettings, Target, added, history, log,
+};
 
 impl Painter {
     /// Takes channels out of the asset, with all that was baked and painted in them, and commits. That is no step of the history; earlier
@@ -55,7 +57,8 @@ impl Painter {
     ) -> Result<()> {
         self.commit()?;
         let asset = Arc::clone(self.editor.asset());
-        let mut removal = Removal { asset: &asset, kinds, removed, forgets_history, emptied: BTreeSet::new() };
+        let mut removal =
+            Removal { asset: &asset, kinds, removed, forgets_history, emptied: BTreeSet::new() };
         removal.find_emptied(&self.history)?;
         let change = |name: &str, contents| removal.changed(name, contents);
         self.editor.remove_channels(kinds, |name| Removal::concerns(name), change)?;
@@ -173,7 +176,12 @@ impl Removal<'_> {
             let kept = self.asset.channels().iter().map(|channel| channel.kind);
             let other = kept.filter(|kind| !self.kinds.contains(kind)).next();
             stroke.channels.truncate(1);
-            stroke.channels.iter_mut().zip(other).filter(|_| is_gone).for_each(|(mask, kind)| mask.kind = kind);
+            stroke
+                .channels
+                .iter_mut()
+                .zip(other)
+                .filter(|_| is_gone)
+                .for_each(|(mask, kind)| mask.kind = kind);
             return encoded(&stroke).map(Some);
         }
         let had_channels = !stroke.channels.is_empty();

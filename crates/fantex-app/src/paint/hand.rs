@@ -311,7 +311,9 @@ impl Painting {
             }
             let Some(index) = self.channels.iter().position(|channel| channel.kind == ChannelKind::BaseColor)
             else {
-                return Err("The asset has no base colour, which holds the opacity: Add channel gives it one.".into());
+                return Err(
+                    "The asset has no base colour, which holds the opacity: Add channel gives it one.".into(),
+                );
             };
             channels = vec![ChannelPaint::new(index, PaintColor::Constant(color))];
         }

@@ -36,8 +36,8 @@ pub use layer_list::{LayerRow, drop_place, layer_rows};
 pub use painting::Painting;
 pub use placing::PlacingOutline;
 pub use settings::{
-    AlphaShown, ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
-    channel_name, paint_shortcuts,
+    AlphaShown, ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse,
+    StickerKind, channel_name, paint_shortcuts,
 };
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};

@@ -440,11 +440,7 @@ impl Worker {
 
     /// The bytes of a page in a channel that looks different for the moment. `shown`: those of channels that are not shown as they are
     /// kept.
-    fn alone(
-        &mut self,
-        page: PageId,
-        shown: &BTreeMap<usize, Vec<u8>>,
-    ) -> Result<Option<(usize, Vec<u8>)>> {
+    fn alone(&mut self, page: PageId, shown: &BTreeMap<usize, Vec<u8>>) -> Result<Option<(usize, Vec<u8>)>> {
         match self.seen_alone {
             Some(Alone::Mask(id)) => {
                 let has_mask = |layer: &Layer| layer.id() == id && layer.mask.is_some();

@@ -202,7 +202,7 @@ impl Driver {
             Step::LoseDevice => viewer.request(Request::LoseDevice),
             // The runner itself waits, compares and ends.
             #[cfg(feature = "test-steps")]
-            Step::ExpectPainting { .. } | Step::ExpectMessage(_) => {}
+            Step::ExpectPainting { .. } | Step::ExpectMessage(_) | Step::WaitFile { .. } => {}
             Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)

@@ -27,7 +27,9 @@ impl Viewer {
         let channels = self.painting.as_ref().map_or(&[][..], |painting| &painting.channels);
         if channels.iter().all(|channel| channel.kind == kind) {
             let name = channel_name(kind);
-            return self.notices.warning(format!("{name} cannot be removed: an asset needs a channel, and this one has no other."));
+            return self.notices.warning(format!(
+                "{name} cannot be removed: an asset needs a channel, and this one has no other."
+            ));
         }
         self.removal = Some(kind);
     }
@@ -51,7 +53,9 @@ impl Viewer {
             ChannelKind::Light | ChannelKind::Anisotropy => " Only a bake makes such a channel again.",
             _ => "",
         };
-        format!("The channel {name} goes with all that it holds, on the base{layers}. This cannot be undone.{relief}")
+        format!(
+            "The channel {name} goes with all that it holds, on the base{layers}. This cannot be undone.{relief}"
+        )
     }
 
     /// Takes channels out of what is painted on.

@@ -12,7 +12,9 @@ use crate::display::ShadingView;
 use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
-use crate::paint::{Alone, LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
+use crate::paint::{
+    Alone, LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside,
+};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::{SceneInput, Viewer};
 
@@ -160,17 +162,16 @@ impl Viewer {
             drop(leaving);
             drop(before.and_then(|opening| opening.job.wait()));
             let (document, painting) = if paints {
-                let (mut document, painter) =
-                    match Document::open_for_painting(
-                        &from,
-                        memory,
-                        answered.as_ref(),
-                        change.as_ref(),
-                        &for_thread,
-                    )? {
-                        ForPainting::Ready(ready) => *ready,
-                        ForPainting::Question(question) => return Ok(Loaded::Question(question)),
-                    };
+                let (mut document, painter) = match Document::open_for_painting(
+                    &from,
+                    memory,
+                    answered.as_ref(),
+                    change.as_ref(),
+                    &for_thread,
+                )? {
+                    ForPainting::Ready(ready) => *ready,
+                    ForPainting::Question(question) => return Ok(Loaded::Question(question)),
+                };
                 let path = painter.editor().asset().path().to_owned();
                 let painting = Painting::new(painter, brushes_file, Arc::new(wake)).map_err(|source| {
                     let path = path.display();

@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
+use eframe::egui::accesskit::Role;
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
+use fantex::paint::Target;
 use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
@@ -345,9 +347,8 @@ fn layers_are_dragged_with_the_mouse_into_groups_and_out_of_them() {
     let mut harness = harness(viewer, [1380.0, 1600.0]);
     harness.run_steps(2);
     assert_eq!(listed(&harness), ["Layer 3", "Group 1", "  Layer 2", "Layer 1"]);
-    let steps = |harness: &Harness<'static, Viewer>| {
-        harness.state().painting.as_ref().unwrap().snapshot.done.len()
-    };
+    let steps =
+        |harness: &Harness<'static, Viewer>| harness.state().painting.as_ref().unwrap().snapshot.done.len();
     let before = steps(&harness);
     let middle = |harness: &Harness<'static, Viewer>, name: &str| harness.get_by_label(name).rect().center();
     let row = middle(&harness, "Group 1").y - middle(&harness, "Layer 3").y;
@@ -383,7 +384,7 @@ fn layers_are_dragged_with_the_mouse_into_groups_and_out_of_them() {
     assert_eq!(listed(&harness), ["Layer 1", "Group 1"]);
     let from = middle(&harness, "Layer 1");
     drag(&mut harness, &[from, from + vec2(0.0, row), from + vec2(40.0, row)]);
-    assert_eq!(listed(&harness), ["Group 1", "  Layer 2", "  Layer 3", "  Layer 1"]);
+    assert_eq!(listed(&harness), ["Group 1", "  Layer 1", "  Layer 2", "  Layer 3"]);
     for _ in 0..6 {
         harness.get_by_label("Undo").click();
         harness.run_steps(1);
@@ -420,13 +421,14 @@ fn channels_are_removed_once_the_user_says_so() {
     wait_opened(&mut harness);
     harness.state_mut().layer_action(&LayerAction::Add);
     wait_painted(harness.state_mut());
+    // Else the layer's own switches are there, too.
+    harness.state_mut().layer_action(&LayerAction::Select(Target::Base));
     harness.run_steps(2);
     let choose = |harness: &mut Harness<'static, Viewer>| {
         harness.get_by_label("Remove channel").click();
         harness.run_steps(2);
-        // Below the switch of the brush lies the menu.
-        let all: Vec<_> = harness.query_all_by_label("Emission").collect();
-        all[all.len() - 1].click();
+        // The switch of the brush is no button.
+        harness.get_by_role_and_label(Role::Button, "Emission").click();
         harness.run_steps(2);
     };
     choose(&mut harness);
@@ -454,5 +456,7 @@ fn channels_are_removed_once_the_user_says_so() {
     assert_eq!(kinds(&harness), [*first]);
     harness.state_mut().ask_removal(*first);
     assert!(harness.state().removal.is_none());
-    assert!(harness.state().notices.shown().any(|notice| notice.text.contains("an asset needs a channel")));
+    assert!(
+        harness.state_mut().notices.shown().any(|notice| notice.text.contains("an asset needs a channel"))
+    );
 }

@@ -77,8 +77,8 @@ fn answer(
     connection.flush().unwrap();
 }
 
-/// Presses `Ctrl` + `V` in the window of the program, once a file is there.
-fn paste_after(display: &str, ready: &Path) {
+/// Presses `Ctrl` + `V` in the window of the program, once a file is there; then makes another one.
+fn paste_between(display: &str, ready: &Path, pressed: &Path) {
     let started = Instant::now();
     while !ready.exists() {
         assert!(started.elapsed() < Duration::from_secs(240), "{} does not come", ready.display());
@@ -102,12 +102,16 @@ fn paste_after(display: &str, ready: &Path) {
         let at = mapping.keysyms.chunks(per_key).position(|symbols| symbols[0] == symbol).unwrap();
         first + at as u8
     };
-    for (kind, symbol) in
-        [(KEY_PRESS_EVENT, CONTROL), (KEY_PRESS_EVENT, V), (KEY_RELEASE_EVENT, V), (KEY_RELEASE_EVENT, CONTROL)]
-    {
-        std::thread::sleep(Duration::from_millis(150));
+    for (kind, symbol) in [
+        (KEY_PRESS_EVENT, CONTROL),
+        (KEY_PRESS_EVENT, V),
+        (KEY_RELEASE_EVENT, V),
+        (KEY_RELEASE_EVENT, CONTROL),
+    ] {
+        std::thread::sleep(Duration::from_millis(50));
         connection.xtest_fake_input(kind, code(symbol), 0, root, 0, 0, 0).unwrap().check().unwrap();
     }
+    std::fs::write(pressed, "").unwrap();
 }
 
 #[test]
@@ -121,14 +125,15 @@ fn a_picture_of_another_program_is_pasted() {
     texels[0][3] = 0.5;
     Image::from_linear_rgba(8, 8, &texels).save(at.join("red.png")).unwrap();
     offer(&display, std::fs::read(at.join("red.png")).unwrap());
-    let (name, ready) = (display.name(), at.join("ready.png"));
-    let keys = std::thread::spawn(move || paste_after(&name, &ready));
+    let (name, [ready, pressed]) = (display.name(), ["ready.png", "pressed"].map(|name| at.join(name)));
+    let keys = std::thread::spawn(move || paste_between(&name, &ready, &pressed));
     let steps = r#"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"window_screenshot":{"path":"ready.png"}},
-        {"wait_frames":240},{"window_screenshot":{"path":"pasted.png"}},"quit""#;
+        {"wait_file":{"path":"pressed","seconds":240}},{"wait_frames":12},{"window_screenshot":{"path":"pasted.png"}},"quit""#;
     let (asset, settings) = (asset.to_string_lossy(), at.join("kept/settings.json"));
     std::fs::create_dir(at.join("kept")).unwrap();
     let arguments = [&*asset, "--paint", "--settings", &*settings.to_string_lossy()];
     check_success(&display.run(at, &arguments, steps));
+    super::painting::keep_pictures(at, "clipboard");
     keys.join().unwrap();
     let kept: Vec<_> = std::fs::read_dir(at.join("kept/pasted")).unwrap().collect();
     assert_eq!(kept.len(), 1);

@@ -229,7 +229,7 @@ fn a_text_is_placed_by_handles() {
 }
 
 /// Leaves pictures for the eye where `FANTEX_PICTURES` names a folder.
-fn keep_pictures(from: &std::path::Path, name: &str) {
+pub(super) fn keep_pictures(from: &std::path::Path, name: &str) {
     let Some(to) = std::env::var_os("FANTEX_PICTURES") else { return };
     let to = std::path::Path::new(&to).join(name);
     std::fs::create_dir_all(&to).unwrap();

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::base::files::{persist, temporary_file};
+use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
 use fantex::store::{AssetEditor, ChannelKind, EditOptions};
@@ -160,7 +161,12 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     // Opening says what is wrong with files of other kinds.
-    let opens = || open_asset(&args.asset).map(drop);
+    let opens = || {
+        // What is changed in place is not protected as an input.
+        let protect_inputs = args.output.is_some() && ReadLimits::current().options().protect_inputs;
+        let options = ReadOptions { protect_inputs, ..*ReadLimits::current().options() };
+        ReadLimits::new(options).run(|| open_asset(&args.asset)).map(drop)
+    };
     let strokes = match (&args.replay, &args.replay_log) {
         (None, None) if args.changes_asset() => opens().map(|()| Strokes::None)?,
         (None, None) => {

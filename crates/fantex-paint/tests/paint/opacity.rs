@@ -35,12 +35,14 @@ fn pick(painter: &mut Painter, position: Vec3) -> Vec4 {
 /// It goes down and up again, in all formats that keep alpha, and colours stay; so does all that is not covered.
 #[test]
 fn opacity_goes_down_and_up_and_colours_stay() {
-    for (format, tolerance) in [(BakeFormat::Bc7, 0.04), (BakeFormat::Rgba8, 0.003), (BakeFormat::Float, 1e-6)] {
+    for (format, tolerance) in
+        [(BakeFormat::Bc7, 0.04), (BakeFormat::Rgba8, 0.003), (BakeFormat::Float, 1e-6)]
+    {
         let baked = ball(40_000, format);
         let mut painter = baked.painter();
         let before = contents(&painter);
         let [there, beside] = [LINE[0], -Vec3::X].map(|position| pick(&mut painter, position));
-        assert_eq!(there.w, 1.0);
+        assert!(there.w > 0.99);
         for to in [0.25, 0.0, 0.75, 1.0] {
             paint_on(&mut painter, Target::Base, opacity(to));
             let found = pick(&mut painter, LINE[0]);

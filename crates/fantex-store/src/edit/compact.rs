@@ -143,7 +143,8 @@ impl<'a> Rewrite<'a> {
         for (index, record) in asset.slot().sections.iter().enumerate().take(3) {
             let changed = match (SECTION_NAMES[index], self.mesh) {
                 ("channel", _) if !self.is_copy() => {
-                    let channels: Vec<Channel> = self.channels.iter().map(|new| new.channel.clone()).collect();
+                    let channels: Vec<Channel> =
+                        self.channels.iter().map(|new| new.channel.clone()).collect();
                     Some(encode_channels(&channels))
                 }
                 ("mesh", Some(mesh)) => Some(mesh_section::encode(mesh)),

@@ -1,8 +1,8 @@
 //! The brush: its preview, its numbers, and the brushes that are kept.
 
 use crate::paint::{
-    AlphaShown, BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit, StickerKind,
-    preview_stroke,
+    AlphaShown, BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit,
+    StickerKind, preview_stroke,
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
@@ -105,7 +105,8 @@ fn alpha_shown(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
     let known = painting.alpha_shown();
     let mut shown = known;
-    let tip = "What all materials of the model make of the opacity; the asset is saved and opened again for it";
+    let tip =
+        "What all materials of the model make of the opacity; the asset is saved and opened again for it";
     row(ui, "Shows", |ui| choice(ui, "alpha shown", &mut shown, &AlphaShown::ALL).on_hover_text(tip));
     if shown != known {
         viewer.show_alpha(shown);

@@ -9,8 +9,8 @@ use fantex::store::ChannelKind;
 
 use crate::display::ShadingView;
 use crate::paint::{
-    Alone, ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, channel_name, color_of_hex, parse_hex,
-    text_hex,
+    Alone, ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, channel_name, color_of_hex,
+    parse_hex, text_hex,
 };
 use crate::panels::widgets::{
     cached_texture, file_button, framed_picture, named_choice, number, row, segments,
@@ -102,7 +102,12 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal(|ui| {
         ui.label(RichText::new("Channels").color(theme::STRONG).strong());
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            removed = kind_menu(ui, "Remove channel", &known, "Take a channel out of the asset, with what it holds");
+            removed = kind_menu(
+                ui,
+                "Remove channel",
+                &known,
+                "Take a channel out of the asset, with what it holds",
+            );
             if !missing.is_empty() {
                 let tip = "Give the asset a further channel; it looks as before until that is painted";
                 added = kind_menu(ui, "Add channel", &missing, tip);
