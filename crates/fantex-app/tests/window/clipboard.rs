@@ -1,7 +1,7 @@
 //! A picture of another program's clipboard, pasted with real keys.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fantex::texture::{Image, Samples};
 use x11rb::COPY_DEPTH_FROM_PARENT;
@@ -16,7 +16,7 @@ use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::display::Display;
+use super::display::{Display, wait_for};
 use super::{check_success, difference, save_asset};
 
 /// X11's numbers of keys.
@@ -79,11 +79,7 @@ fn answer(
 
 /// Presses `Ctrl` + `V` in the window of the program, once a file is there; then makes another one.
 fn paste_between(display: &str, ready: &Path, pressed: &Path) {
-    let started = Instant::now();
-    while !ready.exists() {
-        assert!(started.elapsed() < Duration::from_secs(240), "{} does not come", ready.display());
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_for(ready);
     let (connection, screen) = x11rb::connect(Some(display)).unwrap();
     let root = connection.setup().roots[screen].root;
     let is_ours = |window: &Window| {

@@ -6,6 +6,8 @@
 #[cfg(target_os = "linux")]
 mod clipboard;
 mod display;
+#[cfg(target_os = "linux")]
+mod mouse;
 mod painting;
 #[cfg(target_os = "linux")]
 mod pen;
