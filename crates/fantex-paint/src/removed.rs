@@ -61,7 +61,7 @@ impl Painter {
             Removal { asset: &asset, kinds, removed, forgets_history, emptied: BTreeSet::new() };
         removal.find_emptied(&self.history)?;
         let change = |name: &str, contents| removal.changed(name, contents);
-        self.editor.remove_channels(kinds, |name| Removal::concerns(name), change)?;
+        self.editor.remove_channels(kinds, Removal::concerns, change)?;
         self.layers = Layers::load(&self.editor)?;
         self.history = History::load(&self.editor)?;
         self.fills = FillTextures::default();
@@ -173,15 +173,14 @@ impl Removal<'_> {
         let is_gone = stroke.channels.first().is_some_and(|first| self.kinds.contains(&first.kind));
         if stroke.layer.as_ref().is_some_and(|layer| layer.mask) {
             // Its first colour counts, in whatever channel.
-            let kept = self.asset.channels().iter().map(|channel| channel.kind);
-            let other = kept.filter(|kind| !self.kinds.contains(kind)).next();
+            let mut kinds = self.asset.channels().iter().map(|channel| channel.kind);
             stroke.channels.truncate(1);
-            stroke
-                .channels
-                .iter_mut()
-                .zip(other)
-                .filter(|_| is_gone)
-                .for_each(|(mask, kind)| mask.kind = kind);
+            if is_gone
+                && let Some(other) = kinds.find(|kind| !self.kinds.contains(kind))
+                && let Some(first) = stroke.channels.first_mut()
+            {
+                first.kind = other;
+            }
             return encoded(&stroke).map(Some);
         }
         let had_channels = !stroke.channels.is_empty();

@@ -7,7 +7,16 @@ use fantex::paint::{
 };
 use fantex::store::{Channel, ChannelKind};
 
-use crate::paint::{Alone, ChosenTexture, Order, PaintSettings, PaintThread, Painting, Snapshot};
+use crate::paint::{ChosenTexture, Order, PaintSettings, PaintThread, Painting, Snapshot};
+
+/// What is seen instead of the base colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alone {
+    /// The mask of a layer, by its number.
+    Mask(u64),
+    /// The height: black is 0, white 1.
+    Height,
+}
 
 /// A layer on its way to another place.
 #[derive(Clone, Debug, PartialEq)]

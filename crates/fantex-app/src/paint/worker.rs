@@ -21,7 +21,7 @@ use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoa
 
 use crate::paint::exchange::{page_texels, parcel_texels};
 use crate::paint::thumbnails::Thumbnails;
-use crate::paint::{Exchange, Thumbnail, Viewpoint};
+use crate::paint::{Alone, Exchange, Thumbnail, Viewpoint};
 use crate::viewer::Wake;
 
 /// Between strokes, changes are committed after this delay.
@@ -862,15 +862,6 @@ impl Worker {
         self.tell_state();
         Ok(())
     }
-}
-
-/// What is seen instead of the base colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Alone {
-    /// The mask of a layer, by its number.
-    Mask(u64),
-    /// The height: black is 0, white 1.
-    Height,
 }
 
 /// Whether an order applies what is shown and not applied yet.

@@ -117,9 +117,8 @@ impl AssetEditor {
     /// The asset has none of a kind, or no other channel.
     pub fn removable_channels(&self, kinds: &[ChannelKind]) -> Result<Vec<usize>> {
         let path = self.asset.path();
-        let refused = |kind: ChannelKind, why: &str| {
-            let sentence = format!("cannot remove the channel {kind} from {}: {why}", path.display());
-            Error::invalid(sentence).with_path(path)
+        let sentence = |kind: ChannelKind, why: &str| {
+            format!("cannot remove the channel {kind} from {}: {why}", path.display())
         };
         let channels = self.asset.channels();
         let mut removed = Vec::new();
@@ -127,14 +126,15 @@ impl AssetEditor {
             let known = removed.len();
             removed.extend((0..channels.len()).filter(|&index| channels[index].kind == kind));
             if removed.len() == known {
-                return Err(refused(kind, "it has none"));
+                return Err(Error::not_found(sentence(kind, "it has none")).with_path(path));
             }
         }
         removed.sort_unstable();
         removed.dedup();
         match kinds.last() {
             Some(&last) if removed.len() == channels.len() => {
-                Err(refused(last, "it has no other channel, and an asset needs one"))
+                let why = "it has no other channel, and an asset needs one";
+                Err(Error::invalid(sentence(last, why)).with_path(path))
             }
             _ => Ok(removed),
         }
