@@ -1,6 +1,7 @@
 //! How the scene is shown: views of the shading, overlays, tone, resolution.
 
 use fantex::scene::{FilterOptions, ToneMap};
+use fantex::store::ChannelKind;
 use fantex::texture::Filter;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +20,17 @@ pub enum ShadingView {
 }
 
 impl ShadingView {
+    /// The view of a channel alone, where there is one.
+    pub fn of_channel(kind: ChannelKind) -> Option<Self> {
+        match kind {
+            ChannelKind::BaseColor => Some(Self::BaseColor),
+            ChannelKind::Normal => Some(Self::Normal),
+            ChannelKind::OcclusionRoughnessMetallic => Some(Self::OcclusionRoughnessMetallic),
+            ChannelKind::Emission => Some(Self::Emission),
+            ChannelKind::Displacement | ChannelKind::Light | ChannelKind::Anisotropy => None,
+        }
+    }
+
     /// All views in the order in which a key goes through them.
     pub const ALL: [(Self, &'static str); 5] = [
         (Self::Lit, "Lit"),

@@ -8,10 +8,12 @@ use fantex::bake::Progress;
 use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
 use fantex::gpu::ModelSpace;
-use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load};
+use fantex::mesh::{
+    AlphaMode, CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load,
+};
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::scene::world_bounds;
-use fantex::store::{Asset, ChannelKind, cover_level_count};
+use fantex::store::{Asset, AssetEditor, ChannelKind, EditOptions, cover_level_count};
 use fantex::stream::{open_asset, url_of};
 use fantex::{FileKind, World, WorldObject};
 use serde::Deserialize;
@@ -110,13 +112,40 @@ fn is_look_error(path: &Path) -> Error {
     Error::unsupported(sentence).with_path(path)
 }
 
+/// What becomes of an asset's channels before it is painted on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ChannelChange {
+    Add(Vec<ChannelKind>),
+    Remove(Vec<ChannelKind>),
+    /// What its materials make of alpha.
+    Alpha(AlphaMode),
+}
+
+impl ChannelChange {
+    /// Opens an asset to paint on, with this change. Where it cannot be made, the asset stays as it is, and the reason comes back, too.
+    fn open(&self, path: &Path, options: &PaintOptions) -> Result<(Painter, Result<()>)> {
+        if let Self::Alpha(mode) = self {
+            let editor = AssetEditor::open(path, &EditOptions::default());
+            let made = editor.and_then(|mut editor| editor.set_alpha_mode(*mode));
+            return Ok((Painter::open(path, options)?, made));
+        }
+        let mut painter = Painter::open(path, options)?;
+        let made = match self {
+            Self::Add(kinds) => painter.add_channels(kinds),
+            Self::Remove(kinds) => painter.remove_channels(kinds),
+            Self::Alpha(_) => Ok(()),
+        };
+        Ok((painter, made))
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Stage {
     Reading,
     Cleaning,
     Baking,
-    Adding,
+    Channels,
     Preparing,
 }
 
@@ -125,7 +154,7 @@ impl Stage {
         (Self::Reading, "Reading"),
         (Self::Cleaning, "Cleaning the mesh"),
         (Self::Baking, "Making an asset to paint on"),
-        (Self::Adding, "Adding channels"),
+        (Self::Channels, "Changing channels"),
         (Self::Preparing, "Preparing textures"),
     ];
 }
@@ -230,7 +259,7 @@ impl Document {
     }
 
     /// Opens an asset to paint on it. A model becomes an asset beside it first, unless that is there already; without an answer to
-    /// how, that is asked. Takes no longer for more texels, unless channels are to be added.
+    /// how, that is asked. Takes no longer for more texels, unless channels are to be added or removed.
     ///
     /// # Errors
     /// One sentence for the user.
@@ -238,7 +267,7 @@ impl Document {
         place: &Place,
         memory_bytes: usize,
         answer: Option<&Answer>,
-        added: &[ChannelKind],
+        change: Option<&ChannelChange>,
         progress: &OpenProgress,
     ) -> Result<ForPainting> {
         progress.enter(Stage::Reading)?;
@@ -263,16 +292,17 @@ impl Document {
                 },
             },
         };
-        progress.enter(Stage::Preparing)?;
-        let mut painter = Painter::open(&path, &PaintOptions { memory_bytes, history: true })?;
-        if !added.is_empty() {
-            progress.enter(Stage::Adding)?;
-            // What is open stays so.
-            if let Err(error) = painter.add_channels(added) {
-                notes.push(error.to_string());
+        let options = PaintOptions { memory_bytes, history: true };
+        progress.enter(if change.is_some() { Stage::Channels } else { Stage::Preparing })?;
+        let painter = match change {
+            None => Painter::open(&path, &options)?,
+            Some(change) => {
+                let (painter, made) = change.open(&path, &options)?;
+                notes.extend(made.err().map(|error| error.to_string()));
+                progress.enter(Stage::Preparing)?;
+                painter
             }
-            progress.enter(Stage::Preparing)?;
-        }
+        };
         let asset = painter.editor().asset().clone();
         let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
         Ok(ForPainting::Ready(Box::new((document, painter))))

@@ -27,7 +27,7 @@ use crate::display::{Overlay, ShadingView};
 use crate::document::Answer;
 use crate::export::Preset;
 use crate::paint::{
-    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
+    AlphaShown, BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
     SymmetrySettings, TextureChoice, parse_hex,
 };
 use crate::settings::{Tab, read_limited};
@@ -97,6 +97,14 @@ pub enum Step {
     SaveCopy(PathBuf),
     /// Gives the asset that is painted on further channels.
     AddChannels(Vec<KindName>),
+    /// Takes channels out of it, without asking.
+    RemoveChannels(Vec<KindName>),
+    /// What the materials of what is painted on make of the opacity.
+    ShowAlpha(AlphaShown),
+    /// Where the tool `opacity` brings the opacity, 0..1.
+    OpacityTo(f32),
+    /// Shows the height alone, or no longer.
+    SeeHeight(bool),
     /// Waits until it is exported or copied, at most so many seconds.
     WaitExported(f64),
     /// Answers what is asked before a model is painted on.
@@ -188,6 +196,12 @@ pub enum Step {
         /// Steps that can be undone.
         #[serde(default)]
         steps: Option<usize>,
+    },
+    /// Waits until there is a file, at most so many seconds.
+    #[cfg(feature = "test-steps")]
+    WaitFile {
+        path: PathBuf,
+        seconds: f64,
     },
     Quit,
 }
@@ -304,6 +318,8 @@ impl Step {
             Self::Texture(TextureChoice { look: Some(path), .. })
             | Self::Stencil(StencilSettings { image: Some(path), .. }) => *path = folder.join(&*path),
             #[cfg(feature = "test-steps")]
+            Self::WaitFile { path, .. } => *path = folder.join(&*path),
+            #[cfg(feature = "test-steps")]
             Self::Copy { from, to } => (*from, *to) = (folder.join(&*from), folder.join(&*to)),
             Self::Open(place) if !place.contains("://") => {
                 *place = folder.join(&*place).to_string_lossy().into_owned();
@@ -366,9 +382,11 @@ pub struct SessionRunner {
 }
 
 /// What is waited for, from a frame on and at most so many seconds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Wait {
     is_over: fn(&Situation) -> bool,
+    /// A file that must be there, too.
+    file: Option<PathBuf>,
     frame: u64,
     since: f64,
     seconds: f64,
@@ -387,8 +405,9 @@ impl SessionRunner {
     /// # Errors
     /// A step failed or took too long.
     pub fn next(&mut self, now: &Situation) -> Result<Act> {
-        if let Some(wait) = self.wait {
-            let is_over = now.frame >= wait.frame && (wait.is_over)(now);
+        if let Some(wait) = self.wait.clone() {
+            let is_there = wait.file.as_ref().is_none_or(|file| file.exists());
+            let is_over = now.frame >= wait.frame && is_there && (wait.is_over)(now);
             if !is_over && now.seconds - wait.since > wait.seconds {
                 let Wait { seconds, problem, .. } = wait;
                 return Err(at_step(self.number, format!("after {seconds} s {problem}")));
@@ -402,6 +421,7 @@ impl SessionRunner {
         self.number += 1;
         let frames = |count: u32| Wait {
             is_over: |_| true,
+            file: None,
             frame: now.frame + u64::from(count),
             since: now.seconds,
             seconds: f64::INFINITY,
@@ -446,6 +466,11 @@ impl SessionRunner {
             Step::WaitSaved(seconds) => {
                 let is_saved = |now: &Situation| !now.is_painting && !now.is_unsaved;
                 (Wait { frame: now.frame + 2, ..until(is_saved, *seconds, "not all was saved") }, false)
+            }
+            #[cfg(feature = "test-steps")]
+            Step::WaitFile { path, seconds } => {
+                let file = Some(path.clone());
+                (Wait { file, ..until(|_| true, *seconds, "there was no such file") }, false)
             }
             #[cfg(feature = "test-steps")]
             Step::ExpectMessage(text) => {

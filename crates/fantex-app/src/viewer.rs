@@ -19,7 +19,7 @@ use crate::camera::{
 };
 use crate::command::Command;
 use crate::display::{DisplaySettings, ShadingView};
-use crate::document::{Content, Document};
+use crate::document::{ChannelChange, Content, Document};
 use crate::export::Preset;
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
@@ -178,8 +178,10 @@ pub struct Viewer {
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
-    /// Channels that what is opened next is given.
-    adds: Vec<ChannelKind>,
+    /// What becomes of the channels of what is opened next.
+    channel_change: Option<ChannelChange>,
+    /// A channel that is removed if the user says so.
+    pub removal: Option<ChannelKind>,
     /// Memory for pages while painting, bytes.
     pub paint_memory_bytes: usize,
     pub brushes_file: Option<PathBuf>,
@@ -200,8 +202,8 @@ pub struct Viewer {
     pub new_model: Option<Option<SceneModel>>,
     /// The user was told that closing loses something.
     was_warned: bool,
-    /// The shading to go back to when no mask is seen any more.
-    shading_before_mask: Option<ShadingView>,
+    /// The shading to go back to when nothing is seen instead of the base colour any more.
+    shading_before_alone: Option<ShadingView>,
     /// What was opened has not been framed yet with the panels that it brings.
     is_unframed: bool,
     requests: Vec<Request>,
@@ -312,6 +314,7 @@ impl Viewer {
     pub fn close(&mut self) {
         self.cancel_opening();
         self.asked = None;
+        self.removal = None;
         self.live = None;
         self.painting = None;
         self.document = None;
@@ -348,7 +351,7 @@ impl Viewer {
                 document.content = Content::Asset(asset);
             }
         }
-        self.light_masks();
+        self.light_alone();
     }
 
     /// Starts the tree of triangles where it is wanted and not there.
@@ -520,6 +523,8 @@ impl Viewer {
             self.cancel_opening();
         } else if self.exporting.is_some() {
             self.cancel_export();
+        } else if self.removal.is_some() {
+            self.removal = None;
         } else if self.asked.is_some() {
             self.asked = None;
         } else if !matches!(self.path_state, PathState::Still) {
@@ -823,5 +828,6 @@ fn toggle(switch: &mut bool) {
     *switch = !*switch;
 }
 
+mod channels;
 mod exporting;
 mod opening;

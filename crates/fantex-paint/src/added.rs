@@ -13,7 +13,7 @@ use crate::layers::prefix;
 use crate::stroke_file::KindName;
 use crate::{Painter, Target};
 
-const LIST: &str = "channels/added";
+pub(crate) const LIST: &str = "channels/added";
 
 const ADDING: &str = "channels/adding";
 
@@ -77,6 +77,13 @@ impl Painter {
 /// The channels that an asset was given after it was baked.
 pub(crate) fn added_channels(asset: &Asset) -> Result<Vec<KindName>> {
     Ok(added_to(asset.attachment(LIST)?))
+}
+
+/// The list without channels of these kinds.
+pub(crate) fn without_kinds(list: Vec<u8>, kinds: &[ChannelKind]) -> Result<Vec<u8>> {
+    let mut all = added_to(Some(list));
+    all.retain(|kind| !kinds.contains(&kind.0));
+    encoded(&all)
 }
 
 fn added_to(list: Option<Vec<u8>>) -> Vec<KindName> {

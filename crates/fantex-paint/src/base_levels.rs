@@ -19,7 +19,7 @@ use crate::texel_page::{Rect, blocks_of};
 use crate::{Painter, Target};
 
 /// Bytes of a mean that is put aside.
-const MEAN_BYTES: usize = 16;
+pub(crate) const MEAN_BYTES: usize = 16;
 
 impl Painter {
     /// What coarser levels of a group change, page by page. First layered are pages whose base is to be put aside.

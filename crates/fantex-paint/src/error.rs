@@ -4,7 +4,7 @@ use std::error::Error as StdError;
 use std::io;
 
 use fantex_base::{Error, ErrorKind, Result};
-use fantex_store::AssetEditor;
+use fantex_store::Asset;
 use serde::Serialize;
 
 /// The temporary files of a stroke cannot be written or read.
@@ -16,8 +16,8 @@ pub(crate) fn temporary(source: io::Error) -> Error {
 }
 
 /// What an asset keeps beside its texels cannot be understood.
-pub(crate) fn damaged(editor: &AssetEditor, what: &str, reason: &str) -> Error {
-    let path = editor.asset().path();
+pub(crate) fn damaged(asset: &Asset, what: &str, reason: &str) -> Error {
+    let path = asset.path();
     let sentence =
         format!("the {what} of {} is damaged: {reason}; the texels are not affected", path.display());
     Error::damaged(sentence).with_path(path)

@@ -7,8 +7,8 @@
 //! no more memory than a short one); `history/index` names them. They are committed together with the texels, so a
 //! restart finds both in agreement.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fantex_base::Result;
 use fantex_store::{AssetEditor, PageId};
@@ -19,7 +19,9 @@ use crate::error::{damaged, encoded};
 use crate::layers::{base_bytes, base_name};
 use crate::log;
 
-const INDEX: &str = "history/index";
+pub(crate) const PREFIX: &str = "history/";
+
+pub(crate) const INDEX: &str = "history/index";
 
 /// Bytes of a part, unpacked, before the next one begins.
 const PART_BYTES: usize = 4 << 20;
@@ -93,8 +95,13 @@ impl Direction {
 }
 
 impl HistoryStep {
+    /// Names of its attachments.
+    pub(crate) fn part_names(&self) -> impl Iterator<Item = String> {
+        (0..self.parts).map(|part| part_name(self.id, part))
+    }
+
     fn detach(&self, editor: &mut AssetEditor) {
-        (0..self.parts).for_each(|part| editor.detach(&part_name(self.id, part)));
+        self.part_names().for_each(|name| editor.detach(&name));
     }
 }
 
@@ -102,7 +109,7 @@ impl History {
     pub(crate) fn load(editor: &AssetEditor) -> Result<Self> {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
         let index = serde_json::from_slice(&bytes)
-            .map_err(|_| damaged(editor, "history", "its index cannot be read"))?;
+            .map_err(|_| damaged(editor.asset(), "history", "its index cannot be read"))?;
         Ok(Self { index, open: None })
     }
 
@@ -211,7 +218,7 @@ impl History {
         editor: &mut AssetEditor,
     ) -> Result<()> {
         let bytes = editor.attachment(&part_name(step.id, part))?;
-        let bytes = bytes.ok_or_else(|| damaged(editor, "history", "a step is missing"))?;
+        let bytes = bytes.ok_or_else(|| damaged(editor.asset(), "history", "a step is missing"))?;
         let mut rest = bytes.as_slice();
         // All is read before anything is changed: a part is applied once or not at all.
         let mut pages: BTreeMap<(PageId, usize), Vec<u8>> = BTreeMap::new();
@@ -219,7 +226,7 @@ impl History {
         let mut others = Vec::new();
         while !rest.is_empty() {
             let record = Record::decode(&mut rest);
-            match record.ok_or_else(|| damaged(editor, "history", "a step cannot be read"))? {
+            match record.ok_or_else(|| damaged(editor.asset(), "history", "a step cannot be read"))? {
                 Record::Page { id, channel, change } => {
                     let page = match pages.entry((id, channel)) {
                         Entry::Occupied(page) => page.into_mut(),
@@ -273,7 +280,11 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
         Record::Attachment { name, contents } => {
             let contents = direction.chosen(contents);
             if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
-                return Err(damaged(editor, "history", "a step changes what is neither layer nor log"));
+                return Err(damaged(
+                    editor.asset(),
+                    "history",
+                    "a step changes what is neither layer nor log",
+                ));
             }
             // A step from before channels were added knows nothing of them.
             let contents = with_added_channels(editor, &name, contents)?;
@@ -282,7 +293,7 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
         Record::Mean { channel, group, values } => {
             let asset = editor.asset();
             if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
-                return Err(damaged(editor, "history", "a step changes a group that does not exist"));
+                return Err(damaged(editor.asset(), "history", "a step changes a group that does not exist"));
             }
             editor.set_mean(channel, group, direction.chosen(values));
         }
@@ -291,7 +302,53 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
 }
 
 fn part_name(id: u64, part: u32) -> String {
-    format!("history/{id:012}/{part:06}")
+    format!("{PREFIX}{id:012}/{part:06}")
+}
+
+// Steps of an asset that loses channels.
+
+/// The step that an attachment is a part of, by its name.
+pub(crate) fn step_of_part(name: &str) -> Option<u64> {
+    name.strip_prefix(PREFIX)?.split_once('/')?.0.parse().ok()
+}
+
+/// The index without some steps.
+pub(crate) fn index_without(contents: Vec<u8>, steps: &BTreeSet<u64>) -> Result<Vec<u8>> {
+    // One that is damaged is reported by whoever reads it.
+    let Ok(mut index) = serde_json::from_slice::<Index>(&contents) else { return Ok(contents) };
+    index.done.retain(|step| !steps.contains(&step.id));
+    index.undone.retain(|step| !steps.contains(&step.id));
+    encoded(&index)
+}
+
+/// A part of a step with other numbers of channels and other contents of attachments; what is in channels without a number, and what
+/// changes nothing any more, is left out. None where the part cannot be read.
+pub(crate) fn part_with(
+    contents: &[u8],
+    number: impl Fn(usize) -> Option<usize>,
+    change: impl Fn(&str, Vec<u8>) -> Result<Vec<u8>>,
+) -> Result<Option<Vec<u8>>> {
+    let (mut rest, mut out) = (contents, Vec::with_capacity(contents.len()));
+    while !rest.is_empty() {
+        let Some(record) = Record::decode(&mut rest) else { return Ok(None) };
+        let record = match record {
+            Record::Page { id, channel, change } => {
+                number(channel).map(|channel| Record::Page { id, channel, change })
+            }
+            Record::Mean { channel, group, values } => {
+                number(channel).map(|channel| Record::Mean { channel, group, values })
+            }
+            Record::Attachment { name, contents: [before, after] } => {
+                let contents = [change(&name, before)?, change(&name, after)?];
+                (contents[0] != contents[1]).then_some(Record::Attachment { name, contents })
+            }
+            Record::Base(id) => Some(Record::Base(id)),
+        };
+        if let Some(record) = record {
+            record.encode(&mut out);
+        }
+    }
+    Ok(Some(out))
 }
 
 // The records of a step, little-endian:

@@ -320,14 +320,42 @@ impl Painter {
     /// As [`mask_on_page`](Self::mask_on_page).
     pub fn mask_as_color(&mut self, id: u64, page: PageId) -> Result<(usize, Vec<u8>)> {
         let mask = self.mask_on_page(id, page)?;
+        let index = self.editor.asset().channel_of_kind(ChannelKind::BaseColor).unwrap_or(0);
+        self.grey_page(index, page, mask)
+    }
+
+    /// The same of the height. `height`: the page's bytes in that channel, where they are to be others than it has. None where the asset
+    /// has no height or no base colour.
+    ///
+    /// # Errors
+    /// There is no such page, or it cannot be read or encoded.
+    pub fn height_as_color(&self, page: PageId, height: Option<&[u8]>) -> Result<Option<(usize, Vec<u8>)>> {
         let asset = self.editor.asset();
-        let index = asset.channel_of_kind(ChannelKind::BaseColor).unwrap_or(0);
+        let channels = [ChannelKind::Displacement, ChannelKind::BaseColor];
+        let [Some(from), Some(index)] = channels.map(|kind| asset.channel_of_kind(kind)) else {
+            return Ok(None);
+        };
+        let texels = match height {
+            Some(bytes) => asset.decode_page_raw(from, page, bytes)?,
+            None => self.editor.read_page(from, page)?,
+        };
+        let values = texels.rgba.into_iter().map(|value| value[0].clamp(0.0, 1.0));
+        self.grey_page(index, page, values).map(Some)
+    }
+
+    /// A page of greys in a channel, with its number.
+    fn grey_page(
+        &self,
+        index: usize,
+        page: PageId,
+        greys: impl IntoIterator<Item = f32>,
+    ) -> Result<(usize, Vec<u8>)> {
         let shape = self.surface.cover().groups[page.group as usize];
         let extent = page_extent(shape.level_extent(page.level), page.page);
-        let values: Vec<Vec4> = mask.into_iter().map(|shown| Vec4::new(shown, shown, shown, 1.0)).collect();
+        let values: Vec<Vec4> = greys.into_iter().map(|grey| Vec4::new(grey, grey, grey, 1.0)).collect();
         let mut bytes = self.editor.read_page_raw(index, page)?;
-        let whole = Rect::of(extent);
-        replace_blocks(&asset.channels()[index], extent, &mut bytes, &values, whole, |_| true)?;
+        let channel = &self.editor.asset().channels()[index];
+        replace_blocks(channel, extent, &mut bytes, &values, Rect::of(extent), |_| true)?;
         Ok((index, bytes))
     }
 

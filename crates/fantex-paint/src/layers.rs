@@ -34,7 +34,8 @@ use crate::stroke_page::StrokePage;
 use crate::texel_page::Rect;
 use crate::work::{FlattenWork, Work};
 use crate::{
-    BlendMode, ChannelPaint, GraphFill, GroupKind, LayerMove, LayerPlace, MaskSource, Painter, StrokeSettings,
+    BlendMode, ChannelPaint, GraphFill, GroupKind, LayerMove, LayerPlace, MaskSource, Painter,
+    StrokeSettings, Tool,
 };
 
 pub(crate) const INDEX: &str = "layers/index";
@@ -600,11 +601,16 @@ impl LayeredPage<'_> {
         {
             held.parts = values.iter().map(|value| Vec3::splat(value.w)).collect();
         }
+        let is_opacity = matches!(self.context.paint.tool, Tool::Opacity { .. });
         self.for_each_covered(|texel, place| {
             for (number, painted) in self.context.paint.channels.iter().enumerate() {
                 if let Some(color) = self.context.color(self.stack.map, self.page, place, number) {
                     let (paint, covered) = (self.context.paint, self.page.covered(texel));
                     let value = &mut held.values[painted.channel][texel];
+                    // Nothing was painted there that could be seen.
+                    if is_opacity && *value == Vec4::ZERO {
+                        continue;
+                    }
                     if Some(painted.channel) == with_parts && !held.parts.is_empty() {
                         let before = value.truncate();
                         let alphas = &mut held.parts[texel];

@@ -22,7 +22,7 @@
 //! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
 //! | `layer_groups`, `layer_moves` | layers in groups; copies, merges, what layers hold |
 //! | `relief` | painted height bends the normals |
-//! | `added` | channels that an asset is given while it is painted on |
+//! | `added`, `removed` | channels that an asset is given, or loses, while it is painted on |
 //! | `mask_source` | masks from the shape of the model |
 //! | `history` | undo and redo, kept in the asset |
 //! | `stroke_file`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
@@ -53,6 +53,7 @@ mod picture;
 mod projection;
 mod region;
 mod relief;
+mod removed;
 mod replay;
 mod room;
 mod smudge;

@@ -34,6 +34,11 @@ pub(crate) const PREFIX: &str = "strokes/";
 
 const FILES: &str = "strokes/files/";
 
+/// Whether an attachment holds a stroke of the log.
+pub(crate) fn is_stroke(name: &str) -> bool {
+    name.starts_with(PREFIX) && !name.starts_with(FILES)
+}
+
 pub(crate) fn stroke_name(number: u64) -> String {
     format!("{PREFIX}{number:012}")
 }

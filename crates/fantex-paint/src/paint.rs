@@ -17,6 +17,12 @@ pub enum Tool {
     Paint(BlendMode),
     /// Alpha goes to zero.
     Erase,
+    /// Alpha goes to a value, and colours stay: of base colours alone, on the base or a layer. Where nothing was painted on a layer, nothing
+    /// changes.
+    Opacity {
+        /// That value, 0..1.
+        to: f32,
+    },
     /// What is seen around is averaged; the channels' colours do not matter.
     Blur {
         /// How far around, mesh units along the surface.
@@ -109,6 +115,10 @@ impl Paint {
         match self.tool {
             Tool::Paint(mode) => mode.compose(before, color, share),
             Tool::Erase => before.truncate().extend(before.w * (1.0 - share)),
+            Tool::Opacity { to } => {
+                let alpha = before.w + (to.clamp(0.0, 1.0) - before.w) * share;
+                before.truncate().extend(alpha)
+            }
             Tool::Blur { .. } | Tool::Clone { .. } | Tool::Smudge { .. } => mixed(before, color, share),
         }
     }

@@ -15,7 +15,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::{Error, Result};
 use fantex_store::{
-    Asset, AssetEditor, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_extent, page_origin,
+    Asset, AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full,
+    page_extent, page_origin,
 };
 use glam::Vec4;
 use rayon::prelude::*;
@@ -201,6 +202,7 @@ impl Painter {
             }
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
+        self.check_opacity(target, &paint)?;
         if !matches!(target, Target::Mask(_))
             && let Some(relief) = Relief::of(&self.surface, self.editor.asset())
         {
@@ -313,6 +315,31 @@ impl Painter {
             stroke.recording = Recording::Settings(Box::new(portable));
         }
         Ok(())
+    }
+
+    /// Refuses strokes of opacity where there is none.
+    fn check_opacity(&self, target: Target, paint: &Paint) -> Result<()> {
+        if !matches!(paint.tool, Tool::Opacity { .. }) {
+            return Ok(());
+        }
+        if matches!(target, Target::Mask(_)) {
+            let sentence = "a mask has no opacity to paint: paint it black or white instead";
+            return Err(Error::invalid(sentence));
+        }
+        let channels = self.editor.asset().channels();
+        match paint
+            .channels
+            .iter()
+            .map(|painted| channels[painted.channel].kind)
+            .find(|kind| *kind != ChannelKind::BaseColor)
+        {
+            Some(kind) => {
+                let sentence =
+                    format!("the channel {kind} has no opacity: only the base colour's can be painted");
+                Err(Error::invalid(sentence))
+            }
+            None => Ok(()),
+        }
     }
 
     pub(crate) fn check_channel(&self, channel: usize) -> Result<()> {

@@ -279,6 +279,10 @@ impl Preparation<'_> {
         Ok(match self.settings.tool {
             ToolSettings::Paint(mode) => Tool::Paint(mode),
             ToolSettings::Erase => Tool::Erase,
+            ToolSettings::Opacity(to) => {
+                self.finite("an opacity", &[to])?;
+                Tool::Opacity { to: to.clamp(0.0, 1.0) }
+            }
             ToolSettings::Blur { radius } => Tool::Blur { radius: self.mesh_length(radius)? },
             ToolSettings::Smudge { strength } => {
                 self.finite("the strength of a smudge", &[strength])?;

@@ -274,6 +274,8 @@ pub enum ToolSettings {
     Paint(BlendMode),
     /// Takes alpha away.
     Erase,
+    /// Brings the alpha of the base colour to a value, 0..1.
+    Opacity(f32),
     /// Averages what is seen within a radius.
     Blur {
         /// Radius.
@@ -297,6 +299,7 @@ impl ToolSettings {
         match *tool {
             Tool::Paint(mode) => Self::Paint(mode),
             Tool::Erase => Self::Erase,
+            Tool::Opacity { to } => Self::Opacity(to),
             Tool::Smudge { strength } => Self::Smudge { strength },
             Tool::Blur { radius } => {
                 let world = f64::from(radius) * surface.mesh().world_from_mesh.scale;

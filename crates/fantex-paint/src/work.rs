@@ -165,8 +165,9 @@ impl Painter {
     /// Takes up what was left when the asset was last committed.
     pub(crate) fn take_up_work(&mut self) -> Result<()> {
         let Some(bytes) = self.editor.attachment(KEPT)? else { return Ok(()) };
-        let kept = serde_json::from_slice(&bytes)
-            .map_err(|_| damaged(&self.editor, "history", "what was left to be done cannot be read"))?;
+        let kept = serde_json::from_slice(&bytes).map_err(|_| {
+            damaged(self.editor.asset(), "history", "what was left to be done cannot be read")
+        })?;
         self.work = Some(match kept {
             Kept::Fill(kept) => {
                 self.history.take_up(kept.step.clone());

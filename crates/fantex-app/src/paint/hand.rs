@@ -305,6 +305,18 @@ impl Painting {
                 sources.picture = Some(picture.path().to_owned());
             }
         }
+        if settings.tool == PaintTool::Opacity {
+            if is_mask {
+                return Err("A mask has no opacity: paint it black or white.".into());
+            }
+            let Some(index) = self.channels.iter().position(|channel| channel.kind == ChannelKind::BaseColor)
+            else {
+                return Err(
+                    "The asset has no base colour, which holds the opacity: Add channel gives it one.".into(),
+                );
+            };
+            channels = vec![ChannelPaint::new(index, PaintColor::Constant(color))];
+        }
         if channels.is_empty() {
             return Err("No channel is switched on: choose what the brush paints.".into());
         }
@@ -314,6 +326,7 @@ impl Painting {
                 return Err(text.into());
             }
             PaintTool::Erase => Tool::Erase,
+            PaintTool::Opacity => Tool::Opacity { to: settings.opacity_to.clamp(0.0, 1.0) },
             PaintTool::Blur => {
                 let diameter = self.world_size(settings, view, start);
                 let scale = self.surface.mesh().world_from_mesh.scale;

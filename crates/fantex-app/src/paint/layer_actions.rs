@@ -9,6 +9,15 @@ use fantex::store::{Channel, ChannelKind};
 
 use crate::paint::{ChosenTexture, Order, PaintSettings, PaintThread, Painting, Snapshot};
 
+/// What is seen instead of the base colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alone {
+    /// The mask of a layer, by its number.
+    Mask(u64),
+    /// The height: black is 0, white 1.
+    Height,
+}
+
 /// A layer on its way to another place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerDrag {
@@ -165,10 +174,18 @@ impl Painting {
         GraphFill { graph, textures }
     }
 
-    /// Shows a layer's mask instead of the base colour, or no mask.
-    pub fn see_mask(&mut self, layer: Option<u64>) {
-        self.seen_mask = layer;
-        self.thread.order(Order::SeeMask(layer));
+    /// Shows something instead of the base colour, or that again.
+    pub fn see_alone(&mut self, what: Option<Alone>) {
+        self.seen_alone = what;
+        self.thread.order(Order::SeeAlone(what));
+    }
+
+    /// The layer whose mask is seen.
+    pub fn seen_mask(&self) -> Option<u64> {
+        match self.seen_alone {
+            Some(Alone::Mask(id)) => Some(id),
+            Some(Alone::Height) | None => None,
+        }
     }
 
     /// Layers as they lie, or as they are to lie while one is dragged; from the bottom to the top.
@@ -278,7 +295,7 @@ impl Painting {
             LayerAction::InvertMask(id) => {
                 change(thread, "invert mask", id, |layer| layer.mask_inverted = !layer.mask_inverted);
             }
-            LayerAction::SeeMask(id) => self.see_mask(id),
+            LayerAction::SeeMask(id) => self.see_alone(id.map(Alone::Mask)),
             LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| {
                 (layer.mask, layer.mask_source, layer.mask_inverted) = (None, None, false);
             }),

@@ -31,13 +31,13 @@ pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
-pub use layer_actions::{LayerAction, LayerDrag};
+pub use layer_actions::{Alone, LayerAction, LayerDrag};
 pub use layer_list::{LayerRow, drop_place, layer_rows};
 pub use painting::Painting;
 pub use placing::PlacingOutline;
 pub use settings::{
-    ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse, StickerKind,
-    paint_shortcuts,
+    AlphaShown, ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, PictureUse,
+    StickerKind, channel_name, paint_shortcuts,
 };
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};

@@ -16,9 +16,9 @@ use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
 use crate::paint::{
-    ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand, PaintSettings, PaintThread,
-    PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings,
-    SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
+    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand,
+    PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot,
+    StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::viewer::Wake;
 
@@ -81,8 +81,8 @@ pub struct Painting {
     pub shaping: Option<(u64, MaskSource)>,
     /// A layer that is being dragged to another place.
     pub moving: Option<LayerDrag>,
-    /// The layer whose mask is seen instead of the base colour.
-    pub seen_mask: Option<u64>,
+    /// What is seen instead of the base colour.
+    pub seen_alone: Option<Alone>,
     /// To be painted on as soon as there is such a thing.
     pub(super) wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
@@ -125,7 +125,7 @@ impl Painting {
             fading: None,
             shaping: None,
             moving: None,
-            seen_mask: None,
+            seen_alone: None,
             wanted_target: None,
             thumbnails: BTreeMap::new(),
         })
@@ -240,6 +240,12 @@ impl Painting {
         self.save_presets(notices);
     }
 
+    /// What the model's materials make of the opacity.
+    pub fn alpha_shown(&self) -> AlphaShown {
+        let first = self.surface.mesh().materials.first();
+        first.map_or(AlphaShown::Opaque, |material| AlphaShown::of(material.alpha))
+    }
+
     pub fn drop_brush(&mut self, name: &str, notices: &mut Notices) {
         self.presets.brushes.retain(|brush| brush.name != name);
         self.save_presets(notices);
@@ -266,9 +272,9 @@ impl Painting {
                     }
                     self.target = valid_target(&self.snapshot, self.target);
                     let has_mask =
-                        |id: &u64| self.snapshot.layers.iter().any(|l| l.id() == *id && l.mask.is_some());
-                    if self.seen_mask.is_some() && !self.seen_mask.as_ref().is_some_and(has_mask) {
-                        self.see_mask(None);
+                        |id: u64| self.snapshot.layers.iter().any(|l| l.id() == id && l.mask.is_some());
+                    if self.seen_mask().is_some_and(|id| !has_mask(id)) {
+                        self.see_alone(None);
                     }
                 }
                 Report::Thumbnail(target, thumbnail) => {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use eframe::egui::{Key, Modifiers};
 use fantex::glam::Vec4;
+use fantex::mesh::AlphaMode;
 use fantex::paint::{ChannelPaint, ColorFill, FillSettings, PaintColor};
 use fantex::store::{Channel, ChannelKind};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,8 @@ pub struct PaintSettings {
     pub fill_degrees: f32,
     /// Largest distance of colours that a fill takes for the same, 0..2.
     pub fill_tolerance: f32,
+    /// Where the tool *Opacity* brings the opacity, 0..1.
+    pub opacity_to: f32,
     /// Share of a colour that smudging carries over a radius of the brush, 0..1.
     pub smudge: f32,
     pub sticker: StickerKind,
@@ -62,6 +65,7 @@ impl Default for PaintSettings {
             fill: FillReach::default(),
             fill_degrees: 30.0,
             fill_tolerance: 0.1,
+            opacity_to: 0.0,
             smudge: 0.8,
             sticker: StickerKind::Text,
             text: "fantex".into(),
@@ -85,6 +89,7 @@ pub enum PaintTool {
     #[default]
     Paint,
     Erase,
+    Opacity,
     Fill,
     Blur,
     Smudge,
@@ -94,9 +99,10 @@ pub enum PaintTool {
 }
 
 impl PaintTool {
-    pub const ALL: [(Self, &'static str); 8] = [
+    pub const ALL: [(Self, &'static str); 9] = [
         (Self::Paint, "Paint"),
         (Self::Erase, "Erase"),
+        (Self::Opacity, "Opacity"),
         (Self::Fill, "Fill"),
         (Self::Blur, "Blur"),
         (Self::Smudge, "Smudge"),
@@ -110,6 +116,7 @@ impl PaintTool {
         match self {
             Self::Paint => "Drag paints, Shift + click draws a straight line, Alt + click picks a colour",
             Self::Erase => "Drag takes away what was painted on the layer, Shift + click in a straight line",
+            Self::Opacity => "Drag lowers or raises the opacity and leaves the colour",
             Self::Fill => "Click fills the part of the surface under the cursor",
             Self::Blur => "Drag averages what is there",
             Self::Smudge => "Drag takes the colours along",
@@ -303,6 +310,51 @@ impl ChannelSwitches {
     }
 }
 
+/// What the model's materials make of the opacity of the base colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AlphaShown {
+    #[default]
+    Opaque,
+    CutOut,
+    Blended,
+}
+
+impl AlphaShown {
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Opaque, "Not at all"), (Self::CutOut, "Cut out below 50 %"), (Self::Blended, "Blended")];
+
+    /// Of a material.
+    pub fn of(mode: AlphaMode) -> Self {
+        match mode {
+            AlphaMode::Opaque => Self::Opaque,
+            AlphaMode::Mask(_) => Self::CutOut,
+            AlphaMode::Blend => Self::Blended,
+        }
+    }
+
+    pub fn mode(self) -> AlphaMode {
+        match self {
+            Self::Opaque => AlphaMode::Opaque,
+            Self::CutOut => AlphaMode::Mask(0.5),
+            Self::Blended => AlphaMode::Blend,
+        }
+    }
+}
+
+/// What a kind of channel is called.
+pub fn channel_name(kind: ChannelKind) -> &'static str {
+    match kind {
+        ChannelKind::BaseColor => "Base colour, opacity",
+        ChannelKind::OcclusionRoughnessMetallic => "Occlusion, roughness, metallic",
+        ChannelKind::Emission => "Emission",
+        ChannelKind::Normal => "Normal",
+        ChannelKind::Displacement => "Height",
+        ChannelKind::Light => "Light",
+        ChannelKind::Anisotropy => "Anisotropy",
+    }
+}
+
 impl Material {
     /// Linear RGBA of a kind of channel.
     pub(crate) fn value(&self, kind: ChannelKind, color: Vec4) -> Vec4 {
@@ -374,6 +426,7 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
     let mut rows = vec![
         row(NONE, Key::B, Tool(PaintTool::Paint), "Paint"),
         row(NONE, Key::E, Tool(PaintTool::Erase), "Erase"),
+        row(SHIFT, Key::E, Tool(PaintTool::Opacity), "Opacity"),
         row(NONE, Key::G, Tool(PaintTool::Fill), "Fill"),
         row(NONE, Key::U, Tool(PaintTool::Blur), "Blur"),
         row(NONE, Key::K, Tool(PaintTool::Smudge), "Smudge"),

@@ -16,12 +16,12 @@ use fantex::paint::{
     Brush, Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Paint, Painter, Sample,
     Stamp, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress, move_layer,
 };
-use fantex::store::{Asset, PageId, group_pages, is_disk_full};
+use fantex::store::{Asset, ChannelKind, PageId, group_pages, is_disk_full};
 use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
 
 use crate::paint::exchange::{page_texels, parcel_texels};
 use crate::paint::thumbnails::Thumbnails;
-use crate::paint::{Exchange, Thumbnail, Viewpoint};
+use crate::paint::{Alone, Exchange, Thumbnail, Viewpoint};
 use crate::viewer::Wake;
 
 /// Between strokes, changes are committed after this delay.
@@ -92,7 +92,7 @@ impl PaintThread {
             thumbnails: Thumbnails::default(),
             known_steps: 0,
             may_be_other: false,
-            seen_mask: None,
+            seen_alone: None,
             steps_of_drag: None,
             is_placing: false,
             previewed: BTreeSet::new(),
@@ -181,7 +181,7 @@ struct Worker {
     known_steps: usize,
     may_be_other: bool,
     /// The layer whose mask is seen instead of the base colour.
-    seen_mask: Option<u64>,
+    seen_alone: Option<Alone>,
     /// Steps of the history after a layer was dragged to where it is.
     steps_of_drag: Option<usize>,
     /// The open stroke is a text or a picture that may be taken away again.
@@ -395,7 +395,7 @@ impl Worker {
                 self.tell_state();
             }
             Order::MoveLayer { id, place, goes_on } => self.move_layer(id, place, goes_on)?,
-            Order::SeeMask(layer) => self.see_mask(layer),
+            Order::SeeAlone(what) => self.see_alone(what),
             Order::Undo => {
                 self.stroke = None;
                 self.painter.start_undo()?;
@@ -430,20 +430,32 @@ impl Worker {
         Ok(())
     }
 
-    fn see_mask(&mut self, layer: Option<u64>) {
-        if std::mem::replace(&mut self.seen_mask, layer) != layer {
+    fn see_alone(&mut self, what: Option<Alone>) {
+        if std::mem::replace(&mut self.seen_alone, what) != what {
             let cover = self.painter.editor().asset().shared_cover();
             let pages = (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group));
             self.exchange.outdate(&pages.collect::<Vec<_>>());
         }
     }
 
-    /// The bytes of a page in a channel that looks different for the moment.
-    fn masked(&mut self, page: PageId) -> Result<Option<(usize, Vec<u8>)>> {
-        let has_mask =
-            |id: &u64| self.painter.layers().iter().any(|layer| layer.id() == *id && layer.mask.is_some());
-        let Some(layer) = self.seen_mask.filter(has_mask) else { return Ok(None) };
-        self.painter.mask_as_color(layer, page).map(Some)
+    /// The bytes of a page in a channel that looks different for the moment. `shown`: those of channels that are not shown as they are
+    /// kept.
+    fn alone(&mut self, page: PageId, shown: &BTreeMap<usize, Vec<u8>>) -> Result<Option<(usize, Vec<u8>)>> {
+        match self.seen_alone {
+            Some(Alone::Mask(id)) => {
+                let has_mask = |layer: &Layer| layer.id() == id && layer.mask.is_some();
+                if !self.painter.layers().iter().any(has_mask) {
+                    return Ok(None);
+                }
+                self.painter.mask_as_color(id, page).map(Some)
+            }
+            Some(Alone::Height) => {
+                let channel = self.painter.editor().asset().channel_of_kind(ChannelKind::Displacement);
+                let height = channel.and_then(|channel| shown.get(&channel));
+                self.painter.height_as_color(page, height.map(Vec::as_slice))
+            }
+            None => Ok(None),
+        }
     }
 
     /// Shows something on the surface that is not applied yet, instead of what was shown so before.
@@ -495,8 +507,8 @@ impl Worker {
         }
         let (formats, exchange) = (formats.to_vec(), Arc::clone(&self.exchange));
         exchange.publish(&replaced, |page| {
-            let masked = self.masked(page)?.into_iter().collect();
-            page_texels(&self.painter, page, &formats, &masked)
+            let alone = self.alone(page, &BTreeMap::new())?.into_iter().collect();
+            page_texels(&self.painter, page, &formats, &alone)
         })?;
         if shown.is_empty() || (self.stroke.is_none() && !self.is_placing) {
             return self.publish_outdated(&formats, &BTreeSet::new());
@@ -511,7 +523,7 @@ impl Worker {
             self.previewed = previewed;
         }
         for (page, mut bytes) in coarser {
-            bytes.extend(self.masked(page)?);
+            bytes.extend(self.alone(page, &bytes)?);
             exchange.publish_preview(page, page_texels(&self.painter, page, &formats, &bytes)?);
         }
         Ok(())
@@ -520,7 +532,7 @@ impl Worker {
     /// Coarser pages that showed what was taken away are as they were, but for some.
     fn publish_outdated(&mut self, formats: &[AtlasFormat], but: &BTreeSet<PageId>) -> Result<()> {
         for page in std::mem::take(&mut self.outdated).into_iter().filter(|page| !but.contains(page)) {
-            let bytes = self.masked(page)?.into_iter().collect();
+            let bytes = self.alone(page, &BTreeMap::new())?.into_iter().collect();
             self.exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
         }
         Ok(())
@@ -531,11 +543,12 @@ impl Worker {
         let wanted = self.exchange.wanted(MAX_PAGES_PER_TURN);
         for &parcel in &wanted {
             let cover = self.painter.editor().asset().shared_cover();
-            let shown = match self.seen_mask {
+            let none = BTreeMap::new();
+            let shown = match self.seen_alone {
                 None => Ok(BTreeMap::new()),
                 Some(_) => parcel
                     .pages(&cover)
-                    .filter_map(|page| Some(self.masked(page).transpose()?.map(|masked| (page, masked))))
+                    .filter_map(|page| Some(self.alone(page, &none).transpose()?.map(|alone| (page, alone))))
                     .collect(),
             };
             let texels = shown.and_then(|shown| parcel_texels(&self.painter, parcel, &formats, &shown));
@@ -696,8 +709,8 @@ pub enum Order {
         place: LayerPlace,
         goes_on: bool,
     },
-    /// Show a layer's mask instead of the base colour, or no longer.
-    SeeMask(Option<u64>),
+    /// Show something instead of the base colour, or no longer.
+    SeeAlone(Option<Alone>),
     EditLayers(&'static str, LayerChange),
     /// Take back steps or do them again until so many are done.
     GoTo(usize),
@@ -862,7 +875,7 @@ fn ends_placing(order: &Order) -> bool {
             | Order::Release(_)
             | Order::Look(_)
             | Order::Pick(_)
-            | Order::SeeMask(_)
+            | Order::SeeAlone(_)
             | Order::Collapse(..)
             | Order::Close
     )
@@ -878,7 +891,7 @@ fn must_wait(order: &Order) -> bool {
             | Order::GiveUp
             | Order::Commit
             | Order::Pick(_)
-            | Order::SeeMask(_)
+            | Order::SeeAlone(_)
             | Order::Close
     )
 }

@@ -1,4 +1,4 @@
-//! What is asked before a model is painted on, and before an asset is exported.
+//! What is asked before a model is painted on, before an asset is exported, and before a channel is removed.
 
 use std::path::Path;
 
@@ -10,6 +10,7 @@ use super::scene::card;
 use super::widgets::{choice, hint, row};
 use crate::document::{Answer, Question, grouped};
 use crate::export::{ExportSettings, Preset};
+use crate::paint::channel_name;
 use crate::theme;
 use crate::viewer::{Asked, Viewer};
 
@@ -62,6 +63,34 @@ pub(super) fn exporting(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     match shown.inner {
         Some(true) => viewer.choose_export(settings),
         Some(false) => viewer.command(crate::command::Command::Cancel),
+        None => {}
+    }
+}
+
+/// Whether a channel is to be removed.
+pub(super) fn removal(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let Some(kind) = viewer.removal else { return };
+    let sentence = viewer.removal_sentence(kind);
+    let area = Area::new(Id::unique("removal")).order(Order::Middle).fixed_pos(rect.center());
+    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+        card()
+            .show(ui, |ui| {
+                ui.set_width(380.0f32.min(rect.width() - 40.0));
+                ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
+                let title = format!("Remove {}", channel_name(kind));
+                ui.label(RichText::new(title).heading().color(theme::STRONG));
+                ui.label(sentence);
+                ui.horizontal(|ui| {
+                    let is_sure = ui.button("Remove the channel").clicked().then_some(true);
+                    is_sure.or(ui.button("Cancel").clicked().then_some(false))
+                })
+                .inner
+            })
+            .inner
+    });
+    match shown.inner {
+        Some(true) => viewer.remove_channels(&[kind]),
+        Some(false) => viewer.removal = None,
         None => {}
     }
 }

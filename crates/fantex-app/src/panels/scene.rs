@@ -54,6 +54,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, textures: &Textures) -> Sce
     opening(ui, viewer, rect);
     super::asked::show(ui, viewer, rect);
     super::asked::exporting(ui, viewer, rect);
+    super::asked::removal(ui, viewer, rect);
     drop_target(ui, rect);
     notices(ui, viewer, rect);
     input

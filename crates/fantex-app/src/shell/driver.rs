@@ -133,6 +133,12 @@ impl Driver {
             Step::AddChannels(kinds) => {
                 viewer.add_channels(&kinds.iter().map(|kind| kind.0).collect::<Vec<_>>());
             }
+            Step::RemoveChannels(kinds) => {
+                viewer.remove_channels(&kinds.iter().map(|kind| kind.0).collect::<Vec<_>>());
+            }
+            Step::ShowAlpha(shown) => viewer.show_alpha(shown),
+            Step::OpacityTo(to) => viewer.settings.paint.opacity_to = to.clamp(0.0, 1.0),
+            Step::SeeHeight(is_seen) => viewer.see_height(is_seen),
             Step::Answer(answer) => viewer.answer(Some(answer)),
             Step::Surroundings(name) => {
                 viewer.settings.light.surroundings = match name.as_str() {
@@ -196,7 +202,7 @@ impl Driver {
             Step::LoseDevice => viewer.request(Request::LoseDevice),
             // The runner itself waits, compares and ends.
             #[cfg(feature = "test-steps")]
-            Step::ExpectPainting { .. } | Step::ExpectMessage(_) => {}
+            Step::ExpectPainting { .. } | Step::ExpectMessage(_) | Step::WaitFile { .. } => {}
             Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)

@@ -6,14 +6,15 @@ use std::sync::Arc;
 use fantex::FileKind;
 use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
-use fantex::store::ChannelKind;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::display::ShadingView;
 use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
-use crate::paint::{LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
+use crate::paint::{
+    Alone, LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside,
+};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::{SceneInput, Viewer};
 
@@ -155,18 +156,22 @@ impl Viewer {
         });
         let leaving = if is_same || !self.paints { self.painting.take() } else { None };
         let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.waker());
-        let added = std::mem::take(&mut self.adds);
+        let change = self.channel_change.take();
         let (memory, answered) = (self.paint_memory_bytes, answer.clone());
         let work = move || {
             drop(leaving);
             drop(before.and_then(|opening| opening.job.wait()));
             let (document, painting) = if paints {
-                let (mut document, painter) =
-                    match Document::open_for_painting(&from, memory, answered.as_ref(), &added, &for_thread)?
-                    {
-                        ForPainting::Ready(ready) => *ready,
-                        ForPainting::Question(question) => return Ok(Loaded::Question(question)),
-                    };
+                let (mut document, painter) = match Document::open_for_painting(
+                    &from,
+                    memory,
+                    answered.as_ref(),
+                    change.as_ref(),
+                    &for_thread,
+                )? {
+                    ForPainting::Ready(ready) => *ready,
+                    ForPainting::Question(question) => return Ok(Loaded::Question(question)),
+                };
                 let path = painter.editor().asset().path().to_owned();
                 let painting = Painting::new(painter, brushes_file, Arc::new(wake)).map_err(|source| {
                     let path = path.display();
@@ -292,25 +297,6 @@ impl Viewer {
         }
     }
 
-    /// Gives what is painted on further channels, and lets the brush paint them. It is saved and opened again for that.
-    pub fn add_channels(&mut self, kinds: &[ChannelKind]) {
-        let (Some(painting), Some(document)) = (&mut self.painting, &self.document) else { return };
-        painting.apply_placing();
-        if let SaveState::Failed(reason) = &painting.save {
-            return self.notices.error(format!("Channels cannot be added: {reason}"));
-        }
-        let place = document.place.clone();
-        // Normals that come with height follow it by themselves.
-        let follows = |kind| kind == ChannelKind::Normal && kinds.contains(&ChannelKind::Displacement);
-        for &kind in kinds.iter().filter(|kind| !follows(**kind)) {
-            if let Some(is_painted) = self.settings.paint.channels.of(kind) {
-                *is_painted = true;
-            }
-        }
-        self.adds = kinds.to_vec();
-        self.begin_opening(place, true);
-    }
-
     /// Something of the painter; nothing where nothing is painted on.
     pub fn paint_command(&mut self, command: &PaintCommand) {
         let view = self.viewpoint();
@@ -329,20 +315,28 @@ impl Viewer {
         {
             self.notices.warning(reason);
         }
-        self.light_masks();
+        self.light_alone();
     }
 
-    /// A mask that is seen instead of the base colour is seen without light.
-    pub(crate) fn light_masks(&mut self) {
-        let is_seen = self.painting.as_ref().is_some_and(|painting| painting.seen_mask.is_some());
+    /// Shows the height alone, or no longer.
+    pub fn see_height(&mut self, is_seen: bool) {
+        if let Some(painting) = &mut self.painting {
+            painting.see_alone(is_seen.then_some(Alone::Height));
+        }
+        self.light_alone();
+    }
+
+    /// What is seen instead of the base colour is seen without light.
+    pub(crate) fn light_alone(&mut self) {
+        let is_seen = self.painting.as_ref().is_some_and(|painting| painting.seen_alone.is_some());
         let now = &mut self.settings.display.shading;
-        match (is_seen, self.shading_before_mask) {
+        match (is_seen, self.shading_before_alone) {
             (true, None) => {
-                self.shading_before_mask = Some(std::mem::replace(now, ShadingView::BaseColor));
+                self.shading_before_alone = Some(std::mem::replace(now, ShadingView::BaseColor));
             }
             (false, Some(before)) => {
                 *now = before;
-                self.shading_before_mask = None;
+                self.shading_before_alone = None;
             }
             _ => {}
         }

@@ -82,7 +82,7 @@ fn a_model_asks_how_it_becomes_an_asset() {
     save_torus(&model, 24, false);
     let open = |answer: Option<Answer>| {
         let place = Place::File(model.clone());
-        Document::open_for_painting(&place, 64 << 20, answer.as_ref(), &[], &OpenProgress::default())
+        Document::open_for_painting(&place, 64 << 20, answer.as_ref(), None, &OpenProgress::default())
     };
     let Ok(ForPainting::Question(question)) = open(None) else { panic!("nothing is asked") };
     let channels = [ChannelKind::BaseColor, ChannelKind::OcclusionRoughnessMetallic];

@@ -16,8 +16,8 @@ use fantex::stream::{AtlasFormat, ParcelTexels};
 use fantex_app::camera::ViewPreset;
 use fantex_app::notices::Notices;
 use fantex_app::paint::{
-    BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool, Painting,
-    PenEvent, PenPhase, PictureUse, SaveState, Section, StencilSettings, StencilUse, StickerKind,
+    Alone, BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool,
+    Painting, PenEvent, PenPhase, PictureUse, SaveState, Section, StencilSettings, StencilUse, StickerKind,
     SymmetryKind, TextureChoice, Viewpoint,
 };
 
@@ -227,12 +227,12 @@ fn layers_are_dragged_copied_merged_and_seen_in_small() {
     let black = shown(&studio, Target::Mask(ids[0]), |pixel| pixel[0] < 50 && pixel[3] == 255);
     assert!(white > 50 && black > 50, "{white} {black}");
     // A mask alone is what the atlas is told.
-    studio.painting.see_mask(Some(ids[0]));
+    studio.painting.see_alone(Some(Alone::Mask(ids[0])));
     studio.wait();
     let (_, stale) = studio.painting.exchange().take_fresh();
     assert!(stale.len() > 10, "all is asked for anew");
     act(&mut studio, LayerAction::RemoveMask(ids[0]));
-    assert_eq!(studio.painting.seen_mask, None, "there is none any more");
+    assert_eq!(studio.painting.seen_alone, None, "there is none any more");
     act(&mut studio, LayerAction::RemoveMask(copy));
     act(&mut studio, LayerAction::MergeDown(copy));
     assert_eq!(names(&studio), ["Layer 3", "Layer 1", "Layer 2"]);
@@ -650,4 +650,34 @@ fn pictures_are_laid_as_normals_and_heights() {
         (0..count).all(|k| (found[k] - replayed[k]).abs().max_element() < 0.05),
         "{found:?} {replayed:?}"
     );
+}
+
+/// Whatever the brush else paints; on the base and on layers, not on masks. The log repeats it.
+#[test]
+fn opacity_is_painted_alone() {
+    let mut studio = Studio::open();
+    (studio.settings.tool, studio.settings.channels.color) = (PaintTool::Opacity, false);
+    studio.settings.brush.flow = 1.0;
+    studio.stroke();
+    assert_eq!(studio.painting.snapshot.done, ["opacity"]);
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
+    studio.wait();
+    let layer = studio.painting.snapshot.layers[0].id();
+    studio.painting.layer_action(&LayerAction::AddMask(layer, true), &studio.settings).unwrap();
+    studio.wait();
+    let steps = studio.painting.snapshot.done.len();
+    studio.stroke();
+    assert_eq!(studio.painting.snapshot.done.len(), steps);
+    assert!(studio.notices.shown().any(|notice| notice.text.contains("A mask has no opacity")));
+    let at = studio.view.hit(&studio.painting.surface, DVec2::new(0.55, 0.845)).unwrap();
+    let path = studio.path.clone();
+    let _folder = studio.close();
+    let value = |path: &Path| Painter::open(path, &PaintOptions::default()).unwrap().pick(0, at).unwrap();
+    let (_replayed, again) = replayed_log(&path);
+    let fresh = tempfile::tempdir().unwrap();
+    let plain = small_asset(fresh.path());
+    let [painted, again, plain] = [&path, &again, &plain].map(|path| value(path));
+    assert!(painted.w < 0.1 && plain.w > 0.99, "{painted} {plain}");
+    assert!((painted - plain).truncate().abs().max_element() < 0.05, "{painted} {plain}");
+    assert!((painted - again).abs().max_element() < 0.05, "{painted} {again}");
 }

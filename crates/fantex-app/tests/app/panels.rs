@@ -2,15 +2,18 @@
 
 use std::sync::Arc;
 
-use eframe::egui::{Key, Modifiers, vec2};
+use eframe::egui::accesskit::Role;
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
-use fantex::store::Asset;
+use fantex::paint::Target;
+use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
 use fantex_app::document::{ChannelFact, Document, Fact, Place};
 use fantex_app::figures::{DamagedPart, LevelFigures};
+use fantex_app::paint::LayerAction;
 use fantex_app::panels::{Textures, show};
 use fantex_app::settings::{PanelSettings, Settings, Tab};
 use fantex_app::theme;
@@ -293,4 +296,167 @@ fn menus_show_the_keys_that_hold() {
     assert_eq!(keys_of(true, &back), None);
     assert_eq!(keys_of(true, &Command::FrameAll).as_deref(), Some("F"));
     assert_eq!(keys_of(true, &Command::Screenshot), None, "Ctrl + S saves what is painted");
+}
+
+/// The pointer through some places with the button held, as a mouse moves, with a frame after each; then the button is let go.
+fn drag(harness: &mut Harness<'static, Viewer>, way: &[Pos2]) {
+    let step = |harness: &mut Harness<'static, Viewer>, event: Event| {
+        harness.event(event);
+        harness.run_steps(1);
+        wait_painted(harness.state_mut());
+        harness.run_steps(1);
+    };
+    let button = |pos, pressed| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    step(harness, Event::PointerMoved(way[0]));
+    step(harness, button(way[0], true));
+    for pair in way.windows(2) {
+        for k in 1..=8 {
+            step(harness, Event::PointerMoved(pair[0].lerp(pair[1], k as f32 / 8.0)));
+        }
+    }
+    step(harness, button(way[way.len() - 1], false));
+}
+
+/// Names of the layers with the groups around them, from the top.
+fn listed(harness: &Harness<'static, Viewer>) -> Vec<String> {
+    let snapshot = &harness.state().painting.as_ref().unwrap().snapshot;
+    let rows = fantex_app::paint::layer_rows(&snapshot.layers, &snapshot.collapsed, None);
+    rows.iter().map(|(row, layer)| format!("{}{}", "  ".repeat(row.depth), layer.name)).collect()
+}
+
+/// Into a group, to its bottom, out of it to the left; a group with all that is in it; into one that is folded. Each is one step.
+#[test]
+fn layers_are_dragged_with_the_mouse_into_groups_and_out_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    for _ in 0..3 {
+        viewer.layer_action(&LayerAction::Add);
+        wait_painted(&mut viewer);
+    }
+    let ids: Vec<u64> =
+        viewer.painting.as_ref().unwrap().snapshot.layers.iter().map(|layer| layer.id()).collect();
+    for action in [LayerAction::Group(ids[1]), LayerAction::Move(ids[2], true)] {
+        viewer.layer_action(&action);
+        wait_painted(&mut viewer);
+    }
+    let mut harness = harness(viewer, [1380.0, 1600.0]);
+    harness.run_steps(2);
+    assert_eq!(listed(&harness), ["Layer 3", "Group 1", "  Layer 2", "Layer 1"]);
+    let steps =
+        |harness: &Harness<'static, Viewer>| harness.state().painting.as_ref().unwrap().snapshot.done.len();
+    let before = steps(&harness);
+    let middle = |harness: &Harness<'static, Viewer>, name: &str| harness.get_by_label(name).rect().center();
+    let row = middle(&harness, "Group 1").y - middle(&harness, "Layer 3").y;
+    assert!(row > 20.0);
+
+    let from = middle(&harness, "Layer 3");
+    drag(&mut harness, &[from, from + vec2(0.0, row)]);
+    assert_eq!(listed(&harness), ["Group 1", "  Layer 3", "  Layer 2", "Layer 1"]);
+    let from = middle(&harness, "Layer 3");
+    drag(&mut harness, &[from, from + vec2(0.0, row)]);
+    assert_eq!(listed(&harness), ["Group 1", "  Layer 2", "  Layer 3", "Layer 1"]);
+    let from = middle(&harness, "Layer 3");
+    drag(&mut harness, &[from, from - vec2(40.0, 0.0)]);
+    assert_eq!(listed(&harness), ["Group 1", "  Layer 2", "Layer 3", "Layer 1"]);
+    let from = middle(&harness, "Layer 3");
+    drag(&mut harness, &[from, from + vec2(40.0, 0.0)]);
+    assert_eq!(listed(&harness), ["Group 1", "  Layer 2", "  Layer 3", "Layer 1"]);
+    // All that is in it comes along.
+    let from = middle(&harness, "Group 1");
+    drag(&mut harness, &[from, from + vec2(0.0, 1.2 * row)]);
+    assert_eq!(listed(&harness), ["Layer 1", "Group 1", "  Layer 2", "  Layer 3"]);
+    assert_eq!(steps(&harness), before + 5);
+    // There and back is no step.
+    let from = middle(&harness, "Layer 1");
+    drag(&mut harness, &[from, from + vec2(0.0, row), from]);
+    assert_eq!(listed(&harness), ["Layer 1", "Group 1", "  Layer 2", "  Layer 3"]);
+    assert_eq!(steps(&harness), before + 5);
+    // Into a folded group, which unfolds.
+    harness.get_by_label("Fold Group 1").click();
+    harness.run_steps(1);
+    wait_painted(harness.state_mut());
+    harness.run_steps(1);
+    assert_eq!(listed(&harness), ["Layer 1", "Group 1"]);
+    let from = middle(&harness, "Layer 1");
+    drag(&mut harness, &[from, from + vec2(0.0, row), from + vec2(40.0, row)]);
+    assert_eq!(listed(&harness), ["Group 1", "  Layer 1", "  Layer 2", "  Layer 3"]);
+    for _ in 0..6 {
+        harness.get_by_label("Undo").click();
+        harness.run_steps(1);
+        wait_painted(harness.state_mut());
+        harness.run_steps(1);
+    }
+    assert_eq!(listed(&harness), ["Layer 3", "Group 1", "  Layer 2", "Layer 1"]);
+}
+
+/// Opened again with other channels.
+fn wait_opened(harness: &mut Harness<'static, Viewer>) {
+    let started = std::time::Instant::now();
+    while harness.state().opening.is_some() {
+        assert!(started.elapsed().as_secs() < 60, "it does not open");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        harness.state_mut().poll();
+    }
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+}
+
+/// What is lost is said before, and nothing is until the answer.
+#[test]
+fn channels_are_removed_once_the_user_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = harness(with_painting(folder.path()), [1380.0, 1600.0]);
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    let kinds = |harness: &Harness<'static, Viewer>| -> Vec<ChannelKind> {
+        harness.state().painting.as_ref().unwrap().channels.iter().map(|channel| channel.kind).collect()
+    };
+    let before = kinds(&harness);
+    harness.state_mut().add_channels(&[ChannelKind::Emission]);
+    wait_opened(&mut harness);
+    harness.state_mut().layer_action(&LayerAction::Add);
+    wait_painted(harness.state_mut());
+    // Else the layer's own switches are there, too.
+    harness.state_mut().layer_action(&LayerAction::Select(Target::Base));
+    harness.run_steps(2);
+    let choose = |harness: &mut Harness<'static, Viewer>| {
+        harness.get_by_label("Remove channel").click();
+        harness.run_steps(2);
+        // The switch of the brush is no button.
+        harness.get_by_role_and_label(Role::Button, "Emission").click();
+        harness.run_steps(2);
+    };
+    choose(&mut harness);
+    assert_eq!(harness.state().removal, Some(ChannelKind::Emission));
+    harness.get_by_label_contains("on the base and on the layer. This cannot be undone.");
+    harness.get_by_label("Cancel").click();
+    harness.run_steps(2);
+    assert!(harness.state().removal.is_none() && harness.state().opening.is_none());
+    choose(&mut harness);
+    harness.state_mut().command(Command::Cancel);
+    assert!(harness.state().removal.is_none());
+    harness.run_steps(2);
+    choose(&mut harness);
+    harness.get_by_label("Remove the channel").click();
+    harness.run_steps(2);
+    wait_opened(&mut harness);
+    assert_eq!(kinds(&harness), before);
+    assert_eq!(harness.state().painting.as_ref().unwrap().snapshot.layers.len(), 1);
+    // The last one stays.
+    let (first, others) = before.split_first().unwrap();
+    if !others.is_empty() {
+        harness.state_mut().remove_channels(others);
+        wait_opened(&mut harness);
+    }
+    assert_eq!(kinds(&harness), [*first]);
+    harness.state_mut().ask_removal(*first);
+    assert!(harness.state().removal.is_none());
+    assert!(
+        harness.state_mut().notices.shown().any(|notice| notice.text.contains("an asset needs a channel"))
+    );
 }

@@ -92,3 +92,13 @@ impl Drop for Display {
         self.server.wait().ok();
     }
 }
+
+/// Waits until a session has made a file.
+#[cfg(target_os = "linux")]
+pub(crate) fn wait_for(path: &Path) {
+    let started = std::time::Instant::now();
+    while !path.exists() {
+        assert!(started.elapsed().as_secs() < 240, "{} does not come", path.display());
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+}

@@ -3,7 +3,11 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
+#[cfg(target_os = "linux")]
+mod clipboard;
 mod display;
+#[cfg(target_os = "linux")]
+mod mouse;
 mod painting;
 #[cfg(target_os = "linux")]
 mod pen;

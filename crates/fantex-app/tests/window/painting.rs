@@ -54,6 +54,67 @@ fn a_channel_is_added_and_painted() {
     assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
 }
 
+/// It is taken out again with its paint; the other channels, the layer and its other steps stay.
+#[test]
+fn a_channel_is_removed_and_height_is_seen_alone() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"layer":"add"},
+        {"stroke":{"points":[[0.5,0.75],[0.6,0.78]]}},{"wait_painted":60},
+        {"add_channels":["normal","displacement"]},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"flat.png"}},
+        {"channels":{"color":false,"height":true}},{"material":{"height":1.0}},{"brush":{"size":90,"hardness":0.2,"flow":1.0}},
+        {"stroke":{"points":[[0.4,0.75],[0.5,0.78]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"raised.png"}},
+        {"see_height":true},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},{"screenshot":{"path":"height.png"}},
+        {"window_screenshot":{"path":"window.png"}},
+        {"material":{"height":0.0}},{"stroke":{"points":[[0.6,0.25]]}},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},
+        {"screenshot":{"path":"carved.png"}},{"key":"Ctrl+Z"},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},
+        {"screenshot":{"path":"back.png"}},
+        {"see_height":false},{"wait_painted":60},{"wait_frames":3},{"wait_sharp":60},{"screenshot":{"path":"again.png"}},
+        {"remove_channels":["displacement"]},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"removed.png"}},
+        {"expect_painting":{"layers":1,"steps":0}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "flat.png", "raised.png") > 0.001);
+    assert_eq!(difference(at, "height.png", "back.png"), 0.0);
+    assert_eq!(difference(at, "raised.png", "again.png"), 0.0);
+    // Grey everywhere; white where it was raised, black where it was carved.
+    let count = |name: &str, is_counted: fn(u8) -> bool| {
+        let (_, _, samples) = super::picture(&at.join(name));
+        samples.chunks(3).filter(|p| p[0] == p[1] && p[1] == p[2] && is_counted(p[0])).count()
+    };
+    assert!(count("height.png", |grey| grey > 240) > count("raised.png", |grey| grey > 240) + 200);
+    assert!(count("carved.png", |grey| grey < 10) > count("height.png", |grey| grey < 10) + 200);
+    assert!(difference(at, "flat.png", "removed.png") < 0.001, "the relief of the layer is gone");
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+    keep_pictures(at, "height");
+}
+
+/// Holes are painted, seen once the materials show them, and closed again.
+#[test]
+fn opacity_is_painted_and_shown() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"whole.png"}},
+        {"key":"Shift+E"},{"opacity_to":0.0},{"brush":{"size":90,"hardness":0.6,"flow":1.0}},
+        {"stroke":{"points":[[0.4,0.75],[0.6,0.78]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"opaque.png"}},
+        {"show_alpha":"cut_out"},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"hole.png"}},
+        {"window_screenshot":{"path":"window.png"}},{"expect_painting":{"steps":1}},
+        {"show_alpha":"blended"},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"blended.png"}},
+        {"opacity_to":1.0},{"stroke":{"points":[[0.3,0.75],[0.7,0.78]]}},{"stroke":{"points":[[0.3,0.72],[0.7,0.81]]}},
+        {"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"closed.png"}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "whole.png", "opaque.png") < 0.001, "the materials ignore it");
+    assert!(difference(at, "whole.png", "hole.png") > 0.01);
+    assert!(difference(at, "whole.png", "blended.png") > 0.01);
+    assert!(difference(at, "hole.png", "blended.png") > 0.0);
+    assert!(difference(at, "whole.png", "closed.png") < 0.2 * difference(at, "whole.png", "blended.png"));
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+    keep_pictures(at, "opacity");
+}
+
 #[test]
 fn models_become_assets_with_layers_and_panels() {
     let Some(display) = Display::start() else { return };
@@ -168,7 +229,7 @@ fn a_text_is_placed_by_handles() {
 }
 
 /// Leaves pictures for the eye where `FANTEX_PICTURES` names a folder.
-fn keep_pictures(from: &std::path::Path, name: &str) {
+pub(super) fn keep_pictures(from: &std::path::Path, name: &str) {
     let Some(to) = std::env::var_os("FANTEX_PICTURES") else { return };
     let to = std::path::Path::new(&to).join(name);
     std::fs::create_dir_all(&to).unwrap();

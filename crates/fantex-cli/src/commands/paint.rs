@@ -8,8 +8,10 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::base::files::{persist, temporary_file};
+use fantex::base::input::{ReadLimits, ReadOptions};
+use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
-use fantex::store::ChannelKind;
+use fantex::store::{AssetEditor, ChannelKind, EditOptions};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -28,6 +30,8 @@ Example:
   fantex paint denser.fan --replay-log painted.fan
   fantex paint painted.fan --export-log strokes.json
   fantex paint statue.fan --add-channel emission,normal -o richer.fan
+  fantex paint richer.fan --remove-channel emission
+  fantex paint fence.fan --replay holes.json --alpha cut-out
 
 Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is
 painted is saved all the time, and every step can be undone.
@@ -37,7 +41,12 @@ strokes or none. Strokes are given by positions in the model's coordinates, so t
 asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.
 
 With --add-channel the asset is first given channels that it does not have. They show what was seen without them: the model's
-materials, its own normals, a middle height.")]
+materials, its own normals, a middle height.
+
+With --remove-channel channels are first taken out, with all that was baked and painted in them, on the base and on layers.
+That cannot be undone. Without height normals lose the relief of layers, and the history goes.
+
+With --alpha painted opacity is seen: materials of models often ignore it.")]
 pub(crate) struct PaintArgs {
     /// An asset (.fan); without --replay also a model (.glb .gltf .obj .ply .stl)
     asset: PathBuf,
@@ -53,27 +62,51 @@ pub(crate) struct PaintArgs {
     /// Channels to give the asset, if it does not have them
     #[arg(long, value_name = "CHANNEL", value_delimiter = ',', value_parser = one_of(&ADDED), conflicts_with = "export_log")]
     add_channel: Vec<ChannelKind>,
+    /// Channels to take out of the asset, with what they hold, before others are added
+    #[arg(long, value_name = "CHANNEL", value_delimiter = ',', value_parser = one_of(&REMOVED), conflicts_with = "export_log")]
+    remove_channel: Vec<ChannelKind>,
+    /// What all materials of the asset make of the opacity of the base colour
+    #[arg(long, value_name = "MODE", value_parser = one_of(&ALPHA_MODES), conflicts_with = "export_log")]
+    alpha: Option<AlphaMode>,
     /// The asset to write; without it the given one is changed
     #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
     /// Width and height of the window in points; as it was by default
-    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel"])]
+    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel", "remove_channel", "alpha"])]
     size: Option<[u32; 2]>,
     /// Keep nothing that undoes the strokes
     #[arg(long)]
     no_history: bool,
 }
 
-const ADDED: Choices<ChannelKind, 5> = [
+impl PaintArgs {
+    /// Whether something changes besides what strokes do.
+    fn changes_asset(&self) -> bool {
+        !self.add_channel.is_empty() || !self.remove_channel.is_empty() || self.alpha.is_some()
+    }
+}
+
+const REMOVED: Choices<ChannelKind, 7> = [
     ("base-color", "Colour, with opacity", ChannelKind::BaseColor),
     ("orm", "Occlusion, roughness, metallic", ChannelKind::OcclusionRoughnessMetallic),
     ("emission", "Emitted light", ChannelKind::Emission),
     ("normal", "Normals", ChannelKind::Normal),
     ("displacement", "Height", ChannelKind::Displacement),
+    ("light", "Baked light", ChannelKind::Light),
+    ("anisotropy", "Directions of stretched highlights", ChannelKind::Anisotropy),
+];
+
+/// All but those that only a bake makes.
+const ADDED: Choices<ChannelKind, 5> = [REMOVED[0], REMOVED[1], REMOVED[2], REMOVED[3], REMOVED[4]];
+
+const ALPHA_MODES: Choices<AlphaMode, 3> = [
+    ("opaque", "Nothing: it is not seen", AlphaMode::Opaque),
+    ("cut-out", "What has less than half is not there", AlphaMode::Mask(0.5)),
+    ("blend", "What lies behind is seen through it", AlphaMode::Blend),
 ];
 
 enum Strokes {
-    /// Only channels are added.
+    /// Only channels and materials are changed.
     None,
     File {
         file: StrokeFile,
@@ -128,9 +161,14 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     // Opening says what is wrong with files of other kinds.
-    let opens = || open_asset(&args.asset).map(drop);
+    let opens = || {
+        // What is changed in place is not protected as an input.
+        let protect_inputs = args.output.is_some() && ReadLimits::current().options().protect_inputs;
+        let options = ReadOptions { protect_inputs, ..*ReadLimits::current().options() };
+        ReadLimits::new(options).run(|| open_asset(&args.asset)).map(drop)
+    };
     let strokes = match (&args.replay, &args.replay_log) {
-        (None, None) if !args.add_channel.is_empty() => opens().map(|()| Strokes::None)?,
+        (None, None) if args.changes_asset() => opens().map(|()| Strokes::None)?,
         (None, None) => {
             let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
             let mut arguments = vec!["--paint".into(), memory.into(), args.asset.clone().into()];
@@ -200,7 +238,11 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
 
 fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
+    if let Some(alpha) = args.alpha {
+        AssetEditor::open(asset, &EditOptions::default())?.set_alpha_mode(alpha)?;
+    }
     let mut painter = Painter::open(asset, &options)?;
+    painter.remove_channels(&args.remove_channel)?;
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
     let _deferral = context.defer_interrupt();

@@ -261,6 +261,90 @@ fn channels_are_added_and_the_log_brings_them_along() {
 }
 
 #[test]
+fn channels_are_removed_and_opacity_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("glow.json"), STROKES.replace("base_color", "emission")).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    json(&[&"paint", &at("a.fan"), &"--add-channel", &"emission,normal", &"--replay", &at("glow.json")]);
+    let before = std::fs::read(at("a.fan")).unwrap();
+    let channels = |name: &str| fantex::store::Asset::open(&at(name)).unwrap().channels().to_vec();
+    let all = channels("a.fan");
+    json(&[&"paint", &at("a.fan"), &"--remove-channel", &"emission", &"-o", &at("less.fan")]);
+    assert!(std::fs::read(at("a.fan")).unwrap() == before);
+    assert_eq!(channels("less.fan"), [all[0].clone(), all[2].clone()]);
+    assert_eq!(json(&[&"verify", &at("less.fan")])["ok"], true);
+    assert_eq!(json(&[&"paint", &at("less.fan"), &"--export-log", &at("log.json")])["strokes"], 0);
+    // Taken out and given again, it is as the model has it.
+    json(&[&"paint", &at("a.fan"), &"--remove-channel", &"emission", &"--add-channel", &"emission"]);
+    assert_eq!(channels("a.fan"), [all[0].clone(), all[2].clone(), all[1].clone()]);
+    fails(
+        1,
+        &["channel emission", "it has none"],
+        &[&"paint", &at("less.fan"), &"--remove-channel", &"emission"],
+    );
+    let both = "base-color,normal";
+    fails(2, &["it has no other channel"], &[&"paint", &at("less.fan"), &"--remove-channel", &both]);
+    fails(2, &["invalid value 'colour'"], &[&"paint", &at("less.fan"), &"--remove-channel", &"colour"]);
+    // Materials.
+    json(&[&"paint", &at("less.fan"), &"--alpha", &"cut-out"]);
+    let asset = fantex::store::Asset::open(&at("less.fan")).unwrap();
+    let cut_out = fantex::mesh::AlphaMode::Mask(0.5);
+    assert!(asset.mesh().materials.iter().all(|material| material.alpha == cut_out));
+    assert_eq!(json(&[&"verify", &at("less.fan")])["ok"], true);
+    fails(2, &["invalid value 'glass'"], &[&"paint", &at("less.fan"), &"--alpha", &"glass"]);
+}
+
+/// Whenever the program is killed, the asset has the channel with its paint, or lacks it.
+#[cfg(unix)]
+#[test]
+fn a_removal_that_is_killed_leaves_the_old_asset_or_the_new_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("glow.json"), STROKES.replace("base_color", "emission")).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"400k"]);
+    json(&[&"paint", &at("a.fan"), &"--add-channel", &"emission", &"--replay", &at("glow.json")]);
+    json(&[&"paint", &at("a.fan"), &"--remove-channel", &"emission", &"-o", &at("less.fan")]);
+    let seen = |path: &std::path::Path| -> Vec<Vec<u8>> {
+        let asset = fantex::store::Asset::open(path).unwrap();
+        let pages = |(g, group)| fantex::store::group_pages(g, group);
+        let all = (0u32..).zip(&asset.cover().groups).flat_map(pages);
+        let channels = asset.channels().len();
+        all.flat_map(|id| (0..channels).map(|c| asset.read_page_raw(c, id).unwrap()).collect::<Vec<_>>())
+            .collect()
+    };
+    let [old, new] = ["a.fan", "less.fan"].map(|name| seen(&at(name)));
+    let started = std::time::Instant::now();
+    let remove = |path: &std::path::Path| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_fantex"));
+        command.arg("paint").arg(path).args(["--remove-channel", "emission"]);
+        command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+        command
+    };
+    std::fs::copy(at("a.fan"), at("whole.fan")).unwrap();
+    assert!(remove(&at("whole.fan")).status().unwrap().success());
+    let takes = started.elapsed();
+    let (mut olds, mut news) = (0, 0);
+    for k in 0..24 {
+        let path = at(&format!("killed{k}.fan"));
+        std::fs::copy(at("a.fan"), &path).unwrap();
+        let mut child = remove(&path).spawn().unwrap();
+        std::thread::sleep(takes.mul_f64(f64::from(k) / 20.0));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let found = seen(&path);
+        assert!(found == old || found == new, "{k}");
+        assert_eq!(json(&[&"verify", &path])["ok"], true);
+        let count = if found == old { &mut olds } else { &mut news };
+        *count += 1;
+        std::fs::remove_file(path).unwrap();
+    }
+    assert!(olds > 0 && news > 0, "{olds} {news}");
+}
+
+#[test]
 fn painting_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -5,9 +5,11 @@
 mod added;
 mod groups;
 mod layers;
+mod opacity;
 mod painting;
 mod regions;
 mod relief;
+mod removed;
 mod tools;
 mod values;
 mod views;

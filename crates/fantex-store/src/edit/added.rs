@@ -1,12 +1,13 @@
-//! Channels that an asset is given after it was baked.
+//! Channels that an asset is given after it was baked, or that are taken out of it.
 //!
-//! They hold what renderers showed without them, so that nothing looks different: the factors of the model's materials, the mesh's own
+//! Those that it is given hold what renderers showed without them, so that nothing looks different: the factors of the model's materials, the mesh's own
 //! normals, a middle height.
 
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, Result};
-use fantex_mesh::{Material, Mesh};
+use fantex_mesh::{AlphaMode, Material, Mesh};
 
+use super::compact::NewChannel;
 use super::{AssetEditor, CompactSummary};
 use crate::channel::check_channels;
 use crate::{Channel, ChannelKind, Quality, TexelFormat, TexelSlice, encode};
@@ -91,20 +92,87 @@ impl AssetEditor {
     /// [`compact`](Self::compact).
     pub fn add_channels(&mut self, kinds: &[ChannelKind]) -> Result<CompactSummary> {
         let path = self.asset.path().to_owned();
-        let mut channels = self.asset.channels().to_vec();
+        let mut new = NewChannel::all_of(&self.asset);
         let refused = |why: String| {
             let sentence = format!("cannot add a channel to {}: {why}", path.display());
             Error::invalid(sentence).with_path(&path)
         };
         for &kind in kinds {
-            if channels.iter().any(|channel| channel.kind == kind) {
+            if new.iter().any(|new| new.channel.kind == kind) {
                 return Err(refused(format!("it has one of {kind}")));
             }
             let channel = Channel::beside(kind, self.asset.channels());
-            channels.push(channel.ok_or_else(|| refused(format!("only a bake makes one of {kind}")))?);
+            let channel = channel.ok_or_else(|| refused(format!("only a bake makes one of {kind}")))?;
+            new.push(NewChannel { channel, from: None });
         }
+        let channels: Vec<Channel> = new.iter().map(|new| new.channel.clone()).collect();
         check_channels(&channels)
             .map_err(|error| error.context(format!("cannot change {}", path.display())))?;
-        self.rewrite(&channels)
+        self.rewrite(&new, None, |_| false, |_, contents| Ok(Some(contents)))
+    }
+
+    /// The numbers of channels of these kinds, ascending, if they can be removed together.
+    ///
+    /// # Errors
+    /// The asset has none of a kind, or no other channel.
+    pub fn removable_channels(&self, kinds: &[ChannelKind]) -> Result<Vec<usize>> {
+        let path = self.asset.path();
+        let sentence = |kind: ChannelKind, why: &str| {
+            format!("cannot remove the channel {kind} from {}: {why}", path.display())
+        };
+        let channels = self.asset.channels();
+        let mut removed = Vec::new();
+        for &kind in kinds {
+            let known = removed.len();
+            removed.extend((0..channels.len()).filter(|&index| channels[index].kind == kind));
+            if removed.len() == known {
+                return Err(Error::not_found(sentence(kind, "it has none")).with_path(path));
+            }
+        }
+        removed.sort_unstable();
+        removed.dedup();
+        match kinds.last() {
+            Some(&last) if removed.len() == channels.len() => {
+                let why = "it has no other channel, and an asset needs one";
+                Err(Error::invalid(sentence(last, why)).with_path(path))
+            }
+            _ => Ok(removed),
+        }
+    }
+
+    /// Commits, then replaces the file by one without the channels of these kinds, atomically. The others stay as they are, and move
+    /// up. Attachments do, too, but those that `concerns` names hold what `change` makes of their contents; where that is none, they are
+    /// left out. Needs room for the copy; memory does not grow with the asset. Readers that have the old file open keep it.
+    ///
+    /// # Errors
+    /// As [`removable_channels`](Self::removable_channels), `change` and [`compact`](Self::compact); the asset then stays as it is.
+    pub fn remove_channels(
+        &mut self,
+        kinds: &[ChannelKind],
+        concerns: impl Fn(&str) -> bool,
+        change: impl FnMut(&str, Vec<u8>) -> Result<Option<Vec<u8>>>,
+    ) -> Result<CompactSummary> {
+        let removed = self.removable_channels(kinds)?;
+        let mut new = NewChannel::all_of(&self.asset);
+        new.retain(|new| new.from.is_some_and(|index| !removed.contains(&index)));
+        self.rewrite(&new, None, concerns, change)
+    }
+
+    /// Commits, then replaces the file by one all of whose materials take alpha so, atomically. Texels stay as they are. Needs room for
+    /// the copy. Readers that have the old file open keep it.
+    ///
+    /// # Errors
+    /// As [`compact`](Self::compact).
+    pub fn set_alpha_mode(&mut self, alpha: AlphaMode) -> Result<()> {
+        let mut mesh = self.asset.mesh().clone();
+        if mesh.materials.is_empty() {
+            mesh.materials.push(Material::default());
+        }
+        if mesh.materials.iter().all(|material| material.alpha == alpha) {
+            return Ok(());
+        }
+        mesh.materials.iter_mut().for_each(|material| material.alpha = alpha);
+        let channels = NewChannel::all_of(&self.asset);
+        self.rewrite(&channels, Some(&mesh), |_| false, |_, contents| Ok(Some(contents))).map(drop)
     }
 }

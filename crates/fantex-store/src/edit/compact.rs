@@ -1,4 +1,4 @@
-//! A fresh copy of an asset: in page order again, in clusters of full length, without gaps, and with further channels where they are
+//! A fresh copy of an asset: in page order again, in clusters of full length, without gaps, and with other channels where they are
 //! wanted.
 
 use std::borrow::Cow;
@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use fantex_base::Result;
 use fantex_base::files::persist;
+use fantex_mesh::Mesh;
 use tempfile::NamedTempFile;
 
 use super::AssetEditor;
@@ -16,10 +17,10 @@ use super::commit::{FileOutput, pages_of_cluster};
 use crate::channel::encode_channels;
 use crate::decode::StoredTexels;
 use crate::directory::{Attachments, Means};
-use crate::header::SectionRecord;
+use crate::header::{SECTION_NAMES, SectionRecord};
 use crate::layout::{ClusterPages, PageSize};
 use crate::writer::{CLUSTER_TARGET_BYTES, NewFile, OpenCluster, pack_section};
-use crate::{Asset, Channel, PageId, TexelFormat, write_error};
+use crate::{Asset, Channel, PageId, TexelFormat, mesh_section, write_error};
 
 /// What compaction did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,21 +38,38 @@ impl AssetEditor {
     /// # Errors
     /// As [`commit`](Self::commit), or the copy cannot be written; the file then stays as it is.
     pub fn compact(&mut self) -> Result<CompactSummary> {
-        let channels = self.asset.channels().to_vec();
-        self.rewrite(&channels)
+        self.rewrite(&NewChannel::all_of(&self.asset), None, |_| false, |_, contents| Ok(Some(contents)))
     }
 
-    /// The same with these channels: those of the asset, and others behind them.
-    pub(super) fn rewrite(&mut self, channels: &[Channel]) -> Result<CompactSummary> {
+    /// The same with these channels, and another mesh that has the same triangles, where one is given. Attachments are copied, but those that `concerns` names hold what `change` makes of their
+    /// contents; where that is none, there is no such attachment.
+    pub(super) fn rewrite(
+        &mut self,
+        channels: &[NewChannel],
+        mesh: Option<&Mesh>,
+        concerns: impl Fn(&str) -> bool,
+        mut change: impl FnMut(&str, Vec<u8>) -> Result<Option<Vec<u8>>>,
+    ) -> Result<CompactSummary> {
         let bytes_before = self.commit()?.file_bytes;
         let asset = Arc::clone(&self.asset);
         let io = |source| write_error(asset.path(), source);
-        let added = AddedChannels::new(&asset, channels);
-        let mut copy = added.begin().map_err(io)?;
-        added.copy_clusters(&mut copy, self.options.zstd_level)?;
-        let attachments = copy_attachments(&asset, &mut copy).map_err(io)?;
+        let rewrite = Rewrite::new(&asset, channels, mesh);
+        let mut copy = rewrite.begin().map_err(io)?;
+        rewrite.copy_clusters(&mut copy, self.options.zstd_level)?;
+        let mut attachments = Attachments::new();
+        for (name, record) in asset.attachments()? {
+            let (stored, record) = if concerns(name) {
+                let contents = asset.read_attachment(name, record)?;
+                let Some(contents) = change(name, contents)? else { continue };
+                pack_section(&contents).map_err(io)?
+            } else {
+                (read_stored(&asset, record).map_err(io)?, *record)
+            };
+            let offset = copy.append(&stored).map_err(io)?;
+            attachments.insert(name.clone(), SectionRecord { offset, ..record });
+        }
         let permissions = self.file.metadata().map_err(io)?.permissions();
-        let finished = copy.finish(added.means()?, &attachments, Some(permissions));
+        let finished = copy.finish(rewrite.means()?, &attachments, Some(permissions));
         self.move_to(finished.map_err(io)?.0, asset.path())?;
         Ok(CompactSummary { bytes_before, bytes: self.asset.file_bytes() })
     }
@@ -68,31 +86,50 @@ impl AssetEditor {
     }
 }
 
+/// A channel of the copy.
+#[derive(Clone, Debug)]
+pub(super) struct NewChannel {
+    pub(super) channel: Channel,
+    /// Its number in the asset; none where it is new.
+    pub(super) from: Option<usize>,
+}
+
+impl NewChannel {
+    /// Those of an asset, as they are.
+    pub(super) fn all_of(asset: &Asset) -> Vec<Self> {
+        let known = asset.channels().iter().cloned().enumerate();
+        known.map(|(index, channel)| Self { channel, from: Some(index) }).collect()
+    }
+}
+
 /// An asset, and the channels that its copy has.
-struct AddedChannels<'a> {
+struct Rewrite<'a> {
     asset: &'a Asset,
-    channels: &'a [Channel],
+    channels: &'a [NewChannel],
+    /// In the place of the asset's.
+    mesh: Option<&'a Mesh>,
     formats: Vec<TexelFormat>,
-    /// The last triangle of each group; empty without further channels.
+    /// The last triangle of each group; empty where no channel is new.
     triangles: Vec<u32>,
 }
 
-impl<'a> AddedChannels<'a> {
-    fn new(asset: &'a Asset, channels: &'a [Channel]) -> Self {
-        let is_longer = channels.len() > asset.channels().len();
-        let mut triangles = vec![0; if is_longer { asset.cover().groups.len() } else { 0 }];
-        if is_longer {
+impl<'a> Rewrite<'a> {
+    fn new(asset: &'a Asset, channels: &'a [NewChannel], mesh: Option<&'a Mesh>) -> Self {
+        let has_new = channels.iter().any(|new| new.from.is_none());
+        let mut triangles = vec![0; if has_new { asset.cover().groups.len() } else { 0 }];
+        if has_new {
             for (triangle, groups) in (0u32..).zip(&asset.cover().corner_groups) {
                 groups.iter().for_each(|&group| triangles[group as usize] = triangle);
             }
         }
-        let formats = channels.iter().map(|channel| channel.format).collect();
-        Self { asset, channels, formats, triangles }
+        let formats = channels.iter().map(|new| new.channel.format).collect();
+        Self { asset, channels, mesh, formats, triangles }
     }
 
-    /// The channels that the asset does not have.
-    fn added(&self) -> &[Channel] {
-        &self.channels[self.asset.channels().len()..]
+    /// Whether the channels are those of the asset.
+    fn is_copy(&self) -> bool {
+        let from = self.channels.iter().map(|new| new.from);
+        from.eq((0..self.asset.channels().len()).map(Some))
     }
 
     fn value(&self, channel: &Channel, group: u32) -> [f32; 4] {
@@ -104,12 +141,20 @@ impl<'a> AddedChannels<'a> {
         let asset = self.asset;
         let mut copy = NewFile::create(asset.path(), asset.generation() + 1, asset.directory().levels.len())?;
         for (index, record) in asset.slot().sections.iter().enumerate().take(3) {
-            if index == 0 && !self.added().is_empty() {
-                let (stored, record) = pack_section(&encode_channels(self.channels))?;
-                copy.section(index, &stored, record)?;
-            } else {
-                copy.section(index, &read_stored(asset, record)?, *record)?;
-            }
+            let changed = match (SECTION_NAMES[index], self.mesh) {
+                ("channel", _) if !self.is_copy() => {
+                    let channels: Vec<Channel> =
+                        self.channels.iter().map(|new| new.channel.clone()).collect();
+                    Some(encode_channels(&channels))
+                }
+                ("mesh", Some(mesh)) => Some(mesh_section::encode(mesh)),
+                _ => None,
+            };
+            let (stored, record) = match changed {
+                Some(changed) => pack_section(&changed)?,
+                None => (read_stored(asset, record)?, *record),
+            };
+            copy.section(index, &stored, record)?;
         }
         let extents: Vec<_> = asset.cover().groups.iter().map(|group| group.extent).collect();
         copy.keep_room_for_directory(&extents, &self.formats);
@@ -155,39 +200,36 @@ impl<'a> AddedChannels<'a> {
         let pages = (0..known.len()).map(|channel| self.asset.page_in(cluster, channel, id));
         let pages = pages.collect::<Result<Vec<_>, _>>()?;
         let beside: Vec<_> = known.iter().zip(pages.iter().copied()).collect();
-        let mut all: Vec<Cow<'c, [u8]>> = pages.iter().map(|bytes| Cow::Borrowed(*bytes)).collect();
-        for channel in self.added() {
-            let extent = self.asset.page_extent(0, id)?;
-            all.push(channel.plain_page(extent, self.value(channel, id.group), &beside)?.into());
-        }
-        Ok(all)
+        let page = |new: &NewChannel| match new.from {
+            Some(index) => Ok(Cow::Borrowed(pages[index])),
+            None => {
+                let (extent, value) = (self.asset.page_extent(0, id)?, self.value(&new.channel, id.group));
+                new.channel.plain_page(extent, value, &beside).map(Cow::from)
+            }
+        };
+        self.channels.iter().map(page).collect()
     }
 
     fn means(&self) -> Result<Means> {
         let known = &self.asset.directory().means;
-        if self.added().is_empty() {
+        if self.is_copy() {
             return Ok(known.clone());
         }
         let mut values = Vec::new();
         for group in 0..self.asset.cover().groups.len() as u32 {
-            values.extend((0..self.asset.channels().len()).map(|channel| known.get(channel, group)));
-            for channel in self.added() {
-                // What its texels decode to.
-                let block = channel.plain_page([4, 4], self.value(channel, group), &[])?;
-                values.push(StoredTexels::decode(channel.format, [4, 4], &block)?.linear(0, channel.srgb));
+            for NewChannel { channel, from } in self.channels {
+                values.push(match from {
+                    Some(index) => known.get(*index, group),
+                    None => {
+                        // What its texels decode to.
+                        let block = channel.plain_page([4, 4], self.value(channel, group), &[])?;
+                        StoredTexels::decode(channel.format, [4, 4], &block)?.linear(0, channel.srgb)
+                    }
+                });
             }
         }
         Ok(Means::new(&values, &self.formats))
     }
-}
-
-fn copy_attachments(asset: &Asset, copy: &mut NewFile) -> io::Result<Attachments> {
-    let mut list = Attachments::new();
-    for (name, record) in asset.attachments().map_err(io::Error::other)? {
-        let offset = copy.append(&read_stored(asset, record)?)?;
-        list.insert(name.clone(), SectionRecord { offset, ..*record });
-    }
-    Ok(list)
 }
 
 /// The stored bytes of a section or attachment. Damage is copied, and reported when it is read.

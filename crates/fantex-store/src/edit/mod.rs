@@ -18,7 +18,7 @@
 //!   attempt takes another number.
 //!
 //! Here are the changes and reading through them; in `commit.rs` the steps above, in `space.rs` where changed clusters go, in
-//! `lock.rs` who may write, in `compact.rs` the copy without gaps, in `added.rs` further channels.
+//! `lock.rs` who may write, in `compact.rs` the copy without gaps, in `added.rs` further or fewer channels.
 
 mod added;
 mod commit;

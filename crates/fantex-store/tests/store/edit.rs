@@ -584,6 +584,61 @@ fn channels_are_added_behind_the_others() {
     assert_eq!(Asset::open(&path).unwrap().read_page_raw(number, id).unwrap(), bytes);
 }
 
+/// What stays is what it was, byte for byte; attachments are changed with it.
+#[test]
+fn channels_are_removed_and_the_others_move_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut dice = Dice::new(10);
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    let mut state = State::read(editor.asset());
+    change(&mut editor, &mut state, &mut dice);
+    editor.attach("kept", vec![1; 5000]).unwrap();
+    editor.attach("counts/channels", vec![2, 0]).unwrap();
+    editor.attach("counts/gone", vec![3]).unwrap();
+    let known = editor.asset().channels().to_vec();
+    let all: Vec<ChannelKind> = known.iter().map(|channel| channel.kind).collect();
+    assert!(all.len() > 1);
+    let keep = |_: &str, contents| Ok(Some(contents));
+    refused(editor.remove_channels(&all, |_| true, keep), "it has no other channel");
+    refused(editor.remove_channels(&[ChannelKind::Light], |_| true, keep), "it has none");
+    editor.commit().unwrap();
+    state.attachments = State::read(editor.asset()).attachments;
+    let before = std::fs::read(&path).unwrap();
+    let failing = |_: &str, _: Vec<u8>| Err(fantex_base::Error::invalid("not so"));
+    refused(editor.remove_channels(&all[..1], |name| name == "kept", failing), "not so");
+    assert!(std::fs::read(&path).unwrap() == before, "what fails changes nothing");
+    let reader = Asset::open(&path).unwrap();
+    let change_counts = |name: &str, contents: Vec<u8>| match name {
+        "counts/gone" => Ok(None),
+        _ => Ok(Some([contents.as_slice(), &[7]].concat())),
+    };
+    editor.remove_channels(&all[..1], |name| name.starts_with("counts/"), change_counts).unwrap();
+    let asset = Asset::open(&path).unwrap();
+    assert_eq!(asset.channels(), &known[1..]);
+    let count = known.len();
+    for id in pages(asset.cover()) {
+        for channel in 1..count {
+            assert_eq!(asset.read_page_raw(channel - 1, id).unwrap(), state.pages[&(id, channel)]);
+        }
+    }
+    for group in 0..asset.cover().groups.len() as u32 {
+        let means: Vec<_> = (1..count).map(|channel| asset.mean(channel - 1, group)).collect();
+        assert_eq!(means, state.means[group as usize * count + 1..][..count - 1]);
+    }
+    state.attachments.remove("counts/gone");
+    state.attachments.insert("counts/channels".into(), vec![2, 0, 7]);
+    assert_eq!(State::read(&asset).attachments, state.attachments);
+    assert_eq!(reader.channels(), known, "the old file lives on for its readers");
+    assert_whole(&path);
+    // It goes on as before.
+    let id = pages(asset.cover()).next().unwrap();
+    let bytes = vec![7; asset.read_page_raw(0, id).unwrap().len()];
+    editor.replace(id, 0, bytes.clone()).unwrap();
+    editor.commit().unwrap();
+    assert_eq!(Asset::open(&path).unwrap().read_page_raw(0, id).unwrap(), bytes);
+}
+
 #[test]
 fn added_pages_are_empty_where_nothing_is_read() {
     let channel = |kind, format| Channel { kind, format, srgb: false };

@@ -1,8 +1,8 @@
 //! The brush: its preview, its numbers, and the brushes that are kept.
 
 use crate::paint::{
-    BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit, StickerKind,
-    preview_stroke,
+    AlphaShown, BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit,
+    StickerKind, preview_stroke,
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
@@ -36,11 +36,18 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     preview(
         ui,
         &paint.brush,
-        if paint.tool == PaintTool::Erase { [0xe8; 3] } else { paint.colors.foreground },
+        match paint.tool {
+            PaintTool::Erase | PaintTool::Opacity => [0xe8; 3],
+            _ => paint.colors.foreground,
+        },
     );
     size(ui, &mut paint.brush);
     let brush = &mut paint.brush;
     percent(ui, "Hardness", &mut brush.hardness, "Share of the brush that is full (Shift + [ and ])");
+    if paint.tool == PaintTool::Opacity {
+        percent(ui, "Goes to", &mut paint.opacity_to, "0 lets what lies behind be seen, 100 hides it");
+    }
+    let brush = &mut paint.brush;
     percent(ui, "Opacity", &mut brush.opacity, "Most that one stroke covers (digits)");
     percent(ui, "Flow", &mut brush.flow, "What each dab adds (Shift + digits)");
     if paint.tool == PaintTool::Paint {
@@ -52,6 +59,10 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if paint.tool == PaintTool::Blur {
         percent(ui, "Reach", &mut paint.blur_radius, "How far around is averaged, in diameters");
     }
+    if paint.tool == PaintTool::Opacity {
+        alpha_shown(ui, viewer);
+    }
+    let paint = &mut viewer.settings.paint;
     let brush = &mut paint.brush;
     let tip =
         "Dabs go on beyond gaps that are small beside them, as where triangles do not meet at their corners";
@@ -86,6 +97,19 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
     if asks_stamp {
         viewer.request(Request::Dialog(FileDialog::Stamp));
+    }
+}
+
+/// What the model's materials make of the opacity.
+fn alpha_shown(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(painting) = &viewer.painting else { return };
+    let known = painting.alpha_shown();
+    let mut shown = known;
+    let tip =
+        "What all materials of the model make of the opacity; the asset is saved and opened again for it";
+    row(ui, "Shows", |ui| choice(ui, "alpha shown", &mut shown, &AlphaShown::ALL).on_hover_text(tip));
+    if shown != known {
+        viewer.show_alpha(shown);
     }
 }
 

@@ -9,7 +9,8 @@ use fantex::store::ChannelKind;
 
 use crate::display::ShadingView;
 use crate::paint::{
-    ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, color_of_hex, parse_hex, text_hex,
+    Alone, ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, channel_name, color_of_hex,
+    parse_hex, text_hex,
 };
 use crate::panels::widgets::{
     cached_texture, file_button, framed_picture, named_choice, number, row, segments,
@@ -94,46 +95,67 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
 /// Which channels are painted, with what, and which one is shown.
 pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
-    let missing: Vec<(ChannelKind, &str)> = ADDED
-        .into_iter()
-        .filter(|(kind, _)| painting.channels.iter().all(|channel| channel.kind != *kind))
-        .collect();
-    let mut added = None;
+    let known: Vec<ChannelKind> = painting.channels.iter().map(|channel| channel.kind).collect();
+    let missing: Vec<ChannelKind> = ADDED.into_iter().filter(|kind| !known.contains(kind)).collect();
+    let (mut added, mut removed) = (None, None);
     ui.add_space(6.0);
     ui.horizontal(|ui| {
         ui.label(RichText::new("Channels").color(theme::STRONG).strong());
-        if missing.is_empty() {
-            return;
-        }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            let menu = ui.menu_button(RichText::new("Add channel").size(11.0), |ui| {
-                for (kind, name) in &missing {
-                    if ui.button(*name).clicked() {
-                        added = Some(*kind);
-                        ui.close();
-                    }
-                }
-            });
-            menu.response
-                .on_hover_text("Give the asset a further channel; it looks as before until that is painted");
+            removed = kind_menu(
+                ui,
+                "Remove channel",
+                &known,
+                "Take a channel out of the asset, with what it holds",
+            );
+            if !missing.is_empty() {
+                let tip = "Give the asset a further channel; it looks as before until that is painted";
+                added = kind_menu(ui, "Add channel", &missing, tip);
+            }
         });
     });
+    let has_color = known.contains(&ChannelKind::BaseColor);
+    let is_height_alone = painting.seen_alone == Some(Alone::Height);
+    let (mut sees_height, mut chosen) = (is_height_alone, None);
     let paint = &mut viewer.settings.paint;
     for channel in &painting.channels {
-        let Some((name, view)) = name_and_view(channel.kind) else { continue };
+        let Some(name) = switch_name(channel.kind) else { continue };
+        let view = ShadingView::of_channel(channel.kind);
         let Some(is_painted) = paint.channels.of(channel.kind) else { continue };
         ui.horizontal(|ui| {
             ui.add(Checkbox::new(is_painted, name)).on_hover_text("Whether the brush paints it");
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let Some(view) = view else { return };
-                let is_alone = viewer.settings.display.shading == view;
                 let text = RichText::new("Only").size(11.0);
-                if ui.selectable_label(is_alone, text).on_hover_text("Show this channel alone").clicked() {
-                    viewer.settings.display.shading = if is_alone { ShadingView::Lit } else { view };
+                let tip = "Show this channel alone";
+                match view {
+                    Some(view) => {
+                        let is_alone = viewer.settings.display.shading == view && !is_height_alone;
+                        if ui.selectable_label(is_alone, text).on_hover_text(tip).clicked() {
+                            chosen = Some(if is_alone { ShadingView::Lit } else { view });
+                            sees_height = false;
+                        }
+                    }
+                    // It is shown in the place of the base colour.
+                    None if has_color => {
+                        let tip = "Show the height alone: black is carved most, white raised most";
+                        if ui.selectable_label(is_height_alone, text).on_hover_text(tip).clicked() {
+                            sees_height = !is_height_alone;
+                        }
+                    }
+                    None => {}
                 }
             });
         });
         material(ui, channel.kind, paint);
+    }
+    if sees_height != is_height_alone {
+        viewer.see_height(sees_height);
+    }
+    if let Some(shading) = chosen {
+        viewer.settings.display.shading = shading;
+    }
+    if let Some(kind) = removed {
+        viewer.ask_removal(kind);
     }
     if let Some(kind) = added {
         // Height is seen by the normals that follow it.
@@ -147,13 +169,28 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// Channels that can be added.
-const ADDED: [(ChannelKind, &str); 5] = [
-    (ChannelKind::BaseColor, "Base colour, opacity"),
-    (ChannelKind::OcclusionRoughnessMetallic, "Occlusion, roughness, metallic"),
-    (ChannelKind::Emission, "Emission"),
-    (ChannelKind::Normal, "Normal"),
-    (ChannelKind::Displacement, "Height"),
+const ADDED: [ChannelKind; 5] = [
+    ChannelKind::BaseColor,
+    ChannelKind::OcclusionRoughnessMetallic,
+    ChannelKind::Emission,
+    ChannelKind::Normal,
+    ChannelKind::Displacement,
 ];
+
+/// A menu of channels; returns the one that was chosen.
+fn kind_menu(ui: &mut Ui, text: &str, kinds: &[ChannelKind], tip: &str) -> Option<ChannelKind> {
+    let mut chosen = None;
+    let menu = ui.menu_button(RichText::new(text).size(11.0), |ui| {
+        for &kind in kinds {
+            if ui.button(channel_name(kind)).clicked() {
+                chosen = Some(kind);
+                ui.close();
+            }
+        }
+    });
+    menu.response.on_hover_text(tip);
+    chosen
+}
 
 /// What is painted besides the colour.
 fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
@@ -194,15 +231,14 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
     }
 }
 
-fn name_and_view(kind: ChannelKind) -> Option<(&'static str, Option<ShadingView>)> {
+/// The name of the switch by which the brush paints a channel.
+fn switch_name(kind: ChannelKind) -> Option<&'static str> {
     match kind {
-        ChannelKind::BaseColor => Some(("Base colour", Some(ShadingView::BaseColor))),
-        ChannelKind::Normal => Some(("Normal (back to smooth)", Some(ShadingView::Normal))),
-        ChannelKind::OcclusionRoughnessMetallic => {
-            Some(("Roughness, metallic", Some(ShadingView::OcclusionRoughnessMetallic)))
-        }
-        ChannelKind::Emission => Some(("Emission", Some(ShadingView::Emission))),
-        ChannelKind::Displacement => Some(("Height", None)),
+        ChannelKind::BaseColor => Some("Base colour"),
+        ChannelKind::Normal => Some("Normal (back to smooth)"),
+        ChannelKind::OcclusionRoughnessMetallic => Some("Roughness, metallic"),
+        ChannelKind::Emission => Some("Emission"),
+        ChannelKind::Displacement => Some("Height"),
         ChannelKind::Light | ChannelKind::Anisotropy => None,
     }
 }

@@ -162,7 +162,7 @@ fn layer_row(
             if held.clicked() {
                 actions.push(LayerAction::Select(Target::Mask(id)));
                 if ui.input(|i| i.modifiers.alt) {
-                    actions.push(LayerAction::SeeMask((painting.seen_mask != Some(id)).then_some(id)));
+                    actions.push(LayerAction::SeeMask((painting.seen_mask() != Some(id)).then_some(id)));
                 }
             }
         }
@@ -222,7 +222,7 @@ fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
         rows.push((true, "Add white mask", LayerAction::AddMask(id, true)));
         rows.push((true, "Add black mask", LayerAction::AddMask(id, false)));
     } else {
-        let is_seen = painting.seen_mask == Some(id);
+        let is_seen = painting.seen_mask() == Some(id);
         let text = if is_seen { "See the picture again" } else { "See the mask alone" };
         rows.push((true, "Invert mask", LayerAction::InvertMask(id)));
         rows.push((true, text, LayerAction::SeeMask((!is_seen).then_some(id))));
@@ -442,7 +442,7 @@ fn mask(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
             if ui.small_button("Invert").on_hover_text("It hides where it showed").clicked() {
                 actions.push(LayerAction::InvertMask(id));
             }
-            let is_seen = painting.seen_mask == Some(id);
+            let is_seen = painting.seen_mask() == Some(id);
             if ui
                 .selectable_label(is_seen, RichText::new("Alone").size(11.0))
                 .on_hover_text("See the mask alone (Alt + click on its picture)")

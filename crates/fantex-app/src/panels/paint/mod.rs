@@ -139,6 +139,13 @@ fn tool_icon(painter: &Painter, rect: Rect, tool: PaintTool, color: Color32) {
             painter.line_segment([at(6.6, 7.4), at(12.1, 12.9)], stroke);
             painter.line_segment([at(8.0, 17.3), at(17.5, 17.3)], stroke);
         }
+        PaintTool::Opacity => {
+            let radius = 7.0 * rect.width() / 20.0;
+            painter.circle_stroke(rect.center(), radius, stroke);
+            let half = (0..=12).map(|k| k as f32 / 12.0 * std::f32::consts::PI);
+            let half = half.map(|a| rect.center() + vec2(a.sin(), a.cos()) * radius).collect();
+            painter.add(Shape::convex_polygon(half, color, Stroke::NONE));
+        }
         PaintTool::Fill => {
             let bucket = vec![at(3.0, 10.5), at(9.5, 4.0), at(16.0, 10.5), at(9.5, 17.0)];
             painter.add(Shape::closed_line(bucket, stroke));
