@@ -18,15 +18,15 @@ pub fn morton(p: Vec3) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use fantex_base::Rng;
+    use fantex_base::Random;
 
     use super::*;
 
     #[test]
     fn bits_of_the_coordinates_alternate() {
-        let mut rng = Rng::new(7);
+        let mut random = Random::new(7);
         for _ in 0..1000 {
-            let p = Vec3::from_array(std::array::from_fn(|_| 2.5 * rng.unit() as f32 - 1.25));
+            let p = Vec3::from_array(std::array::from_fn(|_| 2.5 * random.unit() as f32 - 1.25));
             let cells = p.to_array().map(|x| ((x.clamp(-1.0, 1.0) + 1.0) * 511.5) as u32);
             let expected: u32 = (0..30).map(|bit| (cells[bit % 3] >> (bit / 3) & 1) << bit).sum();
             assert_eq!(morton(p), expected);
