@@ -398,11 +398,13 @@ impl Mask {
 
     /// The set after so many quarter turns.
     fn turned(&self, turn: u8) -> Self {
+        if turn == 0 {
+            return self.clone();
+        }
         let (w, h) = (self.width, self.height);
         let [width, height] = if turn.is_multiple_of(2) { [w, h] } else { [h, w] };
         let mut turned = Self::empty(width, height);
         self.blocks().for_each(|[x, y]| match turn {
-            0 => turned.insert(x, y),
             1 => turned.insert(h - 1 - y, x),
             2 => turned.insert(w - 1 - x, h - 1 - y),
             _ => turned.insert(y, w - 1 - x),
@@ -425,7 +427,18 @@ impl Mask {
 
     /// Adds the blocks of `other`, moved to (x, y), inside `self`.
     fn stamp(&mut self, other: &Mask, x: u32, y: u32) {
-        other.blocks().for_each(|[i, j]| self.insert(x + i, y + j));
+        let (word, shift) = (x as usize / 64, x % 64);
+        for row in 0..other.height as usize {
+            let own = &mut self.words[(y as usize + row) * self.words_per_row..][..self.words_per_row];
+            let theirs = &other.words[row * other.words_per_row..][..other.words_per_row];
+            for (i, &bits) in theirs.iter().enumerate() {
+                own[word + i] |= bits << shift;
+                let spilled = if shift == 0 { 0 } else { bits >> (64 - shift) };
+                if spilled != 0 {
+                    own[word + i + 1] |= spilled;
+                }
+            }
+        }
     }
 }
 
@@ -446,11 +459,12 @@ fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
 
 // ---- Packing masks of blocks into a square.
 
-/// Of more masks than this only the first way around is tried: small ones fit anyhow.
+/// Of more masks than this only the first way around is tried, from where the last one of its size lies: small ones fit anyhow.
 const MAX_TURNED: usize = 1_000;
 
 /// Where each mask lies in a square of `side` blocks, the largest first, each the way around in which it reaches down least, at the topmost,
-/// then leftmost free place; none where they do not fit.
+/// then leftmost free place; none where they do not fit. Where one of a size was placed, another one of that size rarely finds a place
+/// before it, so each size goes through the square once.
 fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
     let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
     if counts.iter().sum::<u64>() > u64::from(side) * u64::from(side) {
@@ -460,32 +474,35 @@ fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
     order.sort_by_key(|&i| (std::cmp::Reverse(counts[i]), i));
     let mut grid = Mask::empty(side, side);
     let mut places = vec![Place::default(); masks.len()];
-    // Where one of a size was placed, another one of that size rarely finds a place further up.
-    let mut first_rows = [0; 64];
+    // Column and row from which on sizes look for a place.
+    let mut starts = [[0, 0]; 64];
     for (number, i) in order.into_iter().enumerate() {
         let turns = if number < MAX_TURNED { 4 } else { 1 };
         let turned: Vec<Mask> = (0..turns).map(|turn| masks[i].turned(turn)).collect();
-        let first_row = &mut first_rows[counts[i].max(1).ilog2() as usize];
-        let best = |rows: std::ops::Range<u32>| {
+        let start = &mut starts[counts[i].max(1).ilog2() as usize];
+        let best = |from: [u32; 2], rows_end: u32| {
             let found = turned.iter().zip(0..).filter_map(|(mask, turn)| {
-                find(&grid, mask, rows.clone()).map(|at| (at[1] + mask.height, at[0], Place { at, turn }))
+                find(&grid, mask, from, rows_end).map(|at| (at[1] + mask.height, at[0], Place { at, turn }))
             });
             found.min_by_key(|&(bottom, left, place)| (bottom, left, place.turn)).map(|found| found.2)
         };
-        let place = best(*first_row..side).or_else(|| best(0..*first_row))?;
-        *first_row = (*first_row).max(place.at[1]);
+        let place = best(*start, side).or_else(|| best([0, 0], start[1] + 1))?;
+        *start = match number < MAX_TURNED {
+            true => [0, start[1].max(place.at[1])],
+            false => place.at,
+        };
         grid.stamp(&turned[usize::from(place.turn)], place.at[0], place.at[1]);
         places[i] = place;
     }
     Some(places)
 }
 
-/// The first free place whose upper row is in `rows`.
-fn find(grid: &Mask, mask: &Mask, rows: std::ops::Range<u32>) -> Option<[u32; 2]> {
+/// The first free place from a column and row on whose upper row is before `rows_end`.
+fn find(grid: &Mask, mask: &Mask, from: [u32; 2], rows_end: u32) -> Option<[u32; 2]> {
     let (columns, last_row) = (grid.width.checked_sub(mask.width)?, grid.height.checked_sub(mask.height)?);
     let first_column = (0..mask.width).find(|&x| mask.contains(x, 0)).unwrap_or(0);
-    (rows.start..rows.end.min(last_row + 1)).find_map(|y| {
-        let mut x = 0;
+    (from[1]..rows_end.min(last_row + 1)).find_map(|y| {
+        let mut x = if y == from[1] { from[0] } else { 0 };
         loop {
             // Whatever else collides, the first block of the mask needs a free one.
             x = grid.next_free(x + first_column, y)? - first_column;

@@ -60,21 +60,25 @@ pub(crate) fn make_page(
     let columns = page.side.div_ceil(REGION);
     let bins = bins(page, rows);
     let mut stats = PageStats::default();
-    for band in 0..page.side.div_ceil(rows) {
-        let height = rows.min(page.side - band * rows);
+    let bands = page.side.div_ceil(rows);
+    let height = |band: u32| rows.min(page.side - band * rows);
+    let make = |band: u32| -> Vec<(Vec<Values>, PageStats)> {
         let make = |column: u32| {
             if watch.is_cancelled() {
                 return (Vec::new(), PageStats::default());
             }
             let origin = [column * REGION, band * rows];
-            let extent = [REGION.min(page.side - origin[0]), height];
+            let extent = [REGION.min(page.side - origin[0]), height(band)];
             let members = &bins[(band * columns + column) as usize];
             let region = Region::find(page, members, origin, extent);
             let values = sampler.values(page, &region, maps);
             let fitted = maps.iter().zip(&values).map(|(map, values)| fitted(values, &region, map));
             (fitted.collect(), region.stats)
         };
-        let regions: Vec<(Vec<Values>, PageStats)> = (0..columns).into_par_iter().map(make).collect();
+        (0..columns).into_par_iter().map(make).collect()
+    };
+    let mut regions = make(0);
+    for band in 0..bands {
         if watch.is_cancelled() {
             return Err(cancelled());
         }
@@ -82,26 +86,34 @@ pub(crate) fn make_page(
             stats.covered += region.covered;
             stats.contested += region.contested;
         }
-        sinks.par_iter_mut().enumerate().try_for_each(|(map, sink)| {
-            let mut row_values = Vec::with_capacity(page.side as usize * height as usize);
-            for row in 0..height as usize {
-                for (values, _) in &regions {
-                    let width = values[map].len() / height as usize;
-                    row_values.extend_from_slice(&values[map][row * width..(row + 1) * width]);
+        let height = height(band) as usize;
+        let write = || {
+            sinks.par_iter_mut().enumerate().try_for_each(|(map, sink)| {
+                let mut row_values = Vec::with_capacity(page.side as usize * height);
+                for row in 0..height {
+                    for (values, _) in &regions {
+                        let width = values[map].len() / height;
+                        row_values.extend_from_slice(&values[map][row * width..(row + 1) * width]);
+                    }
                 }
-            }
-            sink.rows(&row_values)
-        })?;
-        *texels_done += u64::from(page.side) * u64::from(height);
+                sink.rows(&row_values)
+            })
+        };
+        // Pictures are packed on one thread each, meanwhile the others make the next band.
+        let next = || if band + 1 < bands { make(band + 1) } else { Vec::new() };
+        let (written, next) = rayon::join(write, next);
+        written?;
+        regions = next;
+        *texels_done += u64::from(page.side) * height as u64;
         watch.report(*texels_done, total);
     }
     sinks.par_iter_mut().try_for_each(|sink| sink.finish())?;
     Ok(stats)
 }
 
-/// Rows of a band: its values, twice, take a quarter of the memory at most.
+/// Rows of a band: its values, twice, and those of the next one take a quarter of the memory at most.
 fn band_rows(side: u32, maps: usize, memory_bytes: u64) -> u32 {
-    let row_bytes = 2 * 16 * u64::from(side) * maps.max(1) as u64;
+    let row_bytes = 3 * 16 * u64::from(side) * maps.max(1) as u64;
     let rows = (memory_bytes / 4 / row_bytes).clamp(1, u64::from(REGION)) as u32;
     (1 << rows.ilog2()).max(MIN_ROWS)
 }
