@@ -117,12 +117,14 @@ pub(crate) fn atlas(
             let texels = (0.5 * area).sqrt() * request.texels_per_unit;
             let least = request.largest_side.min(MIN_SIDE);
             let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
+            let has_padding =
+                |side: u32| request.padding.is_some() || padding(charts.len(), side, request) >= MIN_PADDING;
+            while side < request.largest_side && !has_padding(side) {
+                side *= 2;
+            }
             loop {
                 let packed = densest(mesh, &charts, side, request, progress);
-                let is_good = |p: &Packed| {
-                    p.density >= NEARLY * request.texels_per_unit
-                        && (p.block >= MIN_PADDING || request.padding.is_some())
-                };
+                let is_good = |p: &Packed| p.density >= NEARLY * request.texels_per_unit;
                 let is_last = side >= request.largest_side || progress.is_cancelled();
                 if is_last || packed.as_ref().is_some_and(is_good) {
                     break packed;
