@@ -6,7 +6,7 @@ use glam::Vec3;
 /// outside count as the nearest on the cube, no numbers as -1. (G. M. Morton, "A Computer Oriented Geodetic Data Base", 1966.)
 pub fn morton(p: Vec3) -> u32 {
     let spread = |x: f32| {
-        let mut bits = ((x + 1.0) * 511.5).min(1023.0) as u32;
+        let mut bits = ((x + 1.0) * 511.5).clamp(0.0, 1023.0) as u32;
         bits = (bits | bits << 16) & 0x0300_00ff;
         bits = (bits | bits << 8) & 0x0300_f00f;
         bits = (bits | bits << 4) & 0x030c_30c3;
