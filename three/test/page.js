@@ -1,5 +1,5 @@
 // The page of the tests in a browser: one asset, a camera and lights from the address, the picture on request. `renderer` is `webgl`,
-// `webgpu`, or `webgl2` for WebGPURenderer with its other backend.
+// `webgpu`, or `webgl2` for WebGPURenderer with its other backend; `size` its columns and rows.
 
 import {
     ACESFilmicToneMapping, Box3, CircleGeometry, Color, DataTexture, DataUtils, DirectionalLight, EquirectangularReflectionMapping, FloatType, Fog, HalfFloatType,
@@ -33,10 +33,11 @@ async function makeRenderer(name) {
 const renderer = await makeRenderer(query.get("renderer") ?? "webgl");
 const isWebGpu = renderer.backend?.isWebGPUBackend === true;
 renderer.toneMapping = NoToneMapping;
-renderer.setSize(640, 480);
+const [width, height] = query.has("size") ? numbers("size") : [640, 480];
+renderer.setSize(width, height);
 renderer.setClearColor(new Color(0, 0, 0), 0);
 const scene = new Scene();
-const camera = new PerspectiveCamera(Number(query.get("fov") ?? 35), 640 / 480, 0.001, 1000);
+const camera = new PerspectiveCamera(Number(query.get("fov") ?? 35), width / height, 0.001, 1000);
 if (query.has("eye")) {
     camera.position.set(...numbers("eye"));
     camera.lookAt(new Vector3(...numbers("target")));
@@ -131,7 +132,6 @@ async function load() {
  * into a target of half floats, and encoded here.
  */
 async function picture() {
-    const [width, height] = [canvas.width, canvas.height];
     const options = { samples: 4, type: HalfFloatType };
     const target = renderer.isWebGLRenderer ? new WebGLRenderTarget(width, height, options) : new RenderTarget(width, height, options);
     fan.update(camera, renderer);
@@ -172,16 +172,18 @@ function canvasPicture() {
     return canvas.toDataURL("image/png");
 }
 
-/** Milliseconds that frames take one by one, from the call until the device has drawn them: the least, and the median. */
-async function frameTimes(count) {
+/** Milliseconds per frame, from the call until the device has drawn `batch` of them: the least, and the median. */
+async function frameTimes(count, batch = 1) {
     renderer.setAnimationLoop(null);
     const times = [];
     for (let i = 0; i < count; i++) {
         const start = performance.now();
-        fan?.update(camera, renderer);
-        renderer.render(scene, camera);
+        for (let frame = 0; frame < batch; frame++) {
+            fan?.update(camera, renderer);
+            renderer.render(scene, camera);
+        }
         await finished();
-        times.push(performance.now() - start);
+        times.push((performance.now() - start) / batch);
     }
     times.sort((a, b) => a - b);
     return [times[0], times[Math.floor(count / 2)]];

@@ -1,12 +1,13 @@
 //! Frames of a fan-textured model beside the same model with an ordinary texture, in one run.
 //!
 //! ```text
-//! cargo run --release -p fantex-bench --example fan_speed -- [MODEL | TRIANGLES] [TEXELS] [TILE]
+//! cargo run --release -p fantex-bench --example fan_speed -- [MODEL | TRIANGLES] [TEXELS] [TILE] [WIDTHxHEIGHT]
 //! ```
 //!
-//! MODEL is a model file; a number of triangles means a generated landscape. Frames are 1280x720, one sample per pixel; both
-//! models take turns, and the best of 12 frames counts (and, on Linux, the processor time of all). The ordinary texture is
-//! 2048x2048 with hardware mip levels, laid onto the model from above.
+//! MODEL is a model file; a number of triangles means a generated landscape. Tiles are BC7, or RGBA8 where the device samples no
+//! blocks. Frames are 1280x720 unless told, one sample per pixel; both models take turns. Printed are the best frame by the wall
+//! clock, the middle one by the device's own clock, and, on Linux, the ratio of the processor times of all. The ordinary texture
+//! is 2048x2048 RGBA8 with hardware mip levels, laid onto the model from above.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,32 +25,37 @@ use glam::{Mat3, Vec2, Vec4};
 
 type Failure = Box<dyn std::error::Error>;
 
-const SIZE: [u32; 2] = [1280, 720];
-const ROUNDS: usize = 12;
+/// Frames that count, of software and of a graphics card.
+const ROUNDS: [usize; 2] = [12, 200];
+/// Frames before these: pipelines are compiled, and clocks of graphics cards rise.
+const WARM_UP: [usize; 2] = [1, 200];
 
 fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
     let model = arguments.next().unwrap_or_else(|| "100000".into());
     let texels = arguments.next().map_or(Ok(4 << 20), |text| text.parse())?;
-    let tile = arguments.next().map_or(Ok(128), |text| text.parse())?;
+    let tile = arguments.next().map_or(Ok(CoverOptions::default().tile), |text| text.parse())?;
+    let size = arguments.next().map_or(Ok([1280, 720]), |text| size(&text))?;
     let mesh = mesh(&model)?;
     let options = CoverOptions { tile, budget: TexelBudget::Total(texels), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("speed.fan");
-    let bake_options = BakeOptions { format: BakeFormat::Rgba8, ..BakeOptions::default() };
+    let gpu = Gpu::headless(&GpuOptions::default())?;
+    println!("{:?}, {}x{}", gpu.info(), size[0], size[1]);
+    let format = if gpu.has_block_compression() { BakeFormat::Bc7 } else { BakeFormat::Rgba8 };
+    let bake_options = BakeOptions { format, ..BakeOptions::default() };
     bake(&mesh, &cover, &Waves, &path, &bake_options, &NoProgress)?;
     let asset = Arc::new(Asset::open(&path)?);
 
-    let gpu = Gpu::headless(&GpuOptions::default())?;
-    println!("{:?}", gpu.info());
     println!("{} triangles, {} groups, {texels} texels", mesh.triangles.len(), cover.groups.len());
     let started = Instant::now();
     let mut fan = StreamedModel::open(&gpu, asset, 64 << 20)?;
     println!("model made in {:?}", started.elapsed());
     let mut uv = UvModel::load(&gpu, &with_texture(mesh)?)?;
     let camera = Camera::framing_mesh(fan.streamer.geometry().mesh(), Camera::THREE_QUARTER, 16.0 / 9.0);
-    let view = stream_view(&camera, SIZE, fan.model.space());
+    let [rounds, warm_up] = [ROUNDS, WARM_UP].map(|counts| counts[usize::from(!gpu.info().is_software)]);
+    let view = stream_view(&camera, size, fan.model.space());
     for (shading, filter) in [
         (Shading::BaseColor, Filter::Trilinear),
         (Shading::BaseColor, Filter::Anisotropic),
@@ -59,24 +65,27 @@ fn main() -> Result<(), Failure> {
         let filter = FilterOptions { filter, max_anisotropy: 8.0 };
         let is_sharp = fan.wait_until_sharp(&gpu, &view, &filter, Duration::from_secs(60))?;
         let options = DrawOptions { shading, filter, samples: 1, ..DrawOptions::default() };
-        let mut screen = HiddenScreen::new(&gpu, SIZE);
+        let mut screen = HiddenScreen::new(&gpu, size);
         let lights = Lights::behind(&camera);
-        let mut times = [Times::default(); 2];
-        for _ in 0..=ROUNDS {
+        let mut times = [Times::default(), Times::default()];
+        for round in 0..warm_up + rounds {
             let models: [&mut dyn Model; 2] = [&mut uv, &mut fan.model];
             for (times, model) in times.iter_mut().zip(models) {
                 let mut frame =
-                    Frame { size: SIZE, camera: &camera, lights: &lights, model, options: &options };
-                times.of(|| screen.draw(&gpu, &mut frame))?;
+                    Frame { size, camera: &camera, lights: &lights, model, options: &options };
+                times.of(round >= warm_up, || screen.draw(&gpu, &mut frame))?;
             }
         }
         let [uv, fan] = times;
         println!(
-            "{shading:?} {:?}: uv {:.1} ms, fans {:.1} ms, ratio {:.2} (processor time {:.2}){}",
+            "{shading:?} {:?}: uv {:.3} ms, fans {:.3} ms, ratio {:.2}; by the device's clock {:.3} and {:.3} ms, {:.2}; processor time {:.2}{}",
             filter.filter,
             uv.best_ms(),
             fan.best_ms(),
             fan.best_ms() / uv.best_ms(),
+            uv.device_ms(),
+            fan.device_ms(),
+            fan.device_ms() / uv.device_ms(),
             fan.processor_seconds / uv.processor_seconds,
             if is_sharp { "" } else { ", not all pages resident" },
         );
@@ -99,6 +108,11 @@ fn mesh(model: &str) -> Result<Mesh, Failure> {
         Err(_) => load(model.as_ref(), &Default::default())?,
     };
     Ok(clean(model, &Default::default())?.0)
+}
+
+fn size(text: &str) -> Result<[u32; 2], Failure> {
+    let (width, height) = text.split_once('x').ok_or("expected WIDTHxHEIGHT")?;
+    Ok([width.parse()?, height.parse()?])
 }
 
 /// Stripes in all directions.
@@ -150,25 +164,37 @@ fn with_texture(mut mesh: Mesh) -> Result<Mesh, Failure> {
     Ok(mesh)
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Debug, Default)]
 struct Times {
     best: Option<Duration>,
     processor_seconds: f64,
-    frames: usize,
+    /// By the device's clock.
+    device: Vec<Duration>,
 }
 
 impl Times {
-    /// Times a frame. The first one is not counted: it compiles pipelines.
-    fn of(&mut self, draw: impl FnOnce() -> fantex_base::Result<()>) -> fantex_base::Result<()> {
+    /// Draws a frame, and times it if it counts.
+    fn of(
+        &mut self,
+        counts: bool,
+        draw: impl FnOnce() -> fantex_base::Result<Option<Duration>>,
+    ) -> fantex_base::Result<()> {
         let (started, processor) = (Instant::now(), processor_seconds());
-        draw()?;
-        if self.frames > 0 {
+        let device = draw()?;
+        if counts {
             let elapsed = started.elapsed();
             self.best = Some(self.best.map_or(elapsed, |best| best.min(elapsed)));
             self.processor_seconds += processor_seconds() - processor;
+            self.device.extend(device);
         }
-        self.frames += 1;
         Ok(())
+    }
+
+    /// The middle frame; not a number where the device has no clock.
+    fn device_ms(&self) -> f64 {
+        let mut sorted = self.device.clone();
+        sorted.sort_unstable();
+        sorted.get(sorted.len() / 2).map_or(f64::NAN, |time| time.as_secs_f64() * 1e3)
     }
 
     fn best_ms(&self) -> f64 {

@@ -117,9 +117,11 @@ pub(crate) fn atlas(
             let texels = (0.5 * area).sqrt() * request.texels_per_unit;
             let least = request.largest_side.min(MIN_SIDE);
             let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
-            let has_padding =
-                |side: u32| request.padding.is_some() || padding(charts.len(), side, request) >= MIN_PADDING;
-            while side < request.largest_side && !has_padding(side) {
+            // A side that leaves less padding is not taken, unless no larger one may be.
+            while side < request.largest_side
+                && request.padding.is_none()
+                && padding(charts.len(), side, request) < MIN_PADDING
+            {
                 side *= 2;
             }
             loop {

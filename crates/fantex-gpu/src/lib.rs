@@ -38,6 +38,7 @@ mod picture;
 mod renderer;
 pub mod shader;
 mod surface_pipeline;
+mod timer;
 mod uv;
 mod wireframe;
 
@@ -48,4 +49,5 @@ pub use model::{DrawOptions, FrameContext, Model, ModelSpace, Overlay, Wireframe
 pub use picture::{FrameTimes, HiddenScreen, PictureRenderer, Readback, frame_times, render_to_picture};
 pub use renderer::{Frame, Renderer};
 pub use surface_pipeline::{Blending, CasterPipeline, SurfaceKey, SurfacePipeline};
+pub use timer::DeviceTimer;
 pub use uv::UvModel;

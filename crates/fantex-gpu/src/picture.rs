@@ -8,7 +8,7 @@ use fantex_base::Result;
 use fantex_scene::Picture;
 
 use crate::gpu::refused;
-use crate::{Frame, Gpu, Renderer};
+use crate::{DeviceTimer, Frame, Gpu, Renderer};
 
 /// A texture on its way into main memory.
 ///
@@ -172,6 +172,7 @@ impl FrameTimes {
 pub struct HiddenScreen {
     renderer: Renderer,
     target: wgpu::TextureView,
+    timer: Option<DeviceTimer>,
 }
 
 impl HiddenScreen {
@@ -181,18 +182,26 @@ impl HiddenScreen {
         let (format, usage) = (wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureUsages::RENDER_ATTACHMENT);
         let target = gpu.texture("timed frames", [width, height, 1], 1, format, usage);
         let target = target.create_view(&Default::default());
-        Self { renderer: Renderer::new(gpu, format), target }
+        Self { renderer: Renderer::new(gpu, format), target, timer: DeviceTimer::new(gpu) }
     }
 
-    /// Draws a frame of the screen's size and waits for it.
+    /// Draws a frame of the screen's size and waits for it. What the device took for the frame's commands by its own clock, where it
+    /// has one.
     ///
     /// # Errors
     /// As [`Renderer::draw`].
-    pub fn draw(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<()> {
+    pub fn draw(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Option<Duration>> {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        if let Some(timer) = &self.timer {
+            timer.begin(&mut encoder);
+        }
         self.renderer.draw(gpu, &mut encoder, &self.target, frame)?;
+        if let Some(timer) = &self.timer {
+            timer.end(&mut encoder);
+        }
         gpu.queue.submit([encoder.finish()]);
-        gpu.wait()
+        gpu.wait()?;
+        self.timer.as_ref().map(|timer| timer.elapsed(gpu)).transpose()
     }
 }
 

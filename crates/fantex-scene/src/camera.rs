@@ -94,6 +94,12 @@ impl Camera {
             .collect()
     }
 
+    /// Right, up and backward (towards the viewer) unit vectors of the world, as columns.
+    pub fn axes(&self) -> DMat3 {
+        let backward = (self.eye - self.target).normalize_or(DVec3::Z);
+        view_axes(backward, self.up.normalize_or(DVec3::Y))
+    }
+
     /// Why the camera cannot take a picture, or nothing.
     pub fn defect(&self) -> Option<&'static str> {
         if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite()) {
@@ -160,8 +166,8 @@ impl Projection {
     pub fn new(camera: &Camera, size: [u32; 2], mesh: &Mesh) -> Self {
         let WorldFromMesh { offset, scale } = mesh.world_from_mesh;
         let eye_exact = (camera.eye - offset) / scale;
-        let backward = (camera.eye - camera.target).normalize_or(DVec3::Z);
-        let axes = view_axes(backward, camera.up.normalize_or(DVec3::Y));
+        let axes = camera.axes();
+        let backward = axes.z_axis;
         let [width, height] = size.map(f64::from);
         let focal = 0.5 * height / (camera.fov_degrees.to_radians() * 0.5).tan();
         let rows = DMat3::from_cols(

@@ -12,6 +12,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
 
 use fantex_base::{Error, Result};
 use fantex_cover::Cover;
@@ -23,12 +24,15 @@ use fantex_scene::{Camera, FilterOptions};
 use fantex_store::Asset;
 use fantex_stream::{
     ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics, StreamView,
-    SurfaceSamples, ViewObject, choose_objects, open_asset, open_preview,
+    SurfaceSamples, ViewObject, choose_objects, open_asset,
 };
 use glam::Vec3;
 
 use crate::World;
-use crate::world_view::view_objects;
+use crate::world_view::{preview_of, view_objects};
+
+/// How long to leave the loaders alone before looking again.
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// Objects that are opened at a time.
 const OPENED_AT_ONCE: usize = 2;
@@ -270,6 +274,33 @@ impl StreamedWorld {
         let mut has_changed = self.stream(gpu, &view, frame)?;
         has_changed |= self.order_drawn(view.eye);
         Ok(has_changed)
+    }
+
+    /// Waits until all that a view onto `size` pixels needs is there, or for `patience`; whether it is. For offline pictures; windows call
+    /// [`advance`](Self::advance).
+    ///
+    /// # Errors
+    /// As [`advance`](Self::advance), or the device is lost.
+    pub fn wait_until_settled(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        camera: &Camera,
+        size: [u32; 2],
+        patience: Duration,
+    ) -> Result<bool> {
+        let started = Instant::now();
+        loop {
+            self.advance(gpu, camera, size, FrameOptions::default())?;
+            // Frees the staging buffers that the device is done with.
+            gpu.wait()?;
+            if self.is_settled() {
+                return Ok(true);
+            }
+            if started.elapsed() > patience {
+                return Ok(false);
+            }
+            std::thread::sleep(PAUSE);
+        }
     }
 
     /// Lets the whole objects stream; together they upload what a frame may.
@@ -516,10 +547,7 @@ fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -
 }
 
 fn open_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
-    let preview = open_preview(place)?.ok_or_else(|| {
-        Error::not_found(format!("{} has no preview, although its world says so", place.display()))
-    })?;
-    let preview = Arc::new(preview);
+    let preview = Arc::new(preview_of(place)?);
     let model = FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))?;
     let surface = SurfaceSamples::of(&model.space().points);
     Ok((model, surface))

@@ -3,16 +3,15 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::Result;
 use fantex_mesh::{Mesh, SurfacePoint, WorldFromMesh};
 use fantex_render::{Coverage, FanSurface, FilterOptions, Hit, Shaded, SmoothPoint, Surface};
-use fantex_scene::{Camera, view_axes};
+use fantex_scene::Camera;
 use fantex_store::{Damage, PageCache};
-use fantex_stream::{ObjectDetail, StreamView, choose_objects, open_asset, open_preview};
-use glam::DVec3;
+use fantex_stream::{ObjectDetail, StreamView, choose_objects, open_asset};
 
 use crate::World;
-use crate::world_view::view_objects;
+use crate::world_view::{preview_of, view_objects};
 
 /// The objects of a world that a camera sees: whole where their previews are too coarse, by these elsewhere.
 #[derive(Debug)]
@@ -70,7 +69,7 @@ impl WorldScene {
             let place = World::asset_place(index, &world.objects[object]);
             let asset = match detail {
                 ObjectDetail::Whole => open_asset(&place)?,
-                _ => open_preview(&place)?.ok_or_else(|| no_preview(&place))?,
+                _ => preview_of(&place)?,
             };
             scene.add(PageCache::new(Arc::new(asset), cache_bytes as usize));
         }
@@ -119,15 +118,9 @@ impl WorldScene {
     }
 }
 
-fn no_preview(place: &Path) -> Error {
-    Error::not_found(format!("{} has no preview, although its world says so", place.display()))
-}
-
 /// A camera's view of the space that objects share.
 fn stream_view(camera: &Camera, size: [u32; 2], space: &WorldFromMesh) -> StreamView {
-    let backward = (camera.eye - camera.target).normalize_or(DVec3::Z);
-    let axes = view_axes(backward, camera.up.normalize_or(DVec3::Y)).as_mat3();
-    let eye = space.inverse_point(camera.eye);
+    let (eye, axes) = (space.inverse_point(camera.eye), camera.axes().as_mat3());
     StreamView::new(eye, axes, camera.fov_degrees.to_radians() as f32, size)
 }
 

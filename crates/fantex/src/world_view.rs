@@ -1,7 +1,11 @@
-//! What the choice of a world's objects needs to know of them.
+//! Objects of a world as whoever shows them sees them: what the choice needs to know of them, and their previews.
 
+use std::path::Path;
+
+use fantex_base::{Error, Result};
 use fantex_mesh::WorldFromMesh;
-use fantex_stream::{SurfaceSamples, ViewObject, ViewPreview};
+use fantex_store::Asset;
+use fantex_stream::{SurfaceSamples, ViewObject, ViewPreview, open_preview};
 use glam::DVec3;
 
 use crate::{World, WorldObject};
@@ -32,4 +36,11 @@ fn view_object(object: &WorldObject, space: &WorldFromMesh) -> ViewObject {
         whole_bytes: object.triangles * TRIANGLE_BYTES,
         preview,
     }
+}
+
+/// Opens the preview of an asset whose world says that it has one.
+pub(crate) fn preview_of(place: &Path) -> Result<Asset> {
+    open_preview(place)?.ok_or_else(|| {
+        Error::not_found(format!("{} has no preview, although its world says so", place.display()))
+    })
 }

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fantex::base::ErrorKind;
 use fantex::gpu::{
@@ -14,7 +14,6 @@ use fantex::gpu::{
 use fantex::mesh::generate::{LandscapeOptions, icosphere, landscape};
 use fantex::mesh::{Material, Model};
 use fantex::scene::{Background, Camera, FilterOptions, Lights, Shading, world_bounds};
-use fantex::stream::FrameOptions;
 use fantex::texture::compare::psnr_db;
 use fantex::texture::{Image, Samples};
 use fantex::{
@@ -133,16 +132,8 @@ fn alone(gpu: &Gpu, path: &Path, camera: &Camera) -> Image {
 
 /// Waits until a view has all that it needs, and shows it.
 fn settled(gpu: &Arc<Gpu>, world: &mut StreamedWorld, camera: &Camera) -> Image {
-    let started = Instant::now();
-    loop {
-        world.advance(gpu, camera, SIZE, FrameOptions::default()).unwrap();
-        gpu.wait().unwrap();
-        if world.is_settled() {
-            break;
-        }
-        assert!(started.elapsed() < PATIENCE, "{:?}", world.statistics());
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let is_settled = world.wait_until_settled(gpu, camera, SIZE, PATIENCE).unwrap();
+    assert!(is_settled, "{:?}", world.statistics());
     picture(gpu, world, camera)
 }
 

@@ -14,7 +14,6 @@ use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges
 use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
-use fantex::stream::FrameOptions;
 use fantex::texture::Filter;
 use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene};
 use glam::DVec3;
@@ -133,7 +132,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
 /// Writes the picture and says so.
 fn finish(args: &RenderArgs, picture: &Picture, info: RenderInfo, context: &Context) -> Result<()> {
     save(picture, &args.output, context)?;
-    let RenderOptions { width, height, .. } = options(args)?;
+    let Picture { width, height, .. } = *picture;
     context.print(&RenderInfo { output: args.output.clone(), width, height, ..info }, text)
 }
 
@@ -233,22 +232,12 @@ fn draw_world(
     let gpu = Arc::new(Gpu::headless(&GpuOptions::default())?);
     let settings = WorldOptions { pool_bytes: args.pool, geometry_bytes: context.memory_bytes / 2, filter };
     let mut streamed = StreamedWorld::new(&args.file, Arc::new(world), settings)?;
-    let started = Instant::now();
-    loop {
-        streamed.advance(&gpu, camera, [options.width, options.height], FrameOptions::default())?;
-        gpu.wait()?;
-        context.check_interrupt()?;
-        if streamed.is_settled() {
-            break;
-        }
-        if started.elapsed() > MAX_WAIT {
-            context.note(format!("tiles were still missing after {} s", MAX_WAIT.as_secs()));
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(1));
+    if !streamed.wait_until_settled(&gpu, camera, [options.width, options.height], MAX_WAIT)? {
+        note_missing(context);
     }
-    if let Some((asset, error)) = streamed.statistics().failed.first() {
-        return Err(Error::not_found(format!("{asset}: {error}")));
+    // The sentence names the file.
+    if let Some((_, error)) = streamed.statistics().failed.first() {
+        return Err(Error::not_found(error.clone()));
     }
     let triangles = streamed.statistics().triangles;
     let drawn = draw(&gpu, &mut streamed, camera, lights, options, filter)?;
@@ -298,6 +287,10 @@ pub(crate) fn save(picture: &Picture, path: &Path, context: &Context) -> Result<
 
 /// How long tiles are waited for.
 const MAX_WAIT: Duration = Duration::from_secs(600);
+
+fn note_missing(context: &Context) {
+    context.note(format!("tiles were still missing after {} s", MAX_WAIT.as_secs()));
+}
 
 /// What was drawn, and on what.
 struct GpuRendering {
@@ -366,7 +359,7 @@ fn render_on_gpu(
             figures.bias_levels
         ));
     } else if !is_sharp {
-        context.note(format!("tiles were still missing after {} s", MAX_WAIT.as_secs()));
+        note_missing(context);
     }
     for (parcel, error) in streamed.streamer.damaged().take(4) {
         context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));

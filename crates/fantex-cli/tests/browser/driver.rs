@@ -10,8 +10,7 @@ use fantex::texture::Image;
 use serde_json::{Value, json};
 use ureq::Agent;
 
-/// WebGPU and WebGL on the processor, so that pictures do not depend on the machine.
-const ARGUMENTS: [&str; 12] = [
+const ARGUMENTS: [&str; 8] = [
     "--headless=new",
     "--no-sandbox",
     "--disable-dev-shm-usage",
@@ -19,12 +18,24 @@ const ARGUMENTS: [&str; 12] = [
     "--force-device-scale-factor=1",
     "--enable-unsafe-webgpu",
     "--enable-features=Vulkan",
+    "--disable-vulkan-surface",
+];
+
+/// WebGPU and WebGL on the processor, so that pictures do not depend on the machine.
+const ON_THE_PROCESSOR: [&str; 4] = [
     "--use-vulkan=swiftshader",
     "--use-webgpu-adapter=swiftshader",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    "--disable-vulkan-surface",
 ];
+
+/// Both on the graphics card, through Vulkan.
+const ON_THE_CARD: [&str; 3] = ["--use-vulkan=native", "--use-angle=vulkan", "--ignore-gpu-blocklist"];
+
+/// Whether pages are drawn by the graphics card: for figures, and to see that it draws the same.
+pub(crate) fn is_on_the_card() -> bool {
+    std::env::var_os("FANTEX_BROWSER_GPU").is_some()
+}
 
 /// How long a page may take. (Software draws it, maybe beside other tests.)
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -67,7 +78,9 @@ impl Browser {
             agent: config.build().new_agent(),
             session: format!("http://127.0.0.1:{port}/session"),
         };
-        let arguments: Vec<String> = ARGUMENTS
+        let device: &[&str] = if is_on_the_card() { &ON_THE_CARD } else { &ON_THE_PROCESSOR };
+        let arguments: Vec<String> = [&ARGUMENTS[..], device]
+            .concat()
             .iter()
             .map(ToString::to_string)
             .chain([format!("--window-size={width},{height}")])

@@ -8,7 +8,7 @@ use std::num::NonZeroU64;
 use bytemuck::{Pod, Zeroable};
 use environment::{EnvironmentTextures, split_sum_texture};
 use fantex_base::Result;
-use fantex_scene::{AmbientLight, Background, Camera, Light, Lights, ToneMap, view_axes};
+use fantex_scene::{AmbientLight, Background, Camera, Light, Lights, ToneMap};
 use glam::{DVec3, Mat3, Mat4, Vec3, Vec4};
 use lights::{CookieTextures, ShadowFace, ShadowMaps, lamp_records};
 
@@ -40,14 +40,13 @@ impl View {
     pub fn new(camera: &Camera, size: [u32; 2], space: &ModelSpace) -> Self {
         let frame = space.world_from_mesh;
         let eye = (camera.eye - frame.offset) / frame.scale;
-        let backward = (camera.eye - camera.target).normalize_or(DVec3::Z);
-        let axes = view_axes(backward, camera.up.normalize_or(DVec3::Y));
+        let axes = camera.axes();
         Self {
             size,
             eye,
             axes: axes.as_mat3(),
             fov_radians: camera.fov_degrees.to_radians() as f32,
-            near: near_depth(space, eye, -backward) as f32,
+            near: near_depth(space, eye, -axes.z_axis) as f32,
         }
     }
 

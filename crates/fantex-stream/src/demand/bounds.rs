@@ -277,6 +277,12 @@ pub(crate) struct LogDensities {
     pub(crate) most: f32,
 }
 
+impl From<Densities> for LogDensities {
+    fn from(densities: Densities) -> Self {
+        Self { least: densities.least.log2(), most: densities.most.log2() }
+    }
+}
+
 impl LogDensities {
     /// Of nothing.
     pub(crate) const NOTHING: Self = Self { least: f32::INFINITY, most: f32::INFINITY };
@@ -310,11 +316,10 @@ impl Gathering {
     }
 
     pub(crate) fn add_facet(&mut self, normal: Vec3, densities: Densities, is_culled: bool) {
-        let density = LogDensities { least: densities.least.log2(), most: densities.most.log2() };
-        self.add_normals(normal, density, is_culled);
+        self.add_normals(normal, densities.into(), is_culled);
     }
 
-    fn add_normals(&mut self, normals: Vec3, density: LogDensities, is_culled: bool) {
+    pub(crate) fn add_normals(&mut self, normals: Vec3, density: LogDensities, is_culled: bool) {
         self.normals += normals;
         self.density = self.density.min(density);
         self.is_culled &= is_culled;

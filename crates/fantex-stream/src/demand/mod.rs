@@ -37,7 +37,7 @@ pub(crate) use bounds::{Lens, Sphere};
 use fantex_cover::GroupTriangles;
 use glam::{Mat3, Vec3};
 pub use paged::PageDemand;
-use paged::PagedTile;
+use paged::{PagedTile, PagesWanted, WorkLeft, together};
 
 pub use crate::shape::Detail;
 use crate::shape::{SparseLists, TileShapes};
@@ -119,7 +119,7 @@ pub(crate) struct Demand {
     /// The last update might do so much,
     may_do: usize,
     /// and left so much.
-    left: usize,
+    left: WorkLeft,
     /// The block at which the last update ran out of work; the next one begins there, so that all have their turn.
     resume: Option<usize>,
 }
@@ -137,7 +137,7 @@ impl Demand {
             course: Course::START,
             work: DemandWork::default(),
             may_do: 0,
-            left: 0,
+            left: WorkLeft { groups: 0, is_owed_one: false },
             resume: None,
         }
     }
@@ -159,7 +159,7 @@ impl Demand {
 
     /// Nanoseconds that the last update should have taken.
     pub(crate) fn nanoseconds(&self) -> u32 {
-        (self.may_do - self.left) as u32 * GROUP_NANOSECONDS
+        (self.may_do - self.left.groups) as u32 * GROUP_NANOSECONDS
     }
 
     /// Honours another greatest anisotropy from the next update on.
@@ -180,7 +180,8 @@ impl Demand {
         changed: &mut Vec<u32>,
     ) {
         self.may_do = (nanoseconds / GROUP_NANOSECONDS).max(1) as usize;
-        (self.work, self.left) = (DemandWork::default(), self.may_do);
+        self.work = DemandWork::default();
+        self.left = WorkLeft { groups: self.may_do, is_owed_one: true };
         let root = self.nodes.len() - 1;
         if self.details.is_empty() {
             return;
@@ -274,7 +275,7 @@ impl Visit<'_> {
         if course.is_before(state.due) || !self.is_visited(height, node) {
             return state.due;
         }
-        if self.demand.left == 0 {
+        if self.demand.left.groups == 0 {
             self.demand.resume.get_or_insert(node * FAN_OUT.pow(height as u32));
             return state.due;
         }
@@ -301,7 +302,7 @@ impl Visit<'_> {
     }
 
     fn spend(&mut self, work: usize) {
-        self.demand.left = self.demand.left.saturating_sub(work);
+        self.demand.left.spend(work);
     }
 
     /// Whether a node has blocks that are visited.
@@ -334,8 +335,15 @@ impl Visit<'_> {
         let groups = block(node, self.demand.details.len());
         self.demand.work.groups += groups.len() as u32;
         self.spend(groups.len());
-        groups.for_each(|group| self.group(group as u32, slack));
-        self.demand.course.plus(slack)
+        let mut is_complete = true;
+        for group in groups {
+            is_complete &= self.group(group as u32, slack);
+        }
+        if is_complete {
+            return self.demand.course.plus(slack);
+        }
+        self.demand.resume.get_or_insert(node);
+        Course::PAST
     }
 
     /// One bound for all groups of a block: they differ by their densities only. False where a large tile is wanted so fine
@@ -399,7 +407,8 @@ impl Visit<'_> {
         false
     }
 
-    fn group(&mut self, group: u32, slack: Slack) {
+    /// Returns whether all of its pages were looked at.
+    fn group(&mut self, group: u32, slack: Slack) -> bool {
         let bounds = self.surface.groups[group as usize];
         let detail = match self.lens.sight(&bounds, slack) {
             Sight::Hidden(_) => Detail::HIDDEN,
@@ -414,10 +423,17 @@ impl Visit<'_> {
             self.demand.work.paged += 1;
             let shape = self.surface.shapes.of(group);
             let whole = (bounds, self.surface.reliefs[group as usize]);
-            let mut pages = tile.demand(&*self.surface.geometry, shape, &whole, &self.lens, slack);
+            let geometry = &*self.surface.geometry;
+            let wanted = tile.demand(geometry, shape, &whole, (&self.lens, slack), &mut self.demand.left);
+            let PagesWanted { mut pages, is_complete } = wanted;
             pages.retain(|page| page.index < shape.own_pages());
+            if !is_complete {
+                pages = together(self.demand.pages(group), pages);
+            }
             self.demand.set_pages(group, pages, self.changed);
+            return is_complete;
         }
+        true
     }
 }
 

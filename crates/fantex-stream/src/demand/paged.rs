@@ -1,17 +1,18 @@
 //! Demand of tiles larger than a page: page by page, from the coarsest level down to where it is fine enough.
 //!
-//! A page's bounds are those of the group's kites, clipped in tile coordinates to the page and what filters read around it.
-//! They are taken when the page is first looked at, through a grid of the kites over the tile, and kept within a limit.
+//! A page's bounds are those of the group's pieces of surface, clipped in tile coordinates to the page and what filters read around
+//! it. They are taken when the page is first looked at, through a grid of the pieces over the tile, as far as an update may still
+//! work, and kept within a limit.
 
 use std::collections::{BTreeMap, HashMap};
 
+use arrayvec::ArrayVec;
 use fantex_cover::{Cover, Group};
 use fantex_mesh::{Mesh, interpolate};
 use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 
-use super::bounds::Relief;
-use super::bounds::{Bounds, Gathering, is_culled};
+use super::bounds::{Bounds, Gathering, LogDensities, Relief, is_culled};
 use super::bounds::{Lens, Sight, Slack};
 use crate::Geometry;
 use crate::shape::{Detail, TileShape, cells};
@@ -37,8 +38,35 @@ pub(crate) struct PagedTile {
     group: u32,
     /// Triangles with a corner in the group, ascending.
     triangles: Vec<u32>,
-    grid: Option<KiteGrid>,
+    grid: Option<PieceGrid>,
     bounds: HashMap<u32, (Bounds, Relief)>,
+}
+
+/// What a tile wants of its pages.
+#[derive(Debug)]
+pub(crate) struct PagesWanted {
+    /// Ascending by index. Where a page is wanted, so are those of the next coarser level over it.
+    pub(crate) pages: Vec<PageDemand>,
+    /// Whether all pages were looked at; else some may be missing.
+    pub(crate) is_complete: bool,
+}
+
+/// How much an update may still do, in the time that a group takes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WorkLeft {
+    pub(crate) groups: usize,
+    /// Bounds of one page at least are taken in every update, so that all of them are in the end.
+    pub(crate) is_owed_one: bool,
+}
+
+/// The time that it takes to put a triangle into the grid, and to bound a piece in a page, in that of a group.
+const PLACING_WORK: usize = 4;
+const PIECE_WORK: usize = 2;
+
+impl WorkLeft {
+    pub(crate) fn spend(&mut self, work: usize) {
+        self.groups = self.groups.saturating_sub(work);
+    }
 }
 
 impl PagedTile {
@@ -46,25 +74,31 @@ impl PagedTile {
         Self { group, triangles, grid: None, bounds: HashMap::new() }
     }
 
-    /// The wanted pages, ascending by index. Where a page is wanted, so are those of the next coarser level over it.
+    /// What is wanted from a view.
     pub(crate) fn demand(
         &mut self,
         geometry: &dyn Geometry,
         shape: &TileShape,
         whole: &(Bounds, Relief),
-        lens: &Lens,
-        slack: Slack,
-    ) -> Vec<PageDemand> {
+        (lens, slack): (&Lens, Slack),
+        left: &mut WorkLeft,
+    ) -> PagesWanted {
         if self.bounds.len() > MAX_CACHED_BOUNDS {
             self.bounds.clear();
         }
         let count = shape.level_count() as usize;
         let mut levels: Vec<BTreeMap<[u32; 2], Detail>> = vec![BTreeMap::new(); count];
         let mut candidates = vec![[0, 0]];
+        let (mut looked_at, mut is_complete) = (0, true);
         for level in (0..count as u32).rev() {
             let mut finer = Vec::new();
             for page in candidates {
-                let (bounds, relief) = self.page_bounds(geometry, shape, whole, level, page);
+                let Some((bounds, relief)) = self.page_bounds(geometry, shape, whole, (level, page), left)
+                else {
+                    is_complete = false;
+                    continue;
+                };
+                looked_at += 1;
                 if let Sight::Hidden(_) = lens.sight(&bounds, slack) {
                     continue;
                 }
@@ -81,6 +115,7 @@ impl PagedTile {
             finer.dedup();
             candidates = finer;
         }
+        left.spend(looked_at);
         close_upwards(shape, &mut levels);
         let mut pages: Vec<PageDemand> = (0..)
             .zip(&levels)
@@ -91,35 +126,55 @@ impl PagedTile {
             })
             .collect();
         pages.sort_unstable_by_key(|p| p.index);
-        pages
+        PagesWanted { pages, is_complete }
     }
 
+    /// None where they are not known yet, and an update may not take them.
     fn page_bounds(
         &mut self,
         geometry: &dyn Geometry,
         shape: &TileShape,
         whole: &(Bounds, Relief),
-        level: u32,
-        page: [u32; 2],
-    ) -> (Bounds, Relief) {
+        (level, page): (u32, [u32; 2]),
+        left: &mut WorkLeft,
+    ) -> Option<(Bounds, Relief)> {
         let extent = shape.extent(level);
         if extent.iter().all(|&n| n <= PAGE) {
-            return *whole;
+            return Some(*whole);
         }
         let index = shape.page_index(level, page);
         if let Some(bounds) = self.bounds.get(&index) {
-            return *bounds;
+            return Some(*bounds);
         }
+        if left.groups == 0 && !left.is_owed_one {
+            return None;
+        }
+        left.is_owed_one = false;
         let texels = Vec2::from(extent.map(|n| n as f32));
         let origin = Vec2::from(page.map(|n| (n * PAGE) as f32));
         let size = Vec2::from(shape.page_extent(level, page).map(|n| n as f32));
         let rectangle = [(origin - MARGIN_TEXELS) / texels, (origin + size + MARGIN_TEXELS) / texels];
-        let grid = self.grid.get_or_insert_with(|| KiteGrid::new(geometry, self.group, &self.triangles));
+        let grid = self.grid.get_or_insert_with(|| {
+            left.spend(PLACING_WORK * self.triangles.len());
+            PieceGrid::new(geometry, self.group, &self.triangles)
+        });
         let group = &geometry.cover().groups[self.group as usize];
-        let bounds = grid.bounds(group, rectangle);
+        let (bounds, work) = grid.bounds(group, rectangle);
+        left.spend(PIECE_WORK * work);
         self.bounds.insert(index, bounds);
-        bounds
+        Some(bounds)
     }
+}
+
+/// What is wanted of a tile some of whose pages were not looked at: what was wanted stays.
+pub(crate) fn together(old: &[PageDemand], new: Vec<PageDemand>) -> Vec<PageDemand> {
+    let mut pages = new;
+    let known = pages.len();
+    let is_new = |page: &&PageDemand| pages[..known].binary_search_by_key(&page.index, |p| p.index).is_err();
+    let kept: Vec<PageDemand> = old.iter().filter(is_new).copied().collect();
+    pages.extend(kept);
+    pages.sort_unstable_by_key(|page| page.index);
+    pages
 }
 
 /// Adds the pages over each page that are missing, and hands its detail up.
@@ -135,48 +190,48 @@ fn close_upwards(shape: &TileShape, levels: &mut [BTreeMap<[u32; 2], Detail>]) {
     }
 }
 
-#[derive(Clone, Copy, Debug)]
-struct PlacedKite {
-    kite: Kite,
+/// A flat piece of surface in its tile: a triangle, or a kite of one.
+#[derive(Clone, Debug)]
+struct Piece {
+    /// In tile coordinates and in mesh space.
+    corners: ArrayVec<(Vec2, Vec3), 4>,
+    /// Unit.
     normal: Vec3,
-    densities: Densities,
+    densities: LogDensities,
     is_culled: bool,
 }
 
-/// The kites of a group by the cells of a grid over its tile.
-#[derive(Debug)]
-struct KiteGrid {
-    kites: Vec<PlacedKite>,
-    side: u32,
-    /// Per cell, rows from v = 0, the kites whose box touches it.
-    cells: Vec<Vec<u32>>,
+impl Piece {
+    /// Lower and upper corner of its box in the tile.
+    fn box_of(&self) -> [Vec2; 2] {
+        let uv = || self.corners.iter().map(|&(uv, _)| uv);
+        [uv().fold(Vec2::INFINITY, Vec2::min), uv().fold(Vec2::NEG_INFINITY, Vec2::max)]
+    }
 }
 
-impl KiteGrid {
+/// The pieces of a group by the cells of a grid over its tile.
+#[derive(Debug)]
+struct PieceGrid {
+    pieces: Vec<Piece>,
+    side: u32,
+    /// Per cell, rows from v = 0, the pieces whose box touches it.
+    cells: Vec<Vec<u32>>,
+    /// Per piece the last search that has come across it.
+    found_by: Vec<u32>,
+    searches: u32,
+}
+
+impl PieceGrid {
     fn new(geometry: &dyn Geometry, group: u32, triangles: &[u32]) -> Self {
-        let mut kites = Vec::new();
-        for &t in triangles {
-            for facet in facets(geometry.mesh(), geometry.cover(), t as usize) {
-                if facet.group == group {
-                    let densities = densities(geometry.mesh(), geometry.cover(), t as usize, group);
-                    kites.extend(facet.kites.into_iter().flatten().map(|kite| PlacedKite {
-                        kite,
-                        normal: facet.normal,
-                        densities,
-                        is_culled: is_culled(geometry.mesh(), t as usize),
-                    }));
-                }
-            }
+        let mut pieces = Vec::with_capacity(triangles.len());
+        for &triangle in triangles {
+            add_pieces(&mut pieces, geometry, triangle as usize, group);
         }
-        let side = ((kites.len() as f32).sqrt() as u32).clamp(1, 64);
-        let mut grid = Self { kites, side, cells: vec![Vec::new(); (side * side) as usize] };
-        for i in 0..grid.kites.len() {
-            let uv = grid.kites[i].kite.uv;
-            let box_of = [
-                uv.into_iter().fold(Vec2::INFINITY, Vec2::min),
-                uv.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max),
-            ];
-            for [x, y] in cells(grid.cells_under(box_of)) {
+        let side = ((3 * pieces.len()) as f32).sqrt().clamp(1.0, 64.0) as u32;
+        let (cells_count, found_by) = ((side * side) as usize, vec![0; pieces.len()]);
+        let mut grid = Self { pieces, side, cells: vec![Vec::new(); cells_count], found_by, searches: 0 };
+        for i in 0..grid.pieces.len() {
+            for [x, y] in cells(grid.cells_under(grid.pieces[i].box_of())) {
                 grid.cells[(y * side + x) as usize].push(i as u32);
             }
         }
@@ -191,47 +246,53 @@ impl KiteGrid {
         })
     }
 
-    fn bounds(&self, group: &Group, rectangle: [Vec2; 2]) -> (Bounds, Relief) {
-        let mut found: Vec<u32> = cells(self.cells_under(rectangle))
-            .flat_map(|[x, y]| &self.cells[(y * self.side + x) as usize])
-            .copied()
-            .collect();
-        found.sort_unstable();
-        found.dedup();
+    /// Of what lies in a rectangle of the tile, and how many pieces were looked at.
+    fn bounds(&mut self, group: &Group, rectangle: [Vec2; 2]) -> ((Bounds, Relief), usize) {
+        self.searches += 1;
+        let mut looked_at = 0;
         let mut gathering = Gathering::EMPTY;
-        let mut kept: Vec<(Vec3, u32)> = Vec::new();
-        for i in found {
-            let placed = &self.kites[i as usize];
-            let polygon = clip(&placed.kite, rectangle);
-            if !polygon.is_empty() {
-                gathering.add_facet(placed.normal, placed.densities, placed.is_culled);
-            }
-            for (_, p) in polygon {
-                gathering.add_point(p);
-                kept.push((p, i));
+        let (mut points, mut planes) = (Vec::new(), Vec::new());
+        for [x, y] in cells(self.cells_under(rectangle)) {
+            for &i in &self.cells[(y * self.side + x) as usize] {
+                if std::mem::replace(&mut self.found_by[i as usize], self.searches) == self.searches {
+                    continue;
+                }
+                looked_at += 1;
+                let piece = &self.pieces[i as usize];
+                let polygon = clip(piece, rectangle);
+                let Some(&(_, first)) = polygon.first() else { continue };
+                gathering.add_normals(piece.normal, piece.densities, piece.is_culled);
+                planes.push((piece.normal, first));
+                points.extend(polygon.iter().map(|&(_, p)| p));
             }
         }
-        if kept.is_empty() {
-            return (Bounds::NOTHING, Relief::UNKNOWN);
+        if planes.is_empty() {
+            return ((Bounds::NOTHING, Relief::UNKNOWN), looked_at);
         }
+        points.iter().for_each(|&p| gathering.add_point(p));
         let mut bounds = gathering.begin();
-        for &(p, i) in &kept {
-            bounds.widen_to_point(p);
-            bounds.widen_to_normal(self.kites[i as usize].normal);
-        }
-        let planes = kept.iter().map(|&(p, i)| (self.kites[i as usize].normal, p));
-        (bounds, Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes))
+        points.iter().for_each(|&p| bounds.widen_to_point(p));
+        planes.iter().for_each(|&(normal, _)| bounds.widen_to_normal(normal));
+        let relief =
+            Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes.iter().copied());
+        ((bounds, relief), looked_at)
     }
 }
 
-/// The part of a kite inside a rectangle of the tile (Sutherland and Hodgman, "Reentrant polygon clipping", 1974).
-fn clip(kite: &Kite, [low, high]: [Vec2; 2]) -> Vec<(Vec2, Vec3)> {
-    let mut polygon: Vec<(Vec2, Vec3)> = kite.uv.into_iter().zip(kite.points).collect();
+/// The corners of a clipped piece. A line that cuts `n` sides of a polygon adds `n / 2` corners: from 4, by four lines, 19 at most.
+type Polygon = ArrayVec<(Vec2, Vec3), 19>;
+
+/// The part of a piece inside a rectangle of the tile (Sutherland and Hodgman, "Reentrant polygon clipping", 1974).
+fn clip(piece: &Piece, [low, high]: [Vec2; 2]) -> Polygon {
+    let mut polygon: Polygon = piece.corners.iter().copied().collect();
     for (normal, limit) in
         [(Vec2::X, low.x), (Vec2::NEG_X, -high.x), (Vec2::Y, low.y), (Vec2::NEG_Y, -high.y)]
     {
         let height = |uv: Vec2| normal.dot(uv) - limit;
-        let mut clipped = Vec::with_capacity(polygon.len() + 1);
+        if polygon.iter().all(|&(uv, _)| height(uv) >= 0.0) {
+            continue;
+        }
+        let mut clipped = Polygon::new();
         for i in 0..polygon.len() {
             let ((uv_a, a), (uv_b, b)) = (polygon[i], polygon[(i + 1) % polygon.len()]);
             let (height_a, height_b) = (height(uv_a), height(uv_b));
@@ -275,25 +336,6 @@ fn kite(slot: usize, delta: f32) -> [Vec3; 4] {
     [[1.0, 0.0, 0.0], [near, far, 0.0], [inner, rest, rest], [near, 0.0, far]].map(turned)
 }
 
-/// One kite, in space and in its tile.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Kite {
-    /// Corners, mesh space.
-    pub(crate) points: [Vec3; 4],
-    /// The same in tile coordinates.
-    pub(crate) uv: [Vec2; 4],
-}
-
-/// What a group sees of one triangle.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Facet {
-    pub(crate) group: u32,
-    /// Unit normal.
-    pub(crate) normal: Vec3,
-    /// One per corner of the triangle that belongs to the group.
-    pub(crate) kites: [Option<Kite>; 3],
-}
-
 /// Texels of level 0 per mesh unit along the directions on a triangle that have fewest and most of them: the singular values
 /// of the map from its plane to texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -326,23 +368,29 @@ pub(crate) fn piece_points(corners: [Vec3; 3], is_in: [bool; 3], delta: f32) -> 
     (points, count)
 }
 
-/// The facets of a triangle, one per group it is looked up in.
-fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterator<Item = Facet> {
-    let positions = mesh.triangle_positions(triangle);
-    let groups = cover.corner_groups[triangle];
-    let [a, b, c] = positions;
+/// What a group sees of a triangle: all of it, or kites.
+fn add_pieces(pieces: &mut Vec<Piece>, geometry: &dyn Geometry, triangle: usize, group: u32) {
+    let (mesh, cover) = (geometry.mesh(), geometry.cover());
+    let corners = mesh.triangle_positions(triangle);
+    let slots: ArrayVec<usize, 3> =
+        (0..3).filter(|&slot| cover.corner_groups[triangle][slot] == group).collect();
+    let Some(&first) = slots.first() else { return };
+    let [a, b, c] = corners;
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let first_slot = move |slot: usize| groups.iter().position(|&g| g == groups[slot]) == Some(slot);
-    (0..3).filter(move |&slot| first_slot(slot)).map(move |slot| {
-        let mut facet = Facet { group: groups[slot], normal, kites: [None; 3] };
-        for other in (slot..3).filter(|&s| groups[s] == groups[slot]) {
-            let uv = cover.tile_corners(mesh, triangle, other);
-            let lambdas = kite(other, cover.delta);
-            let points = lambdas.map(|lambda| interpolate(positions, lambda));
-            facet.kites[other] = Some(Kite { points, uv: lambdas.map(|lambda| interpolate(uv, lambda)) });
-        }
-        facet
-    })
+    let densities = LogDensities::from(densities(mesh, cover, triangle, group));
+    let is_culled = is_culled(mesh, triangle);
+    let mut add = |corners| pieces.push(Piece { corners, normal, densities, is_culled });
+    let uv = |slot| cover.tile_corners(mesh, triangle, slot);
+    // Unfolded groups place a triangle once per corner.
+    if slots.len() == 3 && slots.iter().all(|&slot| uv(slot) == uv(first)) {
+        add(uv(first).into_iter().zip(corners).collect());
+        return;
+    }
+    for slot in slots {
+        let in_tile = uv(slot);
+        let at = |lambda| (interpolate(in_tile, lambda), interpolate(corners, lambda));
+        add(kite(slot, cover.delta).map(at).into());
+    }
 }
 
 fn map_densities([a, b, c]: [Vec3; 3], uv: [Vec2; 3], extent: Vec2) -> Densities {

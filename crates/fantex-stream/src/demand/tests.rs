@@ -96,3 +96,36 @@ fn no_picture_and_no_mesh_need_nothing() {
     demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
     assert_eq!(PageTable::new(nothing.cover()).len(), 0);
 }
+
+#[test]
+fn pages_that_are_too_much_work_are_bounded_over_updates() {
+    let geometry = covered(generate::icosphere(5), 1 << 24, 4096, false);
+    let view = look(Vec3::new(0.3, 0.2, 1.1), Vec3::new(0.1, 0.0, 0.0), 60.0);
+    let (mut surface, mut demand) = demand_for(&geometry, 16.0);
+    let paged: Vec<u32> = surface.paged.keys().copied().collect();
+    assert!(paged.len() > 4, "{} large tiles", paged.len());
+    demand.update(&mut surface, Some(&view), u32::MAX, &mut Vec::new());
+    assert!(!demand.is_behind());
+    let wanted: Vec<_> = paged.iter().map(|&group| demand.pages(group).to_vec()).collect();
+    assert!(wanted.iter().any(|pages| pages.len() > 8));
+
+    let (mut surface, mut demand) = demand_for(&geometry, 16.0);
+    let mut updates = 0;
+    loop {
+        demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
+        updates += 1;
+        for (&group, wanted) in paged.iter().zip(&wanted) {
+            let pages = demand.pages(group);
+            assert!(pages.iter().all(|page| wanted.contains(page)), "{pages:?} beside {wanted:?}");
+        }
+        if !demand.is_behind() {
+            break;
+        }
+    }
+    assert!(updates > 3, "{updates}");
+    for (&group, wanted) in paged.iter().zip(&wanted) {
+        assert_eq!(demand.pages(group), wanted);
+    }
+    demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
+    assert_eq!(demand.work, DemandWork::default(), "nothing is left to do");
+}

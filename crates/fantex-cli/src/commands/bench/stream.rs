@@ -139,6 +139,8 @@ fn tour(asset: &Asset) -> CameraPath {
 struct Flight {
     update_times: Vec<Duration>,
     frame_times: Vec<Duration>,
+    /// By the clock of the graphics card, where it has one.
+    device_times: Vec<Duration>,
     /// From the program's start to the end of the first frame.
     first_frame: Option<Duration>,
     seconds_to_sharp: Vec<f64>,
@@ -223,7 +225,7 @@ fn fly(
         }
         match &mut screen {
             Some(screen) => {
-                screen.draw(&camera, &changes)?;
+                flight.device_times.extend(screen.draw(&camera, &changes)?);
                 flight.first_frame.get_or_insert_with(|| program_started.elapsed());
                 flight.frame_times.push(started.elapsed());
             }
@@ -254,7 +256,7 @@ impl Screen {
         Ok(Self { hidden: HiddenScreen::new(&gpu, size), gpu, model, size, lights: Lights::default() })
     }
 
-    fn draw(&mut self, camera: &CameraKeyframe, changes: &FrameChanges) -> Result<()> {
+    fn draw(&mut self, camera: &CameraKeyframe, changes: &FrameChanges) -> Result<Option<Duration>> {
         self.model.update(&self.gpu, changes);
         let camera = Camera {
             eye: camera.eye.into(),
@@ -286,6 +288,7 @@ impl Flight {
         rows.push(Row::new("from the start to the first frame", 1e3 * first_frame.as_secs_f64(), "ms"));
         rows.push(Row::new("frames", self.frames as f64, ""));
         percentiles(&mut rows, "frame", &mut self.frame_times);
+        percentiles(&mut rows, "drawing, by the card's clock", &mut self.device_times);
         percentiles(&mut rows, "deciding, per frame", &mut self.update_times);
         rows.push(Row::new(
             "parcels resident when needed",
