@@ -46,6 +46,8 @@ pub(crate) struct FanBindings {
     channels: Vec<Channel>,
     params: FanParams,
     params_buffer: wgpu::Buffer,
+    /// Whether a branch in a shader saves what it goes round.
+    has_branches: bool,
 }
 
 impl FanBindings {
@@ -104,7 +106,8 @@ impl FanBindings {
         ];
         let group = gpu.bind_group("fan model", &layout, resources.into_iter().chain(views));
         let channels = channels.to_vec();
-        Self { layout, group, atlases, tables, drawn, channels, params, params_buffer }
+        let has_branches = !gpu.info().is_software;
+        Self { layout, group, atlases, tables, drawn, channels, params, params_buffer, has_branches }
     }
 
     pub(crate) fn set_filter(&mut self, queue: &wgpu::Queue, filter: &FilterOptions) {
@@ -123,6 +126,7 @@ impl FanBindings {
         let mut constants: Vec<_> = CHANNELS.into_iter().zip(has).collect();
         constants.push(("FAN_FILTER", shader_filter(filter).into()));
         constants.push(("FAN_PAGED", u8::from(is_paged).into()));
+        constants.push(("FAN_BRANCHES", u8::from(self.has_branches).into()));
         constants
     }
 }

@@ -15,7 +15,9 @@
 //! **The shaders are shaped by software adapters**, which execute both sides of every branch, run a loop's body once more than needed if
 //! its test comes first, and read storage buffers lane by lane. So tiles of one page per level have a straight path, and larger tiles
 //! (`FAN_PAGED`) a pipeline of their own; border triangles loop over the groups that have weight and test at the loop's end; pages are
-//! fetched from a texture whose words name the coarser level that stands in for a missing one; materials are uniforms.
+//! fetched from a texture whose words name the coarser level that stands in for a missing one; materials are uniforms. **Graphics cards**
+//! go round what a pixel does not need (`FAN_BRANCHES`): levels that have no weight, and, in larger tiles, all that is asked per probe where
+//! the pixel reads one page of each level. Both read the same (`tests/gpu/sampler.rs`).
 //!
 //! **Uploads** go through mapped staging buffers that are used again: a steady stream of pages allocates nothing.
 

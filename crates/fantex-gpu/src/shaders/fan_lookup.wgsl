@@ -8,6 +8,9 @@ override FAN_FILTER: u32 = 3u;
 // Whether tiles may be cut into several pages.
 override FAN_PAGED: bool = true;
 
+// Whether a branch saves what it goes round: on graphics cards. Software adapters execute both sides.
+override FAN_BRANCHES: bool = true;
+
 // Which channels the asset has.
 override FAN_BASE_COLOR: bool = false;
 override FAN_NORMAL: bool = false;
@@ -180,13 +183,16 @@ fn choose_levels(group: FanGroup, f: Footprint) -> Levels {
     loop {
         let is_late = here <= 1.0 && fine > 0u;
         let is_early = here > 1.0 && next > 1.0 && fine < last;
+        // Written so that it ends with what is not a number, too.
+        if FAN_BRANCHES && !(is_late || is_early) {
+            break;
+        }
         let other = squared_width(f, floats(level_extent(group, select(fine + 2u, fine - 1u, is_late))));
         let before = here;
         here = select(select(here, next, is_early), other, is_late);
         next = select(select(next, other, is_early), before, is_late);
         fine = select(select(fine, fine + 1u, is_early), fine - 1u, is_late);
         continuing {
-            // Neither late nor early; so it ends with what is not a number, too.
             break if !((here <= 1.0 && fine > 0u) || (here > 1.0 && next > 1.0 && fine < last));
         }
     }
@@ -224,16 +230,31 @@ struct Level {
 }
 
 fn tile_level(group: FanGroup, level: u32) -> Level {
-    // Most tiles have one page per level.
+    // Most levels have one page.
     var first = group.first_page + level;
     let extent = level_extent(group, level);
     if max(group.quarters.x, group.quarters.y) > 64u {
         for (var l = 0u; l < level; l += 1u) {
-            let pages = (level_extent(group, l) + 255u) >> vec2<u32>(PAGE_SHIFT);
+            let pages = page_grid(level_extent(group, l));
+            if FAN_BRANCHES && pages.x * pages.y == 1u {
+                break;
+            }
             first += pages.x * pages.y - 1u;
         }
     }
-    return Level(extent, first, (extent.x + 255u) >> PAGE_SHIFT);
+    return Level(extent, first, page_grid(extent).x);
+}
+
+// The level after one of a given number.
+fn next_level(group: FanGroup, level: Level, number: u32) -> Level {
+    let extent = level_extent(group, number + 1u);
+    let pages = page_grid(level.extent);
+    return Level(extent, level.first_page + pages.x * pages.y, page_grid(extent).x);
+}
+
+// Columns and rows of pages.
+fn page_grid(extent: vec2<u32>) -> vec2<u32> {
+    return (extent + 255u) >> vec2<u32>(PAGE_SHIFT);
 }
 
 fn page_word(page: u32) -> u32 {
@@ -259,7 +280,11 @@ fn page_place(entry: u32) -> vec2<u32> {
 
 // Adds a bilinear look-up at a position in the atlas, in texels.
 fn tap(sum: ptr<function, TileSample>, place: vec2<f32>, weight: f32) {
-    let at = place * fan.atlas_scale;
+    tap_at(sum, place * fan.atlas_scale, weight);
+}
+
+// The same at texture coordinates.
+fn tap_at(sum: ptr<function, TileSample>, at: vec2<f32>, weight: f32) {
     if FAN_BASE_COLOR {
         (*sum).base_color += weight * textureSampleLevel(fan_base_color, fan_sampler, at, 0.0);
     }
@@ -313,7 +338,7 @@ fn add_mean(sum: ptr<function, TileSample>, group_index: u32, weight: f32) {
 fn residency(level: Level, page: vec2<u32>, local: vec2<f32>) -> f32 {
     // Towards the nearer neighbours; at the tile's own border there is none.
     let after = local > vec2<f32>(128.0);
-    let pages = (level.extent + 255u) >> vec2<u32>(PAGE_SHIFT);
+    let pages = page_grid(level.extent);
     let exists = select(page > vec2<u32>(0u), page + 1u < pages, after);
     let near = select(vec2<f32>(1e9), select(local, 256.0 - local, after), exists);
     let rise = clamp((near - 0.5) / FADE_TEXELS, vec2<f32>(0.0), vec2<f32>(1.0));
@@ -351,10 +376,31 @@ fn tile_sample(group_index: u32, packed_group: vec2<u32>, uv: vec2<f32>, dx: vec
     let probes = choose_probes(group, pixel);
     var sum = TileSample();
     var left = 0.0;
-    if FAN_PAGED {
-        left = add_paged_levels(&sum, group, levels, probes, uv);
-    } else {
+    if !FAN_PAGED {
         left = add_levels(&sum, group, levels, probes, uv);
+    } else if FAN_BRANCHES {
+        // Most pixels read one page of each level.
+        let fine = tile_level(group, levels.fine);
+        let fine_page = only_page(fine, probes, uv);
+        let has_coarse = levels.coarse_share > 0.0 && levels.fine < last_level(group);
+        var coarse_page = OnlyPage(true, vec2<f32>(0.0), vec2<f32>(0.0));
+        if has_coarse {
+            coarse_page = only_page(next_level(group, fine, levels.fine), probes, uv);
+        }
+        if fine_page.is_there && coarse_page.is_there {
+            add_page(&sum, fine_page, probes, uv, 1.0 - levels.coarse_share);
+            sum.shown_level = (1.0 - levels.coarse_share) * f32(levels.fine);
+            if has_coarse {
+                add_page(&sum, coarse_page, probes, uv, levels.coarse_share);
+                sum.shown_level += levels.coarse_share * f32(levels.fine + 1u);
+            } else {
+                left = levels.coarse_share;
+            }
+        } else {
+            left = add_paged_levels(&sum, group, levels, probes, uv);
+        }
+    } else {
+        left = add_paged_levels(&sum, group, levels, probes, uv);
     }
     if left > 0.0 {
         add_mean(&sum, group_index, left);
@@ -393,25 +439,122 @@ fn add_levels(
     if FAN_FILTER != ANISOTROPIC {
         tap(sum, fine_place + held_inside(uv, fine_extent), fine_weight);
         tap(sum, coarse_place + held_inside(uv, coarse_extent), coarse_weight);
-        (*sum).shown_level = fine_weight * f32(levels.fine) + coarse_weight * f32(coarse_level);
-        return 1.0 - fine_weight - coarse_weight;
-    }
-    let per_probe = 1.0 / f32(probes.count);
-    var i = 0u;
-    loop {
-        let at = uv + probes.span * ((f32(i) + 0.5) * per_probe - 0.5);
-        tap(sum, fine_place + held_inside(at, fine_extent), fine_weight * per_probe);
-        tap(sum, coarse_place + held_inside(at, coarse_extent), coarse_weight * per_probe);
-        i += 1u;
-        continuing {
-            break if i >= probes.count;
+    } else {
+        if !FAN_BRANCHES || fine_weight > 0.0 {
+            add_probes(sum, fine_place, fine_extent, probes, uv, fine_weight);
+        }
+        if !FAN_BRANCHES || coarse_weight > 0.0 {
+            add_probes(sum, coarse_place, coarse_extent, probes, uv, coarse_weight);
         }
     }
     (*sum).shown_level = fine_weight * f32(levels.fine) + coarse_weight * f32(coarse_level);
     return 1.0 - fine_weight - coarse_weight;
 }
 
-// The same for any tile. A look-up across the border of pages is made of single texels, each from its own page.
+// Adds all probes in a level whose first texel lies, or would lie, at `place` in the atlas.
+fn add_probes(
+    sum: ptr<function, TileSample>,
+    place: vec2<f32>,
+    extent: vec2<f32>,
+    probes: Probes,
+    uv: vec2<f32>,
+    weight: f32,
+) {
+    let per_probe = 1.0 / f32(probes.count);
+    // In texture coordinates.
+    let low = (place + 0.5) * fan.atlas_scale;
+    let high = (place + extent - 0.5) * fan.atlas_scale;
+    let step = probes.span * per_probe * extent * fan.atlas_scale;
+    let first = (place + (uv + probes.span * (0.5 * per_probe - 0.5)) * extent) * fan.atlas_scale;
+    let own_weight = weight * per_probe;
+    var i = 0u;
+    loop {
+        tap_at(sum, clamp(first + f32(i) * step, low, high), own_weight);
+        i += 1u;
+        continuing {
+            break if i >= probes.count;
+        }
+    }
+}
+
+// The page of a level that a pixel reads, if that is one only.
+struct OnlyPage {
+    // Resident, and no probe comes near another page, which may be missing (see `residency`).
+    is_there: bool,
+    // Where the level's first texel would lie in the atlas.
+    place: vec2<f32>,
+    extent: vec2<f32>,
+}
+
+fn only_page(level: Level, probes: Probes, uv: vec2<f32>) -> OnlyPage {
+    let extent = vec2<f32>(level.extent);
+    let reach = 0.5 * abs(probes.span);
+    let low = held_inside(uv - reach, extent);
+    let high = held_inside(uv + reach, extent);
+    let page = vec2<u32>(low) >> vec2<u32>(PAGE_SHIFT);
+    let origin = vec2<f32>(page << vec2<u32>(PAGE_SHIFT));
+    let is_first = page == vec2<u32>(0u);
+    let is_last = origin + 256.0 >= extent;
+    let margin = 0.5 + FADE_TEXELS;
+    let is_apart = (is_first | (low - origin >= vec2<f32>(margin))) & (is_last | (high - origin <= vec2<f32>(256.0 - margin)));
+    let entry = page_entry(level, page);
+    return OnlyPage(all(is_apart) && entry != 0u, floats(page_place(entry)) - origin, extent);
+}
+
+fn add_page(sum: ptr<function, TileSample>, page: OnlyPage, probes: Probes, uv: vec2<f32>, weight: f32) {
+    if FAN_FILTER != ANISOTROPIC {
+        tap(sum, page.place + held_inside(uv, page.extent), weight);
+    } else {
+        add_probes(sum, page.place, page.extent, probes, uv, weight);
+    }
+}
+
+// Adds a level's probes, each from its own page; returns the weight that is resident. A look-up across the border of pages is made of
+// single texels.
+fn add_across_pages(
+    sum: ptr<function, TileSample>,
+    level: Level,
+    probes: Probes,
+    uv: vec2<f32>,
+    whole_weight: f32,
+) -> f32 {
+    let extent = vec2<f32>(level.extent);
+    let per_probe = 1.0 / f32(probes.count);
+    var taken = 0.0;
+    var probe = 0u;
+    var texel = 0u;
+    loop {
+        let at = uv + probes.span * ((f32(probe) + 0.5) * per_probe - 0.5);
+        let position = held_inside(at, extent);
+        let page = vec2<u32>(position) >> vec2<u32>(PAGE_SHIFT);
+        let local = position - vec2<f32>(page << vec2<u32>(PAGE_SHIFT));
+        let share = residency(level, page, local);
+        let is_crossing = any(local < vec2<f32>(0.5)) || any(local > vec2<f32>(255.5));
+        // Of four texels, the one of this step.
+        let corner = vec2<u32>(texel & 1u, texel >> 1u);
+        let first = floor(position - 0.5);
+        let fraction = position - 0.5 - first;
+        let portions = select(1.0 - fraction, fraction, corner == vec2<u32>(1u));
+        let single = vec2<u32>(first) + corner;
+        let tap_page = select(page, single >> vec2<u32>(PAGE_SHIFT), is_crossing);
+        let tap_local = select(local, vec2<f32>(single & vec2<u32>(255u)) + 0.5, is_crossing);
+        let weight = whole_weight * per_probe * share * select(1.0, portions.x * portions.y, is_crossing);
+        let entry = page_entry(level, tap_page);
+        tap(sum, floats(page_place(entry)) + tap_local, weight);
+        taken += weight;
+        texel += 1u;
+        if !is_crossing || texel == 4u {
+            texel = 0u;
+            probe += 1u;
+        }
+        continuing {
+            break if probe >= probes.count;
+        }
+    }
+    return taken;
+}
+
+// The same for any tile.
 fn add_paged_levels(
     sum: ptr<function, TileSample>,
     group: FanGroup,
@@ -420,48 +563,17 @@ fn add_paged_levels(
     uv: vec2<f32>,
 ) -> f32 {
     let last = last_level(group);
-    let per_probe = 1.0 / f32(probes.count);
     var left = 1.0 - levels.coarse_share;
     var coarse = levels.coarse_share;
     var level_index = levels.fine;
+    var level = tile_level(group, level_index);
     loop {
-        let level = tile_level(group, level_index);
-        let extent = vec2<f32>(level.extent);
-        var taken = 0.0;
-        var probe = 0u;
-        var texel = 0u;
-        loop {
-            let at = uv + probes.span * ((f32(probe) + 0.5) * per_probe - 0.5);
-            let position = held_inside(at, extent);
-            let page = vec2<u32>(position) >> vec2<u32>(PAGE_SHIFT);
-            let local = position - vec2<f32>(page << vec2<u32>(PAGE_SHIFT));
-            let share = residency(level, page, local);
-            let is_crossing = any(local < vec2<f32>(0.5)) || any(local > vec2<f32>(255.5));
-            // Of four texels, the one of this step.
-            let corner = vec2<u32>(texel & 1u, texel >> 1u);
-            let first = floor(position - 0.5);
-            let fraction = position - 0.5 - first;
-            let portions = select(1.0 - fraction, fraction, corner == vec2<u32>(1u));
-            let single = vec2<u32>(first) + corner;
-            let tap_page = select(page, single >> vec2<u32>(PAGE_SHIFT), is_crossing);
-            let tap_local = select(local, vec2<f32>(single & vec2<u32>(255u)) + 0.5, is_crossing);
-            let weight = left * per_probe * share * select(1.0, portions.x * portions.y, is_crossing);
-            let entry = page_entry(level, tap_page);
-            tap(sum, floats(page_place(entry)) + tap_local, weight);
-            taken += weight;
-            texel += 1u;
-            if !is_crossing || texel == 4u {
-                texel = 0u;
-                probe += 1u;
-            }
-            continuing {
-                break if probe >= probes.count;
-            }
-        }
+        let taken = add_across_pages(sum, level, probes, uv, left);
         (*sum).shown_level += taken * f32(level_index);
         // What rounding leaves over is none.
         left = select(left - taken, 0.0, left - taken < 1e-5) + coarse;
         coarse = 0.0;
+        level = next_level(group, level, level_index);
         level_index += 1u;
         continuing {
             break if level_index > last || left <= 0.0;

@@ -99,8 +99,15 @@ fn random_query(random: &mut Random, mesh: &Mesh) -> Query {
     Query { point: fantex_mesh::SurfacePoint { triangle, lambda }, footprint: Footprint { lambda_steps } }
 }
 
-/// Evaluates points by the shader; a channel of [`Noise`] with the same conventions as [`Sampler`].
-fn on_gpu(gpu: &Gpu, fan: &FanModel, sampler: &Sampler, filter: Filter, queries: &[Query]) -> [Vec<Vec4>; 3] {
+/// Evaluates points by the shader; a channel of [`Noise`] with the same conventions as [`Sampler`]. `has_branches`: as on graphics
+/// cards, or as on software.
+fn on_gpu(
+    gpu: &Gpu,
+    fan: &FanModel,
+    sampler: &Sampler,
+    (filter, has_branches): (Filter, bool),
+    queries: &[Query],
+) -> [Vec<Vec4>; 3] {
     let source = format!("{}{}", shader::compose_surface(&shader::FAN), include_str!("sampler.wgsl"));
     let module = shader::module(&gpu.device, "points", &source);
     let (mesh, cover) = (sampler.mesh(), sampler.cover());
@@ -150,6 +157,8 @@ fn on_gpu(gpu: &Gpu, fan: &FanModel, sampler: &Sampler, filter: Filter, queries:
     let is_paged = cover.groups.iter().any(|group| group.extent.iter().any(|&n| n > PAGE));
     [0, 1, 2].map(|channel| {
         let mut constants = fan.texture_constants(filter, is_paged);
+        constants.retain(|(name, _)| *name != "FAN_BRANCHES");
+        constants.push(("FAN_BRANCHES", f64::from(u8::from(has_branches))));
         constants.push(("POINT_CHANNEL", f64::from(channel)));
         let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
         let format = wgpu::TextureFormat::Rgba32Float;
@@ -232,7 +241,9 @@ fn shaders_look_up_what_the_sampler_does() {
         upload(&gpu, &mut fan, baked.asset(), &table, &Residents::all());
         fan.set_filter(&gpu, &filter);
         let queries: Vec<Query> = (0..POINTS).map(|_| random_query(&mut random, sampler.mesh())).collect();
-        let seen = on_gpu(&gpu, &fan, &sampler, filter.filter, &queries);
+        let [seen, otherwise] = [false, true]
+            .map(|has_branches| on_gpu(&gpu, &fan, &sampler, (filter.filter, has_branches), &queries));
+        assert_same(&seen, &otherwise, &format!("round {round}, {filter:?}"));
         for (kind, seen) in Noise.channels().into_iter().map(|channel| channel.kind).zip(seen) {
             let (mut sum, mut largest, mut count) = (0.0, 0f32, 0);
             for (query, seen) in queries.iter().zip(seen) {
@@ -253,5 +264,38 @@ fn shaders_look_up_what_the_sampler_does() {
             assert!(largest < tolerance, "{filter:?} {kind}: {largest}");
             assert!(mean < 0.25 * tolerance, "{filter:?} {kind}: {mean} on average");
         }
+    }
+}
+
+/// Whether shaders with branches and without read the same. Texture units round coordinates to 1/256 of a texel, so what differs by a rounding
+/// error may differ by as much.
+fn assert_same(seen: &[Vec<Vec4>; 3], otherwise: &[Vec<Vec4>; 3], what: &str) {
+    for (point, (a, b)) in seen.iter().flatten().zip(otherwise.iter().flatten()).enumerate() {
+        assert!(a.distance(*b) < 0.01, "{what}: {a} and {b} with branches, point {point}");
+    }
+}
+
+#[test]
+fn branches_make_no_difference_where_pages_are_missing() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = Random::new(29);
+    let mesh = cleaned(generate::cube(3));
+    let budget = TexelBudget::Total(3 << 20);
+    let (cover, _) = build_cover(&mesh, &CoverOptions { tile: 1024, budget, ..Default::default() }).unwrap();
+    assert!(cover.groups.iter().any(|group| group.extent.iter().any(|&n| n > 2 * PAGE)));
+    let options = BakeOptions { format: BakeFormat::Rgba8, ..BakeOptions::default() };
+    let baked = Baked::new(&mesh, &cover, &Noise, &options);
+    let table = PageTable::new(&cover);
+    let formats = FanModel::atlas_formats(&gpu, baked.channels());
+    for (seed, filter) in [(1, Filter::Trilinear), (2, Filter::Anisotropic), (3, Filter::Anisotropic)] {
+        let options = FilterOptions { filter, max_anisotropy: 8.0 };
+        let sampler = Sampler::of_cache(baked.cache(), options);
+        let mut fan = model(&gpu, &baked, &table, &formats);
+        upload(&gpu, &mut fan, baked.asset(), &table, &Residents::random(seed));
+        fan.set_filter(&gpu, &options);
+        let queries: Vec<Query> = (0..POINTS).map(|_| random_query(&mut random, sampler.mesh())).collect();
+        let [plain, branched] = [false, true]
+            .map(|has_branches| on_gpu(&gpu, &fan, &sampler, (filter, has_branches), &queries));
+        assert_same(&plain, &branched, &format!("{filter:?}"));
     }
 }
