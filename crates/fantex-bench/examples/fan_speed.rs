@@ -71,8 +71,7 @@ fn main() -> Result<(), Failure> {
         for round in 0..warm_up + rounds {
             let models: [&mut dyn Model; 2] = [&mut uv, &mut fan.model];
             for (times, model) in times.iter_mut().zip(models) {
-                let mut frame =
-                    Frame { size, camera: &camera, lights: &lights, model, options: &options };
+                let mut frame = Frame { size, camera: &camera, lights: &lights, model, options: &options };
                 times.of(round >= warm_up, || screen.draw(&gpu, &mut frame))?;
             }
         }

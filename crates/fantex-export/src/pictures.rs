@@ -18,7 +18,7 @@ use fantex_texture::Image;
 use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, srgb16_from_linear, unorm8, unorm16};
 use fantex_texture::filter::halved_row;
 use half::f16;
-use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent, StreamWriter};
+use png::{BitDepth, ColorType, DeflateCompression, Encoder, SrgbRenderingIntent, StreamWriter};
 use rayon::prelude::*;
 
 use crate::export::{ChannelMap, Components, Map};
@@ -136,6 +136,9 @@ pub(crate) struct PngSink {
     depth: Depth,
 }
 
+/// A fifth to a third less time for a whole export than level 6, the usual one, and files 1 to 6 % larger.
+const DEFLATE_LEVEL: u8 = 4;
+
 impl PngSink {
     /// Begins a picture of `size` columns and rows in `file`; `path` is what errors name.
     pub(crate) fn new(file: File, path: PathBuf, size: [u32; 2], map: Map, depth: Depth) -> Result<Self> {
@@ -150,6 +153,7 @@ impl PngSink {
         if map.is_srgb {
             encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
         }
+        encoder.set_deflate_compression(DeflateCompression::Level(DEFLATE_LEVEL));
         // No buffer that would swallow an error when it is dropped.
         let writer = encoder.write_header().and_then(|writer| writer.into_stream_writer_with_size(1 << 20));
         match writer {

@@ -165,8 +165,10 @@ const BORDER: u32 = 1;
 struct Region {
     /// Columns and rows, without the border.
     extent: [u32; 2],
-    /// One per texel, row-major, with the border; equal points of padding are those of the texel that they were taken from.
+    /// Those of all texels; padding shares the point of the texel that it was taken from.
     points: Vec<Point>,
+    /// Per texel, row-major, with the border, the index of its point, or `NOBODY`.
+    point_of_texel: Vec<u32>,
     /// The chart of each texel whose centre lies on the surface or on its continuation, else `NOBODY`.
     chart_on_surface: Vec<u32>,
     /// Without the border.
@@ -209,17 +211,28 @@ impl Region {
         }
         let sources = search.spread();
         let count = (width + 2 * border) as usize * (height + 2 * border) as usize;
-        let (mut points, mut chart_on_surface) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut point_of_texel, mut chart_on_surface) =
+            (Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut points, mut known) = (Vec::new(), vec![NOBODY; sources.len()]);
         for y in -border..height + border {
             for x in -border..width + border {
                 let texel = ((y + margin) * size[0] + x + margin) as usize;
                 let source = sources[texel];
-                points.push(if source == NOBODY { NOTHING } else { search.best[source as usize].point });
+                point_of_texel.push(match known.get_mut(source as usize) {
+                    None => NOBODY,
+                    Some(known) => {
+                        if *known == NOBODY {
+                            *known = points.len() as u32;
+                            points.push(search.best[source as usize].point);
+                        }
+                        *known
+                    }
+                });
                 let is_sure = matches!(search.best[texel].kind, Kind::Inside | Kind::Beyond);
                 chart_on_surface.push(if is_sure { search.owners[texel] } else { NOBODY });
             }
         }
-        Self { extent, points, chart_on_surface, stats }
+        Self { extent, points, point_of_texel, chart_on_surface, stats }
     }
 }
 
@@ -442,28 +455,27 @@ const MAX_TILES: usize = 64;
 impl TexelSampler<'_> {
     /// Linear values of every map at every texel of a region.
     fn values(&self, page: &Page, region: &Region, maps: &[Map]) -> Vec<Values> {
-        let mut values: Vec<Values> = maps.iter().map(|m| vec![m.background; region.points.len()]).collect();
-        // Triangle by triangle, so that a tile is fetched once; equal points (in padding) follow each other.
-        let mut order: Vec<u32> =
-            (0..region.points.len() as u32).filter(|&t| region.points[t as usize].placed != NOBODY).collect();
-        let key = |t: u32| {
-            let Point { placed, lambda } = region.points[t as usize];
-            (placed, lambda.x.to_bits(), lambda.y.to_bits())
-        };
-        order.sort_by_key(|&t| key(t));
+        // Triangle by triangle, so that a tile is fetched once.
+        let mut order: Vec<(u32, u32)> =
+            (0..).zip(&region.points).map(|(i, point)| (point.placed, i)).collect();
+        order.sort_unstable();
+        let mut of_points: Vec<Values> = maps.iter().map(|_| vec![[0.0; 4]; order.len()]).collect();
         let mut tiles = Tiles { cache: self.cache, held: HashMap::new() };
-        for same_triangle in order.chunk_by(|&a, &b| key(a).0 == key(b).0) {
-            let placed = &page.placed[key(same_triangle[0]).0 as usize];
+        for same_triangle in order.chunk_by(|a, b| a.0 == b.0) {
+            let placed = &page.placed[same_triangle[0].0 as usize];
             let reader = TriangleReader::new(self, placed, maps, &mut tiles);
-            for same_point in same_triangle.chunk_by(|&a, &b| key(a) == key(b)) {
-                let lambda = region.points[same_point[0] as usize].lambda;
-                for (index, (map, values)) in maps.iter().zip(&mut values).enumerate() {
-                    let value = reader.value(index, map, lambda).to_array();
-                    same_point.iter().for_each(|&t| values[t as usize] = value);
+            for &(_, point) in same_triangle {
+                let lambda = region.points[point as usize].lambda;
+                for (index, (map, values)) in maps.iter().zip(&mut of_points).enumerate() {
+                    values[point as usize] = reader.value(index, map, lambda).to_array();
                 }
             }
         }
-        values
+        let of_texels = |(map, values): (&Map, &Values)| {
+            let value = |&point: &u32| *values.get(point as usize).unwrap_or(&map.background);
+            region.point_of_texel.iter().map(value).collect()
+        };
+        maps.iter().zip(&of_points).map(of_texels).collect()
     }
 }
 
@@ -643,8 +655,9 @@ mod tests {
     /// The points without the border.
     fn inner(region: &Region) -> Vec<Point> {
         let stride = region.extent[0] as usize + 2;
-        let rows = region.points.chunks(stride).skip(1).take(region.extent[1] as usize);
-        rows.flat_map(|row| &row[1..stride - 1]).copied().collect()
+        let rows = region.point_of_texel.chunks(stride).skip(1).take(region.extent[1] as usize);
+        let point = |&i: &u32| region.points.get(i as usize).copied().unwrap_or(NOTHING);
+        rows.flat_map(|row| &row[1..stride - 1]).map(point).collect()
     }
 
     fn page(side: u32, block: u32, corners: [[f32; 2]; 3], owners: Vec<u32>) -> Page {

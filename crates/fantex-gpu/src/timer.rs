@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use fantex_base::Result;
 
-use crate::gpu::refused;
 use crate::Gpu;
+use crate::gpu::refused;
 
 /// Two readings of the device's clock, around commands of one encoder.
 ///

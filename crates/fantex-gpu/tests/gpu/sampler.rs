@@ -294,8 +294,8 @@ fn branches_make_no_difference_where_pages_are_missing() {
         upload(&gpu, &mut fan, baked.asset(), &table, &Residents::random(seed));
         fan.set_filter(&gpu, &options);
         let queries: Vec<Query> = (0..POINTS).map(|_| random_query(&mut random, sampler.mesh())).collect();
-        let [plain, branched] = [false, true]
-            .map(|has_branches| on_gpu(&gpu, &fan, &sampler, (filter, has_branches), &queries));
+        let [plain, branched] =
+            [false, true].map(|has_branches| on_gpu(&gpu, &fan, &sampler, (filter, has_branches), &queries));
         assert_same(&plain, &branched, &format!("{filter:?}"));
     }
 }

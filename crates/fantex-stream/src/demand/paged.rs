@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use arrayvec::ArrayVec;
-use fantex_cover::{Cover, Group};
+use fantex_cover::{Cover, Group, GroupKind};
 use fantex_mesh::{Mesh, interpolate};
 use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
@@ -60,7 +60,7 @@ pub(crate) struct WorkLeft {
 }
 
 /// The time that it takes to put a triangle into the grid, and to bound a piece in a page, in that of a group.
-const PLACING_WORK: usize = 4;
+const PLACING_WORK: usize = 3;
 const PIECE_WORK: usize = 2;
 
 impl WorkLeft {
@@ -214,8 +214,10 @@ impl Piece {
 struct PieceGrid {
     pieces: Vec<Piece>,
     side: u32,
-    /// Per cell, rows from v = 0, the pieces whose box touches it.
-    cells: Vec<Vec<u32>>,
+    /// Per cell, rows from v = 0, where its pieces begin in `members`; then where the last one's end.
+    firsts: Vec<u32>,
+    /// Pieces whose box touches a cell, ascending.
+    members: Vec<u32>,
     /// Per piece the last search that has come across it.
     found_by: Vec<u32>,
     searches: u32,
@@ -227,15 +229,34 @@ impl PieceGrid {
         for &triangle in triangles {
             add_pieces(&mut pieces, geometry, triangle as usize, group);
         }
-        let side = ((3 * pieces.len()) as f32).sqrt().clamp(1.0, 64.0) as u32;
-        let (cells_count, found_by) = ((side * side) as usize, vec![0; pieces.len()]);
-        let mut grid = Self { pieces, side, cells: vec![Vec::new(); cells_count], found_by, searches: 0 };
-        for i in 0..grid.pieces.len() {
-            for [x, y] in cells(grid.cells_under(grid.pieces[i].box_of())) {
-                grid.cells[(y * side + x) as usize].push(i as u32);
+        let side = (pieces.len() as f32).sqrt().clamp(1.0, 64.0) as u32;
+        let found_by = vec![0; pieces.len()];
+        let mut grid = Self { pieces, side, firsts: Vec::new(), members: Vec::new(), found_by, searches: 0 };
+        grid.sort_into_cells();
+        grid
+    }
+
+    /// Counts what lies in each cell, then puts it there.
+    fn sort_into_cells(&mut self) {
+        let cells_of =
+            |piece: &Piece| cells(self.cells_under(piece.box_of())).map(|[x, y]| y * self.side + x);
+        let mut firsts = vec![0; (self.side * self.side) as usize + 1];
+        for cell in self.pieces.iter().flat_map(cells_of) {
+            firsts[cell as usize + 1] += 1;
+        }
+        for cell in 1..firsts.len() {
+            firsts[cell] += firsts[cell - 1];
+        }
+        let mut members = vec![0; firsts[firsts.len() - 1] as usize];
+        let mut next = firsts.clone();
+        for (i, piece) in (0..).zip(&self.pieces) {
+            for cell in cells_of(piece) {
+                let place = &mut next[cell as usize];
+                members[*place as usize] = i;
+                *place += 1;
             }
         }
-        grid
+        (self.firsts, self.members) = (firsts, members);
     }
 
     /// First and last cell that a rectangle touches.
@@ -253,7 +274,8 @@ impl PieceGrid {
         let mut gathering = Gathering::EMPTY;
         let (mut points, mut planes) = (Vec::new(), Vec::new());
         for [x, y] in cells(self.cells_under(rectangle)) {
-            for &i in &self.cells[(y * self.side + x) as usize] {
+            let cell = (y * self.side + x) as usize;
+            for &i in &self.members[self.firsts[cell] as usize..self.firsts[cell + 1] as usize] {
                 if std::mem::replace(&mut self.found_by[i as usize], self.searches) == self.searches {
                     continue;
                 }
@@ -273,8 +295,7 @@ impl PieceGrid {
         let mut bounds = gathering.begin();
         points.iter().for_each(|&p| bounds.widen_to_point(p));
         planes.iter().for_each(|&(normal, _)| bounds.widen_to_normal(normal));
-        let relief =
-            Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes.iter().copied());
+        let relief = Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes.iter().copied());
         ((bounds, relief), looked_at)
     }
 }
@@ -377,17 +398,21 @@ fn add_pieces(pieces: &mut Vec<Piece>, geometry: &dyn Geometry, triangle: usize,
     let Some(&first) = slots.first() else { return };
     let [a, b, c] = corners;
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let densities = LogDensities::from(densities(mesh, cover, triangle, group));
+    // One map serves all corners of a projected group; an unfolded one places a triangle once per corner.
+    let tile = &cover.groups[group as usize];
+    let uv = |slot| cover.tile_corners(mesh, triangle, slot);
+    let in_tile = uv(first);
+    let is_one_map = tile.kind == GroupKind::Projected || slots.iter().all(|&slot| uv(slot) == in_tile);
+    let extent = Vec2::from(tile.extent.map(|n| n as f32));
+    let densities = LogDensities::from(map_densities(corners, in_tile, extent));
     let is_culled = is_culled(mesh, triangle);
     let mut add = |corners| pieces.push(Piece { corners, normal, densities, is_culled });
-    let uv = |slot| cover.tile_corners(mesh, triangle, slot);
-    // Unfolded groups place a triangle once per corner.
-    if slots.len() == 3 && slots.iter().all(|&slot| uv(slot) == uv(first)) {
-        add(uv(first).into_iter().zip(corners).collect());
+    if slots.len() == 3 && is_one_map {
+        add(in_tile.into_iter().zip(corners).collect());
         return;
     }
     for slot in slots {
-        let in_tile = uv(slot);
+        let in_tile = if is_one_map { in_tile } else { uv(slot) };
         let at = |lambda| (interpolate(in_tile, lambda), interpolate(corners, lambda));
         add(kite(slot, cover.delta).map(at).into());
     }
