@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_gpu::{
-    DrawOptions, Frame, Gpu, GpuOptions, HiddenScreen, Model, StreamedModel, UvModel, stream_view,
+    DrawOptions, Frame, FrameTimes, Gpu, GpuOptions, HiddenScreen, Model, StreamedModel, UvModel, stream_view,
 };
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WrapMode, clean, generate, load};
 use fantex_scene::{Camera, FilterOptions, Lights, Shading};
@@ -53,7 +53,8 @@ fn main() -> Result<(), Failure> {
     let mut fan = StreamedModel::open(&gpu, asset, 64 << 20)?;
     println!("model made in {:?}", started.elapsed());
     let mut uv = UvModel::load(&gpu, &with_texture(mesh)?)?;
-    let camera = Camera::framing_mesh(fan.streamer.geometry().mesh(), Camera::THREE_QUARTER, 16.0 / 9.0);
+    let aspect = f64::from(size[0]) / f64::from(size[1]);
+    let camera = Camera::framing_mesh(fan.streamer.geometry().mesh(), Camera::THREE_QUARTER, aspect);
     let [rounds, warm_up] = [ROUNDS, WARM_UP].map(|counts| counts[usize::from(!gpu.info().is_software)]);
     let view = stream_view(&camera, size, fan.model.space());
     for (shading, filter) in [
@@ -67,7 +68,7 @@ fn main() -> Result<(), Failure> {
         let options = DrawOptions { shading, filter, samples: 1, ..DrawOptions::default() };
         let mut screen = HiddenScreen::new(&gpu, size);
         let lights = Lights::behind(&camera);
-        let mut times = [Times::default(), Times::default()];
+        let mut times = [Times::none(), Times::none()];
         for round in 0..warm_up + rounds {
             let models: [&mut dyn Model; 2] = [&mut uv, &mut fan.model];
             for (times, model) in times.iter_mut().zip(models) {
@@ -163,15 +164,19 @@ fn with_texture(mut mesh: Mesh) -> Result<Mesh, Failure> {
     Ok(mesh)
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Times {
     best: Option<Duration>,
     processor_seconds: f64,
     /// By the device's clock.
-    device: Vec<Duration>,
+    device: FrameTimes,
 }
 
 impl Times {
+    fn none() -> Self {
+        Self { best: None, processor_seconds: 0.0, device: FrameTimes { all: Vec::new() } }
+    }
+
     /// Draws a frame, and times it if it counts.
     fn of(
         &mut self,
@@ -184,16 +189,14 @@ impl Times {
             let elapsed = started.elapsed();
             self.best = Some(self.best.map_or(elapsed, |best| best.min(elapsed)));
             self.processor_seconds += processor_seconds() - processor;
-            self.device.extend(device);
+            self.device.all.extend(device);
         }
         Ok(())
     }
 
-    /// The middle frame; not a number where the device has no clock.
+    /// The middle frame; zero where the device has no clock.
     fn device_ms(&self) -> f64 {
-        let mut sorted = self.device.clone();
-        sorted.sort_unstable();
-        sorted.get(sorted.len() / 2).map_or(f64::NAN, |time| time.as_secs_f64() * 1e3)
+        self.device.median().as_secs_f64() * 1e3
     }
 
     fn best_ms(&self) -> f64 {

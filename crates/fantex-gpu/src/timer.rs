@@ -10,7 +10,7 @@ use crate::gpu::refused;
 /// Two readings of the device's clock, around commands of one encoder.
 ///
 /// ```text
-/// begin (encoder) -> commands -> end (encoder) -> submit -> Gpu::wait -> elapsed
+/// begin (encoder) -> commands -> end (encoder) -> submit -> elapsed
 /// ```
 #[derive(Debug)]
 pub struct DeviceTimer {

@@ -37,7 +37,7 @@ pub(crate) use bounds::{Lens, Sphere};
 use fantex_cover::GroupTriangles;
 use glam::{Mat3, Vec3};
 pub use paged::PageDemand;
-use paged::{PagedTile, PagesWanted, WorkLeft, together};
+use paged::{PagedTile, PagesWanted, WorkLeft};
 
 pub use crate::shape::Detail;
 use crate::shape::{SparseLists, TileShapes};
@@ -424,12 +424,11 @@ impl Visit<'_> {
             let shape = self.surface.shapes.of(group);
             let whole = (bounds, self.surface.reliefs[group as usize]);
             let geometry = &*self.surface.geometry;
-            let wanted = tile.demand(geometry, shape, &whole, (&self.lens, slack), &mut self.demand.left);
+            let Demand { pages: known, left, .. } = &mut *self.demand;
+            let view = (&self.lens, slack);
+            let wanted = tile.demand(geometry, shape, &whole, view, known.get(group), left);
             let PagesWanted { mut pages, is_complete } = wanted;
             pages.retain(|page| page.index < shape.own_pages());
-            if !is_complete {
-                pages = together(self.demand.pages(group), pages);
-            }
             self.demand.set_pages(group, pages, self.changed);
             return is_complete;
         }

@@ -47,7 +47,7 @@ pub(crate) struct PagedTile {
 pub(crate) struct PagesWanted {
     /// Ascending by index. Where a page is wanted, so are those of the next coarser level over it.
     pub(crate) pages: Vec<PageDemand>,
-    /// Whether all pages were looked at; else some may be missing.
+    /// Whether all pages were looked at; else some may be missing, and what was wanted stays wanted.
     pub(crate) is_complete: bool,
 }
 
@@ -74,13 +74,14 @@ impl PagedTile {
         Self { group, triangles, grid: None, bounds: HashMap::new() }
     }
 
-    /// What is wanted from a view.
+    /// What is wanted from a view; `known` is what was wanted last.
     pub(crate) fn demand(
         &mut self,
         geometry: &dyn Geometry,
         shape: &TileShape,
         whole: &(Bounds, Relief),
         (lens, slack): (&Lens, Slack),
+        known: &[PageDemand],
         left: &mut WorkLeft,
     ) -> PagesWanted {
         if self.bounds.len() > MAX_CACHED_BOUNDS {
@@ -116,6 +117,12 @@ impl PagedTile {
             candidates = finer;
         }
         left.spend(looked_at);
+        if !is_complete {
+            for &PageDemand { index, detail } in known {
+                let page = shape.page(self.group, index);
+                levels[page.level as usize].entry(page.page).or_insert(detail);
+            }
+        }
         close_upwards(shape, &mut levels);
         let mut pages: Vec<PageDemand> = (0..)
             .zip(&levels)
@@ -164,17 +171,6 @@ impl PagedTile {
         self.bounds.insert(index, bounds);
         Some(bounds)
     }
-}
-
-/// What is wanted of a tile some of whose pages were not looked at: what was wanted stays.
-pub(crate) fn together(old: &[PageDemand], new: Vec<PageDemand>) -> Vec<PageDemand> {
-    let mut pages = new;
-    let known = pages.len();
-    let is_new = |page: &&PageDemand| pages[..known].binary_search_by_key(&page.index, |p| p.index).is_err();
-    let kept: Vec<PageDemand> = old.iter().filter(is_new).copied().collect();
-    pages.extend(kept);
-    pages.sort_unstable_by_key(|page| page.index);
-    pages
 }
 
 /// Adds the pages over each page that are missing, and hands its detail up.

@@ -7,6 +7,7 @@ use fantex_mesh::{CleanOptions, Mesh, clean, generate};
 use glam::{Mat3, Vec3};
 
 use super::*;
+use crate::shape::cells;
 use crate::{CoveredMesh, PageTable};
 
 fn covered(model: fantex_mesh::Model, texels: u64, tile: u32, double_sided: bool) -> CoveredMesh {
@@ -128,4 +129,40 @@ fn pages_that_are_too_much_work_are_bounded_over_updates() {
     }
     demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
     assert_eq!(demand.work, DemandWork::default(), "nothing is left to do");
+}
+
+#[test]
+fn over_a_page_that_is_wanted_are_others_also_while_the_camera_moves() {
+    let geometry = covered(generate::icosphere(5), 1 << 24, 4096, false);
+    let (mut surface, mut demand) = demand_for(&geometry, 16.0);
+    let paged: Vec<u32> = surface.paged.keys().copied().collect();
+    let mut has_been_behind = 0;
+    for step in 0..120 {
+        let angle = 0.05 * step as f32;
+        let eye = Vec3::new(angle.sin(), 0.2, angle.cos()) * (1.15 + 0.1 * (3.0 * angle).sin());
+        let view = look(eye, Vec3::new(0.1, 0.0, 0.0), 60.0);
+        demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
+        has_been_behind += usize::from(demand.is_behind());
+        for &group in &paged {
+            let shape = surface.shapes.of(group);
+            let pages = demand.pages(group);
+            assert!(pages.is_sorted_by_key(|page| page.index));
+            for wanted in pages {
+                let page = shape.page(group, wanted.index);
+                if page.level + 1 == shape.level_count() {
+                    continue;
+                }
+                for above in cells(shape.overlapping(page.level, page.page, page.level + 1)) {
+                    let index = shape.page_index(page.level + 1, above);
+                    let over = pages.iter().find(|page| page.index == index);
+                    let is_own = index < shape.own_pages();
+                    assert!(
+                        !is_own || over.is_some_and(|over| over.detail <= wanted.detail),
+                        "step {step}, {page:?}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(has_been_behind > 20, "{has_been_behind}");
 }
