@@ -8,13 +8,13 @@ use glam::{Vec2, Vec3, Vec4};
 
 /// A rectangle with its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rectangle {
+pub struct Rectangle {
     /// Unit vector along the first side; the second side is perpendicular, counter-clockwise.
-    pub(crate) x_axis: Vec2,
+    pub x_axis: Vec2,
     /// Smallest coordinates along both axes.
-    pub(crate) min: Vec2,
+    pub min: Vec2,
     /// Side lengths.
-    pub(crate) size: Vec2,
+    pub size: Vec2,
 }
 
 impl Rectangle {
@@ -28,9 +28,9 @@ impl Rectangle {
     }
 }
 
-/// Buffers that are reused between calls.
+/// Finds the smallest rectangles around points; keeps its buffers.
 #[derive(Default)]
-pub(crate) struct RectangleFinder {
+pub struct RectangleFinder {
     hull: Vec<Vec3>,
     planar: Vec<Vec2>,
     /// Unit vectors along the hull's edges.
@@ -40,7 +40,7 @@ pub(crate) struct RectangleFinder {
 impl RectangleFinder {
     /// The enclosing rectangle of the points' x and y that minimises `(w + pad) * (h + pad)`. Reorders `points`, of which
     /// there is at least one.
-    pub(crate) fn smallest(&mut self, points: &mut [Vec3], pad: f32) -> Rectangle {
+    pub fn smallest(&mut self, points: &mut [Vec3], pad: f32) -> Rectangle {
         self.convex_hull(points);
         self.planar.clear();
         self.planar.extend(self.hull.iter().map(|p| p.truncate()));

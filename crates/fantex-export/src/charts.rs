@@ -2,83 +2,107 @@
 //!
 //! ```text
 //!  groups --every triangle to one--> atoms --join neighbours that face alike--> patches --cut where they overlap--> charts
+//!                                                                                                                     |
+//!                       charts <--cut where they overlap-- larger charts <--`unions`: join what lies flat side by side-'
 //! ```
 //!
 //! A group sees its own triangles well and its neighbours mostly too, so groups are joined as long as one projection serves
-//! the union: fewer charts have less border, and border costs padding.
+//! the union. From there it is stretch that counts, not a direction: fewer charts have less border, and border costs padding.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
+use fantex_bake::Progress;
 use fantex_base::UnionFind;
-use fantex_cover::{Cover, GroupKind};
+use fantex_cover::{Cover, GroupKind, Rectangle, RectangleFinder};
 use fantex_mesh::{Edges, Mesh};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
-/// A piece of the surface in one orthogonal projection, none of whose triangles overlap.
+use crate::overlaps::without_crossings;
+use crate::unions::unite;
+
+/// A piece of the surface in the plane, none of whose triangles overlap.
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
+    /// Ascending.
     pub(crate) triangles: Vec<u32>,
-    /// Unit vectors, mesh space: those of growing u and of growing v. (`v_axis x u_axis` faces the surface, since v points
-    /// downwards in a picture.)
-    axes: [Vec3; 2],
-    /// Lower corner of its rectangle in the plane, mesh units.
-    low: Vec2,
+    /// Where their corners lie in its rectangle: mesh units, not negative, v downwards.
+    pub(crate) corners: Vec<[Vec2; 3]>,
     /// Sides of its rectangle, mesh units.
     pub(crate) extent: Vec2,
 }
 
 impl Chart {
-    /// The projection along `direction` (unit) in which the piece's rectangle is smallest, lying on its long side.
-    pub(crate) fn new(mesh: &Mesh, triangles: Vec<u32>, direction: Vec3) -> Self {
-        let (first, second) = direction.any_orthonormal_pair();
-        let points: Vec<Vec2> = triangles
-            .iter()
-            .flat_map(|&t| mesh.triangle_positions(t as usize))
-            .map(|p| Vec2::new(p.dot(first), p.dot(second)))
-            .collect();
-        let turned = (0..TURNS).map(|turn| {
-            let x = Vec2::from_angle(turn as f32 * std::f32::consts::PI / TURNS as f32);
-            let y = x.perp();
-            let low_high = points.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), p| {
-                let q = Vec2::new(p.dot(x), -p.dot(y));
-                (low.min(q), high.max(q))
-            });
-            (x, low_high.0, low_high.1 - low_high.0)
-        });
-        let lying = turned.filter(|(_, _, extent)| extent.x >= extent.y);
-        let smallest = lying.min_by(|a, b| a.2.element_product().total_cmp(&b.2.element_product()));
-        // Of two directions at a right angle, at least one lies.
-        let (x, low, extent) = smallest.unwrap_or((Vec2::X, Vec2::ZERO, Vec2::ZERO));
-        let y = x.perp();
-        Self { triangles, axes: [first * x.x + second * x.y, -(first * y.x + second * y.y)], low, extent }
+    /// Triangles that lie in a plane, v downwards.
+    pub(crate) fn new(triangles: Vec<u32>, mut corners: Vec<[Vec2; 3]>) -> Self {
+        let points = corners.as_flattened().iter();
+        let low = points.clone().copied().reduce(Vec2::min).unwrap_or_default();
+        let high = points.copied().reduce(Vec2::max).unwrap_or_default();
+        corners.as_flattened_mut().iter_mut().for_each(|p| *p -= low);
+        Self { triangles, corners, extent: high - low }
     }
 
-    /// Plane coordinates of a point, mesh units, not negative for points of the chart.
-    fn plane_from_mesh(&self, p_mesh: Vec3) -> Vec2 {
-        Vec2::new(p_mesh.dot(self.axes[0]), p_mesh.dot(self.axes[1])) - self.low
+    /// Turned so that its rectangle is smallest and lies on its long side.
+    fn lying(mut self, rectangles: &mut RectangleFinder) -> Self {
+        let mut points: Vec<Vec3> = self.corners.as_flattened().iter().map(|p| p.extend(0.0)).collect();
+        let Rectangle { mut x_axis, size, .. } = rectangles.smallest(&mut points, 0.0);
+        if size.x < size.y {
+            x_axis = x_axis.perp();
+        }
+        for p in self.corners.as_flattened_mut() {
+            *p = Vec2::new(p.dot(x_axis), p.dot(x_axis.perp()));
+        }
+        Self::new(self.triangles, self.corners)
     }
 
-    pub(crate) fn corners(&self, mesh: &Mesh, triangle: u32) -> [Vec2; 3] {
-        mesh.triangle_positions(triangle as usize).map(|p| self.plane_from_mesh(p))
+    /// The orthogonal projection along `direction` (unit).
+    pub(crate) fn projected(mesh: &Mesh, triangles: Vec<u32>, direction: Vec3) -> Self {
+        let (x, y) = direction.any_orthonormal_pair();
+        // `x`, `y` and the direction are a right-handed frame; v points downwards.
+        let plane = |p: Vec3| Vec2::new(p.dot(x), -p.dot(y));
+        let corners = triangles.iter().map(|&t| mesh.triangle_positions(t as usize).map(plane)).collect();
+        Self::new(triangles, corners)
     }
 
-    /// The cosine of the angle between the projection's direction and a triangle's normal.
-    pub(crate) fn facing(&self, mesh: &Mesh, triangle: u32) -> f32 {
-        facet_normal(mesh, triangle as usize).dot(self.axes[1].cross(self.axes[0]))
+    /// Its triangles and where their corners lie.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, [Vec2; 3])> {
+        self.triangles.iter().copied().zip(self.corners.iter().copied())
     }
 }
 
-/// Directions that are tried for a chart's sides, over half a turn. Even, so that right angles are among them.
-const TURNS: u32 = 32;
-
-/// All charts of a mesh; every triangle lies in exactly one. The same on any number of threads.
-pub(crate) fn charts(mesh: &Mesh, cover: &Cover, texels_per_unit: f32) -> Vec<Chart> {
-    let edges = edges(mesh);
+/// All charts of a mesh; every triangle lies in exactly one. The same on any number of threads. `across` are [`continued`] half-edges.
+pub(crate) fn charts(
+    mesh: &Mesh,
+    cover: &Cover,
+    across: &[u32],
+    texels_per_unit: f32,
+    progress: &dyn Progress,
+) -> Vec<Chart> {
+    let edges = edges(mesh, across);
     let atoms = atoms(mesh, cover, &edges);
     let patches = join(mesh, &atoms, &edges, texels_per_unit);
-    patches.into_iter().flat_map(|patch| charts_of(mesh, patch, texels_per_unit)).collect()
+    let projected = patches.into_par_iter().flat_map_iter(|patch| charts_of(mesh, patch, texels_per_unit));
+    let united = unite(mesh, projected.collect(), across, progress);
+    let whole = united.into_par_iter().flat_map_iter(|chart| cut(mesh, chart, texels_per_unit, Some(across)));
+    whole.map_init(RectangleFinder::default, |rectangles, chart| chart.lying(rectangles)).collect()
+}
+
+/// No half-edge, no triangle.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// Of every half-edge that of the triangle that [continues](fantex_mesh::continued) its own the same way round, or [`NONE`].
+pub(crate) fn continued(mesh: &Mesh) -> Vec<u32> {
+    let mut across = vec![NONE; 3 * mesh.triangles.len()];
+    let begins = |half_edge: u32| mesh.triangles[half_edge as usize / 3][half_edge as usize % 3];
+    for edge in Edges::of(&mesh.triangles).iter() {
+        for [one, other] in edge.continued() {
+            if begins(one) != begins(other) {
+                (across[one as usize], across[other as usize]) = (other, one);
+            }
+        }
+    }
+    across
 }
 
 fn facet_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
@@ -108,17 +132,17 @@ struct Edge {
 /// A group that sees a triangle worse than this does not get it.
 const MIN_FACING_OF_GROUP: f32 = 0.3;
 
-/// All edges that triangles [continue](fantex_mesh::continued) each other across, ordered by their vertices.
-fn edges(mesh: &Mesh) -> Vec<Edge> {
-    let shared = Edges::of(&mesh.triangles);
-    let of_pairs = |edge: fantex_mesh::Edge<'_>| {
-        let [a, b] = edge.vertices().map(|v| mesh.positions[v as usize]);
-        let length = a.distance(b);
-        edge.continued()
-            .into_iter()
-            .map(move |pair| Edge { triangles: pair.map(|half_edge| half_edge / 3), length })
+/// All edges that triangles continue each other across.
+fn edges(mesh: &Mesh, across: &[u32]) -> Vec<Edge> {
+    let edge = |(half_edge, &other): (usize, &u32)| {
+        let (t, k) = (half_edge / 3, half_edge % 3);
+        let corners = mesh.triangle_positions(t);
+        let triangles = [t as u32, other / 3];
+        // Once for its two half-edges.
+        (other != NONE && half_edge < other as usize)
+            .then(|| Edge { triangles, length: corners[k].distance(corners[(k + 1) % 3]) })
     };
-    shared.iter().flat_map(of_pairs).collect()
+    across.iter().enumerate().filter_map(edge).collect()
 }
 
 /// The atom of every triangle, numbered from 0 in the order of their first triangles.
@@ -426,60 +450,70 @@ const MAX_CELLS: f32 = 4096.0;
 const SHRINK: f32 = 1e-3;
 
 fn charts_of(mesh: &Mesh, patch: Patch, texels_per_unit: f32) -> Vec<Chart> {
-    let mut charts = Vec::new();
-    let (mut rest, hidden): (Vec<u32>, Vec<u32>) = patch
+    let (seen, hidden): (Vec<u32>, Vec<u32>) = patch
         .triangles
         .into_iter()
         .partition(|&t| facet_normal(mesh, t as usize).dot(patch.direction) >= MIN_FACING_OF_CHART);
-    while !rest.is_empty() {
-        let chart = Chart::new(mesh, rest, patch.direction);
-        let taken = without_overlap(mesh, &chart, texels_per_unit);
-        if taken.len() == chart.triangles.len() {
-            charts.push(chart);
-            break;
-        }
-        rest = Vec::with_capacity(chart.triangles.len() - taken.len());
-        let mut taken_iter = taken.iter().peekable();
-        for t in chart.triangles {
-            if taken_iter.next_if_eq(&&t).is_none() {
-                rest.push(t);
-            }
-        }
-        charts.push(Chart::new(mesh, taken, patch.direction));
+    let mut charts = Vec::new();
+    if !seen.is_empty() {
+        charts = cut(mesh, Chart::projected(mesh, seen, patch.direction), texels_per_unit, None);
     }
-    charts.extend(hidden.into_iter().map(|t| Chart::new(mesh, vec![t], facet_normal(mesh, t as usize))));
+    let alone = |t: u32| Chart::projected(mesh, vec![t], facet_normal(mesh, t as usize));
+    charts.extend(hidden.into_iter().map(alone));
     charts
 }
 
-/// Triangles, ascending, that share no cell; taken in the order in which they hang together, so that what is left over hangs
-/// together as well.
-fn without_overlap(mesh: &Mesh, chart: &Chart, texels_per_unit: f32) -> Vec<u32> {
+/// Cuts a chart into some that do not overlap themselves by more than a texel; not at all if it is told which half-edges lie beyond which.
+fn cut(mesh: &Mesh, chart: Chart, texels_per_unit: f32, across: Option<&[u32]>) -> Vec<Chart> {
+    let (mut charts, mut waiting) = (Vec::new(), vec![chart]);
+    while let Some(chart) = waiting.pop() {
+        let mut is_taken = without_overlap(mesh, &chart, texels_per_unit);
+        if is_taken.iter().all(|&is| is)
+            && let Some(across) = across
+        {
+            is_taken = without_crossings(&chart, across);
+        }
+        if is_taken.iter().all(|&is| is) {
+            charts.push(chart);
+            continue;
+        }
+        waiting.extend([false, true].map(|which| {
+            let part = chart.iter().zip(&is_taken).filter(|(_, is)| **is == which);
+            let (triangles, corners) = part.map(|(triangle, _)| triangle).unzip();
+            Chart::new(triangles, corners)
+        }));
+    }
+    charts
+}
+
+/// Which triangles share no cell; taken in the order in which they hang together, so that what is left over hangs together as well.
+fn without_overlap(mesh: &Mesh, chart: &Chart, texels_per_unit: f32) -> Vec<bool> {
     let longest = chart.extent.max_element();
     let cells_per_unit = texels_per_unit.min(MAX_CELLS / longest.max(f32::MIN_POSITIVE));
     let width = (chart.extent.x * cells_per_unit) as usize + 2;
     let height = (chart.extent.y * cells_per_unit) as usize + 2;
     let mut is_taken = vec![0u64; (width * height).div_ceil(64)];
-    let mut accepted = Vec::with_capacity(chart.triangles.len());
+    let mut accepted = vec![false; chart.triangles.len()];
     let mut cells = Vec::new();
-    for t in connected_order(mesh, &chart.triangles) {
+    for i in connected_order(mesh, &chart.triangles) {
         cells.clear();
-        let corners = chart.corners(mesh, t).map(|q| q * cells_per_unit);
+        let corners = chart.corners[i as usize].map(|q| q * cells_per_unit);
         visit_cells(corners, |cell| cells.push(cell.y as usize * width + cell.x as usize));
         if cells.iter().all(|&c| is_taken[c / 64] >> (c % 64) & 1 == 0) {
             cells.iter().for_each(|&c| is_taken[c / 64] |= 1 << (c % 64));
-            accepted.push(t);
+            accepted[i as usize] = true;
         }
     }
-    accepted.sort_unstable();
     accepted
 }
 
-/// The triangles, each after one that it shares a vertex with, as far as they hang together.
+/// The indices of triangles, each after one that it shares a vertex with, as far as they hang together.
 fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
-    let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for (i, &t) in (0u32..).zip(triangles) {
-        mesh.triangles[t as usize].iter().for_each(|&v| around.entry(v).or_default().push(i));
-    }
+    // Vertices, and the triangles at each.
+    let mut around: Vec<(u32, u32)> =
+        (0u32..).zip(triangles).flat_map(|(i, &t)| mesh.triangles[t as usize].map(|v| (v, i))).collect();
+    around.sort_unstable();
+    let mut is_done = vec![false; around.len()];
     let mut order = Vec::with_capacity(triangles.len());
     let mut is_seen = vec![false; triangles.len()];
     for start in 0..triangles.len() {
@@ -492,8 +526,12 @@ fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
             let t = triangles[order[next] as usize];
             next += 1;
             for v in mesh.triangles[t as usize] {
+                let first = around.partition_point(|&(vertex, _)| vertex < v);
                 // A vertex' triangles are needed once.
-                for i in around.get_mut(&v).map(std::mem::take).unwrap_or_default() {
+                if std::mem::replace(&mut is_done[first], true) {
+                    continue;
+                }
+                for &(_, i) in around[first..].iter().take_while(|(vertex, _)| *vertex == v) {
                     if !std::mem::replace(&mut is_seen[i as usize], true) {
                         order.push(i);
                     }
@@ -501,11 +539,11 @@ fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
             }
         }
     }
-    order.into_iter().map(|i| triangles[i as usize]).collect()
+    order
 }
 
-/// Visits the cells whose middles lie inside a triangle (in cells, not negative), not on its border.
-fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
+/// Visits the cells whose middles lie inside a triangle (in cells), not on its border.
+pub(crate) fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
     let [a, b, c] = corners;
     let area = (b - a).perp_dot(c - a);
     if area.abs() < 1e-9 {
@@ -514,7 +552,7 @@ fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
     let sides =
         [[b, c], [c, a], [a, b]].map(|[from, to]| (from, (to - from).normalize_or_zero() * area.signum()));
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let (first, last) = ((low - 0.5).ceil().max(Vec2::ZERO).as_ivec2(), (high - 0.5).floor().as_ivec2());
+    let (first, last) = ((low - 0.5).ceil().as_ivec2(), (high - 0.5).floor().as_ivec2());
     for y in first.y..=last.y {
         for x in first.x..=last.x {
             let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);

@@ -37,6 +37,8 @@ pub struct ExportSummary {
     pub overlapping_share: f64,
     /// Texels per mesh unit, relative to the asset's.
     pub density_share: f64,
+    /// Triangles that a model's coordinates give no area, as where they point into a palette: each shows one colour.
+    pub points: usize,
     /// Texels of all pictures of one map.
     pub texels: u64,
     /// Vertices of the model; 0 for a single picture.
@@ -306,6 +308,7 @@ impl<'a> Job<'a> {
             used_share: covered as f64 / total.max(1) as f64,
             overlapping_share: contested as f64 / covered.max(1) as f64,
             density_share: f64::from(self.layout.texels_per_unit / asset.cover().density),
+            points: self.layout.points,
             texels: total,
             damage: damage_of(&self.cache),
             ..ExportSummary::default()

@@ -147,6 +147,7 @@ pub fn export_fans(
         padding: options.sheets.gutter,
         used_share: sheets.used_share,
         density_share: 1.0,
+        points: 0,
         texels,
         vertices: geometry.positions.len(),
         damage: damage_of(&packer.cache),

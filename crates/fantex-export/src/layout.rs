@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, VertexCorners};
+use fantex_mesh::Mesh;
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::charts::{Chart, charts};
+use crate::charts::{Chart, NONE, charts, continued};
 use crate::export::cancelled;
 
 pub(crate) const NOBODY: u32 = u32::MAX;
@@ -21,6 +21,8 @@ pub(crate) struct Layout {
     pub(crate) pages: Vec<Page>,
     /// Index into `pages` for every material; none where no triangle has it.
     pub(crate) page_of_material: Vec<Option<usize>>,
+    /// Triangles that the model's coordinates give no area: each shows one colour.
+    pub(crate) points: usize,
     /// True where coordinates go beyond 0..1 and the pictures repeat.
     pub(crate) repeats: bool,
     /// Charts of an own packing; 0 for the model's coordinates.
@@ -109,9 +111,13 @@ pub(crate) fn atlas(
     request: &AtlasRequest,
     progress: &dyn Progress,
 ) -> Result<Layout> {
-    let charts = charts(mesh, cover, request.texels_per_unit);
+    let across = continued(mesh);
+    let charts = charts(mesh, cover, &across, request.texels_per_unit, progress);
+    if progress.is_cancelled() {
+        return Err(cancelled());
+    }
     let packed = match request.side {
-        Some(side) => densest(mesh, &charts, side, request, progress),
+        Some(side) => densest(&charts, side, request, progress),
         None => {
             let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
             let texels = (0.5 * area).sqrt() * request.texels_per_unit;
@@ -125,7 +131,7 @@ pub(crate) fn atlas(
                 side *= 2;
             }
             loop {
-                let packed = densest(mesh, &charts, side, request, progress);
+                let packed = densest(&charts, side, request, progress);
                 let is_good = |p: &Packed| p.density >= NEARLY * request.texels_per_unit;
                 let is_last = side >= request.largest_side || progress.is_cancelled();
                 if is_last || packed.as_ref().is_some_and(is_good) {
@@ -145,7 +151,7 @@ pub(crate) fn atlas(
              --padding"
         ))
     })?;
-    Ok(laid_out(mesh, &charts, &packed))
+    Ok(laid_out(mesh, &charts, &across, &packed))
 }
 
 struct Packed {
@@ -179,18 +185,12 @@ fn padding(charts: usize, side: u32, request: &AtlasRequest) -> u32 {
 }
 
 /// The largest density at which the charts fit a side, to about two percent; any or none once it is cancelled.
-fn densest(
-    mesh: &Mesh,
-    charts: &[Chart],
-    side: u32,
-    request: &AtlasRequest,
-    progress: &dyn Progress,
-) -> Option<Packed> {
+fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
     let block = padding(charts.len(), side, request);
-    let at = |density: f32| try_density(mesh, charts, side, block, density, progress);
+    let at = |density: f32| try_density(charts, side, block, density, progress);
     let longest = charts.iter().map(|c| c.extent.max_element()).fold(f32::MIN_POSITIVE, f32::max);
     // The longest chart fills the side, or all of them fill the picture; nothing larger can fit.
-    let area: f64 = charts.iter().map(|chart| flat_area(mesh, chart)).sum();
+    let area: f64 = charts.iter().map(flat_area).sum();
     let filled = f64::from(side) / area.max(f64::MIN_POSITIVE).sqrt();
     let mut high = ((side - block) as f32 / longest).min(filled as f32);
     let mut best = None;
@@ -204,7 +204,7 @@ fn densest(
         high = low;
     }
     best.as_ref()?;
-    for _ in 0..5 {
+    for _ in 0..6 {
         let middle = (low * high).sqrt();
         match at(middle) {
             Some(packed) => (low, best) = (middle, Some(packed)),
@@ -215,16 +215,11 @@ fn densest(
 }
 
 /// The area of a chart's triangles in their plane, square mesh units.
-fn flat_area(mesh: &Mesh, chart: &Chart) -> f64 {
-    let area = |&t: &u32| {
-        let [a, b, c] = chart.corners(mesh, t);
-        0.5 * f64::from((b - a).perp_dot(c - a).abs())
-    };
-    chart.triangles.iter().map(area).sum()
+fn flat_area(chart: &Chart) -> f64 {
+    chart.corners.iter().map(|[a, b, c]| 0.5 * f64::from((*b - *a).perp_dot(*c - *a).abs())).sum()
 }
 
 fn try_density(
-    mesh: &Mesh,
     charts: &[Chart],
     side: u32,
     block: u32,
@@ -236,8 +231,8 @@ fn try_density(
     let mask_of = |chart: &Chart| {
         let extent = (chart.extent * scale + 1.0).ceil().max(Vec2::ONE).as_uvec2();
         let fits = extent.x <= blocks && extent.y <= blocks && !progress.is_cancelled();
-        let corners = |&t: &u32| chart.corners(mesh, t).map(|q| q * scale + 0.5);
-        fits.then(|| Mask::around(extent.x, extent.y, chart.triangles.iter().map(corners)))
+        let corners = |corners: &[Vec2; 3]| corners.map(|q| q * scale + 0.5);
+        fits.then(|| Mask::around(extent.x, extent.y, chart.corners.iter().map(corners)))
     };
     let masks: Vec<Mask> = charts.par_iter().map(mask_of).collect::<Option<_>>()?;
     let places = pack(&masks, blocks)?;
@@ -245,12 +240,12 @@ fn try_density(
     Some(Packed { side, block, density, places, masks })
 }
 
-/// Corners of a chart's triangles in the picture: half a block away from the chart's own blocks' corner.
-fn corners_in_picture(mesh: &Mesh, chart: &Chart, index: usize, triangle: u32, packed: &Packed) -> [Vec2; 3] {
+/// Places in a chart's rectangle as they are in the picture: half a block away from the chart's own blocks' corner.
+fn in_picture(corners: [Vec2; 3], index: usize, packed: &Packed) -> [Vec2; 3] {
     let (block, place, mask) = (packed.block as f32, packed.places[index], &packed.masks[index]);
     let [width, height] = [mask.width, mask.height].map(|blocks| blocks as f32 * block);
     let origin = Vec2::from(place.at.map(|n| n as f32)) * block;
-    chart.corners(mesh, triangle).map(|q| {
+    corners.map(|q| {
         let Vec2 { x, y } = q * packed.density + 0.5 * block;
         origin
             + match place.turn {
@@ -262,7 +257,7 @@ fn corners_in_picture(mesh: &Mesh, chart: &Chart, index: usize, triangle: u32, p
     })
 }
 
-fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
+fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> Layout {
     let blocks = packed.side / packed.block;
     let mut owners = vec![NOBODY; blocks as usize * blocks as usize];
     for (i, (mask, place)) in (0u32..).zip(packed.masks.iter().zip(&packed.places)) {
@@ -273,20 +268,19 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
     let mut chart_of = vec![NOBODY; mesh.triangles.len()];
     let mut placed = Vec::with_capacity(mesh.triangles.len());
     for (i, chart) in (0u32..).zip(charts) {
-        for &triangle in &chart.triangles {
-            let corners = corners_in_picture(mesh, chart, i as usize, triangle, packed);
+        for (triangle, corners) in chart.iter() {
+            let corners = in_picture(corners, i as usize, packed);
             uv[triangle as usize] = corners.map(|c| c / packed.side as f32);
             chart_of[triangle as usize] = i;
             placed.push(Placed { triangle, chart: i, corners, is_beyond: false });
         }
     }
-    let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let beyond = charts.par_iter().enumerate().flat_map_iter(|(i, chart)| {
-        let beyond = neighbours(mesh, chart, i as u32, &chart_of, &around);
-        beyond.into_iter().map(move |triangle| Placed {
+        let beyond = neighbours(mesh, chart, i as u32, &chart_of, across);
+        beyond.into_iter().map(move |(triangle, corners)| Placed {
             triangle,
             chart: i as u32,
-            corners: corners_in_picture(mesh, chart, i, triangle, packed),
+            corners: in_picture(corners, i, packed),
             is_beyond: true,
         })
     });
@@ -296,6 +290,7 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
         uv,
         pages: vec![page],
         page_of_material: vec![Some(0); mesh.materials.len()],
+        points: 0,
         repeats: false,
         charts: charts.len(),
         padding: packed.block,
@@ -303,32 +298,48 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
     }
 }
 
-/// Neighbours of a chart worse seen than this are no continuation of it.
-const MIN_FACING: f32 = 0.2;
-
-/// At a vertex of more triangles, those that share nothing but the vertex with a chart are no neighbours: tips of a hundred
-/// needles around the apex of a cone would take more work than they show.
-const MAX_AROUND: usize = 64;
-
-/// Triangles of other charts that touch a chart and that its projection sees, ascending.
-fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], around: &VertexCorners) -> Vec<u32> {
-    let mut vertices: Vec<u32> = chart.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
-    vertices.sort_unstable();
-    vertices.dedup();
-    let shares_edge = |t: u32| {
-        let is_shared = |v: &&u32| vertices.binary_search(v).is_ok();
-        mesh.triangles[t as usize].iter().filter(is_shared).count() > 1
-    };
+/// Triangles of other charts that touch a chart, and where they lie beside it when they are folded into its plane: those across its
+/// border, and those across an edge of these that ends at the chart.
+fn neighbours(
+    mesh: &Mesh,
+    chart: &Chart,
+    index: u32,
+    chart_of: &[u32],
+    across: &[u32],
+) -> Vec<(u32, [Vec2; 3])> {
+    let is_outside = |half_edge: u32| half_edge != NONE && chart_of[half_edge as usize / 3] != index;
     let mut beyond = Vec::new();
-    for &v in &vertices {
-        let touching = around.at(v as usize);
-        let of_others = touching.iter().map(|&corner| corner / 3).filter(|&t| chart_of[t as usize] != index);
-        beyond.extend(of_others.filter(|&t| touching.len() <= MAX_AROUND || shares_edge(t)));
+    for (triangle, corners) in chart.iter() {
+        for k in (0..3).filter(|k| is_outside(across[3 * triangle as usize + k])) {
+            let half_edge = across[3 * triangle as usize + k];
+            beyond.push((half_edge / 3, folded(mesh, half_edge, [corners[(k + 1) % 3], corners[k]])));
+            let first = beyond[beyond.len() - 1].1;
+            for step in [1, 2] {
+                let from = (half_edge as usize % 3 + step) % 3;
+                let next = across[half_edge as usize / 3 * 3 + from];
+                if is_outside(next) {
+                    beyond.push((next / 3, folded(mesh, next, [first[(from + 1) % 3], first[from]])));
+                }
+            }
+        }
     }
-    beyond.sort_unstable();
-    beyond.dedup();
-    beyond.retain(|&t| chart.facing(mesh, t) >= MIN_FACING);
     beyond
+}
+
+/// Where the corners of a half-edge's triangle lie when its ends lie at `begin` and `end` and it is laid to the side of the half-edge on which
+/// charts have it.
+fn folded(mesh: &Mesh, half_edge: u32, [begin, end]: [Vec2; 2]) -> [Vec2; 3] {
+    let positions = mesh.triangle_positions(half_edge as usize / 3);
+    let at = |k: usize| (half_edge as usize % 3 + k) % 3;
+    let [a, b, c] = [0, 1, 2].map(|k| positions[at(k)]);
+    let along = b - a;
+    let share = (c - a).dot(along) / along.length_squared();
+    let height = (c - a - share * along).length() / along.length();
+    let mut corners = [begin; 3];
+    corners[at(1)] = end;
+    // v points downwards.
+    corners[at(2)] = begin + share * (end - begin) - height * (end - begin).perp();
+    corners
 }
 
 // ---- The blocks of texels that a chart needs.
@@ -416,17 +427,34 @@ impl Mask {
         turned
     }
 
-    /// Whether a block of `self` is one of `other`'s, moved to (x, y), inside `self`.
-    fn collides(&self, other: &Mask, x: u32, y: u32) -> bool {
+    /// Whether in a row of `other`, moved to (x, y), inside `self`, a block is one of `self`'s; if so, the column to which it must be moved at
+    /// least before that row may be free.
+    fn collision(&self, other: &Mask, row: u32, x: u32, y: u32) -> Option<u32> {
         let (word, shift) = (x as usize / 64, x % 64);
-        (0..other.height as usize).any(|row| {
-            let own = &self.words[(y as usize + row) * self.words_per_row..][..self.words_per_row];
-            let theirs = &other.words[row * other.words_per_row..][..other.words_per_row];
-            theirs.iter().enumerate().any(|(i, &bits)| {
-                let spilled = if shift == 0 { 0 } else { bits >> (64 - shift) };
-                own[word + i] & bits << shift != 0 || spilled != 0 && own[word + i + 1] & spilled != 0
-            })
-        })
+        let own = &self.words[(y + row) as usize * self.words_per_row..][..self.words_per_row];
+        let theirs = &other.words[row as usize * other.words_per_row..][..other.words_per_row];
+        let last = (0..theirs.len()).rev().find_map(|i| {
+            let spilled = if shift == 0 { 0 } else { theirs[i] >> (64 - shift) };
+            let high = if spilled == 0 { 0 } else { own[word + i + 1] & spilled };
+            let low = own[word + i] & theirs[i] << shift;
+            let bit =
+                |bits: u64, word: usize| (bits != 0).then(|| 64 * word as u32 + 63 - bits.leading_zeros());
+            bit(high, word + i + 1).or_else(|| bit(low, word + i))
+        })?;
+        // The run of blocks that it is in must begin beyond it.
+        Some(last + 1 - other.run_start(last - x, row))
+    }
+
+    /// Where the run of blocks begins that the one at (x, y) is in.
+    fn run_start(&self, x: u32, y: u32) -> u32 {
+        let row = &self.words[y as usize * self.words_per_row..][..self.words_per_row];
+        let mut word = x as usize / 64;
+        let mut missing = !row[word] & (u64::MAX >> (63 - x % 64));
+        while missing == 0 && word > 0 {
+            word -= 1;
+            missing = !row[word];
+        }
+        if missing == 0 { 0 } else { 64 * word as u32 + 64 - missing.leading_zeros() }
     }
 
     /// Adds the blocks of `other`, moved to (x, y), inside `self`.
@@ -466,21 +494,34 @@ fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
 /// Of more masks than this only the first way around is tried, from where the last one of its size lies: small ones fit anyhow.
 const MAX_TURNED: usize = 1_000;
 
-/// Where each mask lies in a square of `side` blocks, the largest first, each the way around in which it reaches down least, at the topmost,
-/// then leftmost free place; none where they do not fit. Where one of a size was placed, another one of that size rarely finds a place
-/// before it, so each size goes through the square once.
+/// Where each mask lies in a square of `side` blocks; none where they do not fit. The largest goes first; what is large is asked in several
+/// ways where there are few.
 fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
     let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
     if counts.iter().sum::<u64>() > u64::from(side) * u64::from(side) {
         return None;
     }
-    let mut order: Vec<usize> = (0..masks.len()).collect();
-    order.sort_by_key(|&i| (std::cmp::Reverse(counts[i]), i));
+    let sizes: [fn(&Mask, u64) -> u64; 3] = [
+        |mask, _| u64::from(mask.width) * u64::from(mask.height),
+        |_, count| count,
+        |mask, _| u64::from(mask.width.max(mask.height)),
+    ];
+    let orders = if masks.len() <= MAX_TURNED { 0..3 } else { 1..2 };
+    sizes[orders].par_iter().find_map_first(|size| {
+        let mut order: Vec<usize> = (0..masks.len()).collect();
+        order.sort_by_key(|&i| (std::cmp::Reverse(size(&masks[i], counts[i])), i));
+        pack_in_order(masks, &counts, &order, side)
+    })
+}
+
+/// Each mask the way around in which it reaches down least, at the topmost, then leftmost free place. Where one of a size was placed, another
+/// one of that size rarely finds a place before it, so each size goes through the square once.
+fn pack_in_order(masks: &[Mask], counts: &[u64], order: &[usize], side: u32) -> Option<Vec<Place>> {
     let mut grid = Mask::empty(side, side);
     let mut places = vec![Place::default(); masks.len()];
     // Column and row from which on sizes look for a place.
     let mut starts = [[0, 0]; 64];
-    for (number, i) in order.into_iter().enumerate() {
+    for (number, &i) in order.iter().enumerate() {
         let turns = if number < MAX_TURNED { 4 } else { 1 };
         let turned: Vec<Mask> = (0..turns).map(|turn| masks[i].turned(turn)).collect();
         let start = &mut starts[counts[i].max(1).ilog2() as usize];
@@ -505,6 +546,8 @@ fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
 fn find(grid: &Mask, mask: &Mask, from: [u32; 2], rows_end: u32) -> Option<[u32; 2]> {
     let (columns, last_row) = (grid.width.checked_sub(mask.width)?, grid.height.checked_sub(mask.height)?);
     let first_column = (0..mask.width).find(|&x| mask.contains(x, 0)).unwrap_or(0);
+    // The row that collided last, often does again.
+    let mut hint = 0;
     (from[1]..rows_end.min(last_row + 1)).find_map(|y| {
         let mut x = if y == from[1] { from[0] } else { 0 };
         loop {
@@ -513,10 +556,10 @@ fn find(grid: &Mask, mask: &Mask, from: [u32; 2], rows_end: u32) -> Option<[u32;
             if x > columns {
                 return None;
             }
-            if !grid.collides(mask, x, y) {
-                return Some([x, y]);
-            }
-            x += 1;
+            let rows = std::iter::once(hint).chain(0..mask.height);
+            let collision = rows.into_iter().find_map(|row| Some((row, grid.collision(mask, row, x, y)?)));
+            let Some((row, next)) = collision else { return Some([x, y]) };
+            (hint, x) = (row, next);
         }
     })
 }
@@ -595,15 +638,25 @@ pub(crate) fn model_uv(
     let mut layout = Layout { page_of_material: vec![None; by_material.len()], ..Layout::default() };
     let (mut texels, mut area) = (0.0, 0.0);
     for (material, triangles) in by_material.iter().enumerate().filter(|(_, t)| !t.is_empty()) {
-        let size =
-            |area_of: &dyn Fn(usize) -> f32| -> f32 { triangles.iter().map(|&t| area_of(t as usize)).sum() };
-        let uv_area = size(&|t| 0.5 * (uv[t][1] - uv[t][0]).perp_dot(uv[t][2] - uv[t][0]).abs());
-        let mesh_area = size(&|t| 0.5 * crate::charts::doubled_area(mesh, t));
-        let wanted = texels_per_unit * (mesh_area / uv_area.max(1e-12)).sqrt();
+        // Triangles that lie in a point or on a line, as those of a palette do, ask for no density.
+        let (mut uv_area, mut mesh_area, mut points) = (0.0, 0.0, Vec::new());
+        for &t in triangles {
+            let [a, b, c] = uv[t as usize];
+            let own = 0.5 * (b - a).perp_dot(c - a).abs();
+            if own > MIN_UV_AREA {
+                uv_area += own;
+                mesh_area += 0.5 * crate::charts::doubled_area(mesh, t as usize);
+            } else {
+                points.push((a + b + c) / 3.0);
+            }
+        }
+        layout.points += points.len();
+        let wanted = if uv_area > 0.0 { texels_per_unit * (mesh_area / uv_area).sqrt() } else { 0.0 };
         let side = side.unwrap_or_else(|| {
             // A few percent are not worth four times the texels.
-            let wanted = (wanted * 0.9).clamp(64.0, largest_side as f32).ceil() as u32;
-            wanted.next_power_of_two().min(largest_side)
+            let wanted =
+                (wanted * 0.9).max(side_that_parts(&points)).clamp(MIN_SIDE as f32, largest_side as f32);
+            (wanted.ceil() as u32).next_power_of_two().min(largest_side)
         });
         texels += uv_area * (side as f32).powi(2);
         area += mesh_area;
@@ -614,9 +667,27 @@ pub(crate) fn model_uv(
         layout.page_of_material[material] = Some(layout.pages.len());
         layout.pages.push(page);
     }
-    layout.texels_per_unit = (texels / area.max(f32::MIN_POSITIVE)).sqrt();
+    layout.texels_per_unit = if area > 0.0 { (texels / area).sqrt() } else { texels_per_unit };
     layout.uv = uv;
     Ok(layout)
+}
+
+/// A triangle with less area in texture coordinates is a point or a line.
+const MIN_UV_AREA: f32 = 1e-12;
+
+/// The side of the largest picture that is made for points alone.
+const MAX_SIDE_OF_POINTS: f32 = 2048.0;
+
+/// Columns that put points into different texels, with the texels beside their own: twice those of the palette that they point into.
+fn side_that_parts(points: &[Vec2]) -> f32 {
+    let least = |coordinate: fn(&Vec2) -> f32| {
+        let mut sorted: Vec<f32> = points.iter().map(coordinate).collect();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]);
+        // Nearer ones are one.
+        gaps.filter(|&gap| gap * MAX_SIDE_OF_POINTS > 1.0).fold(f32::INFINITY, f32::min)
+    };
+    (2.0 / least(|p| p.x).min(least(|p| p.y))).min(MAX_SIDE_OF_POINTS)
 }
 
 /// Puts a triangle into a picture as often as its repetitions meet it. True where it goes beyond 0..1.
@@ -680,10 +751,10 @@ mod tests {
             mesh.positions.extend([at, at + Vec3::X, at + Vec3::Y]);
             mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
         }
-        let charts: Vec<Chart> = (0..count).map(|t| Chart::new(&mesh, vec![t], Vec3::Z)).collect();
+        let charts: Vec<Chart> = (0..count).map(|t| Chart::projected(&mesh, vec![t], Vec3::Z)).collect();
         let request = AtlasRequest { texels_per_unit: 10.0, side: None, largest_side: 1024, padding: None };
         let asked = Asked::default();
-        let packed = densest(&mesh, &charts, 1024, &request, &asked).unwrap();
+        let packed = densest(&charts, 1024, &request, &asked).unwrap();
         assert!(packed.density > 10.0, "{}", packed.density);
         let tries = asked.0.into_inner() as f32 / count as f32;
         assert!(tries <= 12.0, "{tries} densities were tried");
@@ -697,10 +768,23 @@ mod tests {
         let mut mesh = Mesh { positions: vec![Vec3::ZERO], ..Mesh::default() };
         mesh.positions.extend((0..count).map(rim));
         mesh.triangles.extend((0..count).map(|i| [0, 1 + i, 1 + (i + 1) % count]));
-        let chart = Chart::new(&mesh, (0..count / 2).collect(), Vec3::Z);
+        let chart = Chart::projected(&mesh, (0..count / 2).collect(), Vec3::Z);
         let chart_of: Vec<u32> = (0..count).map(|i| u32::from(i >= count / 2)).collect();
-        let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
-        assert_eq!(neighbours(&mesh, &chart, 0, &chart_of, &around), [count / 2, count - 1]);
+        let beyond = neighbours(&mesh, &chart, 0, &chart_of, &continued(&mesh));
+        let mut triangles: Vec<u32> = beyond.iter().map(|&(t, _)| t).collect();
+        triangles.sort_unstable();
+        assert_eq!(triangles, [count / 2, count / 2 + 1, count - 2, count - 1]);
+        // The disc is flat: they lie around its centre, where the chart has none.
+        let centre = chart.corners[0][0];
+        for (t, [at, first, second]) in beyond {
+            assert!(
+                at.distance(centre) < 1e-3 && (first.distance(centre) - 1.0).abs() < 1e-3,
+                "{t}: {at}, {first}"
+            );
+            let others = chart.corners.iter().map(|corners| corners[1].midpoint(corners[2]));
+            let nearest = others.map(|p| p.distance(first.midpoint(second))).fold(f32::INFINITY, f32::min);
+            assert!(nearest > 0.5 * first.distance(second), "{t} lies over the chart");
+        }
     }
 
     #[test]
@@ -740,7 +824,27 @@ mod tests {
         let mut piece = Mask::empty(70, 2);
         piece.insert(69, 1);
         for x in 0..=130 {
-            assert_eq!(grid.collides(&piece, x, 1), x + 69 == 130, "{x}");
+            let next = (x + 69 == 130).then_some(x + 1);
+            assert_eq!(grid.collision(&piece, 1, x, 1), next, "{x}");
+        }
+    }
+
+    /// A row is moved on by as much as it can be, and no more.
+    #[test]
+    fn rows_go_past_what_they_collide_with() {
+        let mut random = fantex_base::Random::new(3);
+        for _ in 0..2_000 {
+            let (mut grid, mut piece) = (Mask::empty(230, 1), Mask::empty(1 + random.below(140) as u32, 1));
+            for (mask, share) in [(&mut grid, 0.1), (&mut piece, 0.9)] {
+                (0..mask.width).filter(|_| random.unit() < share).for_each(|x| mask.insert(x, 0));
+            }
+            let collides = |x: u32| (0..piece.width).any(|i| piece.contains(i, 0) && grid.contains(x + i, 0));
+            for x in 0..=grid.width - piece.width {
+                let next = grid.collision(&piece, 0, x, 0);
+                assert_eq!(next.is_some(), collides(x));
+                let skipped = x + 1..next.unwrap_or(x).min(grid.width - piece.width + 1);
+                assert!(next.is_none_or(|next| next > x) && skipped.into_iter().all(collides));
+            }
         }
     }
 
@@ -786,15 +890,15 @@ mod tests {
     fn turned_pieces_lie_where_their_blocks_are() {
         let positions = vec![Vec3::ZERO, Vec3::new(0.9, 0.0, 0.0), Vec3::new(0.0, 0.3, 0.0)];
         let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
-        let chart = Chart::new(&mesh, vec![0], Vec3::Z);
+        let chart = Chart::projected(&mesh, vec![0], Vec3::Z);
         let (block, density) = (4, 60.0);
         let extent = (chart.extent * density / 4.0 + 1.0).ceil().as_uvec2();
-        let corners = chart.corners(&mesh, 0).map(|q| q * density / 4.0 + 0.5);
+        let corners = chart.corners[0].map(|q| q * density / 4.0 + 0.5);
         let mask = Mask::around(extent.x, extent.y, std::iter::once(corners));
         for turn in 0..4 {
             let places = vec![Place { at: [3, 5], turn }];
             let packed = Packed { side: 128, block, density, places, masks: vec![mask.turned(turn)] };
-            let corners = corners_in_picture(&mesh, &chart, 0, 0, &packed);
+            let corners = in_picture(chart.corners[0], 0, &packed);
             let [a, b, c] = corners;
             // Neither mirrored nor scaled.
             assert!(((b - a).perp_dot(c - a).abs() - 0.27 * density * density).abs() < 0.1);

@@ -19,8 +19,10 @@ mod fans;
 mod layout;
 mod materialx;
 mod model_file;
+mod overlaps;
 mod pictures;
 mod texels;
+mod unions;
 mod unwrap;
 mod usd;
 

@@ -281,7 +281,7 @@ impl<'a> Search<'a> {
 
     /// Offers a triangle to the texels under it and beside it. Those beyond a chart come after all of the chart.
     fn scan(&mut self, index: u32, placed: &Placed) {
-        let Some(shape) = Shape::new(placed) else { return };
+        let shape = Shape::new(placed);
         let origin = Vec2::new(self.origin[0] as f32, self.origin[1] as f32);
         let [low, high] = bounds(placed).map(|p| p - origin);
         let end = Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
@@ -300,8 +300,7 @@ impl<'a> Search<'a> {
 
     fn offer(&mut self, texel: usize, index: u32, is_beyond: bool, shape: &Shape, centre: Vec2) {
         let best = &mut self.best[texel];
-        let lambda = shape.lambda(centre);
-        if lambda.min_element() >= 0.0 {
+        if let Some(lambda) = shape.lambda(centre).filter(|lambda| lambda.min_element() >= 0.0) {
             match (is_beyond, best.kind) {
                 (false, Kind::Inside) => {
                     // On a common edge both are right.
@@ -387,37 +386,43 @@ impl<'a> Search<'a> {
 
 struct Shape {
     corners: [Vec2; 3],
-    /// Barycentric coordinates change by these per texel to the right and downwards.
-    steps: [Vec3; 2],
+    /// Barycentric coordinates change by these per texel to the right and downwards; none where it has no area.
+    steps: Option<[Vec3; 2]>,
     /// Barycentric coordinates below this are nearer than a hundredth of a texel to a side.
     border: f32,
 }
 
 impl Shape {
-    fn new(placed: &Placed) -> Option<Self> {
+    fn new(placed: &Placed) -> Self {
         let [a, b, c] = placed.corners.map(|p| p.as_dvec2());
         let area = (b - a).perp_dot(c - a);
         if !(area.abs() > 1e-9 && area.is_finite()) {
-            return None;
+            return Self { corners: placed.corners, steps: None, border: 0.0 };
         }
         let dx = glam::DVec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area;
         let dy = glam::DVec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area;
         let steepest = (dx * dx + dy * dy).max_element().sqrt();
-        Some(Self {
+        Self {
             corners: placed.corners,
-            steps: [dx.as_vec3(), dy.as_vec3()],
+            steps: Some([dx.as_vec3(), dy.as_vec3()]),
             border: (0.01 * steepest) as f32,
-        })
+        }
     }
 
-    fn lambda(&self, at: Vec2) -> Vec3 {
+    /// Barycentric coordinates; none where it has no area.
+    fn lambda(&self, at: Vec2) -> Option<Vec3> {
         let d = at - self.corners[0];
-        Vec3::X + self.steps[0] * d.x + self.steps[1] * d.y
+        self.steps.map(|steps| Vec3::X + steps[0] * d.x + steps[1] * d.y)
     }
 
     /// The nearest point of the border, and its squared distance in texels.
     fn nearest(&self, at: Vec2) -> (Vec3, f32) {
-        let mut best = (Vec3::X, f32::INFINITY);
+        // A point shows the mean of its triangle.
+        let mut best = (Vec3::splat(1.0 / 3.0), self.corners[0].distance_squared(at));
+        if self.corners[1] == self.corners[0] && self.corners[2] == self.corners[0] {
+            return best;
+        }
+        best.1 = f32::INFINITY;
         for k in 0..3 {
             let (from, to) = (self.corners[k], self.corners[(k + 1) % 3]);
             let along = to - from;
@@ -579,11 +584,12 @@ impl<'a> TriangleReader<'a> {
     }
 }
 
-/// Change of the barycentric coordinates per texel to the right and downwards.
+/// Change of the barycentric coordinates per texel to the right and downwards: over all of a triangle where it has no area, so that it shows
+/// its mean.
 fn lambda_steps([a, b, c]: [Vec2; 3]) -> [Vec3; 2] {
     let area = (b - a).perp_dot(c - a);
     if area.abs() < 1e-9 {
-        return [Vec3::ZERO; 2];
+        return [Vec3::new(-1.0, 1.0, 0.0), Vec3::new(-1.0, 0.0, 1.0)];
     }
     [Vec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area, Vec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area]
 }

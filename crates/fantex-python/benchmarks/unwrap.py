@@ -121,7 +121,7 @@ def unwrap(tool, positions, faces):
     if tool == "fantex":
         import fantex
 
-        vertices, corners, uv = fantex.parametrize(positions, faces, resolution=1024)
+        vertices, corners, uv = fantex.parametrize(positions, faces, resolution=1024, padding=2)
         return vertices, corners, uv, (1.0, 1.0)
     if tool == "xatlas":
         import xatlas

@@ -300,6 +300,16 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
             100.0 * summary.overlapping_share
         ));
     }
+    if summary.points > 0 {
+        context.note(format!(
+            "{output}: {} without area in the model's texture coordinates: each shows one colour; without '--uv source' every triangle \
+             has texels of its own",
+            match summary.points {
+                1 => "1 triangle is".to_owned(),
+                more => format!("{more} triangles are"),
+            }
+        ));
+    }
     for kind in &summary.left_out {
         let (name, option) = match kind {
             ChannelKind::Displacement => ("heights", "displacement"),

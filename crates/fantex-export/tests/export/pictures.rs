@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_bake::{BakeFormat, NoProgress};
+use fantex_bake::{BakeFormat, NoProgress, Prefilter, Source, SourceChannel, TexelPoint};
 use fantex_base::ErrorKind;
 use fantex_export::{ChannelMap, Depth, ExportOptions, UvChoice, export_channels, export_model};
 use fantex_mesh::generate::{cube, icosphere};
@@ -10,7 +10,7 @@ use fantex_mesh::{Mesh, Model, SurfacePoint};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::compare::psnr_db;
 use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, opened, worst_psnr_db};
 
@@ -221,6 +221,48 @@ fn coordinates_beyond_one_repeat() {
     assert!(summary.overlapping_share < 0.02, "{summary:?}");
     let db = worst_psnr_db(&baked.asset, &path);
     assert!(db > 38.0, "{db} dB");
+}
+
+/// The sides of a cube in colours of their own.
+struct Sides;
+
+impl Source for Sides {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let axis = point.position.abs().max_position();
+        let mut color = Vec3::splat(0.5);
+        color[axis] += 0.4 * point.position[axis].signum();
+        values[0] = color.extend(1.0);
+    }
+}
+
+/// Every side of a cube points into its own colour of a palette of eight.
+#[test]
+fn triangles_that_point_into_a_palette_show_their_colour() {
+    let mut mesh = with_uv(cube(2), 1.0);
+    let points = (0..mesh.triangles.len()).flat_map(|t| {
+        let normal = mesh.triangle_positions(t).iter().sum::<Vec3>();
+        let axis = normal.abs().max_position();
+        let color = 2 * axis + usize::from(normal[axis] > 0.0);
+        [Vec2::new((color as f32 + 0.5) / 8.0, 0.5); 3]
+    });
+    let points = points.collect();
+    mesh.corners.uv_sets = vec![points];
+    let baked = baked(&mesh, &Sides, 1 << 14, BakeFormat::Rgba8);
+    let path = baked.path("x.glb");
+    let options = ExportOptions { uv: UvChoice::OfAsset, ..ExportOptions::default() };
+    let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
+    assert_eq!((summary.points, &summary.sizes[..]), (mesh.triangles.len(), &[[64, 64]][..]));
+    let db = worst_psnr_db(&baked.asset, &path);
+    // The asset's sides flow into each other near edges, the palette's do not.
+    assert!(db > 22.0, "{db} dB");
 }
 
 #[test]

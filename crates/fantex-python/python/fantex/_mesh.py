@@ -216,7 +216,7 @@ def parametrize(
     normals: Any = None,
     *,
     resolution: int = 2048,
-    padding: Optional[int] = None,
+    padding: Optional[int] = 2,
     progress: Optional[Progress] = None,
 ) -> Unwrapping:
     """Texture coordinates for any mesh, in the place of ``xatlas.parametrize``.
@@ -226,7 +226,8 @@ def parametrize(
         faces: ``(m, 3)`` vertex indices.
         normals: taken for compatibility; charts do not depend on them.
         resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
-        padding: texels around each piece that are its own, a power of two.
+        padding: texels around each piece that are its own, a power of two; None for a 128th of the side, so that pictures may have
+            coarser levels.
         progress: called with ``(done, total)``.
 
     Returns:

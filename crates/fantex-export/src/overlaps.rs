@@ -1,0 +1,161 @@
+//! Where a chart overlaps itself by less than a cell.
+//!
+//! All of its triangles lie the same way up, so its border crosses itself where it overlaps, or it overlaps around a point of the border.
+
+use std::f64::consts::TAU;
+
+use glam::{DVec2, Vec2};
+use rustc_hash::FxHashMap;
+
+use crate::charts::{Chart, NONE};
+
+/// A side of a triangle on the border of a chart.
+#[derive(Clone, Copy)]
+struct Side {
+    /// Its triangle's index in the chart.
+    index: usize,
+    ends: [DVec2; 2],
+}
+
+impl Side {
+    fn range(&self, axis: usize) -> (f64, f64) {
+        let [a, b] = self.ends.map(|p| p[axis]);
+        (a.min(b), a.max(b))
+    }
+
+    /// Whether two sides cross, not counting those that end at each other.
+    fn crosses(&self, other: &Self) -> bool {
+        let straddles = |a: &Self, b: &Self| {
+            let along = a.ends[1] - a.ends[0];
+            let [p, q] = b.ends.map(|p| along.perp_dot(p - a.ends[0]));
+            // Distances from the line, as shares of the side's length.
+            p * q < 0.0 && p.abs().min(q.abs()) > ROUNDING * along.length_squared()
+        };
+        straddles(self, other) && straddles(other, self)
+    }
+}
+
+/// Sides that reach over each other by less of their length end at each other.
+const ROUNDING: f64 = 1e-5;
+
+/// Which triangles have no side on the border that crosses another one's, but for the larger one of any two: where a chart overlaps itself by
+/// less than a cell, its border crosses itself.
+pub(crate) fn without_crossings(chart: &Chart, across: &[u32]) -> Vec<bool> {
+    let mut sides = Vec::new();
+    for (index, (triangle, corners)) in chart.iter().enumerate() {
+        for (k, half_edge) in (0..3).zip(3 * triangle..) {
+            let ends = [corners[k], corners[(k + 1) % 3]];
+            let other = across[half_edge as usize];
+            let goes_on = other != NONE
+                && chart.triangles.binary_search(&(other / 3)).is_ok_and(|beyond| {
+                    let corners = chart.corners[beyond];
+                    let at = other as usize % 3;
+                    [corners[(at + 1) % 3], corners[at]] == ends
+                });
+            if !goes_on {
+                sides.push(Side { index, ends: ends.map(Vec2::as_dvec2) });
+            }
+        }
+    }
+    // A sweep along x.
+    sides.sort_by(|a, b| a.range(0).0.total_cmp(&b.range(0).0));
+    let mut is_taken = vec![true; chart.triangles.len()];
+    for (i, one) in sides.iter().enumerate() {
+        let (end, (low, high)) = (one.range(0).1, one.range(1));
+        for other in sides[i + 1..].iter().take_while(|other| other.range(0).0 <= end) {
+            let (other_low, other_high) = other.range(1);
+            if other_low <= high && other_high >= low && one.index != other.index && one.crosses(other) {
+                is_taken[smaller(chart, one.index, other.index)] = false;
+            }
+        }
+    }
+    for [one, other] in overlaps_at_points(chart, &sides) {
+        is_taken[smaller(chart, one, other)] = false;
+    }
+    is_taken
+}
+
+fn smaller(chart: &Chart, one: usize, other: usize) -> usize {
+    let area = |index: usize| {
+        let [a, b, c] = chart.corners[index];
+        (b - a).perp_dot(c - a).abs()
+    };
+    if area(one) < area(other) { one } else { other }
+}
+
+/// Triangles with a corner at the same point of the border that overlap there, in pairs: their sides end at each other and do not cross.
+fn overlaps_at_points(chart: &Chart, sides: &[Side]) -> Vec<[usize; 2]> {
+    let key = |p: Vec2| p.to_array().map(f32::to_bits);
+    let mut names: FxHashMap<[u32; 2], u32> = FxHashMap::default();
+    for end in sides.iter().flat_map(|side| side.ends) {
+        let next = names.len() as u32;
+        names.entry(key(end.as_vec2())).or_insert(next);
+    }
+    // Point, direction where the triangle begins there, how far it reaches around, and its index.
+    let mut wedges: Vec<(u32, f64, f64, usize)> = Vec::new();
+    for (index, corners) in chart.corners.iter().enumerate() {
+        for k in 0..3 {
+            let Some(&name) = names.get(&key(corners[k])) else { continue };
+            let [at, next, previous] = [0, 1, 2].map(|i| corners[(k + i) % 3].as_dvec2());
+            // v points downwards: the triangle lies clockwise of its first side.
+            let [from, to] = [previous - at, next - at];
+            wedges.push((name, libm::atan2(from.y, from.x), from.angle_to(to), index));
+        }
+    }
+    wedges.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut overlaps = Vec::new();
+    for around in wedges.chunk_by(|a, b| a.0 == b.0).filter(|around| around.len() > 1) {
+        for (i, &(_, from, span, index)) in around.iter().enumerate() {
+            let (_, next, _, other) = around[(i + 1) % around.len()];
+            let gap = if i + 1 < around.len() { next - from } else { next + TAU - from };
+            if span > gap + 1e-4 {
+                overlaps.push([index, other]);
+            }
+        }
+    }
+    overlaps
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::Mesh;
+
+    use super::*;
+    use crate::charts::continued;
+
+    /// A fan of triangles around a point, all of the given angle in the plane.
+    fn fan(count: u32, degrees: f32) -> (Mesh, Chart) {
+        let triangles: Vec<[u32; 3]> = (0..count).map(|i| [0, 1 + i, 2 + i]).collect();
+        let mesh = Mesh { triangles, ..Mesh::default() };
+        let rim = |i: u32| Vec2::from_angle(-(degrees * i as f32).to_radians());
+        let corners = (0..count).map(|i| [Vec2::ZERO, rim(i), rim(i + 1)]).collect();
+        (mesh, Chart::new((0..count).collect(), corners))
+    }
+
+    #[test]
+    fn fans_that_go_around_once_are_left_whole_and_others_are_not() {
+        for (count, degrees, is_whole) in
+            [(4, 80.0, true), (6, 60.0, true), (6, 65.0, false), (3, 150.0, false)]
+        {
+            let (mesh, chart) = fan(count, degrees);
+            let is_taken = without_crossings(&chart, &continued(&mesh));
+            assert_eq!(is_taken.iter().all(|&is| is), is_whole, "{count} of {degrees} degrees: {is_taken:?}");
+        }
+    }
+
+    /// Two squares of two triangles each, the second moved by this much to the right of the first one's left side.
+    #[test]
+    fn borders_that_cross_are_found_and_those_that_touch_are_not() {
+        for (shift, is_whole) in [(1.0, true), (1.5, true), (0.9999, false), (0.5, false)] {
+            let square = |x: f32, y: f32| {
+                let p = |i: f32, j: f32| Vec2::new(x + i, y + j);
+                [[p(0., 0.), p(1., 1.), p(1., 0.)], [p(0., 0.), p(0., 1.), p(1., 1.)]]
+            };
+            let triangles = vec![[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]];
+            let mesh = Mesh { triangles, ..Mesh::default() };
+            let chart = Chart::new((0..4).collect(), [square(0., 0.), square(shift, 0.3)].concat());
+            let is_taken = without_crossings(&chart, &continued(&mesh));
+            assert_eq!(is_taken.iter().all(|&is| is), is_whole, "moved by {shift}: {is_taken:?}");
+        }
+    }
+}
