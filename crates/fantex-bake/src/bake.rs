@@ -184,9 +184,9 @@ impl<'a> Job<'a> {
         for batch in batches(cover, groups, limits.texels) {
             let tiles = batch
                 .into_par_iter()
-                .map(|group| match meter.is_cancelled() {
-                    true => Err(cancelled()),
-                    false => baker.bake(group, triangles.of_group(group)),
+                .map(|group| {
+                    meter.check()?;
+                    baker.bake(group, triangles.of_group(group))
                 })
                 .collect::<Result<Vec<BakedTile>>>()?;
             let started = Instant::now();
@@ -220,10 +220,6 @@ fn without_creases(mesh: &Mesh) -> Option<Mesh> {
     let mut smoothed = mesh.clone();
     smoothed.corners.normals = creaseless_normals(mesh)?;
     Some(smoothed)
-}
-
-pub(crate) fn cancelled() -> Error {
-    Error::cancelled("the bake was cancelled; nothing was written")
 }
 
 /// What the memory allows at once, in texels.
@@ -350,7 +346,12 @@ pub trait Progress: Sync {
     /// `done` of `total` texels are finished.
     fn report(&self, done: u64, total: u64);
 
-    /// True once the user wants to stop; the operation then ends soon and leaves nothing behind.
+    /// A sentence that is worth knowing before long work begins. The outcome of the work may hold it as well.
+    fn note(&self, sentence: &str) {
+        let _ = sentence;
+    }
+
+    /// True once the user wants to stop; the operation then ends soon and leaves nothing behind. Asked often, and meant to answer at once.
     fn is_cancelled(&self) -> bool {
         false
     }
@@ -380,8 +381,12 @@ impl<'a> Meter<'a> {
         self.progress.report(done, self.total);
     }
 
-    pub(crate) fn is_cancelled(&self) -> bool {
-        self.progress.is_cancelled()
+    /// An error once the user wants to stop. Cheap enough for every few milliseconds of work.
+    pub(crate) fn check(&self) -> Result<()> {
+        match self.progress.is_cancelled() {
+            true => Err(Error::cancelled("the bake was cancelled; nothing was written")),
+            false => Ok(()),
+        }
     }
 }
 

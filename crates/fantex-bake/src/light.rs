@@ -19,10 +19,11 @@ mod denoise;
 mod sky_table;
 mod tracer;
 
-use fantex_base::{Error, Result};
+use std::convert::Infallible;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, SurfacePoint, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use glam::{DVec3, Vec3, Vec4};
@@ -37,6 +38,14 @@ use crate::{LightQuantity, Source, SourceChannel, TexelPoint};
 
 /// Independent estimates of a texel.
 const ESTIMATES: u32 = 4;
+
+/// Paths of an estimate between two looks at whether the user wants to stop: a fraction of a millisecond.
+const PATHS_PER_CHECK: u32 = 64;
+
+/// For work that nobody ends early.
+pub(crate) fn unwatched() -> Result<(), Infallible> {
+    Ok(())
+}
 
 /// Light at a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,23 +104,35 @@ impl<'a> LightMapSource<'a> {
     /// Light at a point; `lambda_steps` are the sides of the parallelogram around it over which the mean is taken, as changes
     /// of the barycentric coordinates (zero: the point alone). It is not denoised.
     pub fn illumination(&self, at: SurfacePoint, lambda_steps: [Vec3; 2]) -> Illumination {
-        self.estimates(at, lambda_steps).0
+        let Ok((light, _)) = self.estimates(at, lambda_steps, unwatched);
+        light
     }
 
-    /// Light at a texel, for [`NoisyLight`]; its noise is counted.
-    pub(crate) fn estimate(&self, at: SurfacePoint, lambda_steps: [Vec3; 2]) -> Estimate {
-        let (light, [a, b, c, d]) = self.estimates(at, lambda_steps);
+    /// Light at a texel, for [`NoisyLight`]; its noise is counted. Ends early with the error of `check`.
+    pub(crate) fn estimate<E>(
+        &self,
+        point: &TexelPoint,
+        check: impl Fn() -> Result<(), E>,
+    ) -> Result<Estimate, E> {
+        let (light, [a, b, c, d]) = self.estimates(point.at, point.lambda_steps, check)?;
         self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);
         // Half as many paths have twice the variance.
-        Estimate { halves: [(a + b) / 2.0, (c + d) / 2.0], variance: 2.0 * light.standard_error.powi(2) }
+        Ok(Estimate { halves: [(a + b) / 2.0, (c + d) / 2.0], variance: 2.0 * light.standard_error.powi(2) })
+    }
+
+    /// The light of a texel as it is where nothing is denoised; otherwise as [`estimate`](Self::estimate).
+    pub(crate) fn noisy<E>(&self, point: &TexelPoint, check: impl Fn() -> Result<(), E>) -> Result<Vec3, E> {
+        let [a, b] = self.estimate(point, check)?.halves;
+        Ok(0.5 * (a + b))
     }
 
     /// Light at a point, and the estimates that it is the mean of.
-    fn estimates(
+    fn estimates<E>(
         &self,
         at: SurfacePoint,
         lambda_steps: [Vec3; 2],
-    ) -> (Illumination, [Vec3; ESTIMATES as usize]) {
+        check: impl Fn() -> Result<(), E>,
+    ) -> Result<(Illumination, [Vec3; ESTIMATES as usize]), E> {
         let options = &self.tracer.options;
         let seed = at
             .lambda
@@ -128,6 +149,9 @@ impl<'a> LightMapSource<'a> {
                 for index in done..goal {
                     let light = self.tracer.sample(at, lambda_steps, sequence, index);
                     *sum += light.as_dvec3();
+                    if index % PATHS_PER_CHECK == PATHS_PER_CHECK - 1 {
+                        check()?;
+                    }
                 }
             }
             done = goal;
@@ -135,7 +159,7 @@ impl<'a> LightMapSource<'a> {
             let good = options.target_error.is_none_or(|target| standard_error <= target);
             if good || done >= most {
                 let light = Illumination { value, standard_error, samples: done * ESTIMATES };
-                return (light, sums.map(|sum| (sum / f64::from(done)).as_vec3()));
+                return Ok((light, sums.map(|sum| (sum / f64::from(done)).as_vec3())));
             }
             goal = (2 * done).min(most);
         }
@@ -177,8 +201,8 @@ impl Source for LightMapSource<'_> {
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let [a, b] = self.estimate(point.at, point.lambda_steps).halves;
-        values[0] = (0.5 * (a + b)).extend(1.0);
+        let Ok(light) = self.noisy(point, unwatched);
+        values[0] = light.extend(1.0);
     }
 
     fn light_map(&self) -> Option<&LightMapSource<'_>> {

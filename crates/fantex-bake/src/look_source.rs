@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, ObjectSpace, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::look::{
@@ -61,7 +61,24 @@ impl<'a> LookSource<'a> {
     /// # Errors
     /// An image that is used cannot be read.
     pub fn of_model(mesh: &'a Mesh) -> Result<Self> {
-        Ok(Self::of_decoded(mesh, load_material_textures(mesh)?))
+        Ok(Self::of_decoded(mesh, Self::decoded(mesh)?))
+    }
+
+    /// The images of a model's materials, an entry per material.
+    ///
+    /// # Errors
+    /// An image that is used cannot be read.
+    pub fn decoded(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
+        load_material_textures(mesh).map_err(|error| {
+            let cause = std::error::Error::source(&error).and_then(|cause| cause.downcast_ref::<Error>());
+            match cause.map(Error::kind) {
+                Some(ErrorKind::NotFound) => {
+                    let sentence = format!("{error}; put the file there, or bake another source (--source)");
+                    Error::new(error.kind(), sentence).with_source(error)
+                }
+                _ => error,
+            }
+        })
     }
 
     /// As [`of_model`](Self::of_model), with the images of its materials, an entry per material.

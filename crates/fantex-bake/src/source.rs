@@ -7,6 +7,7 @@ use fantex_texture::{AnyMapping, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
 
 use crate::LightMapSource;
+use crate::light::unwatched;
 
 /// A point of the surface and the texel around it.
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +91,7 @@ pub trait Source: Sync {
         points.iter().zip(values).for_each(|(point, values)| self.evaluate(point, values));
     }
 
-    /// The light that its values are made of. Where it is to be denoised, bakes do so first, and take values from
+    /// The light that its values are made of. Bakes find that first, take the noise out where that is wanted, and take values from
     /// [`Source::evaluate_lit`].
     fn light_map(&self) -> Option<&LightMapSource<'_>> {
         None
@@ -318,8 +319,8 @@ impl Source for LitSource<'_> {
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let [a, b] = self.light.estimate(point.at, point.lambda_steps).halves;
-        self.evaluate_lit(std::slice::from_ref(point), &[0.5 * (a + b)], values);
+        let Ok(light) = self.light.noisy(point, unwatched);
+        self.evaluate_lit(std::slice::from_ref(point), &[light], values);
     }
 
     fn light_map(&self) -> Option<&LightMapSource<'_>> {

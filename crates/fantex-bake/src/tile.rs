@@ -22,7 +22,7 @@ use fantex_texture::color::{srgb8_from_linear, unorm8};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::bake::{Meter, cancelled};
+use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
 use crate::raster::{CutOut, Fitting, Mean, Overshoot, Raster, StoredRows};
 use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint};
@@ -42,6 +42,9 @@ const NOISY_HALO: u32 = HALO + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
 
 /// Points that a source is asked for at a time.
 const POINTS: usize = 256;
+
+/// Texels of light between two looks at whether the user wants to stop.
+const LIT_TEXELS: u32 = 16;
 
 pub(crate) struct TileBaker<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -75,7 +78,8 @@ impl TileBaker<'_> {
         let triangles = self.texel_triangles(group, triangles);
         let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
         if extent.iter().all(|&n| n <= BLOCK) {
-            let raster = self.evaluate(group, triangles, TexelBlock { origin: [0, 0], extent }, &mut tile);
+            let block = TexelBlock { origin: [0, 0], extent };
+            let raster = self.evaluate(group, triangles, block, &mut tile)?;
             self.finish_levels(group, 0, raster, &mut tile)?;
             self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         } else {
@@ -135,9 +139,7 @@ impl TileBaker<'_> {
         triangles: &[TexelTriangle],
         at: [u32; 2],
     ) -> Result<(BakedTile, Raster, [u32; 2])> {
-        if self.meter.is_cancelled() {
-            return Err(cancelled());
-        }
+        self.meter.check()?;
         // Along a short side the block is the whole tile and nothing is cut there.
         let low: [u32; 2] = std::array::from_fn(|k| at[k] * BLOCK);
         let high: [u32; 2] = std::array::from_fn(|k| (low[k] + BLOCK).min(extent[k]));
@@ -147,7 +149,7 @@ impl TileBaker<'_> {
         let block = TexelBlock { origin, extent: [end[0] - origin[0], end[1] - origin[1]] };
         let near: Vec<TexelTriangle> = triangles.iter().filter(|t| t.touches(block)).copied().collect();
         let mut tile = BakedTile::default();
-        let mut raster = self.evaluate(group, near, block, &mut tile);
+        let mut raster = self.evaluate(group, near, block, &mut tile)?;
         for level in 0..SHARED_LEVEL {
             // Where a side is cut, offsets halve exactly; where it is not, they are zero and the extent is the level's own.
             let level_extent = self.cover.groups[group as usize].level_extent(level);
@@ -183,7 +185,7 @@ impl TileBaker<'_> {
         triangles: Vec<TexelTriangle>,
         block: TexelBlock,
         tile: &mut BakedTile,
-    ) -> Raster {
+    ) -> Result<Raster> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
@@ -192,17 +194,24 @@ impl TileBaker<'_> {
         let channels = self.plans.len();
         let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
         let mut values = Vec::with_capacity(POINTS * channels);
-        let light = self.noisy_light().map(|light| self.smooth_light(light, &footprints, block));
-        let mut evaluate = |points: &mut Vec<TexelPoint>, texels: &mut Vec<u32>| {
+        let light = self.source.light_map();
+        let smooth =
+            self.noisy_light().map(|light| self.smooth_light(light, &footprints, block)).transpose()?;
+        let mut evaluate = |points: &mut Vec<TexelPoint>, texels: &mut Vec<u32>| -> Result<()> {
+            self.meter.check()?;
             // Sources that have nothing to say about a point leave zeros, not what was there before.
             values.clear();
             values.resize(points.len() * channels, Vec4::ZERO);
-            match &light {
-                Some(light) => {
-                    let light: Vec<Vec3> = texels.iter().map(|&texel| light[texel as usize]).collect();
+            match (light, &smooth) {
+                (None, _) => self.source.evaluate_all(points, &mut values),
+                (Some(_), Some(smooth)) => {
+                    let light: Vec<Vec3> = texels.iter().map(|&texel| smooth[texel as usize]).collect();
                     self.source.evaluate_lit(points, &light, &mut values);
                 }
-                None => self.source.evaluate_all(points, &mut values),
+                (Some(light), None) => {
+                    let light = points.iter().map(|point| light.noisy(point, || self.meter.check()));
+                    self.source.evaluate_lit(points, &light.collect::<Result<Vec<Vec3>>>()?, &mut values);
+                }
             }
             self.turn_vectors(group, points, &mut values);
             let mut values = values.as_slice();
@@ -216,36 +225,43 @@ impl TileBaker<'_> {
             }
             points.clear();
             texels.clear();
+            Ok(())
         };
         self.for_each_point(&footprints, block, |texel, point| {
             points.push(point);
             texels.push(texel);
-            if texels.len() == POINTS {
-                evaluate(&mut points, &mut texels);
+            match texels.len() < POINTS {
+                true => Ok(()),
+                false => evaluate(&mut points, &mut texels),
             }
-        });
-        evaluate(&mut points, &mut texels);
+        })?;
+        evaluate(&mut points, &mut texels)?;
         raster.read = footprints.in_region;
         tile.bake_time += started.elapsed();
-        raster
+        Ok(raster)
     }
 
-    /// All texels of a block that a triangle owns, those of a triangle in a row.
+    /// All texels of a block that a triangle owns, those of a triangle in a row, up to the first error.
     fn for_each_point(
         &self,
         footprints: &Footprints,
         block: TexelBlock,
-        mut visit: impl FnMut(u32, TexelPoint),
-    ) {
+        mut visit: impl FnMut(u32, TexelPoint) -> Result<()>,
+    ) -> Result<()> {
         let width = block.extent[0];
         let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
+        let mut outcome = Ok(());
         footprints.for_each_owner(|triangle, owned| {
-            let plane = self.plane(triangle);
-            for &texel in owned {
-                let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
-                visit(texel, plane.point(triangle.lambda(corner + place)));
+            if outcome.is_err() {
+                return;
             }
+            let plane = self.plane(triangle);
+            outcome = owned.iter().try_for_each(|&texel| {
+                let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
+                visit(texel, plane.point(triangle.lambda(corner + place)))
+            });
         });
+        outcome
     }
 
     /// The light that is to be denoised.
@@ -259,14 +275,19 @@ impl TileBaker<'_> {
         light: &LightMapSource<'_>,
         footprints: &Footprints,
         block: TexelBlock,
-    ) -> Vec<Vec3> {
+    ) -> Result<Vec<Vec3>> {
+        let check = || self.meter.check();
         let mut noisy = NoisyLight::new(block.extent);
         self.for_each_point(footprints, block, |texel, point| {
-            noisy.set(texel as usize, &light.estimate(point.at, point.lambda_steps), &point);
-        });
-        let smooth = noisy.smoothed();
+            if texel.is_multiple_of(LIT_TEXELS) {
+                check()?;
+            }
+            noisy.set(texel as usize, &light.estimate(&point, check)?, &point);
+            Ok(())
+        })?;
+        let smooth = noisy.smoothed(check)?;
         light.count_left(&smooth);
-        smooth.values
+        Ok(smooth.values)
     }
 
     fn plane(&self, triangle: &TexelTriangle) -> Plane {
@@ -347,6 +368,7 @@ impl TileBaker<'_> {
         let grid = page_grid(size);
         // A row of pages at a time: what is stored takes as much memory as the raster.
         for y in 0..grid[1] {
+            self.meter.check()?;
             let started = Instant::now();
             let row = (start[1] + page_origin([0, y])[1]) as usize;
             let stored = fitting.rows(row..row + page_extent(size, [0, y])[1] as usize);
@@ -577,7 +599,7 @@ mod tests {
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let raster = |block| {
             let triangles = baker.texel_triangles(0, &all);
-            baker.evaluate(0, triangles, block, &mut BakedTile::default())
+            baker.evaluate(0, triangles, block, &mut BakedTile::default()).unwrap()
         };
         let extent = cover.groups[0].extent;
         let whole = raster(TexelBlock { origin: [0, 0], extent });

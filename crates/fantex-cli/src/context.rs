@@ -124,6 +124,16 @@ impl Context {
         self.interrupt.is_requested()
     }
 
+    /// Notes finished files that an interruption leaves.
+    pub(crate) fn set_remains(&self, remains: String) {
+        self.interrupt.lock().remains = Some(remains);
+    }
+
+    /// The last line of the interrupted program.
+    pub(crate) fn last_line(&self) -> String {
+        self.interrupt.lock().last_line()
+    }
+
     /// Waits for Ctrl-C.
     pub(crate) fn wait_for_interrupt(&self) {
         self.interrupt.wait();
@@ -194,8 +204,8 @@ fn printable(text: &str) -> String {
 /// The exit code of a program that was interrupted: 128 + SIGINT.
 pub(crate) const EXIT_INTERRUPTED: u8 = 130;
 
-/// The last line of an interrupted program.
-pub(crate) const INTERRUPTED: &str = "interrupted; no unfinished file was left behind";
+/// The last line of an interrupted program that leaves nothing.
+const INTERRUPTED: &str = "interrupted; no unfinished file was left behind";
 
 /// Whether the user wants to stop, shared with the signal handler's thread.
 #[derive(Clone, Debug, Default)]
@@ -208,6 +218,17 @@ pub(crate) struct Interrupt {
 struct State {
     requested: bool,
     deferrals: u32,
+    /// Finished files of an unfinished series.
+    remains: Option<String>,
+}
+
+impl State {
+    fn last_line(&self) -> String {
+        match &self.remains {
+            Some(remains) => format!("interrupted after {remains}; no unfinished file was left behind"),
+            None => INTERRUPTED.to_owned(),
+        }
+    }
 }
 
 impl Interrupt {
@@ -243,7 +264,7 @@ impl Interrupt {
         // The lock stays taken: no operation can begin to write now.
         if state.deferrals == 0 {
             remove_temporaries();
-            say(format_args!("\nfantex: {INTERRUPTED}"));
+            say(format_args!("\nfantex: {}", state.last_line()));
             std::process::exit(i32::from(EXIT_INTERRUPTED));
         }
     }

@@ -9,12 +9,13 @@ use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
     preview, render, serve, simplify, split, table, verify, view, warp, world,
 };
-use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED, say};
+use crate::context::{Context, EXIT_INTERRUPTED, say};
 use crate::text::bytes;
 
 mod context;
 mod cover_pictures;
 mod scene;
+mod series;
 mod server;
 mod shipped;
 mod sources;
@@ -48,7 +49,7 @@ mod commands {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::parse_from(warp::join_corners(std::env::args_os()));
     let context = match Context::new(&cli.common) {
         Ok(context) => context,
         Err(error) => return failed(&error),
@@ -56,7 +57,7 @@ fn main() -> ExitCode {
     match run(&cli.command, &context) {
         Ok(exit_code) => exit_code,
         Err(_) if context.is_interrupted() => {
-            say(format_args!("fantex: {INTERRUPTED}"));
+            say(format_args!("fantex: {}", context.last_line()));
             ExitCode::from(EXIT_INTERRUPTED)
         }
         Err(error) => failed(&error),

@@ -6,15 +6,15 @@ use std::sync::Arc;
 use clap::Args;
 use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
-use fantex::mesh::{Mesh, shading_normals};
+use fantex::mesh::{Mesh, ModelFormat, shading_normals};
 use fantex::render::{
     Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
     LookSurface, RenderOptions, Rendering, Surface, render,
 };
 use fantex::store::{Asset, Damage, PageCache};
 use fantex::stream::url_of;
-use fantex::texture::Filter;
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
+use fantex::texture::{Filter, Image};
 use fantex::{Error, FileKind, Result, World};
 use glam::{DVec3, Vec3, Vec4};
 
@@ -218,13 +218,31 @@ pub(crate) fn check_is_asset_file(path: &Path) -> Result<()> {
     }
 }
 
-fn check_is_asset(path: &Path) -> Result<()> {
+/// Refuses what is no asset by its name.
+pub(crate) fn check_is_asset(path: &Path) -> Result<()> {
     match FileKind::of(path)? {
         FileKind::Asset => Ok(()),
         FileKind::Look => Err(look_instead(path)),
         FileKind::World => Err(FileKind::world_instead(path)),
         FileKind::Model => Err(Error::unsupported(format!(
             "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
+            path.display()
+        ))),
+    }
+}
+
+/// Refuses the name of a picture that says no format: a fault of the command line, known before any work is done.
+pub(crate) fn check_picture_name(path: &Path) -> Result<()> {
+    let pixel = Image::from_linear_rgb(1, 1, &[[0.0, 0.0, 0.0, 1.0]]);
+    pixel.encoded(path).map(drop).map_err(|error| Error::invalid(error.to_string()))
+}
+
+/// Refuses the name of a model that says no format which is written.
+pub(crate) fn check_model_name(path: &Path) -> Result<()> {
+    match ModelFormat::from_extension(path) {
+        Some(ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb) => Ok(()),
+        _ => Err(Error::invalid(format!(
+            "{} names no format that fantex writes models in; use .ply, .obj or .glb",
             path.display()
         ))),
     }

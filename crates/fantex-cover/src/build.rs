@@ -331,8 +331,8 @@ fn assemble(
     if longest + 1.0 > MAX_EXTENT as f32 {
         let wanted = (longest + 1.0) as u64;
         return Err(Error::too_large(format!(
-            "a tile would need {wanted} texels along one side, the limit is {MAX_EXTENT}: ask for fewer texels, or \
-             subdivide the mesh"
+            "a tile would need {wanted} texels along one side, the limit is {MAX_EXTENT}: ask for fewer texels, or cut the triangles \
+             (--longest-edge does so where the surface bends; large flat ones are to be subdivided in the model)"
         )));
     }
     let placed = |(group, laid): (usize, &Laid)| place(laid, scales.of(group));
@@ -377,8 +377,8 @@ fn place(laid: &Laid, scale: f32) -> Group {
 
 // Tile extents: how many texels a rectangle gets.
 
-/// Longest side of a tile in texels. Also keeps texel coordinates exact in single precision.
-pub const MAX_EXTENT: u32 = 1 << 18;
+/// Longest side of a tile in texels, in memory and in files.
+pub const MAX_EXTENT: u32 = 1 << 16;
 
 /// Rounding a side down to a multiple of 4 may cost at most this share of the nominal density.
 const TOLERATED_LOSS: f32 = 0.06;

@@ -4,14 +4,15 @@
 //! region grown by a whole texel, which leaves half of one to filters that look farther. A region is convex within each triangle, so these blocks
 //! are found exactly, row by row.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fantex_mesh::Mesh;
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::Cover;
 use crate::footprints::region_pieces;
+use crate::{Cover, Group, GroupTriangles};
 
 /// Texels by which a region grows on all sides.
 const GROWTH: f32 = 1.0;
@@ -19,11 +20,16 @@ const GROWTH: f32 = 1.0;
 /// Texels along a side of a block.
 pub(crate) const BLOCK: u32 = 4;
 
+/// Blocks that are counted at a time, or those of a single tile: 8 MiB of bits, for the longest tile 32.
+const BLOCKS_AT_ONCE: u64 = 1 << 26;
+
 /// A bit per block of 4x4 texels of all tiles at level 0: whether look-ups read it.
 #[derive(Debug)]
 pub struct StoredBlocks {
     /// Group by group and row by row.
     bits: Vec<AtomicU64>,
+    /// The first of these groups.
+    first_group: usize,
     /// Of each group, the number of blocks before it.
     starts: Vec<u64>,
     /// Of each group, blocks in a row.
@@ -31,9 +37,23 @@ pub struct StoredBlocks {
 }
 
 impl StoredBlocks {
+    /// Of some groups, none of which is read.
+    fn unread(groups: &[Group], first_group: usize) -> Self {
+        let mut count = 0;
+        let start = |group: &Group| {
+            let start = count;
+            count += blocks_of(group);
+            start
+        };
+        let starts: Vec<u64> = groups.iter().map(start).collect();
+        let bits = (0..count.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
+        let columns = groups.iter().map(|group| group.extent[0] / BLOCK).collect();
+        Self { bits, first_group, starts, columns }
+    }
+
     /// Whether a block of a group's tile is read.
     pub fn contains(&self, group: u32, [column, row]: [u32; 2]) -> bool {
-        let group = group as usize;
+        let group = group as usize - self.first_group;
         let bit = self.starts[group] + u64::from(row) * u64::from(self.columns[group]) + u64::from(column);
         self.bits[(bit / 64) as usize].load(Ordering::Relaxed) >> (bit % 64) & 1 == 1
     }
@@ -47,57 +67,90 @@ impl StoredBlocks {
 }
 
 impl Cover {
-    /// Texels at level 0 in blocks of 4x4 that look-ups read. Other blocks are zeros in files, and take no room in an atlas. Counting takes a bit per
-    /// block.
+    /// Texels at level 0 in blocks of 4x4 that look-ups read. Other blocks are zeros in files, and take no room in an atlas. Counting takes
+    /// some megabytes of memory, whatever their number.
     pub fn stored_texels(&self, mesh: &Mesh) -> u64 {
-        self.stored_blocks(mesh).texels()
+        self.stored_texels_counted(mesh, BLOCKS_AT_ONCE)
     }
 
-    /// The blocks that look-ups read.
-    pub fn stored_blocks(&self, mesh: &Mesh) -> StoredBlocks {
-        let mut count = 0;
-        let start = |group: &crate::Group| {
-            let [w, h] = group.extent.map(|n| u64::from(n / BLOCK));
-            count += w * h;
-            count - w * h
+    /// Counts so many blocks at a time, or those of a single tile.
+    fn stored_texels_counted(&self, mesh: &Mesh, at_once: u64) -> u64 {
+        if self.groups.iter().map(blocks_of).sum::<u64>() <= at_once {
+            return self.stored_blocks(mesh).texels();
+        }
+        let triangles = GroupTriangles::of(self);
+        let counted = |groups: Range<usize>| {
+            let blocks = StoredBlocks::unread(&self.groups[groups.clone()], groups.start);
+            groups.into_par_iter().for_each(|group| {
+                let id = group as u32;
+                triangles.of_group(id).par_iter().for_each(|&triangle| {
+                    let slot = self.corner_groups[triangle as usize].iter().position(|&other| other == id);
+                    if let Some(slot) = slot {
+                        self.mark(mesh, triangle as usize, slot, &blocks);
+                    }
+                });
+            });
+            blocks.texels()
         };
-        let starts: Vec<u64> = self.groups.iter().map(start).collect();
-        let bits = (0..count.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
-        let columns = self.groups.iter().map(|group| group.extent[0] / BLOCK).collect();
-        let blocks = StoredBlocks { bits, starts, columns };
-        (0..mesh.triangles.len())
-            .into_par_iter()
-            .with_min_len(1 << 10)
-            .for_each(|t| self.mark(mesh, t, &blocks));
+        self.runs_of_blocks(at_once).into_iter().map(counted).sum()
+    }
+
+    /// All groups in runs that have so many blocks at most, or are single groups.
+    fn runs_of_blocks(&self, most: u64) -> Vec<Range<usize>> {
+        let mut runs = Vec::new();
+        let (mut first, mut sum) = (0, 0);
+        for (group, blocks) in self.groups.iter().map(blocks_of).enumerate() {
+            if first < group && sum + blocks > most {
+                runs.push(first..group);
+                (first, sum) = (group, 0);
+            }
+            sum += blocks;
+        }
+        runs.push(first..self.groups.len());
+        runs
+    }
+
+    /// The blocks that look-ups read: a bit per block of the tiles.
+    pub fn stored_blocks(&self, mesh: &Mesh) -> StoredBlocks {
+        let blocks = StoredBlocks::unread(&self.groups, 0);
+        let mark = |triangle: usize| {
+            let groups = self.corner_groups[triangle];
+            let distinct = (0..3_usize).filter(|&slot| !groups[..slot].contains(&groups[slot]));
+            distinct.for_each(|slot| self.mark(mesh, triangle, slot, &blocks));
+        };
+        (0..mesh.triangles.len()).into_par_iter().with_min_len(1 << 10).for_each(mark);
         blocks
     }
 
-    fn mark(&self, mesh: &Mesh, triangle: usize, blocks: &StoredBlocks) {
+    /// Marks the blocks that a triangle reads of the group of its corner `slot`.
+    fn mark(&self, mesh: &Mesh, triangle: usize, slot: usize, blocks: &StoredBlocks) {
         let groups = self.corner_groups[triangle];
-        for slot in 0..3 {
-            let id = groups[slot];
-            let group = &self.groups[id as usize];
-            if groups[..slot].contains(&id) {
-                continue;
-            }
-            let inside = groups.map(|other| other == id);
-            let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
-            let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
-            let [columns, rows] = group.extent.map(|n| n / BLOCK);
-            let in_row = |row: u32, [from, to]: [u32; 2]| {
-                let first = blocks.starts[id as usize] + u64::from(row) * u64::from(columns);
-                [from, to].map(|column| first + u64::from(column))
-            };
-            // Small triangles lie in blocks that their neighbours have marked, mostly.
-            let [first, last] = blocks_around(&corners, [columns, rows]);
-            if (first[1]..=last[1]).all(|row| blocks.are_set(in_row(row, [first[0], last[0]]))) {
-                continue;
-            }
-            for piece in region_pieces(corners, inside, self.delta) {
-                for_each_run(&piece, [columns, rows], |row, from, to| blocks.set(in_row(row, [from, to])));
-            }
+        let id = groups[slot];
+        let group = &self.groups[id as usize];
+        let inside = groups.map(|other| other == id);
+        let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
+        let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+        let [columns, rows] = group.extent.map(|n| n / BLOCK);
+        let start = blocks.starts[id as usize - blocks.first_group];
+        let in_row = |row: u32, [from, to]: [u32; 2]| {
+            let first = start + u64::from(row) * u64::from(columns);
+            [from, to].map(|column| first + u64::from(column))
+        };
+        // Small triangles lie in blocks that their neighbours have marked, mostly.
+        let [first, last] = blocks_around(&corners, [columns, rows]);
+        if (first[1]..=last[1]).all(|row| blocks.are_set(in_row(row, [first[0], last[0]]))) {
+            return;
+        }
+        for piece in region_pieces(corners, inside, self.delta) {
+            for_each_run(&piece, [columns, rows], |row, from, to| blocks.set(in_row(row, [from, to])));
         }
     }
+}
+
+/// Blocks of a group's tile.
+fn blocks_of(group: &Group) -> u64 {
+    let [columns, rows] = group.extent.map(|n| u64::from(n / BLOCK));
+    columns * rows
 }
 
 impl StoredBlocks {
@@ -167,5 +220,37 @@ fn for_each_run(polygon: &[Vec2], [columns, rows]: [u32; 2], mut visit: impl FnM
         if from <= to {
             visit(row, block_at(from - GROWTH, columns), block_at(to + GROWTH, columns));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::generate;
+    use fantex_test::cleaned;
+
+    use super::*;
+    use crate::{CoverOptions, TexelBudget, build_cover};
+
+    /// However few bits there are at a time, and never more than that.
+    #[test]
+    fn texels_are_counted_in_little_memory() {
+        let mesh = cleaned(generate::icosphere(3));
+        for tile in [0, 64] {
+            let budget = TexelBudget::Total(200_000);
+            let options = CoverOptions { budget, tile, ..CoverOptions::default() };
+            let cover = build_cover(&mesh, &options).unwrap().0;
+            let largest = cover.groups.iter().map(blocks_of).max().unwrap();
+            let expected = cover.stored_blocks(&mesh).texels();
+            for at_once in [1, largest, 3 * largest, u64::MAX] {
+                assert_eq!(cover.stored_texels_counted(&mesh, at_once), expected);
+                let runs = cover.runs_of_blocks(at_once);
+                assert!(runs.iter().cloned().flatten().eq(0..cover.groups.len()));
+                for run in runs {
+                    let blocks: u64 = cover.groups[run.clone()].iter().map(blocks_of).sum();
+                    assert!(run.len() == 1 || blocks <= at_once, "{blocks} of {at_once}");
+                }
+            }
+        }
+        assert_eq!(u64::from(crate::MAX_EXTENT / BLOCK).pow(2) / 8, 32 << 20, "bits of the longest tile");
     }
 }

@@ -114,6 +114,10 @@ impl StrokeLog {
             } else {
                 let mut stroke: StrokeSettings = serde_json::from_slice(&bytes).map_err(|_| damaged())?;
                 find_looks(&mut stroke, asset.path())?;
+                if stroke.lacks_places() {
+                    // All its samples missed the surface: what is left to do is to make its layer.
+                    stroke.channels.clear();
+                }
                 strokes.push(stroke);
             }
         }

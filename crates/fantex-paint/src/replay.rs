@@ -16,6 +16,7 @@
 //! }
 //! ```
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -27,7 +28,7 @@ use glam::{DVec3, Vec3};
 use crate::error::malformed;
 use crate::log::check_named;
 use crate::stroke::mesh_length;
-use crate::stroke_file::color_of;
+use crate::stroke_file::{color_of, names_of};
 use crate::{
     Brush, ChannelPaint, ColorSettings, DEFAULT_FONT, Dab, DabSettings, Decal, FillArea, FillLayerSettings,
     GraphFill, GroupKind, Layer, LayerContent, LayerPlace, LayerSettings, LookSettings, Paint, Painter,
@@ -226,6 +227,7 @@ pub(crate) struct Prepared {
 
 impl Preparation<'_> {
     pub(crate) fn run(&self, missed: &mut usize) -> Result<Prepared> {
+        self.settings.check().map_err(|error| self.of_stroke(error))?;
         let stroke = self.stroke(missed)?;
         let dabs = self.dabs(stroke.stamp.as_ref())?;
         let first = stroke.samples.first().map(|sample| sample.point).or(dabs.first().map(|dab| dab.center));
@@ -250,7 +252,14 @@ impl Preparation<'_> {
     fn channel(&self, kind: ChannelKind) -> Result<usize> {
         let channel = self.painter.editor().asset().channel_of_kind(kind);
         channel.ok_or_else(|| {
-            let sentence = format!("paints the channel {kind:?}, which the asset does not have");
+            let (name, option) = names_of(kind);
+            let remedy = match option {
+                Some(option) => format!(
+                    "add it with \"add_channels\": [\"{name}\"] in the stroke file or with --add-channel {option}"
+                ),
+                None => "only a bake makes it".to_owned(),
+            };
+            let sentence = format!("paints the channel {name}, which the asset does not have: {remedy}");
             Error::not_found(format!("stroke {} {sentence}", self.stroke))
         })
     }
@@ -261,10 +270,8 @@ impl Preparation<'_> {
             let kind = settings.kind;
             let channel = self.channel(kind)?;
             if channels.iter().any(|painted| painted.channel == channel) {
-                return Err(Error::invalid(format!(
-                    "stroke {} names the channel {kind:?} twice",
-                    self.stroke
-                )));
+                let (name, _) = names_of(kind);
+                return Err(Error::invalid(format!("stroke {} names the channel {name} twice", self.stroke)));
             }
             let color = color_of(self, kind, &settings.color)?;
             channels.push(ChannelPaint { channel, color, components: settings.components });
@@ -430,7 +437,7 @@ impl Preparation<'_> {
             self.finite("a dab's numbers", &[radius, hardness, flow, angle, aspect])?;
             let radius = (f64::from(radius) / scale) as f32;
             let stamp = stamp.cloned();
-            if let Some(center) = self.point(index, at)? {
+            if let Some(center) = self.point(format_args!("dab {index}"), at)? {
                 dabs.push(Dab { center, radius, hardness, flow, angle, aspect, across_gaps, stamp });
             }
         }
@@ -455,7 +462,7 @@ impl Preparation<'_> {
         for (index, sample) in self.settings.samples.iter().enumerate() {
             self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;
             let SampleSettings { at, pressure, tilt, time } = *sample;
-            match self.point(index, at)? {
+            match self.point(format_args!("sample {index}"), at)? {
                 Some(point) => samples.push(Sample { point, pressure, tilt, time }),
                 None => *missed += 1,
             }
@@ -492,21 +499,45 @@ impl Preparation<'_> {
         Ok(Brush { spacing: settings.spacing.min(max_spacing), ..settings.clone() })
     }
 
-    /// None where a ray meets nothing.
-    fn point(&self, index: usize, place: Where) -> Result<Option<SurfacePoint>> {
+    /// None where a ray meets nothing. `what` has the place.
+    fn point(&self, what: fmt::Arguments<'_>, place: Where) -> Result<Option<SurfacePoint>> {
         match (place, place_on(self.painter.surface(), place)) {
             (Where::Ray { direction, .. }, None) if DVec3::from(direction).try_normalize().is_some() => {
                 Ok(None)
             }
             (_, None) => {
-                let stroke = self.stroke;
+                let place = in_words(place, self.painter.surface().mesh().triangles.len());
                 let sentence =
-                    format!("sample {index} of stroke {stroke} is no point of the surface: {place:?}");
+                    format!("{what} of stroke {} is no point of the surface: {place}", self.stroke);
                 Err(Error::invalid(sentence))
             }
             (_, point) => Ok(point),
         }
     }
+}
+
+/// Why a place is not on a surface of so many triangles.
+fn in_words(place: Where, triangles: usize) -> String {
+    match place {
+        Where::Position(position) => format!("no triangle is near the position {}", listed(&position)),
+        Where::Surface { position, normal } => {
+            format!("no triangle near the position {} faces along {}", listed(&position), listed(&normal))
+        }
+        Where::Ray { direction, .. } => {
+            format!("the direction of its ray, {}, has no length", listed(&direction))
+        }
+        Where::Point { triangle, .. } if triangle as usize >= triangles => {
+            format!("it names triangle {triangle}, but the mesh has {triangles}, counted from 0")
+        }
+        Where::Point { triangle, lambda } => format!(
+            "its barycentric coordinates in triangle {triangle}, {}, must be at least 0 and add up to 1",
+            listed(&lambda)
+        ),
+    }
+}
+
+fn listed<T: fmt::Display>(numbers: &[T]) -> String {
+    numbers.iter().map(T::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// The point of a surface that is meant; none where there is none.

@@ -7,9 +7,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::Random;
+use fantex_base::{Error, Random, Result};
 use glam::{DVec3, Vec3};
 
+use crate::stroke_file::check_axis;
 use crate::{Dab, Stamp, Surface, SurfacePoint};
 
 /// The least distance of dabs in texels: closer ones change nothing but the time they take.
@@ -559,6 +560,23 @@ pub enum Symmetry {
 const MAX_COPIES: u32 = 256;
 
 impl Symmetry {
+    /// Refuses an axis that is none, and numbers of copies that are not made.
+    pub(crate) fn check(&self) -> Result<()> {
+        match *self {
+            Self::None => Ok(()),
+            Self::Mirror { axis, .. } => check_axis("symmetry.mirror.axis", axis),
+            Self::Radial { axis, count, .. } => {
+                check_axis("symmetry.radial.axis", axis)?;
+                match count {
+                    1..=MAX_COPIES => Ok(()),
+                    _ => Err(Error::invalid(format!(
+                        "`symmetry.radial.count` is {count}, but must be 1 to {MAX_COPIES}"
+                    ))),
+                }
+            }
+        }
+    }
+
     /// All copies of a stroke, itself first. A copy's samples that find no surface within `reach` mesh units split it.
     pub(crate) fn copies(&self, surface: &Surface, samples: &[Sample], reach: f32) -> Vec<Vec<Sample>> {
         let mut copies = vec![samples.to_vec()];

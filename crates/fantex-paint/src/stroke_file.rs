@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
 use fantex_texture::{ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::error::malformed;
 use crate::replay::Preparation;
 use crate::{
-    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size,
-    Surface, Symmetry, Tool,
+    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, MaskMeasure, PaintColor, Picture,
+    ProjectionView, Size, Surface, Symmetry, Tool,
 };
 
 /// A stroke file.
@@ -104,6 +104,41 @@ impl Default for StrokeSettings {
             layer_moves: Vec::new(),
             unrecorded: false,
         }
+    }
+}
+
+impl StrokeSettings {
+    /// Refuses values that mean nothing.
+    pub(crate) fn check(&self) -> Result<()> {
+        self.symmetry.check()?;
+        let sources = self.set_layers.iter().flatten().filter_map(|layer| layer.mask_source);
+        for source in sources {
+            match source.by {
+                MaskMeasure::Height { axis } => check_axis("set_layers.mask_source.by.height.axis", axis)?,
+                MaskMeasure::Slope { axis } => check_axis("set_layers.mask_source.by.slope.axis", axis)?,
+                _ => {}
+            }
+        }
+        if self.lacks_places() {
+            return Err(Error::invalid(
+                "`samples` is [], but must name at least one place; only a fill of \"whole\" and a stroke with `dabs` need none",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Whether it has something to paint, but nowhere.
+    pub(crate) fn lacks_places(&self) -> bool {
+        let needs_places = self.fill != Some(FillSettings::Whole) && self.set_layers.is_none();
+        needs_places && !self.channels.is_empty() && self.samples.is_empty() && self.dabs.is_empty()
+    }
+}
+
+/// Refuses what is no axis.
+pub(crate) fn check_axis(key: &str, axis: usize) -> Result<()> {
+    match axis {
+        0..=2 => Ok(()),
+        _ => Err(Error::invalid(format!("`{key}` is {axis}, but must be 0 (x), 1 (y) or 2 (z)"))),
     }
 }
 
@@ -399,6 +434,19 @@ enum ChannelKindName {
     Displacement,
     Light,
     Anisotropy,
+}
+
+/// A channel's name in stroke files, and the one that the option `--add-channel` takes; none where only a bake makes the channel.
+pub(crate) fn names_of(kind: ChannelKind) -> (&'static str, Option<&'static str>) {
+    match kind {
+        ChannelKind::BaseColor => ("base_color", Some("base-color")),
+        ChannelKind::Normal => ("normal", Some("normal")),
+        ChannelKind::OcclusionRoughnessMetallic => ("occlusion_roughness_metallic", Some("orm")),
+        ChannelKind::Emission => ("emission", Some("emission")),
+        ChannelKind::Displacement => ("displacement", Some("displacement")),
+        ChannelKind::Light => ("light", None),
+        ChannelKind::Anisotropy => ("anisotropy", None),
+    }
 }
 
 /// A kind of channel, by its name in stroke files.

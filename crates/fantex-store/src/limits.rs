@@ -3,7 +3,7 @@
 /// Material channels of an asset.
 pub const MAX_CHANNELS: usize = 16;
 /// Side of a tile at level 0, texels.
-pub const MAX_TILE_SIDE: u32 = 1 << 16;
+pub const MAX_TILE_SIDE: u32 = fantex_cover::MAX_EXTENT;
 /// Triangles of a mesh. Corner indices `3 * triangle + k` must fit into 32 bits.
 pub const MAX_TRIANGLES: usize = 1 << 30;
 /// Texture coordinate sets of a mesh.

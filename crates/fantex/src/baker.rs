@@ -20,7 +20,7 @@ use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
 use fantex_mesh::{Material, ObjectSpace};
 use fantex_store::{PageCache, Plan, Quality};
-use fantex_texture::material::load_material_textures;
+use fantex_texture::material::MaterialTextures;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
@@ -28,7 +28,7 @@ use glam::Vec4;
 pub use photos::PhotoSet;
 
 use crate::look_scene::{LookBake, MaterialResolver};
-use crate::{Asset, FileKind, LongestEdge, Mesh};
+use crate::{Asset, FileKind, LongestEdge, Mesh, budget_texels};
 
 /// What is baked.
 pub struct Source<'a>(Kind<'a>);
@@ -427,9 +427,44 @@ impl<'a> Baker<'a> {
     /// Bakes the model's materials.
     fn own_materials(&self, goal: &Goal<'_>) -> Result<Baked> {
         let model: &fantex_mesh::Mesh = self.mesh;
-        let textures = load_material_textures(model)?;
+        let textures = LookSource::decoded(model)?;
         let source = LookSource::of_decoded(model, textures.clone());
         let density = source.has_textures().then(|| source.density());
+        let texels = match (&density, self.budget, goal) {
+            (Some(density), Budget::Default, Goal::Asset(_) | Goal::Plan(..)) => {
+                budget_texels(model, &TexelBudget::PerTriangle(density.clone()))
+            }
+            _ => 0.0,
+        };
+        // Before the mesh is cut and covered, which takes its time.
+        let dense = self.note_of_many(texels as u64);
+        let mut baked = self.textured(model, source, density, textures, goal)?;
+        if let Some(note) = dense {
+            baked.notes.insert(0, note);
+        }
+        Ok(baked)
+    }
+
+    /// Says that a number of texels, which nobody asked for, is large, if it is.
+    fn note_of_many(&self, texels: u64) -> Option<String> {
+        let millions = texels / 1_000_000;
+        let note = format!(
+            "at the density of the model's own textures these are about {millions} million texels; a number of texels may be given instead"
+        );
+        let note = Some(note).filter(|_| texels > Self::MANY_TEXELS);
+        note.iter().for_each(|note| self.progress.0.note(note));
+        note
+    }
+
+    /// Cuts a model and bakes its materials. `density` as in [`bake`](Self::bake); `textures` are those of the source.
+    fn textured(
+        &self,
+        model: &fantex_mesh::Mesh,
+        source: LookSource<'_>,
+        density: Option<Vec<f32>>,
+        textures: Vec<MaterialTextures>,
+        goal: &Goal<'_>,
+    ) -> Result<Baked> {
         let cuts = self.longest_edge.unwrap_or_default();
         let tangents = source.normal_map_tangents();
         if cuts.leaves_whole(model, self.tile) {
@@ -474,6 +509,8 @@ impl<'a> Baker<'a> {
             }
         };
         self.check_cancelled()?;
+        // Larger numbers were told of before.
+        let is_told = is_own_density && budget_texels(mesh, &budget) > Self::MANY_TEXELS as f64;
         let started = Instant::now();
         let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
         let cut_creases = source.jumps_at_creases();
@@ -489,6 +526,8 @@ impl<'a> Baker<'a> {
             }
         };
         let cover_time = started.elapsed();
+        let untold = if is_own_density && !is_told { stats.texels } else { 0 };
+        let notes = Vec::from_iter(self.note_of_many(untold));
         self.check_cancelled()?;
         let summary = match *goal {
             Goal::Asset(path) => bake(mesh, &cover, source, path, &self.options, self.progress.0)?,
@@ -497,11 +536,6 @@ impl<'a> Baker<'a> {
                 bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?
             }
         };
-        let dense = format!(
-            "at the density of the model's own textures these are {} million texels; a number of texels may be given instead",
-            stats.texels / 1_000_000
-        );
-        let notes = if is_own_density && stats.texels > Self::MANY_TEXELS { vec![dense] } else { Vec::new() };
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
             texels_asked,

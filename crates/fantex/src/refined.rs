@@ -114,8 +114,8 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
         let (_, CoverStats { loss_db, .. }) = build_cover(mesh, &options).ok()?;
         Some(loss_db + cost_of_bytes(mesh))
     };
-    let Some(cost_of_whole) = cost(mesh) else { return whole };
-    let limit = cost_of_whole - MIN_GAIN;
+    // What cannot be covered as it is, since its tiles were too long, gains by any cuts.
+    let limit = cost(mesh).map_or(f64::INFINITY, |cost| cost - MIN_GAIN);
     let mut best: Option<(f64, Mesh)> = None;
     for length in lengths {
         let Ok(refined) = refine_at_bends(mesh, length as f32, MAX_TRIANGLES_AUTOMATIC) else { break };

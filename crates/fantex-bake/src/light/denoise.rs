@@ -98,7 +98,8 @@ impl NoisyLight {
         self.sides[texel] = u.max(v);
     }
 
-    pub(crate) fn smoothed(&self) -> SmoothLight {
+    /// Takes the noise out. Ends early with the error of `check`.
+    pub(crate) fn smoothed<E>(&self, check: impl Fn() -> Result<(), E>) -> Result<SmoothLight, E> {
         let texels = self.valid.len();
         let variances = self.means(&self.variances);
         let mut means = [vec![Plane::default(); texels], vec![Plane::default(); texels]];
@@ -106,6 +107,7 @@ impl NoisyLight {
             Pairs { both: vec![0.0; texels], differences: [vec![0.0; texels], vec![0.0; texels]] };
         for dy in -REACH..=REACH {
             for dx in -REACH..=REACH {
+                check()?;
                 self.compare([dx, dy], &variances, &mut pairs);
                 for y in 0..self.height {
                     let columns = self.columns(dx);
@@ -134,7 +136,7 @@ impl NoisyLight {
             smooth.values[texel] = 0.5 * (a + b);
             smooth.errors[texel] = 0.5 * ((a - b).length_squared() / 3.0).sqrt();
         }
-        smooth
+        Ok(smooth)
     }
 
     /// The differences of all texels to those at an offset, in units of what noise explains, where both are there.
@@ -281,6 +283,7 @@ mod tests {
     use fantex_mesh::SurfacePoint;
 
     use super::*;
+    use crate::light::unwatched;
 
     const WIDTH: u32 = 48;
     const HEIGHT: u32 = 40;
@@ -333,7 +336,7 @@ mod tests {
         let step = |x: u32, _| if x < 20 { 0.2 } else { 0.8 };
         let slope = |x: u32, y: u32| 0.1 + 0.01 * x as f32 + 0.005 * y as f32;
         for (name, light) in [("step", &step as &dyn Fn(u32, u32) -> f32), ("slope", &slope)] {
-            let smooth = whole(0.05, light).smoothed();
+            let smooth = whole(0.05, light).smoothed(unwatched).unwrap();
             // The mean of both halves has an error of 0.035.
             let error = rms(errors(&smooth, light));
             let told = rms(smooth.errors.iter().copied());
@@ -342,7 +345,7 @@ mod tests {
             let bias: f32 = errors(&smooth, light).sum::<f32>() / (WIDTH * HEIGHT) as f32;
             assert!(bias.abs() < 0.003, "{name}: {bias}");
         }
-        let beside = whole(0.05, step).smoothed();
+        let beside = whole(0.05, step).smoothed(unwatched).unwrap();
         let row: Vec<f32> = beside.values[..WIDTH as usize].iter().map(|v| v.x).collect();
         assert!((row[19] - 0.2).abs() < 0.06 && (row[20] - 0.8).abs() < 0.06, "{row:?}");
     }
@@ -352,8 +355,8 @@ mod tests {
     fn dim_light_is_as_bright_light() {
         let step = |x: u32, _| if x < 20 { 0.2 } else { 0.8 };
         let dim = 2.0_f32.powi(-20);
-        let bright = whole(0.05, step).smoothed();
-        let faint = whole(0.05 * dim, |x, y| dim * step(x, y)).smoothed();
+        let bright = whole(0.05, step).smoothed(unwatched).unwrap();
+        let faint = whole(0.05 * dim, |x, y| dim * step(x, y)).smoothed(unwatched).unwrap();
         for (bright, faint) in bright.values.iter().zip(&faint.values) {
             assert!((faint.x / dim - bright.x).abs() < 1e-5, "{faint} {bright}");
         }
@@ -362,7 +365,7 @@ mod tests {
     #[test]
     fn what_has_no_noise_stays() {
         let checker = |x: u32, y: u32| if (x / 3 + y / 3).is_multiple_of(2) { 0.1 } else { 0.9 };
-        let smooth = whole(0.0, checker).smoothed();
+        let smooth = whole(0.0, checker).smoothed(unwatched).unwrap();
         assert!(errors(&smooth, checker).all(|error| error.abs() < 1e-6));
         assert!(smooth.errors.iter().all(|&error| error == 0.0));
     }
@@ -380,11 +383,11 @@ mod tests {
                     noisy.normals[texel] = Vec3::X;
                 }
             }
-            let smooth = noisy.smoothed();
+            let smooth = noisy.smoothed(unwatched).unwrap();
             let mut alone = whole(0.1, |_, _| 0.3);
             let left = |texel: &usize| texel % (WIDTH as usize) < 24;
             (0..alone.valid.len()).filter(|texel| !left(texel)).for_each(|texel| alone.valid[texel] = 0.0);
-            let alone = alone.smoothed();
+            let alone = alone.smoothed(unwatched).unwrap();
             // Only the variances are shared.
             let difference = (0..noisy.valid.len()).filter(left).map(|texel| {
                 let [a, b] = [&smooth, &alone].map(|light| light.values[texel].x);
@@ -398,9 +401,9 @@ mod tests {
     #[test]
     fn parts_agree_with_the_whole() {
         let light = |x: u32, y: u32| ((x * 7 + y * 3) % 13) as f32 * 0.05;
-        let all = whole(0.08, light).smoothed();
+        let all = whole(0.08, light).smoothed(unwatched).unwrap();
         let (low, high) = ([10, 6], [40, 33]);
-        let part = sheet(low, [high[0] - low[0], high[1] - low[1]], 0.08, light).smoothed();
+        let part = sheet(low, [high[0] - low[0], high[1] - low[1]], 0.08, light).smoothed(unwatched).unwrap();
         for y in low[1] + REACH_TEXELS..high[1] - REACH_TEXELS {
             for x in low[0] + REACH_TEXELS..high[0] - REACH_TEXELS {
                 let own = part.values[((y - low[1]) * (high[0] - low[0]) + x - low[0]) as usize];

@@ -4,7 +4,9 @@ use std::f32::consts::TAU;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use fantex_bake::{BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, bake, fidelity};
+use fantex_bake::{
+    BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, bake, fidelity, plan_bake,
+};
 use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate, interpolate};
@@ -204,19 +206,36 @@ fn wrong_covers_sources_and_places_are_refused() {
     assert!(is_empty(folder.path()));
 }
 
-/// A cover may ask for tiles that the format cannot hold; that is said before anything is baked.
+/// A cover that somebody made may have tiles that the format cannot hold; that is said before anything is baked.
 #[test]
 fn tiles_longer_than_the_format_allows_are_refused_at_once() {
     let mesh = rectangle(1.0, 1e-4);
-    let budget = TexelBudget::Density(80_000.0);
-    let (cover, _) =
-        build_cover(&mesh, &CoverOptions { budget, tile: 0, ..CoverOptions::default() }).unwrap();
-    assert!(cover.groups.iter().flat_map(|g| g.extent).any(|n| n > MAX_TILE_SIDE));
+    let mut cover = cover(&mesh, 0, 5_000);
+    cover.groups[0].extent[0] = MAX_TILE_SIDE + 4;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.fan");
     let error = bake(&mesh, &cover, &WAVE, &path, &BakeOptions::default(), &NoProgress).unwrap_err();
     assert!(error.to_string().starts_with("cannot write "), "{error}");
     assert!(is_empty(folder.path()));
+}
+
+/// What a cover may have at most, a file holds: one constant.
+#[test]
+fn the_longest_tiles_of_covers_fit_into_files() {
+    assert_eq!(fantex_cover::MAX_EXTENT, MAX_TILE_SIDE);
+    let mesh = rectangle(1.0, 1e-4);
+    let covered = |density| {
+        let budget = TexelBudget::Density(density);
+        build_cover(&mesh, &CoverOptions { budget, tile: 0, ..CoverOptions::default() })
+    };
+    let longest = |cover: &Cover| cover.groups.iter().flat_map(|group| group.extent).max().unwrap();
+    let density = 3e4 * f64::from(MAX_TILE_SIDE) / f64::from(longest(&covered(3e4).unwrap().0));
+    covered(1.01 * density).unwrap_err();
+    let (cover, _) = covered(0.99 * density).unwrap();
+    assert!(longest(&cover) > MAX_TILE_SIDE / 10 * 9);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.plan");
+    plan_bake(&mesh, &cover, &WAVE, &path, &BakeOptions::default(), &[]).unwrap();
 }
 
 /// Progress ends at the total, in every format and with every fit.

@@ -1,15 +1,17 @@
 //! Light maps against closed forms: furnaces, sun, lamps, occlusion by a sphere, the edge of a shadow; and their noise.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use fantex_bake::{
-    BakeLight, Fit, Illumination, LightMapOptions, LightMapSource, LightQuantity, LightScene, Reflector,
-    SourceReflector,
+    BakeLight, BakeOptions, Fit, Illumination, LightMapOptions, LightMapSource, LightQuantity, LightScene,
+    Progress, Reflector, Source, SourceReflector, bake,
 };
 use fantex_mesh::{Mesh, Model, SurfacePoint, TriangleBvh, generate, interpolate};
 use fantex_store::{ChannelKind, VerifyOptions, verify};
 use glam::{DVec3, Vec3};
 
 use crate::common;
-use crate::common::{baked, cleaned, cover, data_folder, float_options, loaded, sample};
+use crate::common::{OfPosition, baked, cleaned, cover, data_folder, float_options, loaded, sample};
 
 fn black(_: Vec3) -> Vec3 {
     Vec3::ZERO
@@ -634,4 +636,59 @@ fn bakes_take_the_noise_out() {
     assert_eq!(before.mean_error_left, before.mean_error);
     assert_eq!((after.mean_error, after.texels), (before.mean_error, before.texels));
     assert!(after.mean_error_left < 0.33 * before.mean_error, "{after:?}");
+}
+
+// A bake that is no longer wanted.
+
+/// Wants to stop from the `n`-th question on.
+struct StopAt {
+    n: u32,
+    asked: AtomicU32,
+}
+
+impl StopAt {
+    fn new(n: u32) -> Self {
+        Self { n, asked: AtomicU32::new(0) }
+    }
+}
+
+impl Progress for StopAt {
+    fn report(&self, _: u64, _: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) + 1 >= self.n
+    }
+}
+
+/// Within a tile, within its light and within a texel of many paths.
+#[test]
+fn bakes_end_where_they_are_cancelled() {
+    let mesh = cleaned(generate::grid(1));
+    let cover = cover(&mesh, 1024, 16 * 16);
+    assert_eq!(cover.groups.len(), 1);
+    let scene = LightScene { lights: Vec::new(), sky: &white, reflector: &gray };
+    let light = |denoise| {
+        let options = LightMapOptions { denoise, ..direct(1024) };
+        LightMapSource::new(&mesh, &scene, options).unwrap()
+    };
+    let (smooth, noisy) = (light(true), light(false));
+    let plain = OfPosition(|p: Vec3| p.extend(1.0));
+    let sources: [(&dyn Source, u32); 3] = [(&smooth, 3000), (&noisy, 3000), (&plain, 3)];
+    for (number, (source, least)) in sources.into_iter().enumerate() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.fan");
+        let bake = |stop: &StopAt| bake(&mesh, &cover, source, &path, &BakeOptions::default(), stop);
+        let never = StopAt::new(u32::MAX);
+        bake(&never).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let all = never.asked.into_inner();
+        assert!(all > least, "source {number}: {all} questions");
+        for n in [1, 2, all / 3, all / 2, all - all / 40, all - 1] {
+            let stop = StopAt::new(n);
+            let error = bake(&stop).unwrap_err();
+            assert!(error.is_cancelled(), "{error}");
+            assert_eq!(stop.asked.into_inner(), n, "source {number} of {all} questions");
+            assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none());
+        }
+    }
 }

@@ -1,10 +1,11 @@
 //! `fantex bake`: a model and a source of colour in, one seamless asset out.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::{BakeSummary, LightMapNoise};
+use fantex::bake::{BakeSummary, LightMapNoise, Progress};
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
@@ -12,7 +13,7 @@ use serde::Serialize;
 
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
-use crate::context::{Context, peak_memory_bytes};
+use crate::context::{Bar, Context, peak_memory_bytes};
 use crate::scene::{open_shape, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
@@ -267,9 +268,9 @@ impl BakeJob<'_> {
     pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo> {
         let Self { mesh, cover, encoding, output, goal, .. } = self;
         let load_seconds = self.started.elapsed().as_secs_f64();
-        let baked = {
+        let (baked, told) = {
             let _deferral = context.defer_interrupt();
-            let progress = context.progress("baking");
+            let progress = Teller::new(context);
             let mut baker = Baker::new(mesh)
                 .source(self.source.source())
                 .format(encoding.format)
@@ -294,18 +295,19 @@ impl BakeJob<'_> {
             if self.match_source {
                 baker = baker.matching();
             }
-            match goal {
+            let baked = match goal {
                 Goal::Asset => baker.write(output)?,
                 Goal::Plan(about) => baker.write_plan(output, about)?,
                 Goal::Part(plan, Shard { number, count }) => {
                     baker.write_part(plan, *number, *count, output)?
                 }
-            }
+            };
+            (baked, progress.told())
         };
         if let Some(note) = over_budget(baked.texels_asked, &baked.cover) {
             context.note(format!("{}: {note}", output.display()));
         }
-        baked.notes.iter().for_each(|note| context.note(note));
+        baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
         let BakeSummary {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
         } = baked.summary;
@@ -330,6 +332,48 @@ impl BakeJob<'_> {
             peak_memory_bytes: peak_memory_bytes(),
             photos: baked.photos.as_ref().map(PhotosInfo::from),
         })
+    }
+}
+
+/// Shows the progress of a bake, and prints what is worth knowing as soon as it is known.
+struct Teller<'a> {
+    context: &'a Context,
+    /// None while a note is printed, which the bar would overwrite.
+    bar: Mutex<Option<Bar<'a>>>,
+    told: Mutex<Vec<String>>,
+}
+
+impl<'a> Teller<'a> {
+    fn new(context: &'a Context) -> Self {
+        Self { context, bar: Mutex::new(Some(Self::bar(context))), told: Mutex::default() }
+    }
+
+    fn bar(context: &'a Context) -> Bar<'a> {
+        context.progress("baking")
+    }
+
+    /// The notes that were printed.
+    fn told(self) -> Vec<String> {
+        self.told.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Progress for Teller<'_> {
+    fn report(&self, done: u64, total: u64) {
+        let bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        bar.iter().for_each(|bar| bar.report(done, total));
+    }
+
+    fn note(&self, sentence: &str) {
+        let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        drop(bar.take());
+        self.context.note(sentence);
+        *bar = Some(Self::bar(self.context));
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).push(sentence.to_owned());
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.context.is_interrupted()
     }
 }
 

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fantex::Result;
 use fantex::glam::Vec3;
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
@@ -12,12 +11,14 @@ use fantex::mesh::Mesh;
 use fantex::render::{Background, Camera, Picture, RenderOptions, Surface};
 use fantex::texture::compare::{Comparison, compare_where, difference_picture, psnr_db};
 use fantex::texture::{Filter, Image};
+use fantex::{Error, Result};
 use serde::Serialize;
 
 use crate::commands::render::show_damaged_tiles;
 use crate::context::Context;
 use crate::scene::{FILTERS, Scene, aspect, is_look, photograph, size};
-use crate::text::{columns, one_of};
+use crate::series::Series;
+use crate::text::{columns, counted, one_of};
 
 /// Render two files from the same cameras and compare the pictures.
 #[derive(Args, Debug)]
@@ -32,9 +33,12 @@ names none; its background is left out. PSNR, SSIM and FLIP are those of the sRG
 either model; 'whole' is the PSNR with the background, which is equal in both. FLIP is 0 for equal pictures.
 Difference pictures show the absolute difference, sixteen times enlarged.
 
+A camera that sees neither model, as a flat one edge-on, does not count. The mean PSNR is over the pictures that
+differ.
+
 With --json: psnr_db (mean and min over the views), ssim and flip are over the pixels of the model, model_share says
-how many of all these are, whole_psnr_db is over all; per_view has the same for each camera. PSNR of equal pictures
-is null.")]
+how many of all these are, whole_psnr_db is over all; per_view has the same for each camera, and empty_views says how
+many cameras do not count. PSNR of equal pictures is null.")]
 pub(crate) struct CompareArgs {
     /// The reference: a model, an asset or a look
     a: PathBuf,
@@ -87,6 +91,8 @@ struct CompareInfo {
     model_share: f64,
     whole_psnr_db: MeanMin,
     views: u32,
+    /// Of these, such that show neither model and do not count.
+    empty_views: u32,
     per_view: Vec<ViewInfo>,
 }
 
@@ -130,6 +136,17 @@ impl ViewComparison {
             whole_psnr_db: psnr_db(&reference.image, &test.image)?,
         })
     }
+
+    fn shows_model(&self) -> bool {
+        self.model_share > 0.0
+    }
+}
+
+/// The mean over the pictures that differ; infinite where all are equal.
+fn mean_db(ratios: impl Iterator<Item = f64>) -> f64 {
+    let differing = ratios.filter(|db| *db < f64::INFINITY || db.is_nan());
+    let (sum, count) = differing.fold((0.0, 0_u32), |(sum, count), db| (sum + db, count + 1));
+    if count == 0 { f64::INFINITY } else { sum / f64::from(count) }
 }
 
 #[derive(Clone, Copy)]
@@ -243,6 +260,9 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         context.make_folder(folder)?;
     }
     let cameras = a.orbit(args, aspect(&options))?;
+    let pictures_of =
+        |folder: &PathBuf| Series::of_files(context, folder, "picture", Some(3 * cameras.len() as u64));
+    let mut series = args.output.as_ref().map(pictures_of);
     let mut views = Vec::new();
     for (i, camera) in cameras.iter().enumerate() {
         let files = args.output.as_ref().map(|folder| {
@@ -250,16 +270,22 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         });
         files.iter().flatten().try_for_each(|path| context.check_output(path))?;
         let pictures = [a.picture(camera, &options)?, b.picture(camera, &options)?];
-        views.push(compare_view(&pictures, files, context)?);
+        views.push(compare_view(&pictures, files, series.as_mut())?);
         context.check_interrupt()?;
     }
     [&a, &b].into_iter().try_for_each(|file| file.show_damage(context))?;
-    let mean = |of: fn(&ViewComparison) -> f64| {
-        views.iter().map(|(view, _)| of(view)).sum::<f64>() / views.len() as f64
-    };
+    let shown: Vec<ViewComparison> =
+        views.iter().map(|(view, _)| *view).filter(ViewComparison::shows_model).collect();
+    if shown.is_empty() {
+        let [a, b] = [&args.a, &args.b].map(|path| path.display());
+        let sentence =
+            format!("no picture shows {a} or {b}, so there is nothing to compare; give more --views");
+        return Err(Error::not_found(sentence));
+    }
+    let mean = |of: fn(&ViewComparison) -> f64| shown.iter().map(of).sum::<f64>() / shown.len() as f64;
     let mean_min = |of: fn(&ViewComparison) -> f64| MeanMin {
-        mean: finite(mean(of)),
-        min: finite(views.iter().map(|(view, _)| of(view)).fold(f64::INFINITY, f64::min)),
+        mean: finite(mean_db(shown.iter().map(of))),
+        min: finite(shown.iter().map(of).fold(f64::INFINITY, f64::min)),
     };
     let info = CompareInfo {
         psnr_db: mean_min(|view| view.model.psnr_db),
@@ -268,6 +294,7 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         model_share: mean(|view| view.model_share),
         whole_psnr_db: mean_min(|view| view.whole_psnr_db),
         views: args.views,
+        empty_views: (views.len() - shown.len()) as u32,
         per_view: views
             .iter()
             .map(|(view, pictures)| ViewInfo {
@@ -287,33 +314,32 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
 fn compare_view(
     pictures: &[Seen; 2],
     files: Option<[PathBuf; 3]>,
-    context: &Context,
+    series: Option<&mut Series<'_>>,
 ) -> Result<(ViewComparison, Vec<PathBuf>)> {
     let comparison = ViewComparison::new(pictures)?;
-    let Some(files) = files else { return Ok((comparison, Vec::new())) };
+    let (Some(files), Some(series)) = (files, series) else { return Ok((comparison, Vec::new())) };
     let [reference, test] = pictures.each_ref().map(|seen| &seen.image);
     let difference = difference_picture(reference, test, GAIN)?;
-    let _deferral = context.defer_interrupt();
     let images = [reference, test, &difference];
-    images.into_iter().zip(&files).try_for_each(|(image, path)| image.save(path))?;
+    images.into_iter().zip(&files).try_for_each(|(image, path)| series.write(path, || image.save(path)))?;
     Ok((comparison, files.to_vec()))
 }
 
-/// Over the pixels that show either subject.
+/// Over the pixels that show either subject, and the cameras whose pictures differ.
 pub(crate) fn mean_psnr_db(
     subjects: [Subject; 2],
     cameras: &[Camera],
     options: &RenderOptions,
     context: &Context,
 ) -> Result<f64> {
-    let mut sum = 0.0;
+    let mut ratios = Vec::with_capacity(cameras.len());
     for camera in cameras {
         let [a, b] = subjects;
         let pictures = [a.picture(camera, options)?, b.picture(camera, options)?];
-        sum += ViewComparison::new(&pictures)?.model.psnr_db;
+        ratios.push(ViewComparison::new(&pictures)?.model.psnr_db);
         context.check_interrupt()?;
     }
-    Ok(sum / cameras.len() as f64)
+    Ok(mean_db(ratios.into_iter()))
 }
 
 fn finite(value: f64) -> Option<f64> {
@@ -329,14 +355,34 @@ fn text(info: &CompareInfo) -> String {
         rows.push([name].into_iter().chain(numbers).chain([psnr(whole)]).collect());
     };
     for (i, view) in info.per_view.iter().enumerate() {
+        if view.model_share == 0.0 {
+            continue;
+        }
         let measures = [view.ssim, view.flip, view.model_share];
         row((i + 1).to_string(), view.psnr_db, measures, view.whole_psnr_db);
     }
     let measures = [info.ssim, info.flip, info.model_share];
     row("mean".to_owned(), info.psnr_db.mean, measures, info.whole_psnr_db.mean);
     let mut text = columns(&rows);
+    if info.empty_views > 0 {
+        let (empty, views) = (info.empty_views, counted(u64::from(info.views), "view"));
+        text.push_str(&format!("{empty} of {views} left out: neither model is seen there\n"));
+    }
     for path in info.per_view.iter().flat_map(|v| &v.pictures) {
         text.push_str(&format!("{}\n", path.display()));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_pictures_have_no_part_in_a_mean() {
+        let mean = |ratios: &[f64]| mean_db(ratios.iter().copied());
+        assert_eq!(mean(&[30.0, f64::INFINITY, 40.0]), 35.0);
+        assert_eq!(mean(&[f64::INFINITY; 2]), f64::INFINITY);
+        assert!(mean(&[30.0, f64::NAN]).is_nan());
+    }
 }

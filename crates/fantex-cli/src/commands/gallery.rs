@@ -9,7 +9,7 @@
 mod drawings;
 mod formula;
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,7 @@ use serde::Serialize;
 
 use crate::commands::export::turntable::Animation;
 use crate::context::Context;
+use crate::series::Series;
 use crate::shipped::Shipped;
 use crate::text::counted;
 
@@ -77,7 +78,14 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names)?;
     context.make_folder(output)?;
-    let gallery = Gallery { shipped: &shipped, output, width: *width, context, terrain: OnceCell::new() };
+    let gallery = Gallery {
+        shipped: &shipped,
+        output,
+        width: *width,
+        context,
+        series: RefCell::new(Series::of_files(context, output, "picture", None)),
+        terrain: OnceCell::new(),
+    };
     let mut finished_entries = Vec::with_capacity(entries.len());
     for (number, entry) in entries.iter().enumerate() {
         context.check_interrupt()?;
@@ -95,6 +103,7 @@ struct Gallery<'a> {
     output: &'a Path,
     width: Option<u32>,
     context: &'a Context,
+    series: RefCell<Series<'a>>,
     terrain: OnceCell<drawings::Baked>,
 }
 
@@ -141,7 +150,9 @@ impl Gallery<'_> {
                 self.save(&[self.reduced(image)?], 1.0, &target)?;
             } else {
                 self.context.check_output(&target)?;
-                std::fs::copy(&made, &target).map_err(|error| Error::writing(&target, error))?;
+                self.series.borrow_mut().write(&target, || {
+                    std::fs::copy(&made, &target).map(drop).map_err(|error| Error::writing(&target, error))
+                })?;
             }
             pictures.push(finished(file, variant));
         }
@@ -237,16 +248,15 @@ impl Gallery<'_> {
 
     fn save(&self, frames: &[Image], frames_per_second: f64, target: &Path) -> Result<()> {
         self.context.check_output(target)?;
-        let _deferral = self.context.defer_interrupt();
-        match frames {
-            [image] => Ok(image.save(target)?),
+        self.series.borrow_mut().write(target, || match frames {
+            [image] => image.save(target),
             _ => {
                 let mut animation =
                     Animation::new(target, &frames[0], frames.len() as u32, frames_per_second)?;
                 frames.iter().try_for_each(|frame| animation.add(frame))?;
                 animation.finish()
             }
-        }
+        })
     }
 }
 

@@ -21,9 +21,10 @@ use crate::commands::bake;
 use crate::commands::bake::{BakeJob, EncodingArgs, Goal};
 use crate::commands::info::CoverArgs;
 use crate::context::Context;
-use crate::scene::{open_model, show_notes, size};
+use crate::scene::{check_model_name, open_model, show_notes, size};
+use crate::series::Series;
 use crate::sources::SourceArg;
-use crate::text::{Count, counted, positive, share};
+use crate::text::{Count, counted, grouped, positive, share};
 
 /// Generate a procedural model, or photographs of a model.
 #[derive(Args, Debug)]
@@ -54,7 +55,8 @@ struct LandscapeArgs {
     /// The model to write: .ply, .obj or .glb; or an asset: .fan
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Triangles aimed at; the result lies within a tenth of it
+    /// Triangles aimed at; from about 5k on the result lies within a tenth of it. The coarsest landscapes have about a
+    /// thousand
     #[arg(long, value_name = "N", default_value = "500k")]
     triangles: Count,
     /// Side of the square in metres
@@ -104,6 +106,15 @@ pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
 fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output(&args.output)?;
+    if !args.writes_asset() {
+        check_model_name(&args.output)?;
+        if !args.cover.is_default() {
+            return Err(Error::invalid(format!(
+                "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
+                args.output.display()
+            )));
+        }
+    }
     let made = landscape(&LandscapeOptions {
         triangles: args.triangles.0,
         seed: context.seed,
@@ -112,19 +123,22 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
         arches: args.arches,
         irregularity: args.irregularity,
     });
+    let (triangles, asked) = (made.triangles.len() as u64, args.triangles.0);
+    if triangles.abs_diff(asked) > asked / 10 {
+        context.note(format!(
+            "{}: {} instead of the {} asked for: coarse landscapes come in large steps, the coarsest with about a thousand",
+            args.output.display(),
+            counted(triangles, "triangle"),
+            grouped(asked)
+        ));
+    }
     if args.writes_asset() {
         return bake_landscape(args, made.into(), started, context);
-    }
-    if !args.cover.is_default() {
-        return Err(Error::invalid(format!(
-            "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
-            args.output.display()
-        )));
     }
     write_landscape(&made, &args.output, context.force, context)?;
     let info = LandscapeInfo {
         output: args.output.clone(),
-        triangles: made.triangles.len() as u64,
+        triangles,
         vertices: made.positions.len() as u64,
         genus: made.genus,
         components: made.components,
@@ -260,7 +274,8 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
             return Err(exists(path));
         }
     }
-    [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
+    let mut series = Series::all_or_none(context, &args.output, "photograph", u64::from(args.count));
+    [&images, &sparse].into_iter().try_for_each(|folder| series.make_folder(folder))?;
     let photographs = set_up(args, mesh, &images);
     let bvh = TriangleBvh::new(mesh);
     for (i, photograph) in photographs.iter().enumerate() {
@@ -268,11 +283,12 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
         let exposure = exposure(i, args.exposure);
         let options = CaptureOptions { samples: args.samples, exposure, ..CaptureOptions::default() };
         let picture = capture(mesh, &bvh, look.as_ref(), photograph, &options);
-        let _deferral = context.defer_interrupt();
-        picture.converted(Depth::U8, ColorSpace::Srgb).save(&photograph.path)?;
+        let path = &photograph.path;
+        series.write(path, || picture.converted(Depth::U8, ColorSpace::Srgb).save(path))?;
     }
     {
         let _deferral = context.defer_interrupt();
+        series.finish();
         write_colmap_binary(&sparse, &photographs)?;
         write_colmap_text(&sparse, &photographs)?;
         write_transforms(&transforms, &photographs, "images")?;

@@ -10,7 +10,7 @@ use fantex::{Error, Result};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::size;
+use crate::scene::{check_picture_name, size};
 use crate::text::{Choices, one_of, positive};
 
 /// Prepare an image: sides that are powers of two, other sizes, height with derivatives for bump mapping.
@@ -127,6 +127,7 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
     let space = if image.samples.depth() == Depth::F32 { ColorSpace::Linear } else { space };
     let image = Image { space, ..image };
     context.check_output_of(&args.output, &args.image)?;
+    check_picture_name(&args.output)?;
     let own = match image.samples.depth() {
         Depth::U8 => FileDepth::Eight,
         Depth::U16 => FileDepth::Sixteen,

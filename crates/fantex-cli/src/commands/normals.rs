@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, saved};
 use crate::context::Context;
-use crate::scene::{open_shape, show_notes, size};
+use crate::scene::{check_picture_name, open_shape, show_notes, size};
 use crate::text::{Choices, one_of, positive};
 
 /// Bake the normals of a detailed model into a normal map over the texture coordinates of a coarse one.
@@ -75,6 +75,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output_of(&args.output, &args.coarse)?;
     context.check_output_of(&args.output, &args.detailed)?;
+    check_picture_name(&args.output)?;
     let [coarse, detailed] = [open_shape(&args.coarse)?, open_shape(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use clap::{Args, Parser as _};
 use fantex::bake::Progress as _;
 use fantex::store::{CreateOptions, Plan, merge_parts};
-use fantex::{Error, Result};
+use fantex::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
 /// Bakes a part with the arguments of its plan.
 pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Context) -> Result<()> {
     context.check_output_of(output, path)?;
-    let plan = Plan::open(path)?;
+    let plan = Plan::open(path).map_err(of_files)?;
     let damaged = || Error::damaged(format!("{} does not say how it was made; plan anew", path.display()));
     let about: About = serde_json::from_slice(&plan.about).map_err(|_| damaged().with_path(path))?;
     let cli = Cli::try_parse_from(&about.arguments).map_err(|_| damaged().with_path(path))?;
@@ -104,12 +104,21 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
             .context(format!("{} was made in {folder}, where its model is looked for", path.display()))
     })?;
     let goal = Goal::Part(&plan, shard);
-    let info = bake::bake(&planned.job, &output, &goal, cli.common.seed, context)?;
+    let info = bake::bake(&planned.job, &output, &goal, cli.common.seed, context).map_err(of_files)?;
     context.print(&info, |info| {
         let Shard { number, count } = shard;
         let (bytes, seconds) = (megabytes(info.bytes), info.seconds.total);
         format!("{}: part {number} of {count}, {bytes} in {seconds:.1} s", info.output.display())
     })
+}
+
+/// The library sees arguments of functions in plans, parts and models that do not fit together; here they are files that were given, and
+/// the command line is right.
+fn of_files(error: Error) -> Error {
+    match error.kind() {
+        ErrorKind::InvalidArgument => Error::unsupported(error.to_string()),
+        _ => error,
+    }
 }
 
 /// Merge the parts of a planned bake into one asset.
@@ -146,7 +155,7 @@ struct MergeInfo {
 
 pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    let plan = Plan::open(&args.plan)?;
+    let plan = Plan::open(&args.plan).map_err(of_files)?;
     if let Some(output) = &args.output {
         for input in args.parts.iter().chain([&args.plan]) {
             context.check_output_of(output, input)?;
@@ -160,7 +169,8 @@ pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
         merge_parts(&plan, &args.parts, output, &|done, total| {
             progress.report(done, total);
             if progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?
+        })
+        .map_err(of_files)?
     };
     let info = MergeInfo {
         output: args.output.clone(),

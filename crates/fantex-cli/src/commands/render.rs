@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use fantex::base::files::folder_of;
 use fantex::gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, UvModel, render_to_picture, stream_view,
 };
@@ -21,8 +22,10 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, is_look, open_shape, portrait, report_damage, show_notes, size, vector,
+    FILTERS, Scene, SurroundingsArgs, check_picture_name, is_look, open_shape, portrait, report_damage,
+    show_notes, size, vector,
 };
+use crate::series::Series;
 use crate::text::{bytes, counted, one_of};
 
 /// Render a model, an asset, a world or a look.
@@ -113,6 +116,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
+    check_picture_name(&args.output)?;
     let options = options(args)?;
     let camera = camera(args, scene.mesh(), &options);
     let lights = lights(args, &camera)?;
@@ -177,7 +181,12 @@ fn of_rendering(Rendering { picture, stats }: Rendering) -> (Picture, RenderInfo
 /// Renders a world: what is near whole, what is far by its previews, as memory allows.
 fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let world = World::open(&args.file)?;
+    if world.space().is_none() {
+        let sentence = format!("there is nothing to show in the world {}", args.file.display());
+        return Err(Error::not_found(sentence));
+    }
     context.check_output(&args.output)?;
+    check_picture_name(&args.output)?;
     let (options, bounds) = (options(args)?, bounds(&world));
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
@@ -400,10 +409,13 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
     let times = scene.times();
     let pictures = names(&args.output, times.len());
     pictures.iter().try_for_each(|path| context.check_output(path))?;
+    check_picture_name(&args.output)?;
+    let count = Some(pictures.len() as u64);
+    let mut series = Series::of_files(context, folder_of(&args.output), "picture", count);
     let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };
     for (time, path) in times.into_iter().zip(pictures) {
         let Rendering { picture, stats } = scene.render(time)?;
-        save(&picture, &path, context)?;
+        series.write(&path, || save(&picture, &path, context))?;
         (info.width, info.height) = (picture.width, picture.height);
         info.seconds += stats.elapsed.as_secs_f64();
         info.triangles = stats.triangles;

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fantex::store::Asset;
-use fantex::{Error, FileKind, Result};
+use fantex::{Error, Result};
 use fantex_web::Page;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
 use crate::context::Context;
+use crate::scene::check_is_asset;
 use crate::server::{Content, Server, Site};
 
 /// Serve an asset to browsers and programs on this machine.
@@ -43,9 +44,7 @@ struct ServeInfo {
 
 pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     // What is no asset is refused at once, not by the browser.
-    if FileKind::of(&args.asset)? == FileKind::World {
-        return Err(FileKind::world_instead(&args.asset));
-    }
+    check_is_asset(&args.asset)?;
     drop(Asset::open(&args.asset)?);
     let name = file_name(&args.asset)?;
     let encoded = encoded(&name);

@@ -10,7 +10,7 @@ use fantex::mesh::{WriteGeometry, write_model};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::{open_shape, show_notes};
+use crate::scene::{check_model_name, open_shape, show_notes};
 use crate::text::{Count, counted};
 
 /// Write a model with the same shape and fewer triangles, to bake the fine one onto.
@@ -48,6 +48,7 @@ struct SimplifyInfo {
 pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output_of(&args.output, &args.model)?;
+    check_model_name(&args.output)?;
     let fine = open_shape(&args.model)?;
     show_notes(&fine, context);
     let coarse = fine.simplified(usize::try_from(args.triangles.0).unwrap_or(usize::MAX))?;

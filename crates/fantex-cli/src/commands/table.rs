@@ -11,7 +11,8 @@ use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, SPACES, saved};
 use crate::context::Context;
-use crate::scene::{size, vector};
+use crate::scene::{check_picture_name, size, vector};
+use crate::series::Series;
 use crate::text::one_of;
 
 /// Tabulate a texture of a look: any function, over any domain, at any density, as an image.
@@ -102,15 +103,22 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     }
     let [width, height] = args.size;
     let slices = args.slices.unwrap_or(1);
+    let slice_series = |count: u32| Series::all_or_none(context, &args.output, "slice", u64::from(count));
+    let mut series = args.slices.map(slice_series);
+    if let Some(series) = &mut series {
+        series.make_folder(&args.output)?;
+    }
     let paths: Vec<PathBuf> = match args.slices {
         None => vec![args.output.clone()],
         Some(count) => {
-            context.make_folder(&args.output)?;
             let extension = if args.depth == FileDepth::Float { "exr" } else { "png" };
             (1..=count).map(|i| args.output.join(format!("slice-{i:04}.{extension}"))).collect()
         }
     };
     paths.iter().try_for_each(|path| context.check_output_of(path, &args.look))?;
+    if args.slices.is_none() {
+        check_picture_name(&args.output)?;
+    }
     let (mut min, mut max) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
     for (slice, path) in paths.iter().enumerate() {
         context.check_interrupt()?;
@@ -130,7 +138,11 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
             true => Image::from_linear_rgb(width, height, &texels),
             false => Image::from_linear_rgba(width, height, &texels),
         };
-        saved(&image, args.depth, args.color_space, path)?;
+        let save = || saved(&image, args.depth, args.color_space, path);
+        series.as_mut().map_or_else(save, |series| series.write(path, save))?;
+    }
+    if let Some(series) = series {
+        series.finish();
     }
     let info = TableInfo {
         output: args.output.clone(),

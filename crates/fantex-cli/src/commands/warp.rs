@@ -1,5 +1,6 @@
 //! `fantex warp`: an image through a map of the plane.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, WRAPS, saved};
 use crate::context::Context;
-use crate::scene::{FILTERS, size};
+use crate::scene::{FILTERS, check_picture_name, size};
 use crate::text::{Choices, one_of};
 
 /// Warp an image: affine, perspective or bilinear, by inverse or forward mapping.
@@ -42,8 +43,8 @@ pub(crate) struct WarpArgs {
     #[arg(long, value_parser = one_of(&MAPS))]
     map: Map,
     /// Where the image's corners go, in pixels: four, or three for an affine map
-    #[arg(long, value_name = "X,Y", required = true, num_args = 3..=4, value_parser = point, allow_hyphen_values = true)]
-    corners: Vec<DVec2>,
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = corners)]
+    corners: Corners,
     /// Width and height of the picture in pixels; those of the image where it is left out
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
@@ -102,6 +103,37 @@ fn point(text: &str) -> Result<DVec2> {
     parse().ok_or_else(|| Error::invalid("expected a pixel such as 120,40"))
 }
 
+/// Three or four pixels.
+#[derive(Clone, Debug)]
+struct Corners(Vec<DVec2>);
+
+fn corners(text: &str) -> Result<Corners> {
+    let corners: Vec<DVec2> = text.split_whitespace().map(point).collect::<Result<_>>()?;
+    match corners.len() {
+        3 | 4 => Ok(Corners(corners)),
+        _ => Err(Error::invalid("expected three or four pixels such as 0,0 120,0 0,40")),
+    }
+}
+
+/// Makes one argument of `--corners` and the pixels after it. As arguments of their own they could not have a hyphen before them, unless options
+/// after three of them were taken for the fourth.
+pub(crate) fn join_corners(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let is_corner = |argument: &OsString| argument.to_str().is_some_and(|text| point(text).is_ok());
+    let mut arguments = arguments.peekable();
+    let mut joined = Vec::new();
+    while let Some(mut argument) = arguments.next() {
+        if argument == "--corners" {
+            for separator in ["=", " ", " ", " "] {
+                let Some(corner) = arguments.next_if(is_corner) else { break };
+                argument.push(separator);
+                argument.push(corner);
+            }
+        }
+        joined.push(argument);
+    }
+    joined
+}
+
 #[derive(Debug, Serialize)]
 struct WarpInfo {
     output: PathBuf,
@@ -114,7 +146,8 @@ struct WarpInfo {
 pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     let image = Image::load_as(&args.image, ColorSpace::Srgb)?;
     context.check_output_of(&args.output, &args.image)?;
-    let map: Box<dyn PlaneMap> = match (args.map, args.corners.as_slice()) {
+    check_picture_name(&args.output)?;
+    let map: Box<dyn PlaneMap> = match (args.map, args.corners.0.as_slice()) {
         (Map::Affine, &[origin, u, v]) => {
             Box::new(AffineMap::from_points([DVec2::ZERO, DVec2::X, DVec2::Y], [origin, u, v])?)
         }
@@ -148,4 +181,46 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
         let (output, percent) = (info.output.display(), 100.0 * info.covered_share);
         format!("{output}: {} x {} pixels, {percent:.0} % covered\n", info.width, info.height)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::{Cli, Command};
+
+    /// The corners of a command line, as numbers.
+    fn corners_of(line: &str) -> Result<Vec<[f64; 2]>, clap::Error> {
+        let arguments = join_corners(line.split(' ').map(OsString::from));
+        let Command::Warp(args) = Cli::try_parse_from(arguments)?.command else { panic!("another command") };
+        Ok(args.corners.0.iter().map(|corner| corner.to_array()).collect())
+    }
+
+    #[test]
+    fn what_follows_the_corners_is_none() {
+        let three = vec![[100.0, 0.0], [300.0, 100.0], [0.0, 200.0]];
+        for line in [
+            "fantex warp a.png -o b.png --map affine --corners 100,0 300,100 0,200",
+            "fantex warp a.png -o b.png --map affine --corners 100,0 300,100 0,200 --size 300x300",
+            "fantex warp a.png -o b.png --map affine --corners 100,0 300,100 0,200 --force",
+            "fantex warp -o b.png --map affine --corners 100,0 300,100 0,200 a.png",
+        ] {
+            assert_eq!(corners_of(line).unwrap(), three, "{line}");
+        }
+        let four = "fantex warp -o b.png --map bilinear --corners -10,-5 3,-.5 1e2,7 -1,-2 a.png -q";
+        assert_eq!(corners_of(four).unwrap(), [[-10.0, -5.0], [3.0, -0.5], [100.0, 7.0], [-1.0, -2.0]]);
+    }
+
+    #[test]
+    fn wrong_corners_are_refused() {
+        let sentence = |corners: &str| {
+            let line = format!("fantex warp a.png -o b.png --map affine --corners {corners}");
+            corners_of(line.trim()).unwrap_err().to_string()
+        };
+        assert!(sentence("1,2 3,4").contains("three or four pixels"));
+        assert!(sentence("x,y").contains("a pixel such as 120,40"));
+        assert!(sentence("").contains("a value is required"));
+        assert!(sentence("1,2 3,4 5,6 7,8 9,10").contains("unexpected argument '9,10'"));
+    }
 }

@@ -1,5 +1,6 @@
 //! Help, wrong command lines, bad files, and interruption.
 
+use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -53,7 +54,9 @@ fn models_and_assets_are_not_mistaken_for_each_other() {
     let asset = folder.path().join("colored.fan");
     succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"4k"]);
     fails(1, &["already baked"], &[&"bake", &asset, &"-o", &folder.path().join("again.fan")]);
-    fails(1, &["is not an asset"], &[&"verify", &bottle()]);
+    for command in ["verify", "serve"] {
+        fails(1, &["is not an asset; give a .fan file", "fantex bake"], &[&command, &bottle()]);
+    }
     fails(2, &["has its cover already"], &[&"info", &asset, &"--texels", &"4M"]);
     // An asset by another name is still an asset.
     let renamed = folder.path().join("colored.glb");
@@ -182,13 +185,30 @@ fn places_that_cannot_be_written_are_named() {
         fails(1, &["there is no folder"], &[&command, &model, &"-o", &path]);
         fails(1, &["is a folder"], &[&command, &model, &"-o", &folder.path()]);
     }
-    fails(1, &["out.xyz"], &[&"render", &model, &"-o", &folder.path().join("out.xyz")]);
-    fails(
-        1,
-        &["out.stl"],
-        &[&"generate", &"landscape", &"-o", &folder.path().join("out.stl"), &"--triangles", &"1k"],
-    );
     assert_eq!(files(folder.path()), ["colored.ply"]);
+}
+
+/// What an output is called is a matter of the command line.
+#[test]
+fn names_that_say_no_format_are_wrong_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let look = write(folder.path(), "look.toml", "[textures.wood]\nkind = 'wood'\n");
+    let picture = folder.path().join("a.png");
+    succeeds(&[&"render", &model, &"-o", &picture, &"--size", &"40x40"]);
+    let [xyz, stl] = ["out.xyz", "out.stl"].map(|name| folder.path().join(name));
+    fails(2, &["out.xyz", ".png"], &[&"render", &model, &"-o", &xyz]);
+    fails(2, &["out.xyz", ".png"], &[&"image", &picture, &"-o", &xyz, &"--power-of-two"]);
+    fails(2, &["out.xyz", ".png"], &[&"table", &look, &"-o", &xyz]);
+    let corners: [&dyn AsRef<OsStr>; 6] = [&"--map", &"affine", &"--corners", &"0,0", &"9,0", &"0,9"];
+    fails(
+        2,
+        &["out.xyz", ".png"],
+        &[&[&"warp" as &dyn AsRef<OsStr>, &picture, &"-o", &xyz][..], &corners].concat(),
+    );
+    fails(2, &["out.stl", ".ply"], &[&"simplify", &model, &"-o", &stl, &"--triangles", &"2"]);
+    fails(2, &["out.stl", ".ply"], &[&"generate", &"landscape", &"-o", &stl]);
+    assert_eq!(files(folder.path()), ["a.png", "colored.ply", "look.toml"]);
 }
 
 #[cfg(unix)]
@@ -290,6 +310,70 @@ fn an_interrupted_bake_leaves_nothing() {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(errors.contains("interrupted; no unfinished file was left behind"), "{errors}");
     assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
+}
+
+/// Interrupts a command that has written some files into a folder; its last line.
+#[cfg(unix)]
+fn interrupted(arguments: &[&dyn AsRef<OsStr>], folder: &Path, count: usize) -> String {
+    let mut command = fantex();
+    command.args(arguments.iter().map(|a| a.as_ref())).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !folder.is_dir() || files(folder).len() < count {
+        assert!(child.try_wait().unwrap().is_none(), "the command ended before it could be interrupted");
+        assert!(Instant::now() < deadline, "the command did not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = child.wait_with_output().unwrap();
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(130), "{errors}");
+    errors.lines().last().unwrap_or_default().to_owned()
+}
+
+#[cfg(unix)]
+#[test]
+fn pictures_of_an_interrupted_turntable_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let turn = folder.path().join("turn");
+    let line = interrupted(
+        &[&"export", &model, &"-o", &turn, &"--turntable", &"3600", &"--size", &"320x240"],
+        &turn,
+        3,
+    );
+    let (count, turn) = (files(&turn).len(), turn.display());
+    let expected =
+        format!("interrupted after {count} of 3 600 pictures in {turn}; no unfinished file was left");
+    assert!(line.contains(&expected), "{line}");
+}
+
+/// Some of the slices would be read as a volume that is less deep.
+#[cfg(unix)]
+#[test]
+fn interrupted_slices_and_photographs_leave_nothing_new() {
+    const NOTHING: &str = "fantex: interrupted; no unfinished file was left behind";
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(folder.path(), "look.toml", "[textures.wood]\nkind = 'wood'\n");
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let slices = folder.path().join("made/slices");
+    let table: [&dyn AsRef<OsStr>; 8] =
+        [&"table", &look, &"-o", &slices, &"--size", &"256x256", &"--slices", &"16384"];
+    assert_eq!(interrupted(&table, &slices, 2), NOTHING);
+    assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
+    let shoot = folder.path().join("shoot");
+    let photographs: [&dyn AsRef<OsStr>; 9] =
+        [&"generate", &"photographs", &model, &"-o", &shoot, &"--count", &"10000", &"--size", &"320x240"];
+    assert_eq!(interrupted(&photographs, &shoot.join("images"), 2), NOTHING);
+    assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
+    // What was there is not removed, and what was replaced is counted.
+    std::fs::create_dir_all(&slices).unwrap();
+    write(&slices, "notes.txt", "precious");
+    write(&slices, "slice-0001.png", "replaced");
+    let line = interrupted(&[&table[..], &[&"--force"]].concat(), &slices, 4);
+    assert!(line.contains("interrupted after 1 of 16 384 slices in"), "{line}");
+    assert_eq!(files(&slices), ["notes.txt", "slice-0001.png"]);
 }
 
 #[cfg(unix)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{COLORED_PLY, bottle, fails, fantex, files, json, succeeds, write};
+use crate::{COLORED_PLY, bottle, fails, fantex, files, json, succeeds, workspace, write};
 
 /// The bottle, baked small.
 fn baked(folder: &Path) -> std::path::PathBuf {
@@ -208,9 +208,26 @@ fn strokes_are_replayed_and_the_result_is_certified() {
     assert!(std::fs::read(&asset).unwrap() == std::fs::read(&painted).unwrap());
 
     fails(1, &["exists already"], &[&"paint", &asset, &"--replay", &at("strokes.json"), &"-o", &painted]);
-    fails(1, &["channel Normal"], &[&"paint", &asset, &"--replay", &at("wrong.json")]);
+    fails(
+        1,
+        &["channel normal", "--add-channel normal"],
+        &[&"paint", &asset, &"--replay", &at("wrong.json")],
+    );
     fails(1, &["not a stroke file"], &[&"paint", &asset, &"--replay", &model]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");
+}
+
+#[test]
+fn the_example_of_the_documentation_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let page = std::fs::read_to_string(workspace().join("docs/painting.md")).unwrap();
+    let example = page.split("```json\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    std::fs::write(at("strokes.json"), example).unwrap();
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let done = json(&[&"paint", &at("a.fan"), &"--replay", &at("strokes.json")]);
+    assert_eq!(done["strokes"], 2);
 }
 
 #[test]
@@ -244,7 +261,11 @@ fn channels_are_added_and_the_log_brings_them_along() {
     std::fs::write(at("adding.json"), adding).unwrap();
     json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
     let before = std::fs::read(at("a.fan")).unwrap();
-    fails(1, &["channel Emission"], &[&"paint", &at("a.fan"), &"--replay", &at("strokes.json")]);
+    fails(
+        1,
+        &["channel emission", "--add-channel emission"],
+        &[&"paint", &at("a.fan"), &"--replay", &at("strokes.json")],
+    );
     fails(2, &["invalid value 'light'"], &[&"paint", &at("a.fan"), &"--add-channel", &"light"]);
     json(&[&"paint", &at("a.fan"), &"--add-channel", &"emission,normal", &"-o", &at("richer.fan")]);
     assert!(std::fs::read(at("a.fan")).unwrap() == before);

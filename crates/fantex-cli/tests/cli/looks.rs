@@ -625,6 +625,30 @@ fn images_of_one_row_are_indexed_by_textures() {
     }
 }
 
+#[test]
+fn the_examples_of_warp_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let row: Vec<f32> = (0..48).map(|i| i as f32 / 48.0).collect();
+    Image::from_linear(4, 4, 3, row).save(folder.path().join("brick.png")).unwrap();
+    let help = String::from_utf8(succeeds(&[&"warp", &"--help"]).stdout).unwrap();
+    let examples = help.split("Example:").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap();
+    // Long ones are broken into lines.
+    let mut examples: Vec<&str> = examples.split("fantex warp ").skip(1).collect();
+    assert_eq!(examples.len(), 3);
+    examples.push("-o outside.png --map affine --size 30x20 --corners -10,-5 20,-5 -10,15 brick.png --json");
+    for example in examples {
+        let words = example.split_whitespace();
+        let output = crate::fantex().arg("warp").args(words).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{example}: {}", crate::stderr(&output));
+    }
+    let size = |name: &str| {
+        let image = Image::load(folder.path().join(name)).unwrap();
+        [image.width, image.height]
+    };
+    let sizes = ["floor.png", "turned.png", "bent.png", "outside.png"].map(size);
+    assert_eq!(sizes, [[640, 360], [300, 300], [400, 400], [30, 20]]);
+}
+
 /// Warps and sizes of a user's own image.
 #[test]
 fn images_are_warped_and_scaled() {

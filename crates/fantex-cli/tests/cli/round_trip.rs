@@ -190,6 +190,10 @@ fn a_landscape_becomes_an_asset_at_once() {
     let command: [&dyn AsRef<OsStr>; 6] = [&"generate", &"landscape", &"-o", &model, &"--texels", &"1M"];
     fails(2, &["--texels", ".fan"], &command);
     assert_eq!(files(folder.path()), ["land.fan"]);
+    // There is none with so few triangles, which is said.
+    let coarse = succeeds(&[&"generate", &"landscape", &"-o", &model, &"--triangles", &"10"]);
+    let said = crate::stderr(&coarse);
+    assert!(said.contains("triangles instead of the 10 asked for"), "{said}");
 }
 
 #[test]
@@ -220,6 +224,41 @@ fn the_bottle_looks_like_its_original() {
     let same = json(&[&"compare", &bottle(), &bottle(), &"--views", &"1", &"--size", &"64x64"]);
     assert_eq!(same["psnr_db"]["mean"], Value::Null);
     assert_eq!(same["flip"], 0.0);
+}
+
+#[test]
+fn views_that_show_nothing_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    // Of three cameras the second one sees a level plate edge-on.
+    let properties = "property float x\nproperty float y\nproperty float z
+property uchar red\nproperty uchar green\nproperty uchar blue";
+    let plate = |name: &str, red: u32| {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 4\n{properties}
+element face 2\nproperty list uchar int vertex_indices\nend_header
+-1 0 -1 {red} 40 40\n1 0 -1 40 {red} 40\n1 0 1 40 40 {red}\n-1 0 1 90 90 90\n3 0 1 2\n3 0 2 3\n"
+        );
+        write(folder.path(), name, text)
+    };
+    let [a, b] = [plate("a.ply", 200), plate("b.ply", 180)];
+    let arguments: [&dyn AsRef<OsStr>; 7] = [&"compare", &a, &b, &"--views", &"3", &"--size", &"64x48"];
+    let compared = json(&arguments);
+    let view = |number: usize, key: &str| compared["per_view"][number][key].as_f64();
+    assert_eq!((view(1, "psnr_db"), view(1, "model_share")), (None, Some(0.0)));
+    for (key, found) in [
+        ("psnr_db", &compared["psnr_db"]["mean"]),
+        ("whole_psnr_db", &compared["whole_psnr_db"]["mean"]),
+        ("ssim", &compared["ssim"]),
+        ("flip", &compared["flip"]),
+        ("model_share", &compared["model_share"]),
+    ] {
+        let mean = (view(0, key).unwrap() + view(2, key).unwrap()) / 2.0;
+        assert!((found.as_f64().unwrap() - mean).abs() < 1e-9, "{key}: {compared:#}");
+    }
+    assert_eq!((&compared["views"], &compared["empty_views"]), (&3.into(), &1.into()));
+    let said = String::from_utf8(succeeds(&arguments).stdout).unwrap();
+    assert!(said.contains("1 of 3 views left out"), "{said}");
+    fails(1, &["nothing to compare"], &[&"compare", &a, &b, &"--views", &"1", &"--size", &"64x48"]);
 }
 
 #[test]
@@ -475,6 +514,14 @@ fn parts_of_a_plan_are_merged() {
     fails(2, &["cannot be used with"], &[&"bake", &plan, &"--shard=1/3", &"--texels=9", &"-o", &at("x")]);
     fails(1, &["is a plan, which has no texels"], &[&"render", &plan, &"-o", &at("x.png")]);
     fails(1, &["is a plan, which has no texels"], &[&"bake", &plan, &"-o", &at("x")]);
-    fails(2, &["is an asset, and no plan"], &[&"bake", &merged, &"--shard=1/3", &"-o", &at("x")]);
+    fails(1, &["is an asset, and no plan"], &[&"bake", &merged, &"--shard=1/3", &"-o", &at("x")]);
+    fails(1, &["have the same tiles"], &[&"merge", &plan, a, a, b, c, &"--check"]);
+    let other = at("other.plan");
+    json(&[&"plan", &model, &"-o", &other, &"--texels=50k"]);
+    fails(1, &["belongs to another plan"], &[&"merge", &other, a, b, c, &"-o", &at("x")]);
+    let changed = write(folder.path(), "colored.ply", COLORED_PLY);
+    json(&[&"plan", &changed, &"-o", &at("colored.plan"), &"--texels=4k"]);
+    write(folder.path(), "colored.ply", COLORED_PLY.replace("0 1 0 0 0 255", "0 3 0 0 0 255"));
+    fails(1, &["plan anew"], &[&"bake", &at("colored.plan"), &"--shard=1/1", &"-o", &at("x")]);
     fails(1, &["is no part of a bake"], &[&"merge", &plan, &merged, &"--check"]);
 }

@@ -252,6 +252,11 @@ fn existing_assets_become_a_world() {
     );
     assert!(cube_asset.exists());
 
+    // There is nothing to show in an empty one.
+    let empty = place("empty.fanworld");
+    json(&[&"world", &empty, &"--make-previews"]);
+    fails(1, &["nothing to show", "empty.fanworld"], &[&"render", &empty, &"-o", &place("empty.png")]);
+
     fails(1, &["has no asset", "cube.fan"], &[&"world", &index, &"--remove", &cube_asset]);
     fails(1, &["cannot read", "none.fan"], &[&"world", &index, &place("none.fan")]);
     fails(1, &["is not an asset"], &[&"world", &index, &cube]);

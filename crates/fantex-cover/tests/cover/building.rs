@@ -277,11 +277,19 @@ fn meshes_that_take_more_memory_than_is_allowed_are_refused() {
 #[test]
 fn tiles_that_no_format_holds_are_refused() {
     let mesh = cleaned(generate::grid(1));
-    for budget in [TexelBudget::Density(1e6), TexelBudget::Density(1e30), TexelBudget::Total(u64::MAX)] {
+    let budgets = [
+        TexelBudget::Density(1e5),
+        TexelBudget::Density(1e6),
+        TexelBudget::Density(1e30),
+        TexelBudget::Total(u64::MAX),
+    ];
+    for budget in budgets {
         for tile in [0, 128, u32::MAX] {
             let error = build_cover(&mesh, &options(tile, budget.clone())).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::TooLarge);
-            assert!(error.to_string().contains(&format!("the limit is {MAX_EXTENT}")), "{error}");
+            let message = error.to_string();
+            assert!(message.contains(&format!("the limit is {MAX_EXTENT}")), "{message}");
+            assert!(message.contains("--longest-edge"), "{message}");
         }
     }
 }

@@ -27,7 +27,8 @@ pub use topology::Topology;
 /// How to clean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CleanOptions {
-    /// Weld vertices up to this far apart, in world units. 0 (the default) welds only equal positions.
+    /// Weld vertices up to this far apart, in world units. 0 (the default) welds only equal positions, and those that nothing but rounding
+    /// in double precision sets apart: coordinates next to zero count as equal up to 2^-44 of the model's size.
     pub weld_distance: f64,
     /// Turn closed components of negative volume inside out. Off by default: the file's sides are believed.
     pub turn_outward: bool,

@@ -156,12 +156,29 @@ fn smallest_first(triangle: [u32; 3]) -> [u32; 3] {
 
 // Welding: vertices at the same place become one.
 
-/// Vertices (among the used ones) at exactly the position of an earlier one.
+/// Coordinates are told apart by steps of this, mesh units, and where single precision is coarser exactly. What double precision leaves of
+/// a zero, such as 2.4e-16 of the sine of a full turn, is less.
+const PLACE_STEP: f64 = 1.0 / (1_u64 << 44) as f64;
+
+/// From here on single precision has no finer steps.
+const PLACE_STEP_MATTERS: f32 = 1.0 / (1_u32 << 20) as f32;
+
+/// Where a vertex is: equal for those that only rounding sets apart.
+fn place(position: Vec3) -> Vec3 {
+    position.map(|x| match x.abs() < PLACE_STEP_MATTERS {
+        // Not minus zero.
+        true => ((f64::from(x) / PLACE_STEP).round() * PLACE_STEP) as f32 + 0.0,
+        false => x,
+    })
+}
+
+/// Vertices (among the used ones) at the place of an earlier one.
 pub(super) fn coinciding(positions: &[Vec3], used: impl Fn(usize) -> bool + Sync) -> Vec<Repeat> {
+    let place = |i: usize| place(positions[i]);
     repeats(
         positions.len(),
-        |i| used(i).then(|| scramble(positions[i].to_array().map(f32::to_bits))),
-        |a, b| positions[a as usize] == positions[b as usize],
+        |i| used(i).then(|| scramble(place(i).to_array().map(f32::to_bits))),
+        |a, b| place(a as usize) == place(b as usize),
     )
 }
 
@@ -250,6 +267,20 @@ mod tests {
         let one_ulp = Vec3::new(f32::from_bits(a.x.to_bits() + 1), a.y, a.z);
         let found = coinciding(&[a, one_ulp, a, Vec3::ZERO, one_ulp], |i| i != 4);
         assert_eq!(found, [Repeat { element: 2, first: 0 }]);
+    }
+
+    #[test]
+    fn places_differ_unless_only_rounding_sets_them_apart() {
+        let place = |x: f32| place(Vec3::new(x, 0.5, -x)).x;
+        for noise in [2.4e-16_f32, -1e-15, 1e-20, -0.0] {
+            assert_eq!(place(noise).to_bits(), 0.0_f32.to_bits(), "{noise}");
+        }
+        for x in [1e-13_f32, -1e-12, 1e-7, PLACE_STEP_MATTERS.next_down(), 0.3, 1.0] {
+            assert_ne!(place(x), place(0.0), "{x}");
+        }
+        for x in [PLACE_STEP_MATTERS, 1e-3, 0.3, 1.0] {
+            assert_eq!((place(x), place(x.next_up())), (x, x.next_up()));
+        }
     }
 
     #[test]

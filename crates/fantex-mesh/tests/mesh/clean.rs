@@ -350,6 +350,55 @@ fn minus_zero_is_zero() {
     assert_eq!((report.vertices_welded, report.topology.components), (1, 1));
 }
 
+/// A sphere by angles from 0 to a full turn, both included. The seam and the poles close up to the rounding of sines.
+fn sphere_by_angles(columns: u32, rows: u32, radius: f64) -> Model {
+    let positions = (0..=rows).flat_map(move |row| {
+        let (sin, cos) = (0.5 * TAU * f64::from(row) / f64::from(rows)).sin_cos();
+        (0..=columns).map(move |column| {
+            let around = TAU * f64::from(column) / f64::from(columns);
+            [sin * around.cos(), sin * around.sin(), cos].map(|x| radius * x)
+        })
+    });
+    let quad = move |row: u32, column: u32| {
+        let a = row * (columns + 1) + column;
+        let [b, c, d] = [a + columns + 1, a + columns + 2, a + 1];
+        [[a, b, c], [a, c, d]]
+    };
+    let triangles = (0..rows).flat_map(move |row| (0..columns).flat_map(move |column| quad(row, column)));
+    soup(positions, triangles.collect::<Vec<_>>())
+}
+
+#[test]
+fn surfaces_that_close_up_to_rounding_are_closed() {
+    for (columns, rows, radius) in [(60, 30, 1.0), (30, 20, 1e-3), (64, 32, 12_345.6)] {
+        let open = sphere_by_angles(columns, rows, radius);
+        let first = columns + 1;
+        assert_ne!(open.positions[first as usize], open.positions[(first + columns) as usize]);
+        let (mesh, report) = cleaned(open);
+        assert_eq!((report.topology.edges_boundary, report.topology.genus()), (0, Some(0)), "{report:?}");
+        assert_eq!(mesh.positions.len() as u32, columns * (rows - 1) + 2);
+    }
+}
+
+#[test]
+fn sheets_that_are_apart_stay_apart() {
+    for distance in [1e-3, 1e-6, 1e-12] {
+        let (one, alone) = cleaned(grid(4));
+        let mut both = grid(4);
+        let count = both.positions.len() as u32;
+        let height = both.positions[0].y;
+        let above: Vec<DVec3> = both.positions.iter().map(|p| *p + DVec3::Y * distance).collect();
+        assert!(both.positions.iter().all(|p| p.y == height) && above[0].y != height);
+        both.positions.extend(above);
+        let other: Vec<_> = both.triangles.iter().map(|t| t.map(|v| v + count)).collect();
+        both.triangles.extend(other);
+        let (mesh, report) = cleaned(both);
+        assert_eq!(mesh.positions.len(), 2 * one.positions.len(), "{distance}");
+        assert_eq!((report.vertices_welded, report.topology.components), (0, 2), "{distance}");
+        assert_eq!(report.topology.edges_boundary, 2 * alone.topology.edges_boundary);
+    }
+}
+
 #[test]
 fn random_flips_are_undone_and_attributes_follow() {
     let mut model = torus(40, 20);

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_mesh::{generate, shading_normals};
 use fantex_paint::{
-    FillArea, FillSettings, Layer, PaintOptions, Painter, Size, StrokeFile, Symmetry, Target, Tool, dabs_of,
-    fill_triangles, replay,
+    FillArea, FillSettings, Layer, MaskMeasure, PaintOptions, Painter, Size, StrokeFile, StrokeLog, Symmetry,
+    Target, Tool, dabs_of, fill_triangles, replay,
 };
 use fantex_store::{
     Asset, ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, verify,
@@ -15,7 +15,8 @@ use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
 use crate::{
-    Baked, ball, cleaned, contents, cover, data_folder, loaded, paint_stroke, plate, red, sample, stroke,
+    Baked, ball, cleaned, contents, cover, data_folder, loaded, paint_stroke, plate, red, run, sample,
+    stroke, strokes,
 };
 
 /// Over the ball, through many tiles.
@@ -311,12 +312,27 @@ fn mistakes_in_stroke_files_are_named() {
         }
     };
     for (from, to, expected) in [
-        ("base_color", "emission", "stroke 0 paints the channel Emission"),
-        ("occlusion_roughness_metallic", "base_color", "twice"),
+        ("base_color", "emission", "stroke 0 paints the channel emission, which the asset does not have"),
+        (
+            "base_color",
+            "emission",
+            "\"add_channels\": [\"emission\"] in the stroke file or with --add-channel emission",
+        ),
+        ("base_color", "light", "only a bake makes it"),
+        ("occlusion_roughness_metallic", "base_color", "channel base_color twice"),
         ("\"marble\"}", "\"cheese\"}", "cheese"),
         ("\"texels\": 30", "\"texels\": -3", "above 0"),
         ("\"flow\"", "\"flou\"", "unknown field"),
-        ("\"position\": [1, 0, 0]", "\"point\": {\"triangle\": 99999, \"lambda\": [1, 0, 0]}", "no point"),
+        (
+            "\"position\": [1, 0, 0]",
+            "\"point\": {\"triangle\": 99999, \"lambda\": [1, 0, 0]}",
+            "sample 0 of stroke 0 is no point of the surface: it names triangle 99999, but the mesh has 5120, counted from 0",
+        ),
+        (
+            "\"position\": [1, 0, 0]",
+            "\"point\": {\"triangle\": 7, \"lambda\": [1, 0.5, 0]}",
+            "its barycentric coordinates in triangle 7, 1, 0.5, 0, must be at least 0 and add up to 1",
+        ),
     ] {
         let from = if from.contains('}') { "\"marble\" }" } else { from };
         let to = to.replace("\"cheese\"}", "\"cheese\" }");
@@ -324,6 +340,60 @@ fn mistakes_in_stroke_files_are_named() {
         assert!(message.contains(expected), "{message}");
     }
     assert!(!painter.editor().has_changes(), "nothing was applied");
+}
+
+#[test]
+fn values_that_mean_nothing_are_refused() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let mut replayed = |rest: &str| {
+        let text = format!(r#"{{ "channels": [{{ "kind": "base_color" }}], {rest} }}"#);
+        replay(&mut painter, &strokes(&text), baked.folder.path()).map_err(|error| error.to_string())
+    };
+    let mut layer = Layer::painted("a");
+    layer.mask_source = Some(MaskMeasure::Slope { axis: 4 }.source());
+    let layers = format!(r#""set_layers": {}"#, serde_json::to_string(&[layer]).unwrap());
+    let somewhere = r#""samples": [{ "at": { "position": [0, 0, 1] } }]"#;
+    let not_an_axis = "but must be 0 (x), 1 (y) or 2 (z)";
+    for (rest, key, expected) in [
+        (r#""symmetry": { "mirror": { "axis": 3 } }"#, "symmetry.mirror.axis` is 3", not_an_axis),
+        (r#""symmetry": { "radial": { "axis": 7, "count": 2 } }"#, "symmetry.radial.axis` is 7", not_an_axis),
+        (r#""symmetry": { "radial": { "axis": 1, "count": 0 } }"#, "radial.count` is 0", "1 to 256"),
+        (r#""symmetry": { "radial": { "axis": 1, "count": 257 } }"#, "radial.count` is 257", "1 to 256"),
+        (layers.as_str(), "mask_source.by.slope.axis` is 4", not_an_axis),
+    ] {
+        let message = replayed(&format!("{rest}, {somewhere}")).unwrap_err();
+        assert!(message.starts_with("stroke 0: `") && message.contains(key), "{message}");
+        assert!(message.contains(expected), "{message}");
+    }
+    for rest in [r#""samples": []"#, r#""line": true"#, r#""fill": "connected""#] {
+        let message = replayed(rest).unwrap_err();
+        assert!(message.contains("stroke 0: `samples` is [], but must name at least one place"), "{message}");
+    }
+    // These need no sample.
+    for rest in [
+        r#""fill": "whole", "samples": []"#,
+        r#""dabs": [{ "at": { "position": [0, 0, 1] }, "radius": 0.1, "hardness": 1, "flow": 1 }]"#,
+    ] {
+        assert_eq!(replayed(rest).unwrap().strokes, 1);
+    }
+}
+
+/// The log has samples where they met the surface, and so none of this stroke.
+#[test]
+fn a_log_with_a_stroke_that_met_nothing_is_replayed() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let beside = r#"{ "ray": { "origin": [0, 9, 9], "direction": [0, 0, -1] } }"#;
+    let stroke = format!(
+        r#"{{ "layer": {{ "name": "a" }}, "channels": [{{ "kind": "base_color" }}], "samples": [{{ "at": {beside} }}] }}"#
+    );
+    drop(run(&baked, &stroke));
+    let log = StrokeLog::of(&Asset::open(&baked.path).unwrap()).unwrap();
+    assert!(log.strokes.strokes.iter().any(|stroke| stroke.layer.is_some() && stroke.samples.is_empty()));
+    let other = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = other.painter();
+    log.replay(&mut painter).unwrap();
+    assert_eq!(painter.layers().len(), 1);
 }
 
 #[test]

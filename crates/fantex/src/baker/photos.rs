@@ -37,6 +37,10 @@ impl Progress for UntilFailure<'_> {
         self.progress.report(done, total);
     }
 
+    fn note(&self, sentence: &str) {
+        self.progress.note(sentence);
+    }
+
     fn is_cancelled(&self) -> bool {
         self.progress.is_cancelled() || self.source.failure().is_some()
     }

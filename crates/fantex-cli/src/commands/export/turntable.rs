@@ -17,6 +17,7 @@ use tempfile::NamedTempFile;
 use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
 use crate::scene::{Scene, Surroundings, aspect};
+use crate::series::Series;
 use crate::text::counted;
 
 #[derive(Debug, Serialize)]
@@ -56,6 +57,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     let surface = scene.surface(args.filter)?;
     // An unfinished animation must not stay behind.
     let _deferral = context.defer_interrupt();
+    let mut series = Series::of_files(context, &args.output, "picture", Some(u64::from(count)));
     let mut animation = None;
     for (i, camera) in (0..).zip(cameras(scene.mesh(), count, aspect(&options))) {
         context.check_interrupt()?;
@@ -72,7 +74,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
             };
             animation.add(&picture)?;
         } else {
-            picture.save(&files[i])?;
+            series.write(&files[i], || picture.save(&files[i]))?;
         }
     }
     if let Some(animation) = animation {

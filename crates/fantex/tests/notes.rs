@@ -1,0 +1,83 @@
+//! What bakes say: before long work begins, and where they cannot begin.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use fantex::{Baker, Mesh, NoProgress, Progress};
+use fantex_texture::{ColorSpace, Image, Samples};
+
+/// Texels along a side of the texture.
+const SIDE: u32 = 64;
+
+/// A square on which a texture is repeated so many times along both sides.
+fn tiled(folder: &Path, repeats: u32) -> PathBuf {
+    let image = Image {
+        width: SIDE,
+        height: SIDE,
+        channels: 3,
+        space: ColorSpace::Linear,
+        samples: Samples::U16((0..SIDE * SIDE * 3).map(|i| (i * 5) as u16).collect()),
+    };
+    image.save(folder.join("color.png")).unwrap();
+    std::fs::write(folder.join("square.mtl"), "newmtl a\nmap_Kd color.png\n").unwrap();
+    let square = format!(
+        "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt {repeats} 0\nvt {repeats} {repeats}\nvt 0 {repeats}\n\
+         usemtl a\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+    );
+    let path = folder.join("square.obj");
+    std::fs::write(&path, square).unwrap();
+    path
+}
+
+/// What a bake says, in order. Ends it with the first note.
+#[derive(Default)]
+struct UpToNote(Mutex<Vec<String>>);
+
+impl Progress for UpToNote {
+    fn report(&self, _: u64, _: u64) {
+        self.0.lock().unwrap().push("report".into());
+    }
+
+    fn note(&self, sentence: &str) {
+        self.0.lock().unwrap().push(sentence.into());
+    }
+
+    fn is_cancelled(&self) -> bool {
+        !self.0.lock().unwrap().is_empty()
+    }
+}
+
+#[test]
+fn many_texels_that_nobody_asked_for_are_told_of_before_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = Mesh::load(tiled(folder.path(), 160)).unwrap();
+    let path = folder.path().join("square.fan");
+    let is_many = |note: &String| note.contains("about 104 million texels");
+    for is_plan in [false, true] {
+        let heard = UpToNote::default();
+        let baker = Baker::new(&mesh).progress(&heard);
+        let outcome = if is_plan { baker.write_plan(&path, b"") } else { baker.write(&path) };
+        assert!(outcome.unwrap_err().is_cancelled());
+        let heard = heard.0.into_inner().unwrap();
+        assert!(heard.len() == 1 && is_many(&heard[0]), "{heard:?}");
+        assert!(!path.exists());
+    }
+    // For those who listen to nothing.
+    let baked = Baker::new(&mesh).progress(&NoProgress).write_plan(&path, b"").unwrap();
+    assert_eq!(baked.notes.iter().filter(|note| is_many(note)).count(), 1, "{:?}", baked.notes);
+    let asked_for = Baker::new(&mesh).texels(100_000_000).overwrite(true).write_plan(&path, b"").unwrap();
+    assert!(!asked_for.notes.iter().any(|note| note.contains("million texels")), "{:?}", asked_for.notes);
+}
+
+#[test]
+fn a_texture_that_is_not_there_has_a_way_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = Mesh::load(tiled(folder.path(), 1)).unwrap();
+    std::fs::remove_file(folder.path().join("color.png")).unwrap();
+    let error = Baker::new(&mesh).texels(1000).write(folder.path().join("square.fan")).unwrap_err();
+    let message = error.to_string();
+    assert!(message.contains("color.png") && message.contains("put the file there"), "{message}");
+    assert!(message.contains("--source"), "{message}");
+}
