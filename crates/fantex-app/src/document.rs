@@ -313,7 +313,7 @@ impl Document {
         let world = World::open(index)?;
         let space = world.space().ok_or_else(|| {
             let sentence = format!("there is nothing to show in the world {place}");
-            Error::invalid(sentence)
+            Error::not_found(sentence)
         })?;
         let boxes = Arc::new(box_mesh(&world, space));
         let bounds = world_bounds(&boxes);

@@ -82,9 +82,10 @@ pub(crate) fn charts(
     let edges = edges(mesh, across);
     let atoms = atoms(mesh, cover, &edges);
     let patches = join(mesh, &atoms, &edges, texels_per_unit);
-    let projected = patches.into_par_iter().flat_map_iter(|patch| charts_of(mesh, patch, texels_per_unit));
+    let projected =
+        patches.into_par_iter().flat_map_iter(|patch| charts_of(mesh, patch, across, texels_per_unit));
     let united = unite(mesh, projected.collect(), across, progress);
-    let whole = united.into_par_iter().flat_map_iter(|chart| cut(mesh, chart, texels_per_unit, Some(across)));
+    let whole = united.into_par_iter().flat_map_iter(|chart| cut(mesh, chart, true, across, texels_per_unit));
     whole.map_init(RectangleFinder::default, |rectangles, chart| chart.lying(rectangles)).collect()
 }
 
@@ -449,38 +450,41 @@ const MAX_CELLS: f32 = 4096.0;
 /// How much a triangle is shrunk before its cells are taken, so that neighbours never meet: share of a cell.
 const SHRINK: f32 = 1e-3;
 
-fn charts_of(mesh: &Mesh, patch: Patch, texels_per_unit: f32) -> Vec<Chart> {
+fn charts_of(mesh: &Mesh, patch: Patch, across: &[u32], texels_per_unit: f32) -> Vec<Chart> {
     let (seen, hidden): (Vec<u32>, Vec<u32>) = patch
         .triangles
         .into_iter()
         .partition(|&t| facet_normal(mesh, t as usize).dot(patch.direction) >= MIN_FACING_OF_CHART);
     let mut charts = Vec::new();
     if !seen.is_empty() {
-        charts = cut(mesh, Chart::projected(mesh, seen, patch.direction), texels_per_unit, None);
+        charts = cut(mesh, Chart::projected(mesh, seen, patch.direction), false, across, texels_per_unit);
     }
     let alone = |t: u32| Chart::projected(mesh, vec![t], facet_normal(mesh, t as usize));
     charts.extend(hidden.into_iter().map(alone));
     charts
 }
 
-/// Cuts a chart into some that do not overlap themselves by more than a texel; not at all if it is told which half-edges lie beyond which.
-fn cut(mesh: &Mesh, chart: Chart, texels_per_unit: f32, across: Option<&[u32]>) -> Vec<Chart> {
-    let (mut charts, mut waiting) = (Vec::new(), vec![chart]);
-    while let Some(chart) = waiting.pop() {
-        let mut is_taken = without_overlap(mesh, &chart, texels_per_unit);
-        if is_taken.iter().all(|&is| is)
-            && let Some(across) = across
-        {
-            is_taken = without_crossings(&chart, across);
+/// Cuts a chart into some that do not overlap themselves. `is_whole` where it hangs together, so that its border tells.
+fn cut(mesh: &Mesh, chart: Chart, is_whole: bool, across: &[u32], texels_per_unit: f32) -> Vec<Chart> {
+    let (mut charts, mut waiting) = (Vec::new(), vec![(chart, is_whole)]);
+    while let Some((chart, is_whole)) = waiting.pop() {
+        let is_all = |is_taken: &[bool]| is_taken.iter().all(|&is| is);
+        let mut is_taken = without_crossings(&chart, across);
+        if !(is_whole && is_all(&is_taken)) {
+            // Much of it first, where it overlaps widely.
+            let in_cells = without_overlap(mesh, &chart, texels_per_unit);
+            if !is_all(&in_cells) {
+                is_taken = in_cells;
+            }
         }
-        if is_taken.iter().all(|&is| is) {
+        if is_all(&is_taken) {
             charts.push(chart);
             continue;
         }
         waiting.extend([false, true].map(|which| {
             let part = chart.iter().zip(&is_taken).filter(|(_, is)| **is == which);
             let (triangles, corners) = part.map(|(triangle, _)| triangle).unzip();
-            Chart::new(triangles, corners)
+            (Chart::new(triangles, corners), false)
         }));
     }
     charts
@@ -602,7 +606,8 @@ mod tests {
     fn a_winding_strip_is_cut_where_it_comes_round() {
         let mesh = helix();
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
-        let charts = charts_of(&mesh, Patch { triangles: all.clone(), direction: Vec3::Z }, 200.0);
+        let patch = Patch { triangles: all.clone(), direction: Vec3::Z };
+        let charts = charts_of(&mesh, patch, &continued(&mesh), 200.0);
         assert_eq!(charts.len(), 2);
         let mut triangles: Vec<u32> = charts.iter().flat_map(|c| c.triangles.clone()).collect();
         triangles.sort_unstable();

@@ -178,7 +178,7 @@ impl World {
     /// As [`space`](Self::space), for those who want to show something.
     pub(crate) fn space_to_show(&self, index: &Path) -> Result<WorldFromMesh> {
         self.space().ok_or_else(|| {
-            Error::invalid(format!("there is nothing to show in the world {}", index.display()))
+            Error::not_found(format!("there is nothing to show in the world {}", index.display()))
         })
     }
 

@@ -83,18 +83,3 @@ fn nothing_is_cut_where_there_is_one_fan_per_tile_or_where_that_was_asked_for() 
     let cut = LongestEdge::Texels(64).refined(&mesh, &TexelBudget::Total(TEXELS), 1024).into_owned();
     assert!(cut.triangles.len() > 100);
 }
-
-/// Cuts make tiles short enough where those of whole triangles are longer than a file holds.
-#[test]
-fn what_is_too_long_to_be_covered_is_cut() {
-    let mut rod = cube(1);
-    rod.positions.iter_mut().for_each(|p| *p *= DVec3::new(1.0, 1e-4, 1e-4));
-    let mesh = cleaned(rod);
-    let budget = TexelBudget::Total(32_000_000);
-    let options = CoverOptions { budget: budget.clone(), ..CoverOptions::default() };
-    let error = build_cover(&mesh, &options).unwrap_err();
-    assert!(error.to_string().contains("--longest-edge"), "{error}");
-    let cut = LongestEdge::Automatic.refined(&mesh, &budget, 1024).into_owned();
-    assert!(cut.triangles.len() > 1000);
-    build_cover(&cut, &options).unwrap();
-}
