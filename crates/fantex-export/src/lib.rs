@@ -20,6 +20,7 @@ mod layout;
 mod materialx;
 mod model_file;
 mod overlaps;
+mod packing;
 mod pictures;
 mod texels;
 mod unions;
