@@ -813,12 +813,13 @@ mod tests {
         })
     }
 
+    /// Sides are laid flat as they are; crumbs around a corner are stretched a little where they stay in one piece.
     #[test]
-    fn boxes_come_in_few_charts_without_stretch() {
-        for cells in [1, 8] {
+    fn boxes_come_in_few_charts_with_little_stretch() {
+        for (cells, most) in [(1, 1.01), (8, 1.3)] {
             let (mesh, charts) = charts_of(generate::cube(cells));
             let [longest, shortest] = ratios(&mesh, &charts);
-            assert!(longest < 1.01 && shortest > 0.99, "{longest}, {shortest}");
+            assert!(longest < most && shortest > most.recip(), "{longest}, {shortest}");
             assert!(charts.len() <= 4, "{} charts", charts.len());
         }
     }
