@@ -224,10 +224,11 @@ struct Piece {
 
 /// A union that may be made. Ordered so that the heap gives the cheapest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Plan {
-    cost: f32,
-    pieces: [u32; 2],
-    versions: [u32; 2],
+pub(crate) struct Plan {
+    pub(crate) cost: f64,
+    pub(crate) pieces: [u32; 2],
+    /// Of the pieces when it was made.
+    pub(crate) versions: [u32; 2],
 }
 
 impl Eq for Plan {}
@@ -319,7 +320,7 @@ impl Joiner {
         let border = first.borders.get(&b).copied().unwrap_or(0.0);
         let share = border / first.perimeter.min(second.perimeter).max(f32::MIN_POSITIVE);
         let cost = 2.0 * (1.0 - cosine) + (1.0 - share);
-        Some(Plan { cost, pieces: [a, b], versions: [first.version, second.version] })
+        Some(Plan { cost: f64::from(cost), pieces: [a, b], versions: [first.version, second.version] })
     }
 
     /// Joins two pieces into that with more neighbours, and returns it.

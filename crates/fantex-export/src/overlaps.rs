@@ -38,6 +38,9 @@ impl Side {
 /// Sides that reach over each other by less of their length end at each other.
 const ROUNDING: f64 = 1e-5;
 
+/// Triangles around a point that overlap by less, radians, lie beside each other: what single precision leaves of the angles of slivers.
+const ROUNDING_OF_ANGLES: f64 = 1e-4;
+
 /// Which triangles have no side on the border that crosses another one's, but for the larger one of any two: where a chart overlaps itself by
 /// less than a cell, its border crosses itself.
 pub(crate) fn without_crossings(chart: &Chart, across: &[u32]) -> Vec<bool> {
@@ -108,7 +111,7 @@ fn overlaps_at_points(chart: &Chart, sides: &[Side]) -> Vec<[usize; 2]> {
         for (i, &(_, from, span, index)) in around.iter().enumerate() {
             let (_, next, _, other) = around[(i + 1) % around.len()];
             let gap = if i + 1 < around.len() { next - from } else { next + TAU - from };
-            if span > gap + 1e-4 {
+            if span > gap + ROUNDING_OF_ANGLES {
                 overlaps.push([index, other]);
             }
         }

@@ -9,7 +9,6 @@
 //! A union moves the smaller piece and a part of the larger one that is about as large, so that all unions together take time in
 //! proportion to `n log n`. A piece may meet itself along a seam, as a tube does that is rolled out.
 
-use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 
 use fantex_bake::Progress;
@@ -20,7 +19,7 @@ use glam::{DVec2, IVec2, Vec2};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use crate::charts::{Chart, NONE, doubled_area, visit_cells};
+use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
 
 /// Two pieces are joined while they gain less strain than this per area, on the mean of all unions; a stretch of 10 % in both directions is a
 /// strain of 0.02.
@@ -40,6 +39,9 @@ const MISFIT_COST: f64 = 8.0;
 
 /// A triangle goes over to the other side of a seam if it has less strain per area there.
 const MAX_STRAIN_OF_FILL: f64 = 0.1;
+
+/// Two places of a vertex are one within this share of its shorter edge: they come from one point, up to rounding.
+const SAME_POINT: f64 = 1e-3;
 
 /// Borders that fit so well are laid on each other as they are: root mean square distance, as a share of their edges.
 const EXACT: f64 = 0.02;
@@ -105,28 +107,6 @@ struct Piece {
     refused: BTreeMap<u32, f64>,
     /// Counts its changes; what was planned before is void.
     version: u32,
-}
-
-/// A union that may be made. Ordered so that the heap gives the cheapest first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Plan {
-    cost: f64,
-    pieces: [u32; 2],
-    versions: [u32; 2],
-}
-
-impl Eq for Plan {}
-
-impl Ord for Plan {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then_with(|| other.pieces.cmp(&self.pieces))
-    }
-}
-
-impl PartialOrd for Plan {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
 }
 
 /// A turn and a shift that bring one piece beside another.
@@ -205,7 +185,7 @@ impl<'a> Uniter<'a> {
             piece_of[t as usize] = piece_of[first as usize];
             pieces[piece_of[t as usize] as usize].triangles.push(t);
         }
-        let area = f64::from(mesh.area() as f32).max(f64::MIN_POSITIVE);
+        let area = mesh.area().max(f64::MIN_POSITIVE);
         Self {
             planes: Planes { mesh, across, is_glued, flat },
             pieces,
@@ -529,15 +509,15 @@ impl<'a> Uniter<'a> {
 
     fn charts(self) -> Vec<Chart> {
         let Self { planes, pieces, .. } = self;
-        let chart = |piece: &mut Piece| {
-            let mut triangles = std::mem::take(&mut piece.triangles);
+        let chart = |piece: Piece| {
+            let mut triangles = piece.triangles;
             triangles.sort_unstable();
             let flat = |&t: &u32| planes.flat[t as usize].map(|q| Vec2::new(q.x, -q.y));
             let corners = triangles.iter().map(flat).collect();
             Chart::new(triangles, corners)
         };
-        let mut left: Vec<Piece> = pieces.into_iter().filter(|piece| !piece.triangles.is_empty()).collect();
-        left.par_iter_mut().map(chart).collect()
+        let left: Vec<Piece> = pieces.into_iter().filter(|piece| !piece.triangles.is_empty()).collect();
+        left.into_par_iter().map(chart).collect()
     }
 }
 
@@ -554,7 +534,8 @@ impl Planes<'_> {
         [0, 1].map(|i| corners[(half_edge as usize % 3 + i) % 3].as_dvec2())
     }
 
-    /// The motion that brings what is beyond half-edges as near to them as it goes.
+    /// The motion that brings what is beyond half-edges as near to them as it goes, by least squares (P. H. Schoenemann, "A Generalized Solution
+    /// of the Orthogonal Procrustes Problem", 1966).
     fn fit(&self, half_edges: &[u32]) -> Fit {
         let (mut length, mut here, mut there) = (0.0, DVec2::ZERO, DVec2::ZERO);
         self.pairs(half_edges, |weight, [p, q]| {
@@ -629,7 +610,7 @@ impl Planes<'_> {
             }
             let ([top, begin], [end, again]) = (self.ends(one), self.ends(other));
             let [a, b] = [begin, end].map(|p| p.distance(top));
-            if top.distance(again) > 1e-3 * a.min(b) {
+            if top.distance(again) > SAME_POINT * a.min(b) {
                 return None;
             }
             let mut corners = [Vec2::ZERO; 3];
@@ -820,7 +801,7 @@ mod tests {
             let (mesh, charts) = charts_of(generate::cube(cells));
             let [longest, shortest] = ratios(&mesh, &charts);
             assert!(longest < most && shortest > most.recip(), "{longest}, {shortest}");
-            assert!(charts.len() <= 6, "{} charts", charts.len());
+            assert!(charts.len() <= 6, "{} charts, more than sides", charts.len());
         }
     }
 

@@ -302,12 +302,9 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
     }
     if summary.points > 0 {
         context.note(format!(
-            "{output}: {} without area in the model's texture coordinates: each shows one colour; without '--uv source' every triangle \
+            "{output}: {} without area in the model's texture coordinates, each in one colour; without '--uv source' every triangle \
              has texels of its own",
-            match summary.points {
-                1 => "1 triangle is".to_owned(),
-                more => format!("{more} triangles are"),
-            }
+            counted(summary.points as u64, "triangle")
         ));
     }
     for kind in &summary.left_out {
