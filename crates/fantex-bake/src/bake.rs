@@ -88,12 +88,18 @@ pub fn bake_part(
     options: &BakeOptions,
     progress: &dyn Progress,
 ) -> Result<BakeSummary> {
-    let job = Job::new(mesh, &planned.cover, source, options)?;
-    if !planned.is_of(&job.mesh, &job.channels()) {
-        return Err(Error::invalid(format!(
+    let not_planned = || {
+        Error::invalid(format!(
             "the model or its channels are not those that {} was made for; plan anew",
             planned.path.display()
-        )));
+        ))
+    };
+    if planned.cover.corner_groups.len() != mesh.triangles.len() {
+        return Err(not_planned());
+    }
+    let job = Job::new(mesh, &planned.cover, source, options)?;
+    if !planned.is_of(&job.mesh, &job.channels()) {
+        return Err(not_planned());
     }
     let create = CreateOptions { force: options.force, ..CreateOptions::default() };
     let mut writer = PartWriter::create(path, &create, planned, shard[0], shard[1])?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
-use fantex::mesh::{Mesh, ModelFormat, shading_normals};
+use fantex::mesh::{Mesh, shading_normals, written_format};
 use fantex::render::{
     Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
     LookSurface, RenderOptions, Rendering, Surface, render,
@@ -239,13 +239,7 @@ pub(crate) fn check_picture_name(path: &Path) -> Result<()> {
 
 /// Refuses the name of a model that says no format which is written.
 pub(crate) fn check_model_name(path: &Path) -> Result<()> {
-    match ModelFormat::from_extension(path) {
-        Some(ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb) => Ok(()),
-        _ => Err(Error::invalid(format!(
-            "{} names no format that fantex writes models in; use .ply, .obj or .glb",
-            path.display()
-        ))),
-    }
+    written_format(path).map(drop).map_err(|error| Error::invalid(error.to_string()))
 }
 
 /// True for files that are named `.toml`.

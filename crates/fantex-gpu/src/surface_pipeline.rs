@@ -26,7 +26,7 @@ pub struct SurfaceKey {
     pub has_environment: bool,
 }
 
-/// What alpha means, as shaders know it.
+/// What alpha means, as shaders know it. The entry points of cut-outs are those that end in `_cut_out`.
 pub(crate) fn alpha_code(mode: AlphaMode) -> u32 {
     match mode {
         AlphaMode::Opaque => 0,
@@ -72,7 +72,7 @@ pub struct SurfacePipeline<'a> {
 
 impl SurfaceKey {
     /// Values of the overrides of [`crate::shader::SURFACE`].
-    pub fn constants(self) -> [(&'static str, f64); 3] {
+    pub fn constants(self) -> [(&'static str, f64); 4] {
         let shading = match self.shading {
             Shading::MetallicRoughness => 0.0,
             Shading::BlinnPhong => 1.0,
@@ -83,6 +83,7 @@ impl SurfaceKey {
         };
         [
             ("SHADING", shading),
+            ("SAMPLES", self.samples.into()),
             ("HAS_SHADOWS", f64::from(u8::from(self.has_shadows))),
             ("HAS_ENVIRONMENT", f64::from(u8::from(self.has_environment))),
         ]

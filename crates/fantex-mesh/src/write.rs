@@ -25,18 +25,26 @@ pub struct WriteGeometry<'a> {
     pub colors: Option<&'a [Vec4]>,
 }
 
+/// The format in which [`write_model`] writes a file of this name.
+///
+/// # Errors
+/// The extension names none that is written.
+pub fn written_format(path: &Path) -> Result<ModelFormat> {
+    let format = ModelFormat::from_extension(path);
+    let format = format.filter(|f| matches!(f, ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb));
+    format.ok_or_else(|| {
+        let sentence = "names no format that fantex writes models in; use .ply, .obj or .glb";
+        about(path, ErrorKind::Unsupported, sentence)
+    })
+}
+
 /// Writes geometry in the format that the extension names: `.ply` (binary little-endian), `.obj` or `.glb`.
 /// An existing file is replaced only with `force`.
 ///
 /// # Errors
 /// Where geometry cannot be written so, the file exists, or the system refuses; an existing file is then unchanged.
 pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result<()> {
-    let format = ModelFormat::from_extension(path);
-    let format = format.filter(|f| matches!(f, ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb));
-    let format = format.ok_or_else(|| {
-        let sentence = "names no format that fantex writes models in; use .ply, .obj or .glb";
-        about(path, ErrorKind::Unsupported, sentence)
-    })?;
+    let format = written_format(path)?;
     check(path, geometry)?;
     if !force && path.exists() {
         return Err(exists(path));

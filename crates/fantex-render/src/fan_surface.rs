@@ -7,7 +7,7 @@ use fantex_store::{
 use fantex_texture::ColorRamp;
 use glam::{Vec3, Vec4};
 
-use crate::surface::{CornerNormals, apply_alpha_mode, bent_steps};
+use crate::surface::{CornerNormals, bent_steps, opacity};
 use crate::{
     AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface,
 };
@@ -24,8 +24,8 @@ use crate::{
 pub struct FanSurface<S = PageCache> {
     sampler: Sampler<S>,
     normals: CornerNormals,
+    base_color_channel: Option<usize>,
     normal_channel: Option<usize>,
-    has_base_color: bool,
     has_surface: bool,
     has_emission: bool,
     has_light: bool,
@@ -45,10 +45,11 @@ impl<S: TileSource> FanSurface<S> {
     /// The surface that a sampler reads.
     pub fn new(sampler: Sampler<S>) -> Self {
         let mesh = sampler.mesh();
+        let channel_of = |kind| sampler.channels().iter().position(|channel| channel.kind == kind);
         Self {
             normals: CornerNormals::of_mesh(mesh),
-            normal_channel: sampler.channels().iter().position(|channel| channel.kind == ChannelKind::Normal),
-            has_base_color: sampler.has(ChannelKind::BaseColor),
+            base_color_channel: channel_of(ChannelKind::BaseColor),
+            normal_channel: channel_of(ChannelKind::Normal),
             has_surface: sampler.has(ChannelKind::OcclusionRoughnessMetallic),
             has_emission: sampler.has(ChannelKind::Emission),
             has_light: sampler.has(ChannelKind::Light),
@@ -73,7 +74,7 @@ impl<S: TileSource> FanSurface<S> {
             }
         };
         let or_factors = |has: bool, value: Vec4, factors: Vec4| if has { value } else { factors };
-        let base = or_factors(self.has_base_color, values.base_color, material.base_color);
+        let base = or_factors(self.base_color_channel.is_some(), values.base_color, material.base_color);
         let [occlusion, roughness, metallic, _] = or_factors(
             self.has_surface,
             values.occlusion_roughness_metallic,
@@ -82,15 +83,18 @@ impl<S: TileSource> FanSurface<S> {
         .to_array()
         .map(|v| v.clamp(0.0, 1.0));
         let emission = or_factors(self.has_emission, values.emission, material.emission.extend(1.0));
+        let footprint = Footprint { lambda_steps: hit.lambda_steps };
         let normal_steps = self.normal_channel.and_then(|channel| {
-            let footprint = Footprint { lambda_steps: hit.lambda_steps };
             let at = |moved: &Hit| Some(self.sampler.sample_channel(channel, moved.at, footprint).truncate());
             bent_steps(hit, roughness, values.normal, at)
         });
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
-            alpha: apply_alpha_mode(material.alpha, base.w),
+            alpha: opacity(material.alpha, base.w, hit, |there| match self.base_color_channel {
+                Some(channel) => self.sampler.sample_channel(channel, there, footprint).w,
+                None => base.w,
+            }),
             normal: if hit.front { values.normal } else { -values.normal },
             normal_steps: normal_steps.unwrap_or(vertex_steps),
             occlusion,

@@ -2,7 +2,7 @@
 //! points at once.
 
 use fantex_base::Result;
-use fantex_mesh::{Material, Mesh, OpposedTriangles};
+use fantex_mesh::{Material, Mesh, OpposedTriangles, SurfacePoint};
 use fantex_texture::material::{
     ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
@@ -10,7 +10,7 @@ use fantex_texture::material::{
 use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
-use crate::surface::{CornerNormals, apply_alpha_mode, bent_steps};
+use crate::surface::{CornerNormals, bent_steps, opacity};
 use crate::{Coverage, FilterOptions, Hit, MaterialSample, Shaded, SmoothPoint, Surface};
 
 /// A mesh with its own materials. Textures whose texture coordinates the mesh lacks are left out.
@@ -92,9 +92,9 @@ impl ImageSurface<'_> {
         texels: &Texels,
     ) -> MaterialSample {
         let (vertex_normal, vertex_steps) = self.normals.with_steps(self.mesh, hit);
-        let vertex_color = vertex_color(self.mesh, hit.triangle(), hit.at.lambda);
+        let color_at = |at: SurfacePoint| vertex_color(self.mesh, at.index(), at.lambda);
         let or_white = |texel: Option<Vec4>| texel.unwrap_or(Vec4::ONE);
-        let base = base_color(material, vertex_color, or_white(texels.base_color));
+        let base = base_color(material, color_at(hit.at), or_white(texels.base_color));
         let surface = occlusion_roughness_metallic(
             material,
             or_white(texels.occlusion),
@@ -112,7 +112,10 @@ impl ImageSurface<'_> {
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
-            alpha: apply_alpha_mode(material.alpha, base.w),
+            alpha: opacity(material.alpha, base.w, hit, |there| {
+                let texel = textures.base_color.as_ref().map(|layer| self.texel(layer, &Hit { at: there, ..*hit }));
+                base_color(material, color_at(there), or_white(texel)).w
+            }),
             normal: if hit.front { normal } else { -normal },
             normal_steps,
             occlusion: surface.x,

@@ -22,13 +22,45 @@ impl Coverage {
     }
 }
 
-/// Opacity as a material means it.
-pub(crate) fn apply_alpha_mode(mode: AlphaMode, alpha: f32) -> f32 {
+/// Opacity as a material means it; `alpha_at` gives alpha at other points of the triangle's plane.
+pub(crate) fn opacity(mode: AlphaMode, alpha: f32, hit: &Hit, alpha_at: impl Fn(SurfacePoint) -> f32) -> f32 {
     match mode {
         AlphaMode::Opaque => 1.0,
-        AlphaMode::Mask(threshold) => f32::from(u8::from(alpha >= threshold)),
+        AlphaMode::Mask(threshold) => cut_out_share(threshold, alpha, hit, alpha_at),
         AlphaMode::Blend => alpha.clamp(0.0, 1.0),
     }
+}
+
+/// Alpha that is so near to 0 or 1 lies inside, where no slope is asked for.
+const INSIDE: f32 = 0.5 / 255.0;
+
+/// The share of the pixel whose alpha reaches the threshold, were alpha a ramp as steep as it is here along both sides of the pixel. All or
+/// nothing, edges would be as jagged as a picture of one sample per pixel.
+fn cut_out_share(threshold: f32, alpha: f32, hit: &Hit, alpha_at: impl Fn(SurfacePoint) -> f32) -> f32 {
+    let all_or_nothing = f32::from(u8::from(alpha >= threshold));
+    if threshold <= 0.0 || alpha <= INSIDE || alpha >= 1.0 - INSIDE {
+        return all_or_nothing;
+    }
+    let change = |step: Vec3| {
+        let part = (NEARBY / step.abs().max_element()).min(1.0);
+        let there = SurfacePoint { lambda: hit.at.lambda + step * part, ..hit.at };
+        (alpha_at(there) - alpha).abs() / part
+    };
+    let [x, y] = hit.lambda_steps.map(change);
+    let share = half_plane_share(alpha - threshold, x.max(y), x.min(y));
+    if share.is_nan() { all_or_nothing } else { share }
+}
+
+/// The share of a square where a ramp is positive that is `over` in its middle and changes by `most` along its one side and by `least` along
+/// the other.
+fn half_plane_share(over: f32, most: f32, least: f32) -> f32 {
+    let beyond = 0.5 * (most + least) - over.abs();
+    let smaller = match beyond {
+        beyond if beyond <= 0.0 => 0.0,
+        beyond if beyond < least => beyond * beyond / (2.0 * most * least),
+        _ => 0.5 - over.abs() / most,
+    };
+    if over < 0.0 { smaller } else { 1.0 - smaller }
 }
 
 /// The material at one point.

@@ -183,7 +183,7 @@ fn what_cannot_be_served_is_said_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = small_asset(folder.path());
     let model = folder.path().join("colored.ply");
-    fails(1, &["colored.ply", "is not a .fan asset"], &[&"serve", &model]);
+    fails(1, &["colored.ply", "is not an asset"], &[&"serve", &model]);
     fails(1, &["missing.fan"], &[&"serve", &folder.path().join("missing.fan")]);
     let world = folder.path().join("town.fanworld");
     fails(1, &["town.fanworld is a world", "one of its assets"], &[&"serve", &world]);

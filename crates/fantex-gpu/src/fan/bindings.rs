@@ -415,9 +415,11 @@ impl FanPipelines {
             constants.push(("FAN_OVERLAY", frame.overlay.code().into()));
             constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
             constants.push(("FAN_TOON", u8::from(surface.is_toon).into()));
-            let (vertex, fragment) = match shape {
-                Shape::Plain => ("vs_fan_plain", "fs_fan_plain"),
-                Shape::Border => ("vs_fan_border", "fs_fan_border"),
+            let (vertex, fragment) = match (shape, surface.alpha_mode) {
+                (Shape::Plain, 1) => ("vs_fan_plain", "fs_fan_plain_cut_out"),
+                (Shape::Plain, _) => ("vs_fan_plain", "fs_fan_plain"),
+                (Shape::Border, 1) => ("vs_fan_border", "fs_fan_border_cut_out"),
+                (Shape::Border, _) => ("vs_fan_border", "fs_fan_border"),
             };
             let pipeline = SurfacePipeline {
                 label: "fan",

@@ -76,14 +76,18 @@ fn add_tile(sum: ptr<function, FanBlend>, tile: TileSample, group: u32, vertex_n
     }
 }
 
-fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> vec4<f32> {
+fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> CutOut {
     let side = select(-1.0, 1.0, front);
     var m: MaterialSample;
     let base = select(fan_factors.base_color, blend.base_color, FAN_BASE_COLOR);
     m.base_color = max(base.rgb, vec3<f32>(0.0));
     m.alpha = 1.0;
-    if FAN_ALPHA_MODE == 1u && base.a < fan_factors.alpha_threshold {
-        discard;
+    var samples = 0xfu;
+    if FAN_ALPHA_MODE == 1u {
+        samples = cut_out_samples(base.a, fan_factors.alpha_threshold);
+        if samples == 0u {
+            discard;
+        }
     }
     if FAN_ALPHA_MODE == 2u {
         m.alpha = clamp(base.a, 0.0, 1.0);
@@ -118,10 +122,11 @@ fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> vec4<f32> {
             m.base_color *= max(blend.light, vec3<f32>(0.0));
         }
         if !m.unlit {
-            return exposed(m.emission + finished_light(at, m, blend.light, blend.stretch, at.vertex_normal * side), m.alpha);
+            let light = m.emission + finished_light(at, m, blend.light, blend.stretch, at.vertex_normal * side);
+            return CutOut(exposed(light, m.alpha), samples);
         }
     }
-    return shade(at, m);
+    return CutOut(shade(at, m), samples);
 }
 
 struct FanPlainVarying {
@@ -144,8 +149,7 @@ fn vs_fan_plain(vertex: FanPlainVertex) -> FanPlainVarying {
     return out;
 }
 
-@fragment
-fn fs_fan_plain(in: FanPlainVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+fn fan_plain(in: FanPlainVarying, front: bool) -> CutOut {
     let at = surface_point(in.offset, in.normal, front);
     let tile = tile_sample(in.group.x, in.group.yz, in.uv, dpdx(in.uv), dpdy(in.uv));
     var blend = FanBlend();
@@ -154,6 +158,16 @@ fn fs_fan_plain(in: FanPlainVarying, @builtin(front_facing) front: bool) -> @loc
         blend.overlay = vec3<f32>(0.35);
     }
     return fan_shade(at, blend, front);
+}
+
+@fragment
+fn fs_fan_plain(in: FanPlainVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    return fan_plain(in, front).light;
+}
+
+@fragment
+fn fs_fan_plain_cut_out(in: FanPlainVarying, @builtin(front_facing) front: bool) -> CutOut {
+    return fan_plain(in, front);
 }
 
 struct FanBorderVarying {
@@ -184,8 +198,7 @@ fn vs_fan_border(vertex: FanBorderVertex) -> FanBorderVarying {
     return out;
 }
 
-@fragment
-fn fs_fan_border(in: FanBorderVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+fn fan_border(in: FanBorderVarying, front: bool) -> CutOut {
     let at = surface_point(in.offset, in.normal, front);
     let front_normal = at.vertex_normal * select(-1.0, 1.0, front);
     let lambda01 = in.uv2_lambda.zw;
@@ -217,4 +230,14 @@ fn fs_fan_border(in: FanBorderVarying, @builtin(front_facing) front: bool) -> @l
         }
     }
     return fan_shade(at, blend, front);
+}
+
+@fragment
+fn fs_fan_border(in: FanBorderVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    return fan_border(in, front).light;
+}
+
+@fragment
+fn fs_fan_border_cut_out(in: FanBorderVarying, @builtin(front_facing) front: bool) -> CutOut {
+    return fan_border(in, front);
 }

@@ -3,6 +3,9 @@
 // Shading, in the order of fantex_scene::Shading.
 override SHADING: u32 = 0u;
 
+// Samples per pixel, 1 or 4.
+override SAMPLES: u32 = 1u;
+
 const PI: f32 = 3.14159265;
 
 // Reflectance of dielectrics at normal incidence (refractive index 1.5).
@@ -34,6 +37,24 @@ struct MaterialSample {
     emission: vec3<f32>,
     // Whether the base colour is the picture.
     unlit: bool,
+}
+
+// What a cut-out leaves of a pixel.
+struct CutOut {
+    @location(0) light: vec4<f32>,
+    @builtin(sample_mask) samples: u32,
+}
+
+// The samples of a pixel, a bit each, where alpha reaches the threshold, were it a ramp as steep as it is here: edges are then as smooth as
+// those of triangles. The places of samples are those of Direct3D's and Vulkan's standard.
+fn cut_out_samples(alpha: f32, threshold: f32) -> u32 {
+    if SAMPLES == 1u {
+        return u32(alpha >= threshold);
+    }
+    let ramp = vec4<f32>(alpha) + dpdx(alpha) * vec4<f32>(-0.125, 0.375, -0.375, 0.125)
+        + dpdy(alpha) * vec4<f32>(-0.375, -0.125, 0.125, 0.375);
+    let covered = vec4<u32>(clamp(ramp, vec4<f32>(0.0), vec4<f32>(1.0)) >= vec4<f32>(threshold));
+    return dot(covered, vec4<u32>(1u, 2u, 4u, 8u));
 }
 
 fn split_sum(roughness: f32, n_v: f32) -> vec2<f32> {

@@ -87,17 +87,28 @@ fn uv_material(in: UvVarying, at: SurfacePoint, front: bool) -> MaterialSample {
     return m;
 }
 
-@fragment
-fn fs_uv(in: UvVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+fn uv_shade(in: UvVarying, front: bool) -> CutOut {
     let at = surface_point(in.offset, in.normal, front);
     var m = uv_material(in, at, front);
+    var samples = 0xfu;
     if ALPHA_MODE == 1u {
-        if m.alpha < material.alpha_threshold {
+        samples = cut_out_samples(m.alpha, material.alpha_threshold);
+        if samples == 0u {
             discard;
         }
     }
     if ALPHA_MODE != 2u {
         m.alpha = 1.0;
     }
-    return shade(at, m);
+    return CutOut(shade(at, m), samples);
+}
+
+@fragment
+fn fs_uv(in: UvVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    return uv_shade(in, front).light;
+}
+
+@fragment
+fn fs_uv_cut_out(in: UvVarying, @builtin(front_facing) front: bool) -> CutOut {
+    return uv_shade(in, front);
 }

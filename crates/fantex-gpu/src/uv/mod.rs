@@ -280,7 +280,7 @@ impl Pipelines {
                     label: "mesh",
                     module: surface_module,
                     vertex: "vs_uv",
-                    fragment: "fs_uv",
+                    fragment: if key.alpha == 1 { "fs_uv_cut_out" } else { "fs_uv" },
                     buffers,
                     groups: &[layout],
                     constants: &[("UV_LAYERS", f64::from(key.layers)), ("ALPHA_MODE", f64::from(key.alpha))],

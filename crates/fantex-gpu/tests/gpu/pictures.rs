@@ -152,10 +152,14 @@ fn alpha_modes() {
     for alpha in [AlphaMode::Opaque, AlphaMode::Mask(0.5), AlphaMode::Blend] {
         let material = Material { alpha, base_color: Vec4::new(1.0, 0.8, 0.9, 0.9), ..Material::default() };
         let mut scene = Scene::of(textured_square(&discs(64), material));
+        // Cards decide sample by sample what is cut out; the CPU gives every pixel its share.
+        let is_cut_out = matches!(alpha, AlphaMode::Mask(_));
+        scene.samples = if is_cut_out { 4 } else { 1 };
+        let (mean, level, share) = if is_cut_out { (0.15, 32, 0.004) } else { (0.1, 8, 0.001) };
         for background in [Background::default(), Background::Transparent] {
             scene.background = background;
             let name = format!("alpha-{alpha:?}-{}", background == Background::Transparent);
-            scene.compare(&gpu, &name).assert_below(0.1, 8, 0.001);
+            scene.compare(&gpu, &name).assert_below(mean, level, share);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorners};
-use fantex_mesh::{ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, interpolate};
+use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, interpolate};
 use fantex_render::{
     Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, LookSurface,
     MaterialSample, Picture, RenderOptions, Rendering, Shading, Surface, render,
@@ -16,7 +16,7 @@ use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, Samples};
 use glam::{DVec3, Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 
-use crate::common::{MemoryTile, MemoryTiles, bake, fan_cover, fan_surface, frontal, sheet, square};
+use crate::common::{MemoryTile, MemoryTiles, bake, fan_cover, fan_surface, frontal, ray, sheet, square};
 
 fn options(shading: Shading) -> RenderOptions {
     let background = Background::Transparent;
@@ -186,10 +186,10 @@ fn bent_normals_change_from_pixel_to_pixel(
 }
 
 /// A square with an image by texture coordinates, and the same image as the tile of its only group.
-fn twice_the_same(size: u32, texel: impl Fn(u32, u32) -> f32) -> (Mesh, Cover, MemoryTiles) {
-    let values = (0..size * size).map(|i| texel(i % size, i / size)).flat_map(|v| [v, 0.0, 0.0]);
+fn twice_the_same(size: u32, texel: impl Fn(u32, u32) -> [f32; 4]) -> (Mesh, Cover, MemoryTiles) {
+    let values = (0..size * size).flat_map(|i| texel(i % size, i / size));
     let samples = Samples::U16(values.map(|v| (v * 65535.0).round() as u16).collect());
-    let image = Image { width: size, height: size, channels: 3, space: ColorSpace::Linear, samples };
+    let image = Image { width: size, height: size, channels: 4, space: ColorSpace::Linear, samples };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("image.png");
     image.save(&path).unwrap();
@@ -231,7 +231,7 @@ fn twice_the_same(size: u32, texel: impl Fn(u32, u32) -> f32) -> (Mesh, Cover, M
 #[test]
 fn a_tile_is_as_sharp_as_the_image_it_was_made_from() {
     let hash = |x: u32, y: u32| ((x * 7919 + y * 104_729) * 31 % 101) as f32 / 101.0;
-    let (mesh, cover, tiles) = twice_the_same(128, |x, y| hash(x / 2, y / 2));
+    let (mesh, cover, tiles) = twice_the_same(128, |x, y| [hash(x / 2, y / 2), 0.0, 0.0, 1.0]);
     let cameras = [oblique(), frontal(0.7, 40.0), frontal(4.0, 40.0), frontal(20.0, 40.0)];
     for (c, camera) in cameras.iter().enumerate() {
         for f in Filter::ALL {
@@ -247,6 +247,46 @@ fn a_tile_is_as_sharp_as_the_image_it_was_made_from() {
             let difference = largest_difference(&a, &b);
             // Rounding may take the next entry of the table of the elliptical average's weights.
             assert!(difference < 1e-3, "camera {c}, {f:?}: {difference}");
+        }
+    }
+}
+
+/// A disc that is cut out covers of every pixel what its area covers, seen in one sample per pixel.
+#[test]
+fn edges_of_cut_outs_are_as_smooth_as_those_of_triangles() {
+    const RADIUS: f64 = 0.31;
+    let ramp = |x: u32, y: u32| {
+        let [x, y] = [x, y].map(|i| (f64::from(i) + 0.5) / 64.0 - 0.5);
+        [1.0, 1.0, 1.0, (0.4 + (RADIUS - x.hypot(y)) * 12.0).clamp(0.0, 1.0) as f32]
+    };
+    let (mut mesh, cover, tiles) = twice_the_same(64, ramp);
+    let material = &mut mesh.materials[0];
+    material.base_color_texture = material.occlusion_texture.take();
+    material.alpha = AlphaMode::Mask(0.4);
+    for camera in [frontal(1.0, 40.0), oblique()] {
+        let size = [120, 80];
+        let is_inside = |x: f64, y: f64| {
+            let ray = ray(&camera, size, x, y);
+            (camera.eye - ray * (camera.eye.z / ray.z)).truncate().length() < RADIUS
+        };
+        let share = |pixel: u32| {
+            let corner = [pixel % size[0], pixel / size[0]].map(f64::from);
+            let part = |i: u32| (f64::from(i) + 0.5) / 16.0;
+            let parts = (0..256).filter(|i| is_inside(corner[0] + part(i % 16), corner[1] + part(i / 16)));
+            parts.count() as f32 / 256.0
+        };
+        let truth: Vec<f32> = (0..size[0] * size[1]).map(share).collect();
+        assert!(truth.iter().filter(|share| **share > 0.0 && **share < 1.0).count() > 50);
+        let by_uv = LookSurface::of_model(&mesh, filter(Filter::Bilinear)).unwrap();
+        let by_fan =
+            fan_surface(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(Filter::Bilinear));
+        for surface in [&by_uv as &dyn Surface, &by_fan] {
+            let seen = rendering(&mesh, surface, &camera, &options(Shading::BaseColor)).picture;
+            let differences: Vec<f32> = seen.rgba.iter().zip(&truth).map(|(p, share)| (p[3] - share).abs()).collect();
+            let largest = differences.iter().copied().fold(0.0, f32::max);
+            // A ramp is as wide as the sum of its changes along both sides, where the edge of an area curves off.
+            assert!(largest < 0.15, "{largest}");
+            assert!(differences.iter().sum::<f32>() < 4.0, "{}", differences.iter().sum::<f32>());
         }
     }
 }
