@@ -6,7 +6,7 @@ use fantex_bake::{BakeFormat, BakeOptions, LookSource, Source, SourceChannel, Te
 use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_gpu::{DrawOptions, FanModel, Gpu, Model as _, Overlay, StreamedModel, stream_view};
-use fantex_mesh::{Mesh, clean, generate};
+use fantex_mesh::{AlphaMode, Material, Mesh, clean, generate};
 use fantex_render::LookSurface;
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading, ShadowOptions};
 use fantex_store::{ChannelKind, PAGE, PageId, group_pages};
@@ -18,6 +18,7 @@ use glam::{DVec3, Vec3, Vec4};
 
 use crate::common;
 use crate::common::{Baked, Comparison, Residents, compare, cpu, gpu, loaded_data, rendered};
+use crate::pictures::{discs, textured_square, two_sided_sheet};
 
 /// A colour with detail of a few texels.
 fn color(p: Vec3) -> Vec4 {
@@ -159,7 +160,7 @@ fn one_fan_per_tile() {
 /// Front and back of a sheet, which are equally near, each from its front.
 #[test]
 fn both_sides_of_a_sheet() {
-    let mesh = crate::pictures::two_sided_sheet();
+    let mesh = two_sided_sheet();
     let source = LookSource::of_model(&mesh).unwrap();
     let baked = Baked::new(&mesh, &cover(&mesh, 96, 1 << 18), &source, &BakeOptions::default());
     for z in [1.0, -1.0] {
@@ -168,6 +169,21 @@ fn both_sides_of_a_sheet() {
             return;
         };
         assert_close(&seen, 0.002, 0.02);
+    }
+}
+
+/// Cards decide sample by sample what is cut out; the CPU gives every pixel its share.
+#[test]
+fn edges_of_cut_outs() {
+    let material = Material { alpha: AlphaMode::Mask(0.5), ..Material::default() };
+    let mesh = textured_square(&discs(64), material);
+    let source = LookSource::of_model(&mesh).unwrap();
+    let baked = Baked::new(&mesh, &cover(&mesh, 96, 1 << 18), &source, &BakeOptions::default());
+    for (samples, mean, most) in [(4, 0.002, 0.2), (1, 0.005, 0.6)] {
+        let options = DrawOptions { samples, ..options(Shading::BaseColor, Filter::Trilinear) };
+        let name = format!("discs in {samples} samples");
+        let Some(seen) = both(&name, &baked, DVec3::new(0.2, 0.1, 1.0), &options) else { return };
+        assert_close(&seen, mean, most);
     }
 }
 

@@ -50,7 +50,7 @@ fn lit_by(kind: LightKind, shadow: Option<ShadowOptions>) -> Lights {
 }
 
 /// A unit square in the xy plane with texture coordinates and a texture.
-fn textured_square(image: &Image, material: Material) -> Mesh {
+pub(crate) fn textured_square(image: &Image, material: Material) -> Mesh {
     let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
     let triangles: Vec<[u32; 3]> = vec![[0, 1, 2], [0, 2, 3]];
     let uv = triangles
@@ -77,7 +77,7 @@ fn textured_square(image: &Image, material: Material) -> Mesh {
 }
 
 /// Coloured discs on nothing: RGBA.
-fn discs(side: u32) -> Image {
+pub(crate) fn discs(side: u32) -> Image {
     let texel = |i: u32| {
         let [x, y] = [i % side, i / side].map(|c| (c as f32 + 0.5) / side as f32);
         let wave = |f: f32| 0.5 + 0.5 * (f * 12.6).sin();
