@@ -204,7 +204,9 @@ fn layers_over_cut_outs_go_without_a_trace() {
     let base = contents(&painter);
     let layer = painter.add_layer(Layer::painted("patch")).unwrap();
     let line = [Vec3::new(-0.6, 0.0, -0.5), Vec3::new(0.6, 0.0, 0.2)];
-    paint_on(&mut painter, Target::Layer(layer), red(1.0), &line);
+    let mut paint = red(1.0);
+    paint.channels.truncate(1);
+    paint_on(&mut painter, Target::Layer(layer), paint, &line);
     let shown = contents(&painter);
     assert!(shown != base);
     let show = |painter: &mut Painter, opacity: f32| {
