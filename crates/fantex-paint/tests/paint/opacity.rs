@@ -109,7 +109,7 @@ fn strokes_of_opacity_are_logged_and_replayed() {
     assert!(error.contains("a mask has no opacity"), "{error}");
 }
 
-/// Materials that ignore alpha are told to show it; nothing else changes.
+/// Materials that ignore alpha are told to show it by the editor; nothing else changes.
 #[test]
 fn materials_show_painted_opacity_once_they_are_told() {
     let baked = ball(20_000, BakeFormat::Bc7);
