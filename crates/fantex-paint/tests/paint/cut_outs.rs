@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_bake::{
     BakeFormat, BakeOptions, Fit, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake,
 };
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_cover::{CoverOptions, MAX_BLOCK_SIDE, TexelBudget, build_cover};
 use fantex_mesh::{AlphaMode, Material, Mesh, generate};
 use fantex_paint::{
     Brush, ChannelPaint, Layer, Paint, PaintColor, Painter, Sample, Size, Stroke, Symmetry, Target, Tool,
@@ -21,16 +21,21 @@ use crate::{Baked, cleaned, contents, cover, red, sample};
 const HOLES: u32 = 24;
 const OPEN: f32 = std::f32::consts::PI * 0.25 * 0.25;
 
-/// A grid of 2 x 2 whose material takes alpha so.
-fn grid(n: u32, alpha: AlphaMode) -> Mesh {
+/// A grid of 2 x 2 whose triangles take alpha so, by turns.
+fn grid(n: u32, alphas: &[AlphaMode]) -> Mesh {
     let mut mesh = cleaned(generate::grid(n));
-    mesh.materials = vec![Material { alpha, ..Material::default() }];
-    mesh.triangle_materials = vec![0; mesh.triangles.len()];
+    mesh.materials = alphas.iter().map(|&alpha| Material { alpha, ..Material::default() }).collect();
+    mesh.triangle_materials =
+        (0..mesh.triangles.len()).map(|triangle| (triangle % alphas.len()) as u32).collect();
     mesh
 }
 
 fn fence(alpha: AlphaMode) -> Baked {
-    let mesh = grid(8, alpha);
+    fence_of(&[alpha])
+}
+
+fn fence_of(alphas: &[AlphaMode]) -> Baked {
+    let mesh = grid(8, alphas);
     Baked::new(&mesh, &cover(&mesh, 128, 60_000), BakeFormat::Float)
 }
 
@@ -110,15 +115,16 @@ fn painted_holes_keep_their_coverage_at_every_level() {
     }
 }
 
-/// As they would without being told: the mean of alpha closes the holes.
+/// In the mean of alpha the holes close, also where tiles show several materials.
 #[test]
 fn other_materials_hold_the_mean() {
-    for alpha in [AlphaMode::Opaque, AlphaMode::Blend] {
-        let baked = fence(alpha);
+    use AlphaMode::{Blend, Mask, Opaque};
+    for alphas in [&[Opaque][..], &[Blend], &[Mask(0.5), Mask(0.3)], &[Mask(0.5), Opaque]] {
+        let baked = fence_of(alphas);
         let mut painter = baked.painter();
         punch_holes(&mut painter);
         painter.commit().unwrap();
-        assert!(covered(&baked, 3) > 0.97, "{alpha:?}");
+        assert!(covered(&baked, 3) > 0.97, "{alphas:?}");
     }
 }
 
@@ -162,13 +168,22 @@ impl Source for Discs {
     }
 }
 
-/// Where painting makes the coarser levels of a baked cut-out anew, they are those that the bake made.
+/// Where painting makes the coarser levels of a baked cut-out anew, they are those that the bake made; also of a tile that is cut into
+/// blocks.
 #[test]
 fn painted_levels_are_those_of_a_bake() {
-    let mesh = grid(3, AlphaMode::Mask(0.4));
-    let budget = TexelBudget::Total(200 * 200);
-    let (cover, _) = build_cover(&mesh, &CoverOptions { budget, ..CoverOptions::default() }).unwrap();
+    for side in [200, 1300] {
+        assert_levels_of_a_bake(side);
+    }
+}
+
+fn assert_levels_of_a_bake(side: u32) {
+    let mesh = grid(3, &[AlphaMode::Mask(0.4)]);
+    let budget = TexelBudget::Total(u64::from(side).pow(2));
+    let options = CoverOptions { budget, tile: 2048, ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options).unwrap();
     assert_eq!(cover.groups.len(), 1);
+    assert_eq!(cover.groups[0].extent.iter().any(|&n| n > MAX_BLOCK_SIDE), side > MAX_BLOCK_SIDE);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.fan");
     let options = BakeOptions { format: BakeFormat::Float, fit: Fit::Point, ..BakeOptions::default() };
