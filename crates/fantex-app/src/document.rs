@@ -13,7 +13,7 @@ use fantex::mesh::{
 };
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::scene::world_bounds;
-use fantex::store::{Asset, AssetEditor, ChannelKind, EditOptions, cover_level_count};
+use fantex::store::{Asset, ChannelKind, cover_level_count};
 use fantex::stream::{open_asset, url_of};
 use fantex::{FileKind, World, WorldObject};
 use serde::Deserialize;
@@ -124,16 +124,11 @@ pub enum ChannelChange {
 impl ChannelChange {
     /// Opens an asset to paint on, with this change. Where it cannot be made, the asset stays as it is, and the reason comes back, too.
     fn open(&self, path: &Path, options: &PaintOptions) -> Result<(Painter, Result<()>)> {
-        if let Self::Alpha(mode) = self {
-            let editor = AssetEditor::open(path, &EditOptions::default());
-            let made = editor.and_then(|mut editor| editor.set_alpha_mode(*mode));
-            return Ok((Painter::open(path, options)?, made));
-        }
         let mut painter = Painter::open(path, options)?;
         let made = match self {
             Self::Add(kinds) => painter.add_channels(kinds),
             Self::Remove(kinds) => painter.remove_channels(kinds),
-            Self::Alpha(_) => Ok(()),
+            Self::Alpha(mode) => painter.set_alpha_mode(*mode),
         };
         Ok((painter, made))
     }

@@ -1,44 +1,38 @@
 //! One tile: evaluating the source, fitting, levels, encoding.
 //!
 //! ```text
-//!  block 0,0 | block 1,0      a tile up to BLOCK texels long is one block
+//!  block 0,0 | block 1,0      a tile up to MAX_BLOCK_SIDE texels long is one block
 //!  ----------+----------      each block: levels 0..SHARED_LEVEL as whole pages, and its part of SHARED_LEVEL
 //!  block 0,1 | block 1,1      the tile:   SHARED_LEVEL and everything coarser
 //! ```
 //!
-//! Large tiles are cut into blocks with a margin of `HALO` texels (`NOISY_HALO` for light that is denoised), so that a texel's value does not depend on the cut, and
+//! Large tiles are cut into blocks with a margin of `BLOCK_MARGIN` texels (`NOISY_MARGIN` for light that is denoised), so that a texel's value does not depend on the cut, and
 //! memory does not grow with the tile.
 
 use std::time::{Duration, Instant};
 
 use fantex_base::Result;
-use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
-use fantex_mesh::{AlphaMode, Mesh, SurfacePoint, interpolate};
+use fantex_cover::{
+    BLOCK_MARGIN, BlockPart, Cover, Footprints, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TexelTriangle,
+    TileBlock,
+};
+use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, PageTexels, Quality, TexelFormat, TexelSlice, encode_many,
     page_extent, page_grid, page_origin,
 };
 use fantex_texture::color::{srgb8_from_linear, unorm8};
+use fantex_texture::levels::{CutOut, Raster};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
-use crate::raster::{CutOut, Fitting, Mean, Overshoot, Raster, StoredRows};
+use crate::raster::{Fitting, Mean, Overshoot, StoredRows};
 use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint};
 
-/// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
-/// to `SHARED_LEVEL`.
-const BLOCK: u32 = 1024;
-
-/// The finest level at which a block is smaller than a page.
-const SHARED_LEVEL: u32 = 3;
-
-/// Two texels of `SHARED_LEVEL`.
-const HALO: u32 = 16;
-
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
-const NOISY_HALO: u32 = HALO + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
+const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
 
 /// Points that a source is asked for at a time.
 const POINTS: usize = 256;
@@ -77,7 +71,7 @@ impl TileBaker<'_> {
         let started = Instant::now();
         let triangles = self.texel_triangles(group, triangles);
         let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
-        if extent.iter().all(|&n| n <= BLOCK) {
+        if extent.iter().all(|&n| n <= MAX_BLOCK_SIDE) {
             let block = TexelBlock { origin: [0, 0], extent };
             let raster = self.evaluate(group, triangles, block, &mut tile)?;
             self.finish_levels(group, 0, raster, &mut tile)?;
@@ -108,12 +102,12 @@ impl TileBaker<'_> {
         tile: &mut BakedTile,
     ) -> Result<()> {
         let shared_extent = self.cover.groups[group as usize].level_extent(SHARED_LEVEL);
-        let grid = extent.map(|n| n.div_ceil(BLOCK));
-        let blocks: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
-        let at_once = (self.in_work / u64::from(BLOCK).pow(2)).max(1) as usize;
+        let margin = if self.noisy_light().is_some() { NOISY_MARGIN } else { BLOCK_MARGIN };
+        let blocks = TileBlock::all(extent, margin);
+        let at_once = (self.in_work / u64::from(MAX_BLOCK_SIDE).pow(2)).max(1) as usize;
         let mut baked = Vec::with_capacity(blocks.len());
         for blocks in blocks.chunks(at_once) {
-            let bake = |&at: &[u32; 2]| self.bake_block(group, extent, shared_extent, triangles, at);
+            let bake = |block: &TileBlock| self.bake_block(group, triangles, block);
             baked.append(&mut blocks.par_iter().map(bake).collect::<Result<Vec<_>>>()?);
         }
         let cut_out = self.cut_out(triangles);
@@ -134,49 +128,21 @@ impl TileBaker<'_> {
     fn bake_block(
         &self,
         group: u32,
-        extent: [u32; 2],
-        shared_extent: [u32; 2],
         triangles: &[TexelTriangle],
-        at: [u32; 2],
+        block: &TileBlock,
     ) -> Result<(BakedTile, Raster, [u32; 2])> {
         self.meter.check()?;
-        // Along a short side the block is the whole tile and nothing is cut there.
-        let low: [u32; 2] = std::array::from_fn(|k| at[k] * BLOCK);
-        let high: [u32; 2] = std::array::from_fn(|k| (low[k] + BLOCK).min(extent[k]));
-        let halo = if self.noisy_light().is_some() { NOISY_HALO } else { HALO };
-        let origin: [u32; 2] = std::array::from_fn(|k| low[k].saturating_sub(halo));
-        let end: [u32; 2] = std::array::from_fn(|k| (high[k] + halo).min(extent[k]));
-        let block = TexelBlock { origin, extent: [end[0] - origin[0], end[1] - origin[1]] };
-        let near: Vec<TexelTriangle> = triangles.iter().filter(|t| t.touches(block)).copied().collect();
+        let near: Vec<TexelTriangle> =
+            triangles.iter().filter(|t| t.touches(block.around)).copied().collect();
         let mut tile = BakedTile::default();
-        let mut raster = self.evaluate(group, near, block, &mut tile)?;
+        let mut raster = self.evaluate(group, near, block.around, &mut tile)?;
         for level in 0..SHARED_LEVEL {
-            // Where a side is cut, offsets halve exactly; where it is not, they are zero and the extent is the level's own.
-            let level_extent = self.cover.groups[group as usize].level_extent(level);
-            let start: [u32; 2] = std::array::from_fn(|k| (low[k] - origin[k]) >> level);
-            let stop: [u32; 2] =
-                std::array::from_fn(
-                    |k| if high[k] == extent[k] { level_extent[k] } else { high[k] >> level },
-                );
-            let first: [u32; 2] = low.map(|l| l >> level);
-            let size = [stop[0] - first[0], stop[1] - first[1]];
-            self.encode_level(group, level, &raster, start, size, first, &mut tile)?;
-            let next = self.cover.groups[group as usize].level_extent(level + 1);
-            let halved: [u32; 2] =
-                std::array::from_fn(|k| if extent[k] <= BLOCK { next[k] } else { raster.extent[k] / 2 });
-            raster = raster.halved(halved);
+            self.encode_level(group, level, &raster, block.at_level(level), &mut tile)?;
+            raster = raster.halved(block.halved(level, raster.extent));
         }
-        let first = low.map(|l| l >> SHARED_LEVEL);
-        let start: [u32; 2] = std::array::from_fn(|k| (low[k] - origin[k]) >> SHARED_LEVEL);
-        let size: [u32; 2] = std::array::from_fn(|k| {
-            if high[k] == extent[k] {
-                shared_extent[k] - first[k]
-            } else {
-                (high[k] - low[k]) >> SHARED_LEVEL
-            }
-        });
-        self.meter.add(u64::from(high[0] - low[0]) * u64::from(high[1] - low[1]));
-        Ok((tile, raster.window(start, size), first))
+        let part = block.at_level(SHARED_LEVEL);
+        self.meter.add(block.texel_count());
+        Ok((tile, raster.window(part.start, part.size), part.first))
     }
 
     fn evaluate(
@@ -340,21 +306,19 @@ impl TileBaker<'_> {
                 raster = raster.halved(shape.level_extent(l));
                 tile.bake_time += started.elapsed();
             }
-            self.encode_level(group, l, &raster, [0, 0], raster.extent, [0, 0], tile)?;
+            let all = BlockPart { start: [0, 0], size: raster.extent, first: [0, 0] };
+            self.encode_level(group, l, &raster, all, tile)?;
         }
         Ok(())
     }
 
-    /// Fits, fills and encodes the rectangle at `start` of `raster`, which lies at `first` in its level.
-    #[expect(clippy::too_many_arguments, reason = "three rectangles' corners in two spaces")]
+    /// Fits, fills and encodes a part of `raster`.
     fn encode_level(
         &self,
         group: u32,
         level: u32,
         raster: &Raster,
-        start: [u32; 2],
-        size: [u32; 2],
-        first: [u32; 2],
+        BlockPart { start, size, first }: BlockPart,
         tile: &mut BakedTile,
     ) -> Result<()> {
         let started = Instant::now();
@@ -395,13 +359,8 @@ impl TileBaker<'_> {
 
     /// Where all triangles are cut-outs of the same threshold.
     fn cut_out(&self, triangles: &[TexelTriangle]) -> Option<CutOut> {
-        let mode = |t: &TexelTriangle| {
-            self.mesh.materials.get(self.mesh.material_of(t.triangle as usize)).map(|material| material.alpha)
-        };
-        let first = triangles.first().and_then(mode)?;
-        let AlphaMode::Mask(threshold) = first else { return None };
-        let cut_out = CutOut { threshold, has_shares: self.source.has_shares() };
-        triangles.iter().all(|t| mode(t) == Some(first)).then_some(cut_out)
+        let modes = triangles.iter().map(|triangle| self.mesh.alpha_mode(triangle.triangle as usize));
+        CutOut::of_all(modes, self.source.has_shares())
     }
 
     fn overshoot(&self, channel: usize) -> Overshoot {
@@ -603,7 +562,7 @@ mod tests {
         };
         let extent = cover.groups[0].extent;
         let whole = raster(TexelBlock { origin: [0, 0], extent });
-        let (origin, size, margin) = ([50, 30], [80, 90], NOISY_HALO - HALO);
+        let (origin, size, margin) = ([50, 30], [80, 90], NOISY_MARGIN - BLOCK_MARGIN);
         let part = raster(TexelBlock { origin, extent: size });
         let mut differ = false;
         for y in 0..size[1] {

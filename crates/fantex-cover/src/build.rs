@@ -13,7 +13,7 @@ use crate::flatten::Laid;
 use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
 use crate::nominal::NominalDensity;
 use crate::surface::{Ring, Surface};
-use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
+use crate::{Cover, CoverStats, Group, GroupKind, MAX_BLOCK_SIDE, UnfoldedCorner};
 
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
@@ -390,7 +390,7 @@ const MIN_TILE_TEXELS: u64 = 4 * 4;
 const MAX_LENGTH_IN_MIN_TILE: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
 
 /// Sides longer than this are multiples of 32.
-const LONG: f32 = 1024.0;
+const LONG: f32 = MAX_BLOCK_SIDE as f32;
 
 /// Texels along a side whose region is `length` texels long: the region plus half a texel of filter margin at both ends,
 /// rounded to a multiple of 4. The tile map is then scaled so that the region fills the tile, whichever way the rounding

@@ -11,6 +11,7 @@
 //! What "cheaper" means is in `cost`: texels per unit of error in the worst direction.
 //! [`Cover`] is the run-time data with the texture function's weights and tile coordinates; [`build_cover`] makes one.
 
+mod blocks;
 mod build;
 mod cone;
 mod cost;
@@ -32,6 +33,7 @@ mod surface;
 mod unfolded;
 mod unroll;
 
+pub use blocks::*;
 pub use build::*;
 pub use cover::*;
 pub use footprints::*;

@@ -4,7 +4,7 @@ use fantex_base::Aabb;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{ImageSource, Material};
+use crate::{AlphaMode, ImageSource, Material};
 
 /// The similarity that takes mesh space to world space: `p_world = offset + scale * p_mesh`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -174,6 +174,11 @@ impl Mesh {
     #[inline]
     pub fn material_of(&self, triangle: usize) -> usize {
         self.triangle_materials.get(triangle).copied().unwrap_or(0) as usize
+    }
+
+    /// What alpha means on a triangle.
+    pub fn alpha_mode(&self, triangle: usize) -> AlphaMode {
+        self.materials.get(self.material_of(triangle)).map(|material| material.alpha).unwrap_or_default()
     }
 
     /// Surface area in square mesh units, summed in double precision.

@@ -2,15 +2,16 @@
 //!
 //! Texels that are averaged anew differ a little from those of the bake. So coarser pages under layers are put aside like those of
 //! level 0 (`layers.rs`), and come back block by block: where all finer texels that a block is made of are the base's, so is
-//! the block. A stroke on the base brings them up to date.
+//! the block. Those of a cut-out come back where all of its tile is the base's. A stroke on the base brings them up to date.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use fantex_base::Result;
-use fantex_store::{AssetEditor, Channel, PageId, page_extent, page_origin};
+use fantex_store::{AssetEditor, Channel, PageId, group_pages, page_extent, page_origin};
 
 use crate::composite::copy_blocks;
+use crate::cut_outs::cut_out_of;
 use crate::history::PageStep;
 use crate::layers::{base_bytes, base_mean_name, base_name, base_page_of_suffix, prefix};
 use crate::levels::{CoarserLevels, dirty_levels, fine_rect, pages_of, pages_read};
@@ -47,6 +48,10 @@ impl Painter {
         // Of finer pages.
         let mut layered: BTreeMap<PageId, Vec<Vec<Rect>>> = BTreeMap::new();
         let ids: Vec<PageId> = steps.keys().copied().collect();
+        let cut_out = match ids.first() {
+            Some(id) => self.shown_cut_out(id.group)?,
+            None => None,
+        };
         for id in ids {
             let Some(mut step) = steps.remove(&id) else { continue };
             let base = self.base_of(id)?;
@@ -54,6 +59,12 @@ impl Painter {
             let [fine, coarse] = [shape.level_extent(id.level - 1), shape.level_extent(id.level)];
             let extent = page_extent(coarse, id.page);
             for (channel, _, after) in &mut step.channels {
+                if let Some((_, is_base)) = cut_out.filter(|(alpha, _)| *alpha == *channel) {
+                    if is_base {
+                        after.clone_from(&base[*channel]);
+                    }
+                    continue;
+                }
                 let kind = &self.editor.asset().channels()[*channel];
                 for block in differing_blocks(kind, extent, after, &base[*channel]) {
                     let seen = fine_rect(block.moved(page_origin(id.page)).grown(coarse), fine, coarse);
@@ -75,6 +86,20 @@ impl Painter {
             steps.insert(id, step);
         }
         Ok(())
+    }
+
+    /// The channel that has the alpha of a tile that is a cut-out, and whether at level 0 it shows nothing but the base.
+    fn shown_cut_out(&self, group: u32) -> Result<Option<(usize, bool)>> {
+        let asset = self.editor.asset();
+        let Some((_, channel)) = cut_out_of(&self.surface, asset, group) else { return Ok(None) };
+        for id in group_pages(group, &asset.cover().groups[group as usize]).take_while(|id| id.level == 0) {
+            if self.editor.has_attachment(&base_name(id))
+                && self.base_of(id)?[channel] != self.editor.read_page_raw(channel, id)?
+            {
+                return Ok(Some((channel, false)));
+            }
+        }
+        Ok(Some((channel, true)))
     }
 
     /// The blocks of a page that differ from the base, per channel, in texels of its level.
@@ -155,7 +180,13 @@ impl Painter {
             let groups = BTreeMap::from([(group, dirty.clone())]);
             let mut work = self.level_work(Changes { groups, is_base: false }, channels);
             let levels = dirty_levels(&self.surface, group, dirty.clone());
-            for id in pages_read(&self.surface, group, &levels) {
+            let mut read = pages_read(&self.surface, group, &levels);
+            if work.cut_out(group).is_some() {
+                // All levels of the tile are made anew.
+                let shape = self.surface.cover().groups[group as usize];
+                read = group_pages(group, &shape).collect();
+            }
+            for id in read {
                 work.base.insert(id, self.base_of(id)?);
             }
             for (_, result) in work.run(&mut self.maps)? {

@@ -60,6 +60,10 @@ impl LayerPage<'_> {
         if share <= 0.0 {
             return below;
         }
+        // What else has no opacity stays.
+        if self.layer.erases() && !at.has_opacity {
+            return below;
+        }
         let blend = self.layer.blend;
         match self.layer.content {
             LayerContent::Group(GroupKind::PassThrough) => {
@@ -84,6 +88,8 @@ struct Texel {
     texel: usize,
     /// Whether components have alphas of their own.
     has_parts: bool,
+    /// Whether alpha is the opacity of the model.
+    has_opacity: bool,
 }
 
 /// Layers, from the bottom to the top, over what lies below them.
@@ -168,12 +174,12 @@ impl<'a> LayerStack<'a> {
                 heights[0].clone_from(&values);
             }
             let mut changed = vec![false; texels];
-            let has_parts = self.has_parts(index, &pages);
+            let channel = self.channel(index, &pages);
             for place in self.rect.texels() {
                 let texel = self.map.texel(place);
                 let value = &mut values[texel];
                 let before = *value;
-                let at = Texel { channel: index, texel, has_parts };
+                let at = Texel { texel, ..channel };
                 *value = compose_all(&pages, Composed::whole(before), at).value;
                 changed[texel] |= *value != before;
             }
@@ -253,19 +259,22 @@ impl<'a> LayerStack<'a> {
         let texels = self.map.block.texel_count();
         let pages = self.pages(parent, texels)?;
         let mut values = vec![Vec4::ZERO; texels];
-        let has_parts = self.has_parts(channel, &pages);
+        let channel = self.channel(channel, &pages);
         for place in self.rect.texels() {
             let texel = self.map.texel(place);
-            let at = Texel { channel, texel, has_parts };
+            let at = Texel { texel, ..channel };
             values[texel] = compose_all(&pages, Composed::CLEAR, at).value;
         }
         Ok(values)
     }
 
-    /// Whether components of a channel have alphas of their own.
-    fn has_parts(&self, channel: usize, pages: &[LayerPage<'_>]) -> bool {
-        let with_parts = self.editor.asset().channel_of_kind(ChannelKind::OcclusionRoughnessMetallic);
-        with_parts == Some(channel) && pages.iter().any(LayerPage::has_parts)
+    /// What to ask for in a channel, at its first texel.
+    fn channel(&self, channel: usize, pages: &[LayerPage<'_>]) -> Texel {
+        let asset = self.editor.asset();
+        let is_of = |kind| asset.channel_of_kind(kind) == Some(channel);
+        let has_parts =
+            is_of(ChannelKind::OcclusionRoughnessMetallic) && pages.iter().any(LayerPage::has_parts);
+        Texel { channel, texel: 0, has_parts, has_opacity: is_of(ChannelKind::BaseColor) }
     }
 }
 
@@ -305,12 +314,12 @@ impl LayerStack<'_> {
         let pages = self.pages(None, texels)?;
         let mut merged = Held::default();
         for channel in 0..self.editor.asset().channels().len() {
-            let has_parts = self.has_parts(channel, &pages);
-            let at = |texel| Texel { channel, texel, has_parts };
+            let first = self.channel(channel, &pages);
+            let at = |texel| Texel { texel, ..first };
             let made: Vec<Composed> =
                 (0..texels).map(|texel| compose_all(&pages, Composed::CLEAR, at(texel))).collect();
             merged.values.push(made.iter().map(|made| made.value).collect());
-            if has_parts {
+            if first.has_parts {
                 merged.parts = made.iter().map(|made| made.alphas).collect();
             }
         }

@@ -127,6 +127,11 @@ impl Layer {
             })
     }
 
+    /// True where it takes opacity from what lies below it.
+    pub fn erases(&self) -> bool {
+        self.blend == BlendMode::Erase && self.group_kind() != Some(GroupKind::PassThrough)
+    }
+
     pub(crate) fn shows(&self, channel: usize) -> bool {
         self.visible && self.opacity > 0.0 && self.channels.get(channel).copied().unwrap_or(true)
     }

@@ -2,7 +2,7 @@
 //!
 //! A texel of a coarser level is the mean of the known part of its footprint in the level before, weighted by area, as in
 //! the bake. Only texels over something that changed are computed, from the stored texels of the finer level. Where layers show
-//! nothing the texels of the base come back (`base_levels.rs`).
+//! nothing the texels of the base come back (`base_levels.rs`). Cut-outs keep their coverage (`cut_outs.rs`).
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,12 +11,14 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use fantex_base::{Error, Result};
 use fantex_store::{ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin};
+use fantex_texture::levels::CutOut;
 use glam::Vec4;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Surface;
 use crate::composite::replace_blocks;
+use crate::cut_outs::{cut_out_of, maps_read};
 use crate::texel_page::{Rect, TexelPage, TexelPages};
 
 /// Changed texels of a level, page by page, in the level's texels.
@@ -83,7 +85,7 @@ fn add_by_page(dirty: &mut Dirty, rect: Rect, extent: [u32; 2]) {
     }
 }
 
-fn page_rect(extent: [u32; 2], page: [u32; 2]) -> Rect {
+pub(crate) fn page_rect(extent: [u32; 2], page: [u32; 2]) -> Rect {
     Rect::of(page_extent(extent, page)).moved(page_origin(page))
 }
 
@@ -112,13 +114,13 @@ pub(crate) fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec
     ids.into_iter().collect()
 }
 
-struct LevelJob<'a> {
-    surface: &'a Surface,
-    pages: &'a EditorSnapshot,
+pub(crate) struct LevelJob<'a> {
+    pub(crate) surface: &'a Surface,
+    pub(crate) pages: &'a EditorSnapshot,
     base: &'a Base,
-    group: u32,
-    channel: usize,
-    maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
+    pub(crate) group: u32,
+    pub(crate) channel: usize,
+    pub(crate) maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
 }
 
 impl LevelJob<'_> {
@@ -200,7 +202,7 @@ impl LevelJob<'_> {
         Ok(())
     }
 
-    fn read(&self, id: PageId) -> Result<Vec<u8>> {
+    pub(crate) fn read(&self, id: PageId) -> Result<Vec<u8>> {
         match self.base.get(&id) {
             Some(channels) => Ok(channels[self.channel].clone()),
             None => self.pages.read_page_raw(self.channel, id),
@@ -236,7 +238,13 @@ fn where_known(rgba: Vec<[f32; 4]>, known: &[bool]) -> Vec<Option<Vec4>> {
 }
 
 /// Gives texels beside the surface the mean of their neighbours on it: look-ups at its outline read them.
-fn continue_values(values: &mut [Vec4], changed: &mut [bool], known: &[bool], extent: [u32; 2], rect: Rect) {
+pub(crate) fn continue_values(
+    values: &mut [Vec4],
+    changed: &mut [bool],
+    known: &[bool],
+    extent: [u32; 2],
+    rect: Rect,
+) {
     for [x, y] in rect.texels() {
         let texel = (y * extent[0] + x) as usize;
         if known[texel] {
@@ -317,6 +325,12 @@ pub(crate) struct LevelWork {
 }
 
 impl LevelWork {
+    /// What a tile is a cut-out of, where the channel that has its alpha changes.
+    pub(crate) fn cut_out(&self, group: u32) -> Option<(CutOut, usize)> {
+        let cut_out = cut_out_of(&self.surface, self.pages.asset(), group);
+        cut_out.filter(|(_, channel)| self.channels.contains(channel))
+    }
+
     /// Does the work, in parallel; results in the order of the groups.
     pub(crate) fn run(&self, maps: &mut TexelPages) -> Result<LevelResults> {
         let mut results = Vec::with_capacity(self.groups.len());
@@ -332,8 +346,14 @@ impl LevelWork {
             .par_iter()
             .map(|(group, dirty)| (*group, dirty_levels(surface, *group, dirty.clone())))
             .collect();
-        let ids: Vec<PageId> =
+        let mut ids: BTreeSet<PageId> =
             jobs.iter().flat_map(|(group, levels)| pages_read(surface, *group, levels)).collect();
+        let cut_outs: BTreeMap<u32, (CutOut, usize)> =
+            groups.iter().filter_map(|(group, _)| Some((*group, self.cut_out(*group)?))).collect();
+        for &group in cut_outs.keys() {
+            ids.extend(maps_read(&surface.cover().groups[group as usize], group));
+        }
+        let ids: Vec<PageId> = ids.into_iter().collect();
         let maps = maps.get(surface, &ids, self.budget_bytes);
         let maps: BTreeMap<_, _> = ids.into_iter().zip(maps).collect();
         jobs.par_iter()
@@ -342,8 +362,13 @@ impl LevelWork {
                 let mut result = CoarserLevels { is_layered, ..CoarserLevels::default() };
                 for &channel in &self.channels {
                     let (group, pages, base) = (*group, &self.pages, &self.base);
-                    LevelJob { surface, pages, base, group, channel, maps: &maps }
-                        .run(levels, &mut result)?;
+                    let job = LevelJob { surface, pages, base, group, channel, maps: &maps };
+                    match cut_outs.get(&group) {
+                        Some((cut_out, alpha)) if *alpha == channel => {
+                            job.run_cut_out(*cut_out, &levels[0], &mut result)?;
+                        }
+                        _ => job.run(levels, &mut result)?,
+                    }
                 }
                 Ok((*group, result))
             })

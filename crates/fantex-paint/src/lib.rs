@@ -16,7 +16,7 @@
 //! | `texel_page`, `cover` | which texels a dab covers, and how far |
 //! | `paint`, `composite`, `smudge` | what covered texels become |
 //! | `stroke_page` | what a stroke has gathered on each page |
-//! | `levels` | coarser levels, at once or beside the painting |
+//! | `levels`, `cut_outs` | coarser levels, at once or beside the painting |
 //! | `painter` | the [`Painter`]: an open stroke, and how it ends |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
@@ -34,6 +34,7 @@ mod added;
 mod base_levels;
 mod composite;
 mod cover;
+mod cut_outs;
 mod dab;
 mod error;
 mod fill;

@@ -140,8 +140,10 @@ pub(crate) fn mixed(a: Vec4, b: Vec4, share: f32) -> Vec4 {
 //     ao  = as + ab (1 - as)
 //     Co  = (as Cs' + (1 - as) ab Cb) / ao
 // ```
+//
+// Erasing is none of it: `ao = ab (1 - as)`, `Co = Cb` ("destination out" of Porter and Duff, 1984).
 
-/// `B(Cb, Cs)` of the recommendation, and the addition of light.
+/// `B(Cb, Cs)` of the recommendation, the addition of light, and erasing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BlendMode {
@@ -180,11 +182,14 @@ pub enum BlendMode {
     Luminosity,
     /// `Cb + Cs` (not of the recommendation; may exceed 1 in float channels).
     Add,
+    /// What a layer covers is taken from the opacity of the base colour below it, and the colour stays; other channels stay as they are.
+    /// Of layers alone: brushes have [`Tool::Erase`] and [`Tool::Opacity`].
+    Erase,
 }
 
 impl BlendMode {
     /// All modes.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Normal,
         Self::Multiply,
         Self::Screen,
@@ -202,6 +207,7 @@ impl BlendMode {
         Self::Color,
         Self::Luminosity,
         Self::Add,
+        Self::Erase,
     ];
 
     /// A source over a backdrop, both straight RGBA; `share` scales the source's alpha. With a share of 0 the backdrop stays,
@@ -211,13 +217,16 @@ impl BlendMode {
         if alpha <= 0.0 {
             return backdrop;
         }
+        if self == Self::Erase {
+            return backdrop.with_w(backdrop.w * (1.0 - alpha));
+        }
         let (cb, cs) = (backdrop.truncate(), source.truncate());
         let mixed = cs * (1.0 - backdrop.w) + self.blend(cb, cs) * backdrop.w;
         let out = alpha + backdrop.w * (1.0 - alpha);
         ((mixed * alpha + cb * ((1.0 - alpha) * backdrop.w)) / out).extend(out)
     }
 
-    /// `B(Cb, Cs)`.
+    /// `B(Cb, Cs)`; of what erases the backdrop.
     pub fn blend(self, cb: Vec3, cs: Vec3) -> Vec3 {
         let each = |f: fn(f32, f32) -> f32| Vec3::new(f(cb.x, cs.x), f(cb.y, cs.y), f(cb.z, cs.z));
         match self {
@@ -238,6 +247,7 @@ impl BlendMode {
             Self::Color => with_luminosity(cs, luminosity(cb)),
             Self::Luminosity => with_luminosity(cb, luminosity(cs)),
             Self::Add => cb + cs,
+            Self::Erase => cb,
         }
     }
 }

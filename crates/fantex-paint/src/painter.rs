@@ -40,7 +40,7 @@ use crate::smudge::{LaidDown, PagesUnder, SmudgeBuffer, SmudgeDab, buffer_of};
 use crate::stroke_page::{StrokePage, StrokePages};
 use crate::texel_page::{Rect, TexelPage, TexelPages};
 use crate::work::Work;
-use crate::{Dab, Decal, History, Paint, StrokeSettings, Surface, SurfacePoint, Target, Tool};
+use crate::{BlendMode, Dab, Decal, History, Paint, StrokeSettings, Surface, SurfacePoint, Target, Tool};
 
 // The painter: an asset that is being painted on.
 
@@ -202,7 +202,7 @@ impl Painter {
             }
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
-        self.check_opacity(target, &paint)?;
+        self.check_tool(target, &paint)?;
         if !matches!(target, Target::Mask(_))
             && let Some(relief) = Relief::of(&self.surface, self.editor.asset())
         {
@@ -317,8 +317,13 @@ impl Painter {
         Ok(())
     }
 
-    /// Refuses strokes of opacity where there is none.
-    fn check_opacity(&self, target: Target, paint: &Paint) -> Result<()> {
+    /// Refuses strokes of opacity where there is none, and brushes that blend as only layers do.
+    fn check_tool(&self, target: Target, paint: &Paint) -> Result<()> {
+        if matches!(paint.tool, Tool::Paint(BlendMode::Erase)) {
+            let sentence =
+                "only layers blend as \"erase\": a brush erases with the tool \"erase\" or \"opacity\"";
+            return Err(Error::invalid(sentence));
+        }
         if !matches!(paint.tool, Tool::Opacity { .. }) {
             return Ok(());
         }

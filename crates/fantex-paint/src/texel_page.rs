@@ -21,6 +21,8 @@ pub(crate) struct TexelPage {
     pub(crate) triangles: Vec<TexelTriangle>,
     /// Per texel, row-major: index into `triangles`, or `NO_OWNER` off the surface.
     pub(crate) owner: Vec<u32>,
+    /// Per texel: whether the region that the texture function reads covers or passes it.
+    in_region: Vec<bool>,
     /// Per block of 4 x 4 texels, row-major: whether a filter reads it. The bake leaves the others empty.
     is_read: Vec<bool>,
 }
@@ -46,6 +48,7 @@ impl TexelPage {
         let texel = |[x, y]: [u32; 2]| (y * around.extent[0] + x) as usize;
         // A texel of a coarser level counts if a texel of level 0 within it does.
         let reach = if id.level == 0 { f32::INFINITY } else { 0.5 + 2.0 / (1u64 << id.level) as f32 };
+        let in_region = own.texels().map(|place| footprints.in_region[texel(place)]).collect();
         let owner = own.texels().map(texel);
         let owner =
             owner.map(|t| if footprints.distance[t] > reach { NO_OWNER } else { footprints.owner[t] });
@@ -54,13 +57,18 @@ impl TexelPage {
             near.any(|place| footprints.in_region[texel(place)])
         });
         let (owner, is_read) = (owner.collect(), is_read.collect());
-        Self { group: id.group, block, triangles: footprints.triangles, owner, is_read }
+        Self { group: id.group, block, triangles: footprints.triangles, owner, in_region, is_read }
     }
 
     /// True where the texel shows the surface, and is stored: the bake leaves blocks empty that no filter reads.
     pub(crate) fn is_known(&self, texel: usize) -> bool {
         let [x, y] = self.place(texel);
         self.is_valid(texel) && self.is_read[(y / 4 * (self.block.extent[0] / 4) + x / 4) as usize]
+    }
+
+    /// True where a look-up of the texture function falls into the texel.
+    pub(crate) fn is_in_region(&self, texel: usize) -> bool {
+        self.in_region[texel]
     }
 
     pub(crate) fn is_valid(&self, texel: usize) -> bool {
@@ -95,6 +103,7 @@ impl TexelPage {
     fn memory_bytes(&self) -> usize {
         size_of::<Self>()
             + 4 * self.owner.len()
+            + self.in_region.len()
             + self.is_read.len()
             + size_of::<TexelTriangle>() * self.triangles.len()
     }

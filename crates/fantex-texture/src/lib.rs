@@ -18,6 +18,7 @@ mod image;
 mod image_file;
 mod image_texture;
 mod invalid_option;
+pub mod levels;
 pub mod look;
 mod mapping;
 pub mod material;

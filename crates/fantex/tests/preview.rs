@@ -9,11 +9,12 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use fantex::mesh::generate::icosphere;
 use fantex::mesh::{Material, WriteGeometry, write_model};
+use fantex::paint::{PaintOptions, Painter};
 use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, render};
 use fantex::scene::Camera;
 use fantex::store::{
     AssetEditor, ByteSource, ChannelKind, EditOptions, FileSource, PREVIEW, PageCache, PageId, VerifyOptions,
-    verify_asset,
+    group_pages, verify_asset,
 };
 use fantex::texture::compare::psnr_db;
 use fantex::{Asset, Baker, LongestEdge, Mesh, Preview, PreviewOptions, Source};
@@ -127,6 +128,80 @@ fn a_damaged_preview_keeps_nobody_from_the_asset() {
     let error = fantex::store::Asset::open_preview(&source).unwrap_err().to_string();
     assert!(error.contains("the preview of") && error.contains("ball.fan"), "{error}");
     Asset::open(&path).unwrap();
+}
+
+/// The preview of an asset, with the bytes of its pages in each channel.
+fn preview_pages(path: &Path) -> Option<Vec<(ChannelKind, Vec<Vec<u8>>)>> {
+    let preview =
+        fantex::store::Asset::open_preview(&FileSource::open(path).unwrap()).unwrap().map(Arc::new)?;
+    assert!(verify_asset(&preview, &VerifyOptions::default()).ok);
+    let pages = |channel: usize| -> Vec<Vec<u8>> {
+        let groups = (0u32..).zip(&preview.cover().groups);
+        let ids = groups.flat_map(|(index, group)| group_pages(index, group));
+        ids.map(|id| preview.read_page_raw(channel, id).unwrap()).collect()
+    };
+    let channels = preview.channels().iter().enumerate();
+    Some(channels.map(|(index, channel)| (channel.kind, pages(index))).collect())
+}
+
+/// What is removed from an asset is removed from its preview, at once; all else stays, byte for byte.
+#[test]
+fn previews_lose_the_channels_that_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = baked(folder.path());
+    let open = || Painter::open(&path, &PaintOptions::default()).unwrap();
+    let added = [ChannelKind::Emission, ChannelKind::Displacement, ChannelKind::Normal];
+    open().add_channels(&added[..2]).unwrap();
+    let options = PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS };
+    Preview::add_to(&path, &options).unwrap();
+    let mut painter = open();
+    painter.add_channels(&added[2..]).unwrap();
+    drop(painter);
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    editor.attach("note", b"kept".to_vec()).unwrap();
+    editor.commit().unwrap();
+    drop(editor);
+    let before = preview_pages(&path).unwrap();
+    let kinds: Vec<ChannelKind> = before.iter().map(|(kind, _)| *kind).collect();
+    assert!(added.iter().chain(&[ChannelKind::BaseColor]).all(|kind| kinds.contains(kind)), "{kinds:?}");
+    let mut left = before;
+    for removed in [&added[..1], &added[1..], &[ChannelKind::BaseColor]] {
+        if removed.contains(&ChannelKind::BaseColor) {
+            // The preview is older than this channel, and has none of it.
+            open().add_channels(&[ChannelKind::OcclusionRoughnessMetallic]).unwrap();
+        }
+        open().remove_channels(removed).unwrap();
+        left.retain(|(kind, _)| !removed.contains(kind));
+        let found = preview_pages(&path);
+        assert_eq!(found.is_none(), left.is_empty(), "{removed:?}");
+        assert!(found.unwrap_or_default() == left, "{removed:?}");
+        let asset = fantex::store::Asset::open(&path).unwrap();
+        assert_eq!(asset.attachment("note").unwrap().unwrap(), b"kept");
+        assert!(asset.channels().iter().all(|channel| !removed.contains(&channel.kind)));
+    }
+    assert!(left.is_empty());
+}
+
+#[test]
+fn previews_without_the_channel_stay_and_so_do_damaged_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = baked(folder.path());
+    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS }).unwrap();
+    let preview = || fantex::store::Asset::open(&path).unwrap().attachment(PREVIEW).unwrap().unwrap();
+    let before = preview();
+    let change = || {
+        let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        painter.add_channels(&[ChannelKind::Emission]).unwrap();
+        painter.remove_channels(&[ChannelKind::Emission]).unwrap();
+    };
+    change();
+    assert!(preview() == before);
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    editor.attach(PREVIEW, b"no asset".to_vec()).unwrap();
+    editor.commit().unwrap();
+    drop(editor);
+    change();
+    assert_eq!(preview(), b"no asset");
 }
 
 #[test]

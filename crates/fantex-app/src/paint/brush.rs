@@ -127,7 +127,8 @@ impl BrushSettings {
     }
 }
 
-pub const BLEND_MODES: [(BlendMode, &str); 17] = [
+/// Of layers; brushes have all but erasing.
+pub const BLEND_MODES: [(BlendMode, &str); 18] = [
     (BlendMode::Normal, "Normal"),
     (BlendMode::Multiply, "Multiply"),
     (BlendMode::Screen, "Screen"),
@@ -145,6 +146,7 @@ pub const BLEND_MODES: [(BlendMode, &str); 17] = [
     (BlendMode::Color, "Colour"),
     (BlendMode::Luminosity, "Luminosity"),
     (BlendMode::Add, "Add"),
+    (BlendMode::Erase, "Erase"),
 ];
 
 // Brushes that the user keeps, in a file of their own.

@@ -100,7 +100,7 @@ fn opacity_is_painted_and_shown() {
         {"key":"Shift+E"},{"opacity_to":0.0},{"brush":{"size":90,"hardness":0.6,"flow":1.0}},
         {"stroke":{"points":[[0.4,0.75],[0.6,0.78]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"opaque.png"}},
         {"show_alpha":"cut_out"},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"hole.png"}},
-        {"window_screenshot":{"path":"window.png"}},{"expect_painting":{"steps":1}},
+        {"window_screenshot":{"path":"window.png"}},{"expect_painting":{"steps":2}},
         {"show_alpha":"blended"},{"wait_loaded":120},{"wait_frames":3},{"wait_sharp":120},{"screenshot":{"path":"blended.png"}},
         {"opacity_to":1.0},{"stroke":{"points":[[0.3,0.75],[0.7,0.78]]}},{"stroke":{"points":[[0.3,0.72],[0.7,0.81]]}},
         {"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"closed.png"}},{"wait_saved":30},"quit""##;

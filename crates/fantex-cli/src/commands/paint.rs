@@ -11,7 +11,7 @@ use fantex::base::files::{persist, temporary_file};
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
-use fantex::store::{AssetEditor, ChannelKind, EditOptions};
+use fantex::store::ChannelKind;
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -238,10 +238,10 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
 
 fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
-    if let Some(alpha) = args.alpha {
-        AssetEditor::open(asset, &EditOptions::default())?.set_alpha_mode(alpha)?;
-    }
     let mut painter = Painter::open(asset, &options)?;
+    if let Some(alpha) = args.alpha {
+        painter.set_alpha_mode(alpha)?;
+    }
     painter.remove_channels(&args.remove_channel)?;
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;

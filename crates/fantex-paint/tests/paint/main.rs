@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod added;
+mod cut_outs;
 mod groups;
 mod layers;
 mod opacity;

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use fantex_bake::BakeFormat;
 use fantex_mesh::AlphaMode;
 use fantex_paint::{
-    ChannelPaint, Layer, Paint, PaintColor, Painter, StrokeLog, Target, Tool, ToolSettings, dabs_of, replay,
+    BlendMode, ChannelPaint, GroupKind, Layer, LayerPlace, Paint, PaintColor, Painter, StrokeLog, Target,
+    Tool, ToolSettings, dabs_of, dissolve_group, move_layer, replay,
 };
-use fantex_store::{Asset, AssetEditor, ChannelKind, EditOptions, VerifyOptions, verify};
+use fantex_store::{Asset, AssetEditor, ChannelKind, EditOptions, PageId, VerifyOptions, verify};
 use glam::{Vec3, Vec4};
 
 use crate::{ball, contents, red, stroke, strokes};
@@ -108,7 +109,7 @@ fn strokes_of_opacity_are_logged_and_replayed() {
     assert!(error.contains("a mask has no opacity"), "{error}");
 }
 
-/// Materials that ignore alpha are told to show it; nothing else changes.
+/// Materials that ignore alpha are told to show it by the editor; nothing else changes.
 #[test]
 fn materials_show_painted_opacity_once_they_are_told() {
     let baked = ball(20_000, BakeFormat::Bc7);
@@ -133,4 +134,92 @@ fn materials_show_painted_opacity_once_they_are_told() {
         assert_eq!(painter.history().done().len(), 1);
         assert_eq!(painter.editor().asset().channel_of_kind(ChannelKind::BaseColor), Some(0));
     }
+}
+
+/// Pages of level 0 with their bytes, in both channels.
+fn finest(painter: &Painter) -> Vec<(PageId, Vec<u8>)> {
+    contents(painter).0.into_iter().filter(|(id, _)| id.level == 0).collect()
+}
+
+/// Layers that erase, by hand: alpha is that below times one minus what they cover, and colours and other channels stay.
+#[test]
+fn layers_that_erase_take_opacity_from_what_lies_below() {
+    let baked = ball(40_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let [there, beside] = [LINE[0], -Vec3::X].map(|position| pick(&mut painter, position));
+    let base = contents(&painter);
+    let below = painter.add_layer(Layer::painted("below")).unwrap();
+    paint_on(&mut painter, Target::Layer(below), red(0.5));
+    let painted = pick(&mut painter, LINE[0]);
+    let with_below = finest(&painter);
+    let mut layer = Layer::painted("holes");
+    layer.blend = BlendMode::Erase;
+    let holes = painter.add_layer(layer).unwrap();
+    paint_on(&mut painter, Target::Layer(holes), red(0.8));
+    let expect = |painter: &mut Painter, color: Vec4, alpha: f32| {
+        let found = pick(painter, LINE[0]);
+        assert!((found - color.with_w(alpha)).abs().max_element() < 2e-3, "{found} {color} {alpha}");
+        assert_eq!(pick(painter, -Vec3::X), beside);
+    };
+    let edit = |painter: &mut Painter, change: fn(&mut Vec<Layer>)| {
+        painter.edit_layers("edit", change).unwrap();
+    };
+    expect(&mut painter, painted, 0.2);
+    edit(&mut painter, |layers| layers[1].opacity = 0.5);
+    expect(&mut painter, painted, 0.6);
+    edit(&mut painter, |layers| layers[1].mask = Some(0.25));
+    expect(&mut painter, painted, 0.9);
+    edit(&mut painter, |layers| (layers[1].opacity, layers[1].mask) = (1.0, None));
+    // Roughness and the like stay: in them the layer shows nothing.
+    let pages = finest(&painter).into_iter().zip(&with_below);
+    assert!(pages.skip(1).step_by(2).all(|(after, before)| after == *before));
+    // Alone in a group that blends on its own there is nothing below it; one that lets it pass, or erases itself, does as it does.
+    let group = painter.group_layers("group", GroupKind::Isolated, &[holes]).unwrap();
+    assert!(finest(&painter) == with_below);
+    edit(&mut painter, |layers| layers[2].blend = BlendMode::Erase);
+    edit(&mut painter, |layers| layers[1].blend = BlendMode::Normal);
+    expect(&mut painter, painted, 0.2);
+    painter.edit_layers("free", |layers| dissolve_group(layers, group)).unwrap();
+    edit(&mut painter, |layers| layers[1].blend = BlendMode::Erase);
+    painter.group_layers("group", GroupKind::PassThrough, &[holes]).unwrap();
+    expect(&mut painter, painted, 0.2);
+    edit(&mut painter, |layers| layers[2].opacity = 0.5);
+    expect(&mut painter, painted, 0.6);
+    // Under the other layer it erases what lies under that.
+    painter.edit_layers("under", |layers| move_layer(layers, below, LayerPlace::Top)).unwrap();
+    let alpha = 0.5 + 0.6 * 0.5;
+    let color = (Vec3::new(0.9, 0.05, 0.05) * 0.5 + there.truncate() * (0.6 * 0.5)) / alpha;
+    expect(&mut painter, color.extend(1.0), alpha);
+    // Gone without a trace.
+    edit(&mut painter, |layers| layers.iter_mut().for_each(|layer| layer.visible = false));
+    assert!(contents(&painter) == base);
+    while painter.undo().unwrap() {}
+    assert!(contents(&painter) == base);
+    painter.commit().unwrap();
+    drop(painter);
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
+#[test]
+fn layers_that_erase_come_from_stroke_files_and_logs() {
+    let stroke = |tool: &str, blend: &str| {
+        format!(
+            r#"{{"layer": {{"name": "holes", "blend": "{blend}"}}, "tool": {tool}, "brush": {{"size": {{"texels": 60}}}},
+            "channels": [{{"kind": "base_color", "color": {{"srgb": [1, 1, 1]}}}}], "samples": [{{"at": {{"position": [1, 0, 0]}}}}]}}"#
+        )
+    };
+    let [one, other] = [(); 2].map(|()| ball(30_000, BakeFormat::Rgba8));
+    let mut painter = one.painter();
+    replay(&mut painter, &strokes(&stroke(r#"{"paint": "normal"}"#, "erase")), Path::new("")).unwrap();
+    assert!(painter.layers()[0].erases());
+    assert!(pick(&mut painter, Vec3::X).w < 0.01);
+    painter.commit().unwrap();
+    let log = StrokeLog::of(painter.editor().asset()).unwrap();
+    let mut again = other.painter();
+    log.replay(&mut again).unwrap();
+    assert!(again.layers() == painter.layers());
+    assert!(pick(&mut again, Vec3::X).w < 0.01);
+    let brush = stroke(r#"{"paint": "erase"}"#, "normal");
+    let error = replay(&mut again, &strokes(&brush), Path::new("")).unwrap_err().to_string();
+    assert!(error.contains("only layers blend as \"erase\""), "{error}");
 }

@@ -45,11 +45,19 @@ fn compositing_follows_porter_and_duff() {
     let (backdrop, source) = (Vec4::new(0.1, 0.2, 0.3, 1.0), Vec4::new(1.0, 0.5, 0.0, 1.0));
     for mode in BlendMode::ALL {
         assert_eq!(mode.compose(backdrop, source, 0.0), backdrop);
+        if mode == BlendMode::Erase {
+            continue;
+        }
         let clear = mode.compose(Vec4::ZERO, source, 0.5);
         assert!((clear - Vec4::new(1.0, 0.5, 0.0, 0.5)).abs().max_element() < 1e-6, "{mode:?}");
     }
     let half = BlendMode::Normal.compose(backdrop, source, 0.5);
     assert!((half - Vec4::new(0.55, 0.35, 0.15, 1.0)).abs().max_element() < 1e-6);
+    // Destination out.
+    let faint = Vec4::new(0.1, 0.2, 0.3, 0.8);
+    let erased = BlendMode::Erase.compose(faint, source.with_w(0.5), 0.5);
+    assert!((erased - faint.with_w(0.6)).abs().max_element() < 1e-6, "{erased}");
+    assert_eq!(BlendMode::Erase.compose(faint, source, 1.0), faint.with_w(0.0));
 }
 
 #[test]

@@ -3,14 +3,16 @@
 //! Those that it is given hold what renderers showed without them, so that nothing looks different: the factors of the model's materials, the mesh's own
 //! normals, a middle height.
 
+use std::sync::Arc;
+
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh};
 
 use super::compact::NewChannel;
-use super::{AssetEditor, CompactSummary};
+use super::{AssetEditor, CompactSummary, EditOptions};
 use crate::channel::check_channels;
-use crate::{Channel, ChannelKind, Quality, TexelFormat, TexelSlice, encode};
+use crate::{Asset, BytesSource, Channel, ChannelKind, PREVIEW, Quality, TexelFormat, TexelSlice, encode};
 
 /// The height that is neither raised nor lowered.
 pub const MIDDLE_HEIGHT: f32 = 0.5;
@@ -142,20 +144,33 @@ impl AssetEditor {
 
     /// Commits, then replaces the file by one without the channels of these kinds, atomically. The others stay as they are, and move
     /// up. Attachments do, too, but those that `concerns` names hold what `change` makes of their contents; where that is none, they are
-    /// left out. Needs room for the copy; memory does not grow with the asset. Readers that have the old file open keep it.
+    /// left out. The [preview](PREVIEW) loses these channels, too, and goes where it has no others. Needs room for the copy; memory does
+    /// not grow with the asset. Readers that have the old file open keep it.
     ///
     /// # Errors
-    /// As [`removable_channels`](Self::removable_channels), `change` and [`compact`](Self::compact); the asset then stays as it is.
+    /// As [`removable_channels`](Self::removable_channels), `change` and [`compact`](Self::compact), or there is no room for a temporary
+    /// file of the preview's size; the asset then stays as it is.
     pub fn remove_channels(
         &mut self,
         kinds: &[ChannelKind],
         concerns: impl Fn(&str) -> bool,
-        change: impl FnMut(&str, Vec<u8>) -> Result<Option<Vec<u8>>>,
+        mut change: impl FnMut(&str, Vec<u8>) -> Result<Option<Vec<u8>>>,
     ) -> Result<CompactSummary> {
         let removed = self.removable_channels(kinds)?;
         let mut new = NewChannel::all_of(&self.asset);
         new.retain(|new| new.from.is_some_and(|index| !removed.contains(&index)));
-        self.rewrite(&new, None, concerns, change)
+        let options = self.options;
+        // One that is damaged is copied as it is, and reported when it is read.
+        let has_preview = self.attachment(PREVIEW).is_ok_and(|preview| preview.is_some());
+        self.rewrite(
+            &new,
+            None,
+            |name| if name == PREVIEW { has_preview } else { concerns(name) },
+            |name, contents| match name {
+                PREVIEW => preview_without(contents, kinds, &options),
+                _ => change(name, contents),
+            },
+        )
     }
 
     /// Commits, then replaces the file by one all of whose materials take alpha so, atomically. Texels stay as they are. Needs room for
@@ -175,4 +190,31 @@ impl AssetEditor {
         let channels = NewChannel::all_of(&self.asset);
         self.rewrite(&channels, Some(&mesh), |_| false, |_, contents| Ok(Some(contents))).map(drop)
     }
+}
+
+/// A preview without its channels of these kinds; none where it has no others. What is no asset stays as it is.
+fn preview_without(
+    contents: Vec<u8>,
+    kinds: &[ChannelKind],
+    options: &EditOptions,
+) -> Result<Option<Vec<u8>>> {
+    let Ok(preview) = Asset::open_source(Arc::new(BytesSource::new(PREVIEW, contents.clone()))) else {
+        return Ok(Some(contents));
+    };
+    let is_removed = |channel: &&Channel| kinds.contains(&channel.kind);
+    let removed: Vec<ChannelKind> =
+        preview.channels().iter().filter(is_removed).map(|channel| channel.kind).collect();
+    if removed.is_empty() {
+        return Ok(Some(contents));
+    }
+    if preview.channels().iter().all(|channel| removed.contains(&channel.kind)) {
+        return Ok(None);
+    }
+    let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
+    let path = folder.path().join("preview.fan");
+    std::fs::write(&path, &contents).map_err(|error| Error::writing(&path, error))?;
+    let mut editor = AssetEditor::open(&path, options)?;
+    editor.remove_channels(&removed, |_| false, |_, contents| Ok(Some(contents)))?;
+    drop(editor);
+    std::fs::read(&path).map(Some).map_err(|error| Error::reading(&path, error))
 }

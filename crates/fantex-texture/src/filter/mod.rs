@@ -27,6 +27,6 @@ pub(crate) use footprint::{LevelPair, ewa};
 pub(crate) use mipmap::{build_levels, halved_axis, stored_channels};
 pub(crate) use taps::wrap_index;
 pub(crate) use taps::{
-    Kernel, Reconstruction, Taps, TexelSource, TexelUse, bilinear, bilinear_reference, bilinear_row,
-    reconstructed, resolve, with_samples, with_texels,
+    Kernel, Reconstruction, TRANSPARENT_WEIGHT, Taps, TexelSource, TexelUse, bilinear, bilinear_reference,
+    bilinear_row, reconstructed, resolve, with_samples, with_texels,
 };

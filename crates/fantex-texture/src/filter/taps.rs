@@ -238,7 +238,7 @@ pub(crate) fn bilinear_row(
 // bleed into their neighbours: a sum collects `w (a + e) rgb` and `w a`, and [`resolve`] divides. The tiny `e` makes the
 // plain mean of the colours appear where everything is transparent.
 
-pub(super) const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
+pub(crate) const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
 
 /// The straight RGBA value of a sum of fetched texels whose weights add up to one.
 pub(crate) fn resolve(sum: Vec4, alpha: AlphaUse) -> [f32; 4] {

@@ -12,6 +12,7 @@ use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{FileDialog, Request, Viewer};
 use eframe::egui::{Button, Color32, ColorImage, RichText, TextEdit, Ui, vec2};
+use fantex::paint::BlendMode;
 
 /// Pixels of the preview, before the screen's own scale.
 const PREVIEW: [usize; 2] = [244, 64];
@@ -51,7 +52,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     percent(ui, "Opacity", &mut brush.opacity, "Most that one stroke covers (digits)");
     percent(ui, "Flow", &mut brush.flow, "What each dab adds (Shift + digits)");
     if paint.tool == PaintTool::Paint {
-        row(ui, "Blend", |ui| choice(ui, "brush blend", &mut brush.blend, &BLEND_MODES));
+        // Brushes erase with a tool of their own.
+        let modes: Vec<_> = BLEND_MODES.into_iter().filter(|(mode, _)| *mode != BlendMode::Erase).collect();
+        row(ui, "Blend", |ui| choice(ui, "brush blend", &mut brush.blend, &modes));
     }
     if paint.tool == PaintTool::Smudge {
         percent(ui, "Strength", &mut paint.smudge, "How far colours are carried");
@@ -101,7 +104,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// What the model's materials make of the opacity.
-fn alpha_shown(ui: &mut Ui, viewer: &mut Viewer) {
+pub(crate) fn alpha_shown(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
     let known = painting.alpha_shown();
     let mut shown = known;

@@ -14,6 +14,7 @@ use fantex::paint::{
 use crate::paint::{
     BLEND_MODES, LayerAction, LayerDrag, LayerRow, Painting, THUMBNAIL, drop_place, layer_rows,
 };
+use crate::panels::paint::brush::alpha_shown;
 use crate::panels::widgets::{cached_texture, choice, heading, hint, number, row, segments};
 use crate::settings::label_of;
 use crate::theme;
@@ -44,6 +45,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     base_row(ui, painting, &mut actions);
     if let Some(layer) = painting.layer().cloned() {
         chosen(ui, painting, &layer, &mut actions);
+        if layer.erases() {
+            alpha_shown(ui, viewer);
+        }
     } else if layers.is_empty() {
         hint(ui, "Paint goes onto the base. On a layer it can be erased, hidden and mixed later.");
     }

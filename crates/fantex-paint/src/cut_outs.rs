@@ -1,0 +1,232 @@
+//! Coarser levels of cut-outs.
+//!
+//! In a mean of alpha, holes that are smaller than a texel close, and what is thinner than a texel goes. So the levels of a tile whose
+//! triangles are all cut-outs of one threshold are made as in the bake (`fantex_texture::levels`): means of level 0, with the alpha of
+//! each level scaled so that the same share of the tile is there. One factor holds for all of a level, so whatever changes in the tile,
+//! its levels are made anew as a whole; in tiles that the bake cuts into blocks, the levels of these that something changes in, and the
+//! levels from which on the tile is whole. Where materials of one tile differ, the coarser levels hold the mean, as in the bake.
+
+use std::sync::Arc;
+
+use fantex_base::Result;
+use fantex_cover::{BLOCK_MARGIN, BlockPart, Group, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TileBlock};
+use fantex_mesh::AlphaMode;
+use fantex_store::{Asset, ChannelKind, PageId, page_extent, page_origin};
+use fantex_texture::levels::{CutOut, Raster};
+use glam::Vec4;
+use rayon::prelude::*;
+
+use crate::composite::replace_blocks;
+use crate::levels::{CoarserLevels, Dirty, LevelJob, PageChange, continue_values, page_rect, pages_of};
+use crate::painter::Changes;
+use crate::texel_page::{Rect, TexelPage};
+use crate::{Painter, Surface};
+
+/// What a tile is a cut-out of, and the channel that has its alpha.
+pub(crate) fn cut_out_of(surface: &Surface, asset: &Asset, group: u32) -> Option<(CutOut, usize)> {
+    let channel = asset.channel_of_kind(ChannelKind::BaseColor)?;
+    let triangles = surface.triangles_of_group(group).iter();
+    let modes = triangles.map(|&triangle| surface.mesh().alpha_mode(triangle as usize));
+    Some((CutOut::of_all(modes, false)?, channel))
+}
+
+/// Pages of level 0 whose texel maps are wanted at once; none in tiles that are worked on block by block.
+pub(crate) fn maps_read(shape: &Group, group: u32) -> impl Iterator<Item = PageId> + use<> {
+    let rect = if is_one_block(shape) { Rect::of(shape.extent) } else { Rect::EMPTY };
+    pages_of(rect).map(move |page| PageId { group, level: 0, page })
+}
+
+fn is_one_block(shape: &Group) -> bool {
+    shape.extent.iter().all(|&n| n <= MAX_BLOCK_SIDE)
+}
+
+/// Part of a tile at [`SHARED_LEVEL`], and what its finer levels have become.
+struct Block {
+    raster: Raster,
+    first: [u32; 2],
+    covered: Option<f32>,
+    pages: Vec<PageChange>,
+}
+
+impl LevelJob<'_> {
+    /// Appends the coarser pages of a cut-out, and the mean. `dirty`: what has changed at level 0.
+    pub(crate) fn run_cut_out(
+        &self,
+        cut_out: CutOut,
+        dirty: &Dirty,
+        result: &mut CoarserLevels,
+    ) -> Result<()> {
+        let shape = self.surface.cover().groups[self.group as usize];
+        let mut covered = None;
+        let (first_level, mut raster) = if is_one_block(&shape) {
+            (0, self.finest(cut_out, TexelBlock { origin: [0, 0], extent: shape.extent })?)
+        } else {
+            let blocks = TileBlock::all(shape.extent, BLOCK_MARGIN);
+            let blocks = blocks.par_iter().map(|block| self.block(cut_out, block, dirty));
+            let mut shared = Raster::empty(shape.level_extent(SHARED_LEVEL), 1, Some(0));
+            shared.cut_out = Some(cut_out);
+            let (mut known, mut pages) = (Vec::new(), Vec::new());
+            for block in blocks.collect::<Result<Vec<Block>>>()? {
+                shared.paste(block.first, &block.raster);
+                known.extend(block.covered);
+                pages.extend(block.pages);
+            }
+            pages.sort_by_key(|change: &PageChange| change.id.level);
+            result.pages.extend(pages);
+            covered = (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32);
+            (SHARED_LEVEL, shared)
+        };
+        for level in first_level..shape.level_count() {
+            if level > first_level {
+                raster = raster.halved(shape.level_extent(level));
+            }
+            let scale = alpha_scale(&raster, &mut covered);
+            if level > 0 {
+                let all = BlockPart { start: [0, 0], size: raster.extent, first: [0, 0] };
+                result.pages.extend(self.stored(level, &raster, scale, all)?);
+            }
+        }
+        let valid = raster.values.iter().zip(&raster.valid).filter(|(_, valid)| **valid);
+        let known: Vec<Vec4> = valid.map(|(value, _)| *value).collect();
+        if !known.is_empty() {
+            let mean = known.iter().sum::<Vec4>() / known.len() as f32;
+            result.means.push((self.channel, mean.to_array()));
+        }
+        Ok(())
+    }
+
+    /// A block of a large tile.
+    fn block(&self, cut_out: CutOut, block: &TileBlock, dirty: &Dirty) -> Result<Block> {
+        let around = Rect::of(block.around.extent).moved(block.around.origin);
+        let is_changed = dirty.values().any(|rect| !rect.intersection(around).is_empty());
+        let mut raster = self.finest(cut_out, block.around)?;
+        let (mut covered, mut pages) = (None, Vec::new());
+        for level in 0..SHARED_LEVEL {
+            if is_changed || level == 0 {
+                let scale = alpha_scale(&raster, &mut covered);
+                if level > 0 {
+                    pages.extend(self.stored(level, &raster, scale, block.at_level(level))?);
+                }
+            }
+            raster = raster.halved(block.halved(level, raster.extent));
+        }
+        let BlockPart { start, size, first } = block.at_level(SHARED_LEVEL);
+        Ok(Block { raster: raster.window(start, size), first, covered, pages })
+    }
+
+    /// The texels of level 0 in a rectangle, as they are stored.
+    fn finest(&self, cut_out: CutOut, block: TexelBlock) -> Result<Raster> {
+        let extent = self.surface.cover().groups[self.group as usize].extent;
+        let rect = Rect::of(block.extent).moved(block.origin);
+        let mut raster = Raster::empty(block.extent, 1, Some(0));
+        raster.cut_out = Some(cut_out);
+        for page in pages_of(rect) {
+            let id = PageId { group: self.group, level: 0, page };
+            let map = match self.maps.get(&id) {
+                Some(map) => Arc::clone(map),
+                None => Arc::new(TexelPage::build(self.surface, id)),
+            };
+            let texels = self.pages.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
+            let origin = page_origin(page);
+            for [x, y] in rect.intersection(page_rect(extent, page)).texels() {
+                let from = map.texel([x - origin[0], y - origin[1]]);
+                let to = ((y - rect.low[1]) * block.extent[0] + (x - rect.low[0])) as usize;
+                raster.read[to] = map.is_in_region(from);
+                if map.is_known(from) {
+                    raster.values[to] = Vec4::from(texels.rgba[from]);
+                    raster.valid[to] = true;
+                }
+            }
+        }
+        Ok(raster)
+    }
+
+    /// The pages of a level that a part of a raster makes anew.
+    fn stored(
+        &self,
+        level: u32,
+        raster: &Raster,
+        scale: Option<f32>,
+        BlockPart { start, size, first }: BlockPart,
+    ) -> Result<Vec<PageChange>> {
+        let asset = self.pages.asset();
+        let channel = &asset.channels()[self.channel];
+        let mut pages = Vec::new();
+        for page in pages_of(Rect::of(size).moved(first)) {
+            let id = PageId { group: self.group, level, page };
+            let before = self.read(id)?;
+            let decoded = asset.decode_page_raw(self.channel, id, &before)?;
+            let extent = decoded.extent;
+            let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
+            let mut known = vec![false; values.len()];
+            let origin = page_origin(page);
+            for (texel, [x, y]) in Rect::of(extent).texels().enumerate() {
+                let at = [x, y];
+                let [column, row] = [0, 1].map(|k| at[k] + origin[k] - first[k] + start[k]);
+                let from = (row * raster.extent[0] + column) as usize;
+                if raster.valid[from] {
+                    let value = raster.values[from];
+                    values[texel] = scale.map_or(value, |scale| value.with_w((value.w * scale).min(1.0)));
+                    known[texel] = true;
+                }
+            }
+            let mut changed = known.clone();
+            let all = Rect::of(extent);
+            continue_values(&mut values, &mut changed, &known, extent, all);
+            let mut after = before.clone();
+            replace_blocks(channel, extent, &mut after, &values, all, |texel| changed[texel])?;
+            pages.push(PageChange { id, channel: self.channel, before, after });
+        }
+        Ok(pages)
+    }
+}
+
+/// What the alpha of a level is to be multiplied by.
+fn alpha_scale(raster: &Raster, covered: &mut Option<f32>) -> Option<f32> {
+    let alpha: Vec<f32> = raster.values.iter().map(|value| value.w).collect();
+    raster.alpha_scale(&alpha, covered)
+}
+
+// What materials make of alpha.
+
+impl Painter {
+    /// Lets all materials of the asset take the alpha of its base colour so, and commits. That is no step of the history. Where opacity
+    /// has been lowered already, coarser levels of cut-outs become those that keep their coverage, or means again: that is a step, as
+    /// it changes texels. Rewrites the file, which needs room for a copy.
+    ///
+    /// # Errors
+    /// As [`AssetEditor::set_alpha_mode`](fantex_store::AssetEditor::set_alpha_mode); the asset then stays as it is. Or coarser levels
+    /// cannot be read or written; materials take alpha so in any case then.
+    pub fn set_alpha_mode(&mut self, alpha: AlphaMode) -> Result<()> {
+        self.finish_work()?;
+        self.end()?;
+        self.commit()?;
+        let before = Arc::clone(&self.surface);
+        self.editor.set_alpha_mode(alpha)?;
+        self.surface = Arc::new(Surface::of(self.editor.asset()));
+        let asset = Arc::clone(self.editor.asset());
+        let Some(channel) = asset.channel_of_kind(ChannelKind::BaseColor) else { return Ok(()) };
+        let threshold = |surface: &Surface, group| {
+            cut_out_of(surface, &asset, group).map(|(cut_out, _)| cut_out.threshold)
+        };
+        let mut changes = Changes { is_base: true, ..Changes::default() };
+        for (group, shape) in (0u32..).zip(&asset.cover().groups) {
+            let is_opaque = self.editor.mean(channel, group)[3] >= 1.0;
+            if is_opaque || threshold(&before, group) == threshold(&self.surface, group) {
+                continue;
+            }
+            for page in pages_of(Rect::of(shape.extent)) {
+                let id = PageId { group, level: 0, page };
+                changes.add(id, Rect::of(page_extent(shape.extent, page)));
+            }
+        }
+        if changes.groups.is_empty() {
+            return Ok(());
+        }
+        self.begin_step("show opacity");
+        let made = self.finish_changes(changes, &[channel]);
+        self.history.finish(&mut self.editor)?;
+        made?;
+        self.commit().map(drop)
+    }
+}

@@ -1,0 +1,283 @@
+//! Cut-outs seen from afar: painting keeps their coverage at every level.
+
+use std::sync::Arc;
+
+use fantex_bake::{
+    BakeFormat, BakeOptions, Fit, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake,
+};
+use fantex_cover::{CoverOptions, MAX_BLOCK_SIDE, TexelBudget, build_cover};
+use fantex_mesh::{AlphaMode, Material, Mesh, generate};
+use fantex_paint::{
+    Brush, ChannelPaint, Layer, Paint, PaintColor, Painter, Sample, Size, Stroke, Symmetry, Target, Tool,
+    dabs_of,
+};
+use fantex_store::{ChannelKind, VerifyOptions, group_pages, verify};
+use glam::{Vec2, Vec3, Vec4};
+
+use crate::layers::paint_on;
+use crate::{Baked, cleaned, contents, cover, red, sample};
+
+/// Holes along each side of the grid, and their share of the surface: about ten texels apart, and half as wide.
+const HOLES: u32 = 24;
+const OPEN: f32 = std::f32::consts::PI * 0.25 * 0.25;
+
+/// A grid of 2 x 2 whose triangles take alpha so, by turns.
+fn grid(n: u32, alphas: &[AlphaMode]) -> Mesh {
+    let mut mesh = cleaned(generate::grid(n));
+    mesh.materials = alphas.iter().map(|&alpha| Material { alpha, ..Material::default() }).collect();
+    mesh.triangle_materials =
+        (0..mesh.triangles.len()).map(|triangle| (triangle % alphas.len()) as u32).collect();
+    mesh
+}
+
+fn fence(alpha: AlphaMode) -> Baked {
+    fence_of(&[alpha])
+}
+
+fn fence_of(alphas: &[AlphaMode]) -> Baked {
+    let mesh = grid(8, alphas);
+    Baked::new(&mesh, &cover(&mesh, 128, 60_000), BakeFormat::Float)
+}
+
+fn hole() -> Paint {
+    let channels = vec![ChannelPaint::new(0, PaintColor::Constant(Vec4::ONE))];
+    Paint { tool: Tool::Opacity { to: 0.0 }, opacity: 1.0, channels, stencil: None, sight: None }
+}
+
+/// Holes on a square lattice, as a stroke that is open.
+fn begin_holes(painter: &mut Painter) {
+    let surface = Arc::clone(painter.surface());
+    painter.begin("holes", hole()).unwrap();
+    let brush = Brush { size: Size::World(1.0 / HOLES as f32), hardness: 1.0, ..Brush::default() };
+    let at = |i: u32| 2.0 * (i as f32 + 0.5) / HOLES as f32 - 1.0;
+    for i in 0..HOLES * HOLES {
+        let position = Vec3::new(at(i % HOLES), 0.0, at(i / HOLES));
+        let samples = vec![Sample::at(surface.nearest(position, f32::INFINITY).unwrap())];
+        let (brush, symmetry) = (brush.clone(), Symmetry::None);
+        let stroke = Stroke { brush, stamp: None, samples, line: false, symmetry };
+        painter.dab(&dabs_of(&surface, &stroke)).unwrap();
+    }
+}
+
+fn punch_holes(painter: &mut Painter) {
+    begin_holes(painter);
+    painter.end().unwrap();
+}
+
+/// The share of the surface whose alpha is at least a half at a level.
+fn covered(baked: &Baked, level: u32) -> f32 {
+    const STEPS: u32 = 23;
+    let cache = baked.cache();
+    let (mut there, mut all) = (0.0, 0.0);
+    for triangle in 0..cache.asset().mesh().triangles.len() {
+        for i in 0..STEPS {
+            for j in 0..STEPS - i {
+                let [a, b] = [i, j].map(|n| (n as f32 + 1.0 / 3.0) / STEPS as f32);
+                let alpha = sample(&cache, 0, level, triangle, Vec3::new(a, b, 1.0 - a - b)).0.w;
+                there += f32::from(u8::from(alpha >= 0.5));
+                all += 1.0;
+            }
+        }
+    }
+    there / all
+}
+
+/// Holes of five texels are finer than a texel from level 3 on, where the mean of alpha has none.
+#[test]
+fn painted_holes_keep_their_coverage_at_every_level() {
+    for threshold in [0.5, 0.3] {
+        let baked = fence(AlphaMode::Mask(threshold));
+        let mut painter = baked.painter();
+        let before = contents(&painter);
+        punch_holes(&mut painter);
+        let after = contents(&painter);
+        painter.commit().unwrap();
+        if threshold == 0.5 {
+            let first = covered(&baked, 0);
+            assert!((first - (1.0 - OPEN)).abs() < 0.06, "{first}");
+            for level in 1..4 {
+                let found = covered(&baked, level);
+                assert!((found - first).abs() < 0.06, "level {level}: {found} of {first}");
+            }
+        }
+        assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+        while painter.undo().unwrap() {}
+        assert!(contents(&painter) == before);
+        while painter.redo().unwrap() {}
+        assert!(contents(&painter) == after);
+        // Another thread makes the same.
+        let again = fence(AlphaMode::Mask(threshold));
+        let mut painter = again.painter();
+        begin_holes(&mut painter);
+        painter.end_in_background().unwrap();
+        painter.finish_levels().unwrap();
+        assert!(contents(&painter) == after);
+    }
+}
+
+/// In the mean of alpha the holes close, also where tiles show several materials.
+#[test]
+fn other_materials_hold_the_mean() {
+    use AlphaMode::{Blend, Mask, Opaque};
+    for alphas in [&[Opaque][..], &[Blend], &[Mask(0.5), Mask(0.3)], &[Mask(0.5), Opaque]] {
+        let baked = fence_of(alphas);
+        let mut painter = baked.painter();
+        punch_holes(&mut painter);
+        painter.commit().unwrap();
+        assert!(covered(&baked, 3) > 0.97, "{alphas:?}");
+    }
+}
+
+/// Only tiles that a stroke touches are made anew.
+#[test]
+fn tiles_beside_the_stroke_keep_their_bytes() {
+    let baked = fence(AlphaMode::Mask(0.5));
+    let mut painter = baked.painter();
+    punch_holes(&mut painter);
+    let before = contents(&painter);
+    paint_on(&mut painter, Target::Base, hole(), &[Vec3::new(0.9, 0.0, 0.9)]);
+    let after = contents(&painter);
+    let groups = |level_0: bool| {
+        let pages = before.0.iter().zip(&after.0).filter(|(a, b)| (a.0.level == 0) == level_0 && a != b);
+        let mut groups: Vec<u32> = pages.map(|(a, _)| a.0.group).collect();
+        groups.dedup();
+        groups
+    };
+    let touched = groups(true);
+    assert!(groups(false).iter().all(|group| touched.contains(group)));
+    assert!(touched.len() < painter.editor().asset().cover().groups.len());
+}
+
+/// Opaque discs on a square lattice.
+struct Discs;
+
+impl Source for Discs {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: true, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let place = Vec2::new(point.position.x, point.position.z) * 18.0;
+        let distance = (place - place.floor() - 0.5).length();
+        let color = Vec3::new(0.2 + 0.1 * point.position.x, 0.6, 0.1);
+        values[0] = color.extend(f32::from(u8::from(distance < 0.3)));
+    }
+}
+
+/// Where painting makes the coarser levels of a baked cut-out anew, they are those that the bake made; also of a tile that is cut into
+/// blocks.
+#[test]
+fn painted_levels_are_those_of_a_bake() {
+    for side in [200, 1300] {
+        assert_levels_of_a_bake(side);
+    }
+}
+
+fn assert_levels_of_a_bake(side: u32) {
+    let mesh = grid(3, &[AlphaMode::Mask(0.4)]);
+    let budget = TexelBudget::Total(u64::from(side).pow(2));
+    let options = CoverOptions { budget, tile: 2048, ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options).unwrap();
+    assert_eq!(cover.groups.len(), 1);
+    assert_eq!(cover.groups[0].extent.iter().any(|&n| n > MAX_BLOCK_SIDE), side > MAX_BLOCK_SIDE);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.fan");
+    let options = BakeOptions { format: BakeFormat::Float, fit: Fit::Point, ..BakeOptions::default() };
+    bake(&mesh, &cover, &Discs, &path, &options, &NoProgress).unwrap();
+    let baked = Baked { path, folder };
+    let mut painter = baked.painter();
+    let texels = |painter: &Painter| -> Vec<_> {
+        let editor = painter.editor();
+        let ids = group_pages(0, &editor.asset().cover().groups[0]);
+        ids.map(|id| (id, editor.read_page(0, id).unwrap().rgba)).collect()
+    };
+    let before = texels(&painter);
+    // A stroke that changes no texel of level 0.
+    let channels = vec![ChannelPaint::new(0, PaintColor::Constant(Vec4::ONE))];
+    let nothing = Paint { opacity: 0.0, channels, ..red(0.0) };
+    paint_on(&mut painter, Target::Base, nothing, &[Vec3::ZERO]);
+    for ((id, before), (_, after)) in before.iter().zip(texels(&painter)) {
+        for (texel, (a, b)) in before.iter().zip(after).enumerate() {
+            let difference = (Vec4::from(*a) - Vec4::from(b)).abs().max_element();
+            assert!(difference < 1e-5, "page {id}, texel {texel}: {a:?} {b:?}");
+        }
+    }
+    let levels = before.iter().map(|(id, _)| id.level).max().unwrap();
+    assert!(levels >= 4);
+}
+
+/// Hidden layers give back the bytes of the base at all levels, and shown ones come back.
+#[test]
+fn layers_over_cut_outs_go_without_a_trace() {
+    let baked = fence(AlphaMode::Mask(0.5));
+    let mut painter = baked.painter();
+    punch_holes(&mut painter);
+    let base = contents(&painter);
+    let layer = painter.add_layer(Layer::painted("patch")).unwrap();
+    let line = [Vec3::new(-0.6, 0.0, -0.5), Vec3::new(0.6, 0.0, 0.2)];
+    let mut paint = red(1.0);
+    paint.channels.truncate(1);
+    paint_on(&mut painter, Target::Layer(layer), paint, &line);
+    let shown = contents(&painter);
+    assert!(shown != base);
+    let show = |painter: &mut Painter, opacity: f32| {
+        painter.edit_layers("fade", |layers| layers[0].opacity = opacity).unwrap();
+        contents(painter)
+    };
+    assert!(show(&mut painter, 0.0) == base);
+    assert!(show(&mut painter, 0.6) != shown);
+    assert!(show(&mut painter, 1.0) == shown);
+    // Below it, too, the base keeps its coverage: once the layer is gone, it is as if it had never been there.
+    paint_on(&mut painter, Target::Base, hole(), &line);
+    painter.edit_layers("delete", Vec::clear).unwrap();
+    let with_layer = contents(&painter);
+    let alone = fence(AlphaMode::Mask(0.5));
+    let mut other = alone.painter();
+    punch_holes(&mut other);
+    paint_on(&mut other, Target::Base, hole(), &line);
+    assert!(contents(&other) == with_layer);
+    while painter.undo().unwrap() {}
+    assert!(contents(&painter) == contents(&fence(AlphaMode::Mask(0.5)).painter()));
+}
+
+/// Materials that become cut-outs after holes were painted: coarser levels follow, as a step of their own.
+#[test]
+fn levels_follow_what_materials_make_of_alpha() {
+    let baked = fence(AlphaMode::Opaque);
+    let mut painter = baked.painter();
+    painter.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap();
+    assert!(painter.history().done().is_empty(), "there was no opacity to show");
+    painter.set_alpha_mode(AlphaMode::Opaque).unwrap();
+    punch_holes(&mut painter);
+    let before = contents(&painter);
+    painter.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap();
+    assert_eq!(painter.history().done().len(), 2);
+    let first = covered(&baked, 0);
+    for level in 1..4 {
+        let found = covered(&baked, level);
+        assert!((found - first).abs() < 0.06, "level {level}: {found} of {first}");
+    }
+    // Painted before or after, it is the same.
+    let other = fence(AlphaMode::Mask(0.5));
+    let mut told = other.painter();
+    punch_holes(&mut told);
+    told.commit().unwrap();
+    let [one, other] = [&baked, &other].map(Baked::cache);
+    for triangle in 0..one.asset().mesh().triangles.len() {
+        for level in 1..4 {
+            let [a, b] =
+                [&one, &other].map(|cache| sample(cache, 0, level, triangle, Vec3::splat(1.0 / 3.0)).0);
+            assert!((a - b).abs().max_element() < 1e-3, "triangle {triangle}, level {level}: {a} {b}");
+        }
+    }
+    painter.set_alpha_mode(AlphaMode::Blend).unwrap();
+    assert!(covered(&baked, 3) > 0.97);
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    assert!(painter.undo().unwrap() && painter.undo().unwrap());
+    assert!(contents(&painter) == before);
+    assert_eq!(painter.editor().asset().mesh().materials[0].alpha, AlphaMode::Blend);
+}
