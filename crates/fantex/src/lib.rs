@@ -86,6 +86,8 @@ mod split;
 mod streamed_world;
 mod world;
 mod world_check;
+#[cfg(feature = "export")]
+mod world_export;
 mod world_scene;
 mod world_view;
 
@@ -109,6 +111,8 @@ pub use split::{SectorPreviews, Split, SplitOptions, split};
 pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
+#[cfg(feature = "export")]
+pub use world_export::{export_world, export_world_fans};
 pub use world_scene::{WorldScene, WorldSurface};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,

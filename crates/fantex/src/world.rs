@@ -175,8 +175,11 @@ impl World {
         WorldFromMesh::of_box(low, high)
     }
 
-    /// As [`space`](Self::space), for those who want to show something.
-    pub(crate) fn space_to_show(&self, index: &Path) -> Result<WorldFromMesh> {
+    /// As [`space`](Self::space), for those who want to show something. `index` is where the world was read.
+    ///
+    /// # Errors
+    /// There is no object, or all lie in one point.
+    pub fn space_to_show(&self, index: &Path) -> Result<WorldFromMesh> {
         self.space().ok_or_else(|| {
             Error::not_found(format!("there is nothing to show in the world {}", index.display()))
         })

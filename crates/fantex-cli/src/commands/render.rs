@@ -12,7 +12,7 @@ use fantex::gpu::{
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
-use fantex::mesh::Mesh;
+use fantex::mesh::{Mesh, WorldFromMesh};
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
@@ -181,13 +181,10 @@ fn of_rendering(Rendering { picture, stats }: Rendering) -> (Picture, RenderInfo
 /// Renders a world: what is near whole, what is far by its previews, as memory allows.
 fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let world = World::open(&args.file)?;
-    if world.space().is_none() {
-        let sentence = format!("there is nothing to show in the world {}", args.file.display());
-        return Err(Error::not_found(sentence));
-    }
+    let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
     check_picture_name(&args.output)?;
-    let (options, bounds) = (options(args)?, bounds(&world));
+    let (options, bounds) = (options(args)?, bounds(&world, space));
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
@@ -217,8 +214,7 @@ fn note_coarse(objects: usize, context: &Context) {
 }
 
 /// The corners of a world's objects, as a mesh.
-fn bounds(world: &World) -> Mesh {
-    let world_from_mesh = world.space().unwrap_or_default();
+fn bounds(world: &World, world_from_mesh: WorldFromMesh) -> Mesh {
     let corners = world.objects.iter().flat_map(|object| {
         (0..8).map(|bits| {
             let side = |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
