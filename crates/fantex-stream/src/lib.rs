@@ -38,6 +38,7 @@ pub mod read;
 mod residency;
 mod shape;
 mod streamer;
+mod world;
 
 pub use atlas::*;
 pub use camera_path::*;
@@ -56,3 +57,4 @@ pub use read::{open_asset, open_preview, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;
+pub use world::*;

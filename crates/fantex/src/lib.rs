@@ -84,12 +84,10 @@ mod refined;
 mod split;
 #[cfg(feature = "gpu")]
 mod streamed_world;
-mod world;
 mod world_check;
 #[cfg(feature = "export")]
 mod world_export;
 mod world_scene;
-mod world_view;
 
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
@@ -103,13 +101,13 @@ pub use fantex_gpu as gpu;
 pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
+pub use fantex_stream::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use split::{SectorPreviews, Split, SplitOptions, split};
 #[cfg(feature = "gpu")]
 pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
-pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
 #[cfg(feature = "export")]
 pub use world_export::{export_world, export_world_fans};

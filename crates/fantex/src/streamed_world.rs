@@ -29,7 +29,6 @@ use fantex_stream::{
 use glam::Vec3;
 
 use crate::World;
-use crate::world_view::{preview_of, view_objects};
 
 /// How long to leave the loaders alone before looking again.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -164,7 +163,7 @@ impl StreamedWorld {
     /// There is no object, or all lie in one point.
     pub fn new(index: &Path, world: Arc<World>, options: WorldOptions) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let shapes = view_objects(&world, &space);
+        let shapes = world.view_objects(&space);
         let boxes: Vec<_> = shapes.iter().map(|shape| shape.bounds).collect();
         Ok(Self {
             index: index.to_owned(),
@@ -547,7 +546,7 @@ fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -
 }
 
 fn open_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
-    let preview = Arc::new(preview_of(place)?);
+    let preview = Arc::new(World::open_preview(place)?);
     let model = FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))?;
     let surface = SurfaceSamples::of(&model.space().points);
     Ok((model, surface))
