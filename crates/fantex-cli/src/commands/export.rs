@@ -75,7 +75,7 @@ pub(crate) struct ExportArgs {
     /// Write a shader that blends fans beside the model, too; several with commas
     #[arg(long, value_name = "LANGUAGE", value_parser = one_of(&SHADERS), value_delimiter = ',', requires = "fans")]
     shader: Vec<ShaderLanguage>,
-    /// Write a page that shows the asset in a browser
+    /// Write a page that shows the asset or the world in a browser
     #[arg(long, conflicts_with_all = ["channel", "turntable", "fans", "uv", "model", "size", "padding", "textures"])]
     web: bool,
     /// What the page is called [default: the asset's name]

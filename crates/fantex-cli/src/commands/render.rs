@@ -12,7 +12,7 @@ use fantex::gpu::{
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
-use fantex::mesh::{Mesh, WorldFromMesh};
+use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::scene::{
     FILTERS, Scene, SurroundingsArgs, check_picture_name, is_look, open_shape, portrait, report_damage,
-    show_notes, size, vector,
+    show_notes, size, vector, world_boxes,
 };
 use crate::series::Series;
 use crate::text::{bytes, counted, one_of};
@@ -184,7 +184,7 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
     check_picture_name(&args.output)?;
-    let (options, bounds) = (options(args)?, bounds(&world, space));
+    let (options, bounds) = (options(args)?, world_boxes(&world, space));
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
@@ -211,17 +211,6 @@ fn note_coarse(objects: usize, context: &Context) {
             counted(objects as u64, "object")
         ));
     }
-}
-
-/// The corners of a world's objects, as a mesh.
-fn bounds(world: &World, world_from_mesh: WorldFromMesh) -> Mesh {
-    let corners = world.objects.iter().flat_map(|object| {
-        (0..8).map(|bits| {
-            let side = |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
-            world_from_mesh.inverse_point(DVec3::from_array(std::array::from_fn(side)))
-        })
-    });
-    Mesh { positions: corners.collect(), world_from_mesh, ..Mesh::default() }
 }
 
 /// Draws a world on the graphics card, once all is there that the view needs.
