@@ -24,7 +24,6 @@
 mod atlas;
 mod camera_path;
 mod cluster_loader;
-#[cfg(not(target_arch = "wasm32"))]
 mod complete;
 mod demand;
 #[cfg(not(target_arch = "wasm32"))]
@@ -43,7 +42,6 @@ mod world;
 pub use atlas::*;
 pub use camera_path::*;
 pub use cluster_loader::*;
-#[cfg(not(target_arch = "wasm32"))]
 pub use complete::complete_atlas;
 pub use demand::{DemandWork, Detail, PageDemand};
 #[cfg(not(target_arch = "wasm32"))]

@@ -82,8 +82,6 @@ mod model;
 mod preview;
 mod refined;
 mod split;
-#[cfg(feature = "gpu")]
-mod streamed_world;
 mod world_check;
 #[cfg(feature = "export")]
 mod world_export;
@@ -97,6 +95,8 @@ pub use baker::{Baked, Baker, Source};
 pub use fantex_export as export;
 #[cfg(feature = "gpu")]
 pub use fantex_gpu as gpu;
+#[cfg(feature = "gpu")]
+pub use fantex_gpu::{StreamedWorld, WorldOptions, WorldStatistics};
 #[cfg(feature = "paint")]
 pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
@@ -106,8 +106,6 @@ pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use split::{SectorPreviews, Split, SplitOptions, split};
-#[cfg(feature = "gpu")]
-pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
 #[cfg(feature = "export")]
 pub use world_export::{export_world, export_world_fans};
