@@ -302,7 +302,10 @@ impl Gltf {
         used.sort_unstable();
         used.dedup();
         let buffer_uri = (!self.is_binary).then(|| uri(&self.buffer_name()));
-        let sampler = |wrap: &u32| json!({ "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": wrap, "wrapT": wrap });
+        let sampler = |wrap: &u32| {
+            let (near, far) = (LINEAR, LINEAR_MIPMAP_LINEAR);
+            json!({ "magFilter": near, "minFilter": far, "wrapS": wrap, "wrapT": wrap })
+        };
         let has_images = !self.images.is_empty();
         object(json!({
             "asset": { "version": "2.0", "generator": "fantex" },

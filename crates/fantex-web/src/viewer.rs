@@ -199,7 +199,7 @@ impl Viewer {
     /// allows; there is nothing to show in the world.
     pub async fn open(canvas: HtmlCanvasElement, url: String, pool_bytes: f64) -> Result<Viewer, JsError> {
         let file = Rc::new(RemoteFile::new(url));
-        let starting = start(Rc::clone(&file));
+        let starting = begin(Rc::clone(&file));
         // Both take their time, and neither needs the other.
         let (gpu, started) = join(open_gpu(canvas), starting).await;
         let ((gpu, surface, configuration), started) = (gpu?, started.map_err(said)?);
@@ -398,7 +398,7 @@ enum Started<F> {
 }
 
 /// Fetches the index of a world, or the start of an asset and its preview.
-async fn start(
+async fn begin(
     file: Rc<RemoteFile>,
 ) -> fantex_base::Result<Started<impl AsyncFn(Range<u64>) -> io::Result<Fetched>>> {
     let place = PathBuf::from(file.url());

@@ -188,7 +188,8 @@ impl Shown {
             Self::World(world) => {
                 let camera = portrait(&world_boxes(world, world.space_to_show(path)?), &options);
                 let scene = WorldScene::open(path, world, &camera, PREVIEW_SIZE, context.memory_bytes)?;
-                let surface = scene.surface(FilterOptions::default());
+                let filter = FilterOptions { filter: Filter::Anisotropic, ..FilterOptions::default() };
+                let surface = scene.surface(filter);
                 let picture = photograph(scene.mesh(), &surface, &camera, &options)?.picture;
                 scene.damage().try_for_each(|damage| report_damage(path, &damage, context))?;
                 picture
