@@ -82,7 +82,11 @@ fn add_all(
             return Err(cancelled());
         }
         let asset = open(number)?;
-        let mut summary = add(&asset, name, &Share { progress, before, own: *texels, total })?;
+        let added = add(&asset, name, &Share { progress, before, own: *texels, total });
+        let mut summary = added.map_err(|error| match error.is_cancelled() {
+            true => error,
+            false => error.in_file(asset.path()),
+        })?;
         if let Some((_, first)) = &mut summary.damage {
             *first = format!("{name}: {first}");
         }
