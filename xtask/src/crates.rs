@@ -18,7 +18,7 @@ const CRATES: &str = "
     fantex-scene   | cameras, lights, surroundings, tone mapping: what renderers are given | mesh texture
     fantex-bake    | sources to tiles, light maps, transfer between meshes | mesh texture cover store scene
     fantex-look    | looks: files, JSON schema, checks with lines, textures and materials made of them | mesh texture store scene
-    fantex-stream  | asynchronous reading, demand, residency | mesh cover store
+    fantex-stream  | asynchronous reading, demand, residency, the index of a world | mesh cover store
     fantex-render  | the CPU renderer, the reference | mesh texture cover store scene
     fantex-gpu     | the GPU renderer on wgpu | mesh texture cover store scene stream
     fantex-paint   | brushes, strokes, layers, history, replay | mesh look texture cover store

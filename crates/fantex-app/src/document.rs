@@ -306,10 +306,7 @@ impl Document {
     /// Opens the index of a world. Its assets are opened as they are seen.
     fn open_world(place: &Place, index: &Path) -> Result<Self> {
         let world = World::open(index)?;
-        let space = world.space().ok_or_else(|| {
-            let sentence = format!("there is nothing to show in the world {place}");
-            Error::not_found(sentence)
-        })?;
+        let space = world.space_to_show(index)?;
         let boxes = Arc::new(box_mesh(&world, space));
         let bounds = world_bounds(&boxes);
         let [x, y, z] = (bounds.max - bounds.min).to_array().map(short_number);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
-use fantex::mesh::{Mesh, shading_normals, written_format};
+use fantex::mesh::{Mesh, WorldFromMesh, shading_normals, written_format};
 use fantex::render::{
     Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
     LookSurface, RenderOptions, Rendering, Surface, render,
@@ -136,6 +136,17 @@ pub(crate) fn photograph(
 /// The three-quarter view that shows a whole mesh.
 pub(crate) fn portrait(mesh: &Mesh, options: &RenderOptions) -> Camera {
     Camera::framing_mesh(mesh, Camera::THREE_QUARTER, aspect(options))
+}
+
+/// The corners of a world's objects, as a mesh.
+pub(crate) fn world_boxes(world: &World, world_from_mesh: WorldFromMesh) -> Mesh {
+    let corners = world.objects.iter().flat_map(|object| {
+        (0..8).map(|bits| {
+            let side = |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
+            world_from_mesh.inverse_point(DVec3::from_array(std::array::from_fn(side)))
+        })
+    });
+    Mesh { positions: corners.collect(), world_from_mesh, ..Mesh::default() }
 }
 
 /// Width by height.

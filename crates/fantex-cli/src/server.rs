@@ -19,8 +19,8 @@ use fantex::base::input;
 /// Longest head of a request.
 const MAX_HEAD_BYTES: usize = 16 << 10;
 
-/// Connections at a time. Browsers open six per page.
-const MAX_CONNECTIONS: usize = 128;
+/// Connections at a time. Browsers open six per page, `fantex view` about as many for each object of a world that it shows whole.
+const MAX_CONNECTIONS: usize = 256;
 
 /// A connection that neither asks nor takes anything for so long is closed.
 const IDLE_TIME: Duration = Duration::from_secs(30);
@@ -60,7 +60,7 @@ fn content_type(name: &str) -> &'static str {
         Some("html") => "text/html; charset=utf-8",
         Some("css") => "text/css; charset=utf-8",
         Some("js") => "text/javascript; charset=utf-8",
-        Some("json") => "application/json",
+        Some("json" | "fanworld") => "application/json",
         Some("txt") => "text/plain; charset=utf-8",
         Some("wasm") => "application/wasm",
         Some("png") => "image/png",

@@ -1,7 +1,6 @@
 //! The two exports: a model with all its pictures, and one picture.
 
 use std::fs::File;
-use std::io::Seek;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,7 +13,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
-use crate::model_file::{Document, Geometry, ImageFile, Outputs, write_glb, write_gltf};
+use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, stem_of, translation_of};
 use crate::pictures::{Depth, FloatSink, Ktx2Sink, Packing, PngSink};
 use crate::texels::{RowSink, TexelSampler, make_page};
 
@@ -41,6 +40,8 @@ pub struct ExportSummary {
     pub points: usize,
     /// Texels of all pictures of one map.
     pub texels: u64,
+    /// Triangles of the asset, or of all assets.
+    pub triangles: u64,
     /// Vertices of the model; 0 for a single picture.
     pub vertices: usize,
     /// Channels that glTF has no place for.
@@ -66,89 +67,93 @@ pub fn export_model(
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
     options.check()?;
-    let is_binary = match extension(output).as_str() {
-        "glb" => true,
-        "gltf" => false,
-        _ => return Err(unknown_kind(output, ".glb or .gltf")),
-    };
-    let job = Job::new(asset, options, progress)?;
-    let maps: Vec<Map> = MODEL_MAPS
-        .into_iter()
-        .filter_map(|kind| Map::of(asset, kind))
-        .map(|map| map.scaled(scale_of(&job.cache, &map)))
-        .collect();
-    let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
-    let mut outputs = Outputs::new(options.force);
-    let mut images = Vec::new();
-    let mut pages = Vec::new();
-    for (page, _) in job.layout.pages.iter().enumerate() {
-        let mut sinks: Vec<Box<dyn RowSink>> = Vec::new();
-        for map in &maps {
-            let number = if job.layout.pages.len() > 1 { format!("-{}", page + 1) } else { String::new() };
-            let name = format!("{stem}-{}{number}", map.kind.name());
-            let (sink, file) = job.image(page, map, &name, is_binary, output, &mut outputs)?;
-            images.push((name, file));
-            sinks.push(sink);
-        }
-        pages.push(sinks);
-    }
-    let tangents = job.tangents(&maps);
-    let mut summary = job.run(&maps, &tangents, pages, progress)?;
-    let (mesh, layout) = (asset.mesh(), &job.layout);
-    let page = |t: usize| layout.page_of_material.get(mesh.material_of(t)).copied().flatten().unwrap_or(0);
-    let uv = |corner: usize| [layout.uv[corner / 3][corner % 3]];
-    let geometry = Geometry::new(mesh, &job.normals, &tangents, uv, page);
-    let document = Document {
-        name: &stem,
-        parts: &mesh.parts.names,
-        geometry: &geometry,
-        materials: &mesh.materials,
-        maps: &maps,
-        repeats: layout.repeats,
-        delta: None,
-    };
-    write_model(&document, images, is_binary, output, &mut outputs)?;
-    summary.vertices = geometry.positions.len();
-    let is_shown = |kind: ChannelKind| maps.iter().any(|m| m.kind.channel() == kind);
-    summary.left_out = asset.channels().iter().map(|c| c.kind).filter(|&k| !is_shown(k)).collect();
-    summary.files = outputs.commit()?;
+    let mut model = ModelFile::new(output, None, options)?;
+    let mut summary = model.add(asset, None, progress)?;
+    summary.files = model.finish()?;
     Ok(summary)
 }
 
-/// Writes the model whose pictures are written already: each has the name of its file beside a .gltf, without an extension.
-pub(crate) fn write_model(
-    document: &Document<'_>,
-    images: Vec<(String, File)>,
-    is_binary: bool,
-    output: &Path,
-    outputs: &mut Outputs,
-) -> Result<()> {
-    let failed = |source| Error::writing(output, source);
-    let mut images = images
-        .into_iter()
-        .map(|(name, mut file)| {
-            file.rewind()?;
-            let bytes = file.metadata()?.len();
-            let name = if is_binary { name } else { format!("{name}.png") };
-            Ok(ImageFile { name, file, bytes })
-        })
-        .collect::<std::io::Result<Vec<_>>>()
-        .map_err(failed)?;
-    if is_binary {
-        let (file, _) = outputs.create(output)?;
-        let written = write_glb(document, &mut images, &file).map_err(|bytes| {
-            let path = output.display();
-            let message =
-                format!("{path} would take {bytes} bytes, but a GLB file holds 4 GiB; write a .gltf");
-            Error::too_large(message).with_path(output)
-        })?;
-        written.map_err(failed)
-    } else {
-        let buffer_name = format!("{}.bin", document.name);
-        let (buffer, _) = outputs.create(&output.with_file_name(&buffer_name))?;
-        let (text, _) = outputs.create(output)?;
-        write_gltf(document, &images, &buffer_name, &text, &buffer).map_err(failed)
+/// A model with texture coordinates on its way.
+pub(crate) struct ModelFile<'a> {
+    output: &'a Path,
+    options: &'a ExportOptions<'a>,
+    gltf: Gltf,
+    outputs: Outputs,
+}
+
+impl<'a> ModelFile<'a> {
+    /// Nothing yet. With `root`, objects are added below a node of that name.
+    ///
+    /// # Errors
+    /// The output's extension is none that exists.
+    pub(crate) fn new(output: &'a Path, root: Option<&str>, options: &'a ExportOptions<'a>) -> Result<Self> {
+        let gltf = Gltf::new(output, root).ok_or_else(|| unknown_kind(output, ".glb or .gltf"))?;
+        Ok(Self { output, options, gltf, outputs: Outputs::new(options.force) })
     }
+
+    /// Adds an asset, as an object of this name where there is one. The summary lacks the files.
+    pub(crate) fn add(
+        &mut self,
+        asset: &Arc<Asset>,
+        object: Option<&str>,
+        progress: &dyn Progress,
+    ) -> Result<ExportSummary> {
+        let job = Job::new(asset, self.options, progress)?;
+        let maps: Vec<Map> = MODEL_MAPS
+            .into_iter()
+            .filter_map(|kind| Map::of(asset, kind))
+            .map(|map| map.scaled(scale_of(&job.cache, &map)))
+            .collect();
+        let (stem, is_binary) = (file_stem(self.output, object), self.gltf.is_binary());
+        let mut images = Vec::new();
+        let mut pages = Vec::new();
+        for (page, _) in job.layout.pages.iter().enumerate() {
+            let mut sinks: Vec<Box<dyn RowSink>> = Vec::new();
+            for map in &maps {
+                let number =
+                    if job.layout.pages.len() > 1 { format!("-{}", page + 1) } else { String::new() };
+                let name = format!("{stem}-{}{number}", map.kind.name());
+                let (sink, file) = job.image(page, map, &name, is_binary, self.output, &mut self.outputs)?;
+                images.push((name, file));
+                sinks.push(sink);
+            }
+            pages.push(sinks);
+        }
+        let tangents = job.tangents(&maps);
+        let mut summary = job.run(&maps, &tangents, pages, progress)?;
+        let (mesh, layout) = (asset.mesh(), &job.layout);
+        let page =
+            |t: usize| layout.page_of_material.get(mesh.material_of(t)).copied().flatten().unwrap_or(0);
+        let uv = |corner: usize| [layout.uv[corner / 3][corner % 3]];
+        let translation = translation_of(mesh, object.is_some());
+        let geometry = Geometry::new(mesh, translation, &job.normals, &tangents, uv, page);
+        let document = Document {
+            name: object.unwrap_or(&stem),
+            parts: &mesh.parts.names,
+            geometry: &geometry,
+            materials: &mesh.materials,
+            maps: &maps,
+            repeats: layout.repeats,
+            delta: None,
+        };
+        self.gltf.add(&document, images, &mut self.outputs)?;
+        summary.vertices = geometry.positions.len();
+        let is_shown = |kind: ChannelKind| maps.iter().any(|m| m.kind.channel() == kind);
+        summary.left_out = asset.channels().iter().map(|c| c.kind).filter(|&k| !is_shown(k)).collect();
+        Ok(summary)
+    }
+
+    /// Gives all files their names; returns these with lengths in bytes.
+    pub(crate) fn finish(mut self) -> Result<Vec<(PathBuf, u64)>> {
+        self.gltf.finish(&mut self.outputs)?;
+        self.outputs.commit()
+    }
+}
+
+/// What the names of a model's files begin with, or of those of one of its objects.
+pub(crate) fn file_stem(output: &Path, object: Option<&str>) -> String {
+    let stem = stem_of(output);
+    object.map_or(stem.clone(), |object| format!("{stem}-{object}"))
 }
 
 /// Writes channels of an asset, laid out as [`export_model`] does, each to a file of its own: `.png` (of `depth`), `.exr` or `.ktx2`. All
@@ -310,6 +315,7 @@ impl<'a> Job<'a> {
             density_share: f64::from(self.layout.texels_per_unit / asset.cover().density),
             points: self.layout.points,
             texels: total,
+            triangles: asset.mesh().triangles.len() as u64,
             damage: damage_of(&self.cache),
             ..ExportSummary::default()
         })
@@ -380,10 +386,6 @@ fn name_of(kind: ChannelKind) -> &'static str {
         ChannelKind::Anisotropy => return "anisotropy",
     };
     map.name()
-}
-
-fn extension(path: &Path) -> String {
-    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
 // ---- What an export is asked for.

@@ -9,18 +9,18 @@ use std::sync::Arc;
 use fantex_bake::Progress;
 use fantex_base::files::folder_of;
 use fantex_base::{Error, Result};
-use fantex_mesh::Material;
+use fantex_mesh::{Material, Mesh};
 use fantex_store::Asset;
 use glam::Vec2;
 
 use crate::ShaderLanguage;
-use crate::export::{ExportSummary, Map, damage_of, write_model};
+use crate::export::{ExportSummary, Map, damage_of, file_stem};
 use crate::fans::{DrawnMap, FanSheetOptions, FanSheets, Packer, SampleKind, SheetMap, depth_of};
 use crate::materialx::materialx;
-use crate::model_file::{Document, Geometry, Outputs};
+use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, translation_of};
 use crate::pictures::{Ktx2Sink, Packing, PngSink, values_of_halves, write_exr};
 use crate::texels::RowSink as _;
-use crate::usd::write_usda;
+use crate::usd::{write_usda, write_usda_objects};
 
 /// How files with fans are written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -75,84 +75,171 @@ pub fn export_fans(
     options: &FanFileOptions,
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
-    let extension = output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if !["glb", "gltf", "usda"].contains(&extension.as_str()) {
-        let path = output.display();
-        let message = format!("fans are written as .glb, .gltf or .usda, and {path} is none of them");
-        return Err(Error::invalid(message).with_path(output));
+    let mut file = FanFile::new(output, None, options)?;
+    let mut summary = file.add(asset, None, progress)?;
+    summary.files = file.finish()?;
+    Ok(summary)
+}
+
+/// A model with fans on its way.
+pub(crate) struct FanFile<'a> {
+    output: &'a Path,
+    options: &'a FanFileOptions,
+    /// None for USD, where each asset has a file.
+    gltf: Option<Gltf>,
+    outputs: Outputs,
+    /// The node above all objects, and names and USD files of those that were added; none for a single asset.
+    root: Option<(String, Vec<[String; 2]>)>,
+    /// Shaders, and where they are written.
+    shaders: BTreeMap<PathBuf, String>,
+}
+
+impl<'a> FanFile<'a> {
+    /// Nothing yet. With `root`, objects are added below a node of that name.
+    ///
+    /// # Errors
+    /// The output's extension is none that exists, or does not go with the options.
+    pub(crate) fn new(output: &'a Path, root: Option<&str>, options: &'a FanFileOptions) -> Result<Self> {
+        let gltf = Gltf::new(output, root);
+        let is_usd = extension(output) == "usda";
+        if !is_usd && gltf.is_none() {
+            let path = output.display();
+            let message = format!("fans are written as .glb, .gltf or .usda, and {path} is none of them");
+            return Err(Error::invalid(message).with_path(output));
+        }
+        if !is_usd && options.pictures == SheetPictures::Exr {
+            let message =
+                "glTF refers to PNG; have OpenEXR files written beside it (png+exr), or write a .usda";
+            return Err(Error::invalid(message).with_path(output));
+        }
+        if root.is_some() && !options.shaders.is_empty() {
+            let message =
+                "a shader is written for one asset's materials and blend band; export a single asset for it";
+            return Err(Error::invalid(message).with_path(output));
+        }
+        Ok(Self {
+            output,
+            options,
+            gltf,
+            outputs: Outputs::new(options.force),
+            root: root.map(|root| (root.to_owned(), Vec::new())),
+            shaders: BTreeMap::new(),
+        })
     }
-    let is_binary = extension == "glb";
-    if extension != "usda" && options.pictures == SheetPictures::Exr {
-        let message = "glTF refers to PNG; have OpenEXR files written beside it (png+exr), or write a .usda";
-        return Err(Error::invalid(message).with_path(output));
-    }
-    let mesh = asset.mesh();
-    let packer = Packer::new(asset, &options.sheets)?;
-    let kinds = options.pictures.kinds();
-    let bytes = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
-    let bytes = packer.pictures().flat_map(bytes).map(|(s, m, kind)| packer.picture_bytes(s, m, kind));
-    packer.check_memory(bytes.max().unwrap_or(0))?;
-    let sheets = packer.described();
-    let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
-    let mut files = SheetFiles {
-        packer: &packer,
-        sheets: &sheets,
-        stem: &stem,
-        output,
-        is_binary,
-        pictures: options.pictures,
-        outputs: Outputs::new(options.force),
-        images: Vec::new(),
-    };
-    packer.draw(kinds, progress, &mut |drawn| files.write(&drawn))?;
-    let SheetFiles { mut outputs, images, .. } = files;
-    let uv = |corner: usize| {
-        let (t, k) = (corner / 3, corner % 3);
-        let [a, b, c] = [0, 1, 2].map(|slot: usize| sheets.uv[t][slot][k]);
-        [a, b, c, [Vec2::X, Vec2::Y, Vec2::ZERO][k]]
-    };
-    let sheet = |t: usize| sheets.sheet_of_triangle[t] as usize;
-    let geometry = Geometry::new(mesh, &packer.shapes.normals, &[], uv, sheet);
-    if extension != "usda" {
-        let document = Document {
-            name: &stem,
-            parts: &mesh.parts.names,
-            geometry: &geometry,
-            materials: &mesh.materials,
-            maps: &packer.maps,
-            repeats: false,
-            delta: Some(sheets.delta),
+
+    /// Adds an asset, as an object of this name where there is one. The summary lacks the files.
+    pub(crate) fn add(
+        &mut self,
+        asset: &Arc<Asset>,
+        object: Option<&str>,
+        progress: &dyn Progress,
+    ) -> Result<ExportSummary> {
+        let (options, mesh) = (self.options, asset.mesh());
+        let packer = Packer::new(asset, &options.sheets)?;
+        let kinds = options.pictures.kinds();
+        let bytes = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
+        let bytes = packer.pictures().flat_map(bytes).map(|(s, m, kind)| packer.picture_bytes(s, m, kind));
+        packer.check_memory(bytes.max().unwrap_or(0))?;
+        let sheets = packer.described();
+        let stem = file_stem(self.output, object);
+        let mut files = SheetFiles {
+            packer: &packer,
+            sheets: &sheets,
+            stem: &stem,
+            output: self.output,
+            is_binary: self.gltf.as_ref().is_some_and(Gltf::is_binary),
+            pictures: options.pictures,
+            outputs: &mut self.outputs,
+            images: Vec::new(),
         };
-        write_model(&document, images, is_binary, output, &mut outputs)?;
-    } else {
-        let path = output.with_extension("mtlx");
-        let (mut file, _) = outputs.create(&path)?;
-        let pictures =
-            PictureFiles { stem: &stem, sheets: &sheets, is_exr: options.pictures == SheetPictures::Exr };
-        let text = materialx(&pictures, &geometry, &mesh.materials);
-        file.write_all(text.as_bytes()).map_err(|e| Error::writing(&path, e))?;
-        let (file, _) = outputs.create(output)?;
-        write_usda(mesh, &pictures, &geometry, &file).map_err(|e| Error::writing(output, e))?;
+        packer.draw(kinds, progress, &mut |drawn| files.write(&drawn))?;
+        let images = files.images;
+        let uv = |corner: usize| {
+            let (t, k) = (corner / 3, corner % 3);
+            let [a, b, c] = [0, 1, 2].map(|slot: usize| sheets.uv[t][slot][k]);
+            [a, b, c, [Vec2::X, Vec2::Y, Vec2::ZERO][k]]
+        };
+        let sheet = |t: usize| sheets.sheet_of_triangle[t] as usize;
+        let translation = translation_of(mesh, object.is_some());
+        let geometry = Geometry::new(mesh, translation, &packer.shapes.normals, &[], uv, sheet);
+        match &mut self.gltf {
+            Some(gltf) => {
+                let document = Document {
+                    name: object.unwrap_or(&stem),
+                    parts: &mesh.parts.names,
+                    geometry: &geometry,
+                    materials: &mesh.materials,
+                    maps: &packer.maps,
+                    repeats: false,
+                    delta: Some(sheets.delta),
+                };
+                gltf.add(&document, images, &mut self.outputs)?;
+            }
+            None => self.add_usd(mesh, &sheets, &geometry, object)?,
+        }
+        self.shaders = shader_files(&sheets, &geometry, &mesh.materials, self.output, &options.shaders);
+        let texels =
+            sheets.sheets.iter().map(|sheet| u64::from(sheet.size[0]) * u64::from(sheet.size[1])).sum();
+        Ok(ExportSummary {
+            sizes: sheets.sheets.iter().map(|sheet| sheet.size).collect(),
+            maps: sheets.maps.iter().map(|map| map.map).collect(),
+            charts: asset.cover().groups.len(),
+            padding: options.sheets.gutter,
+            used_share: sheets.used_share,
+            density_share: 1.0,
+            points: 0,
+            texels,
+            triangles: mesh.triangles.len() as u64,
+            vertices: geometry.positions.len(),
+            damage: damage_of(&packer.cache),
+            ..ExportSummary::default()
+        })
     }
-    for (path, text) in shader_files(&sheets, &geometry, &mesh.materials, output, &options.shaders) {
-        let (mut file, _) = outputs.create(&path)?;
+
+    /// The files of an asset for USD: the output itself, or of an object one beside it.
+    fn add_usd(
+        &mut self,
+        mesh: &Mesh,
+        sheets: &FanSheets,
+        geometry: &Geometry,
+        object: Option<&str>,
+    ) -> Result<()> {
+        let stem = file_stem(self.output, object);
+        let file_name = format!("{stem}.usda");
+        let path = self.output.with_file_name(format!("{stem}.mtlx"));
+        let (mut file, _) = self.outputs.create(&path)?;
+        let is_exr = self.options.pictures == SheetPictures::Exr;
+        let pictures = PictureFiles { stem: &stem, sheets, is_exr };
+        let text = materialx(&pictures, geometry, &mesh.materials);
         file.write_all(text.as_bytes()).map_err(|e| Error::writing(&path, e))?;
+        let path = match object {
+            Some(_) => self.output.with_file_name(&file_name),
+            None => self.output.to_owned(),
+        };
+        let (file, _) = self.outputs.create(&path)?;
+        write_usda(mesh, &pictures, geometry, &file).map_err(|e| Error::writing(&path, e))?;
+        if let (Some((_, objects)), Some(object)) = (&mut self.root, object) {
+            objects.push([object.to_owned(), file_name]);
+        }
+        Ok(())
     }
-    let texels = sheets.sheets.iter().map(|sheet| u64::from(sheet.size[0]) * u64::from(sheet.size[1])).sum();
-    Ok(ExportSummary {
-        files: outputs.commit()?,
-        sizes: sheets.sheets.iter().map(|sheet| sheet.size).collect(),
-        maps: sheets.maps.iter().map(|map| map.map).collect(),
-        charts: asset.cover().groups.len(),
-        padding: options.sheets.gutter,
-        used_share: sheets.used_share,
-        density_share: 1.0,
-        points: 0,
-        texels,
-        vertices: geometry.positions.len(),
-        damage: damage_of(&packer.cache),
-        ..ExportSummary::default()
-    })
+
+    /// Gives all files their names; returns these with lengths in bytes.
+    pub(crate) fn finish(mut self) -> Result<Vec<(PathBuf, u64)>> {
+        match (self.gltf, &self.root) {
+            (Some(gltf), _) => gltf.finish(&mut self.outputs)?,
+            (None, Some((root, objects))) => {
+                let (file, _) = self.outputs.create(self.output)?;
+                write_usda_objects(root, objects, &file).map_err(|e| Error::writing(self.output, e))?;
+            }
+            (None, None) => {}
+        }
+        for (path, text) in self.shaders {
+            let (mut file, _) = self.outputs.create(&path)?;
+            file.write_all(text.as_bytes()).map_err(|e| Error::writing(&path, e))?;
+        }
+        self.outputs.commit()
+    }
 }
 
 /// The files of the sheets on their way.
@@ -164,7 +251,7 @@ struct SheetFiles<'a> {
     /// Whether PNG goes into the model.
     is_binary: bool,
     pictures: SheetPictures,
-    outputs: Outputs,
+    outputs: &'a mut Outputs,
     /// Names without extensions, and files, of the pictures that a glTF refers to.
     images: Vec<(String, File)>,
 }

@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fantex_base::files::{exists, persist_all, temporary_file};
+use fantex_base::files::{exists, folder_of, persist_all, temporary_file};
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
-use tempfile::NamedTempFile;
+use tempfile::TempPath;
 
 use crate::export::{ChannelMap, Map};
 
@@ -33,20 +33,6 @@ pub(crate) struct Document<'a> {
     pub(crate) delta: Option<f32>,
 }
 
-pub(crate) struct ImageFile {
-    /// The name of the file beside a .gltf; the picture's name inside a .glb.
-    pub(crate) name: String,
-    pub(crate) file: File,
-    pub(crate) bytes: u64,
-}
-
-enum Place<'a> {
-    /// In the buffer of the file itself, from these offsets on.
-    Inside(&'a [u64]),
-    /// In files; this one is the buffer.
-    Beside(&'a str),
-}
-
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
@@ -56,134 +42,222 @@ const LINEAR_MIPMAP_LINEAR: u32 = 9987;
 const CLAMP_TO_EDGE: u32 = 33071;
 const REPEAT: u32 = 10497;
 
-/// Writes a binary glTF with pictures inside; fails with its size where that exceeds 4 GiB.
-pub(crate) fn write_glb(
-    document: &Document<'_>,
-    images: &mut [ImageFile],
-    out: &File,
-) -> Result<io::Result<()>, u64> {
-    let mut binary_bytes = document.geometry.byte_count();
-    let mut offsets = Vec::with_capacity(images.len());
-    for image in images.iter() {
-        offsets.push(binary_bytes);
-        binary_bytes += image.bytes.next_multiple_of(4);
+/// A model on its way: what was added so far, as JSON, and the bytes of its buffer.
+pub(crate) struct Gltf {
+    output: PathBuf,
+    stem: String,
+    /// Pictures are inside; else they and the buffer lie beside it.
+    is_binary: bool,
+    /// With a name, what is added are objects, children of a node of this name; else the parts of one asset.
+    root: Option<String>,
+    /// Of a `.glb` an unnamed file. Made with the first asset.
+    buffer: Option<BufWriter<File>>,
+    buffer_bytes: u64,
+    top_nodes: Vec<usize>,
+    nodes: Vec<Value>,
+    meshes: Vec<Value>,
+    materials: Vec<Value>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    images: Vec<Value>,
+    /// One for each picture.
+    textures: Vec<Value>,
+    /// How coordinates wrap, one for each sampler.
+    wraps: Vec<u32>,
+}
+
+impl Gltf {
+    /// Nothing yet; none where the output is neither `.glb` nor `.gltf`. With `root`, each asset that is added becomes a child of a node of
+    /// that name.
+    pub(crate) fn new(output: &Path, root: Option<&str>) -> Option<Self> {
+        let is_binary = match extension(output).as_str() {
+            "glb" => true,
+            "gltf" => false,
+            _ => return None,
+        };
+        Some(Self {
+            output: output.to_owned(),
+            stem: stem_of(output),
+            is_binary,
+            root: root.map(str::to_owned),
+            buffer: None,
+            buffer_bytes: 0,
+            top_nodes: Vec::new(),
+            nodes: Vec::new(),
+            meshes: Vec::new(),
+            materials: Vec::new(),
+            views: Vec::new(),
+            accessors: Vec::new(),
+            images: Vec::new(),
+            textures: Vec::new(),
+            wraps: Vec::new(),
+        })
     }
-    let json = document.json(images, &Place::Inside(&offsets), binary_bytes).to_string();
-    let header = GlbHeader::new(json, binary_bytes)?;
-    let write = || {
-        let mut out = BufWriter::with_capacity(1 << 20, out);
-        header.write(&mut out)?;
-        document.geometry.write(&mut out)?;
-        for image in images {
-            io::copy(&mut image.file, &mut out)?;
-            out.write_all(&[0; 3][..(image.bytes.wrapping_neg() % 4) as usize])?;
+
+    pub(crate) fn is_binary(&self) -> bool {
+        self.is_binary
+    }
+
+    /// Adds an asset. Its pictures are written already: each has the name of its file beside a .gltf, without an extension.
+    ///
+    /// # Errors
+    /// It cannot be written, or what was added exceeds what a `.glb` holds.
+    pub(crate) fn add(
+        &mut self,
+        document: &Document<'_>,
+        images: Vec<(String, File)>,
+        outputs: &mut Outputs,
+    ) -> Result<()> {
+        let mut buffer = self.take_buffer(outputs)?;
+        let first_picture = self.images.len();
+        self.add_nodes(document);
+        let looks = document.geometry.looks().into_iter();
+        let materials = looks.map(|(material, page)| document.material_json(material, page, first_picture));
+        self.materials.extend(materials);
+        self.buffer_bytes += document.geometry.byte_count();
+        let written = document.geometry.write(&mut buffer);
+        written
+            .and_then(|()| self.add_images(images, document.repeats, &mut buffer))
+            .map_err(|source| Error::writing(&self.output, source))?;
+        self.buffer = Some(buffer);
+        match self.is_binary && self.buffer_bytes > u64::from(u32::MAX) {
+            true => Err(self.too_large(self.buffer_bytes)),
+            false => Ok(()),
         }
-        out.flush()
-    };
-    Ok(write())
-}
-
-/// Writes a glTF text and its buffer; pictures lie beside it already.
-pub(crate) fn write_gltf(
-    document: &Document<'_>,
-    images: &[ImageFile],
-    buffer_name: &str,
-    text: &File,
-    buffer: &File,
-) -> io::Result<()> {
-    let bytes = document.geometry.byte_count();
-    let json = document.json(images, &Place::Beside(buffer_name), bytes);
-    let mut out = BufWriter::new(text);
-    serde_json::to_writer_pretty(&mut out, &json)?;
-    out.write_all(b"\n")?;
-    out.flush()?;
-    let mut out = BufWriter::with_capacity(1 << 20, buffer);
-    document.geometry.write(&mut out)?;
-    out.flush()
-}
-
-impl Document<'_> {
-    fn json(&self, images: &[ImageFile], place: &Place<'_>, binary_bytes: u64) -> Value {
-        let (mut views, accessors, primitives) = self.geometry_json();
-        let image_json: Vec<Value> = images
-            .iter()
-            .enumerate()
-            .map(|(i, image)| match place {
-                Place::Inside(offsets) => {
-                    views.push(json!({ "buffer": 0, "byteOffset": offsets[i], "byteLength": image.bytes }));
-                    json!({ "name": image.name, "mimeType": "image/png", "bufferView": views.len() - 1 })
-                }
-                Place::Beside(_) => json!({ "name": image.name, "uri": uri(&image.name) }),
-            })
-            .collect();
-        let materials: Vec<Value> = self
-            .geometry
-            .looks()
-            .into_iter()
-            .map(|(material, page)| self.material_json(material, page))
-            .collect();
-        let mut used: Vec<&str> = materials
-            .iter()
-            .filter_map(|m| m.get("extensions")?.as_object())
-            .flat_map(|e| e.keys().map(String::as_str))
-            .collect();
-        used.sort_unstable();
-        used.dedup();
-        let buffer_uri = match place {
-            Place::Inside(_) => None,
-            Place::Beside(name) => Some(uri(name)),
-        };
-        let translation = Some(self.geometry.translation).filter(|&t| t != DVec3::ZERO).map(|t| t.to_array());
-        // A node and a mesh for each part.
-        let parts: Vec<&[(usize, Value)]> = primitives.chunk_by(|a, b| a.0 == b.0).collect();
-        let name =
-            |part: usize| self.parts.get(part).filter(|name| !name.is_empty()).map_or(self.name, |name| name);
-        let node = |(mesh, part): (usize, &&[(usize, Value)])| {
-            object(json!({ "name": name(part[0].0), "mesh": mesh, "translation": translation }))
-        };
-        let nodes: Vec<Value> = parts.iter().enumerate().map(node).collect();
-        let mesh = |part: &&[(usize, Value)]| {
-            let primitives: Vec<&Value> = part.iter().map(|(_, primitive)| primitive).collect();
-            let extras = self.delta.map(|delta| json!({ "fantexDelta": delta }));
-            object(json!({ "name": name(part[0].0), "primitives": primitives, "extras": extras }))
-        };
-        let wrap = if self.repeats { REPEAT } else { CLAMP_TO_EDGE };
-        let texture = |source: usize| json!({ "source": source, "sampler": 0 });
-        let sampler = json!({
-            "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": wrap, "wrapT": wrap,
-        });
-        let has_images = !images.is_empty();
-        object(json!({
-            "asset": { "version": "2.0", "generator": "fantex" },
-            "scene": 0,
-            "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
-            "nodes": nodes,
-            "meshes": parts.iter().map(mesh).collect::<Vec<_>>(),
-            "materials": materials,
-            "buffers": [object(json!({ "byteLength": binary_bytes, "uri": buffer_uri }))],
-            "bufferViews": views,
-            "accessors": accessors,
-            "extensionsUsed": (!used.is_empty()).then_some(used),
-            "images": has_images.then_some(image_json),
-            "textures": has_images.then(|| (0..images.len()).map(texture).collect::<Vec<_>>()),
-            "samplers": has_images.then_some([sampler]),
-        }))
     }
 
-    /// Views, accessors, and primitives with their parts.
-    fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<(usize, Value)>) {
-        let geometry = self.geometry;
-        let (mut views, mut accessors, mut offset) = (Vec::new(), Vec::new(), 0);
+    /// Writes what is left: of a `.glb` all, else the text.
+    ///
+    /// # Errors
+    /// It cannot be written, or is larger than a `.glb` may be.
+    pub(crate) fn finish(mut self, outputs: &mut Outputs) -> Result<()> {
+        if let Some(root) = self.root.take() {
+            self.nodes.push(json!({ "name": root, "children": self.top_nodes }));
+            self.top_nodes = vec![self.nodes.len() - 1];
+        }
+        let buffer = self.take_buffer(outputs)?;
+        let failed = |source| Error::writing(&self.output, source);
+        let mut buffer = buffer.into_inner().map_err(|error| failed(error.into_error()))?;
+        let json = self.json();
+        let (file, _) = outputs.create(&self.output)?;
+        let mut out = BufWriter::with_capacity(1 << 20, file);
+        if !self.is_binary {
+            let written = serde_json::to_writer_pretty(&mut out, &json).map_err(io::Error::from);
+            return written.and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush()).map_err(failed);
+        }
+        let header = GlbHeader::new(json.to_string(), self.buffer_bytes);
+        let header = header.map_err(|bytes| self.too_large(bytes))?;
+        let mut write = || {
+            header.write(&mut out)?;
+            buffer.rewind()?;
+            io::copy(&mut buffer, &mut out)?;
+            out.flush()
+        };
+        write().map_err(failed)
+    }
+
+    fn too_large(&self, bytes: u64) -> Error {
+        let path = self.output.display();
+        let message =
+            format!("{path} would take {bytes} bytes or more, but a GLB file holds 4 GiB; write a .gltf");
+        Error::too_large(message).with_path(&self.output)
+    }
+
+    /// The buffer, which is made where there is none.
+    fn take_buffer(&mut self, outputs: &mut Outputs) -> Result<BufWriter<File>> {
+        if let Some(buffer) = self.buffer.take() {
+            return Ok(buffer);
+        }
+        let file = match self.is_binary {
+            true => tempfile::tempfile_in(folder_of(&self.output))
+                .map_err(|source| Error::writing(&self.output, source))?,
+            false => outputs.create(&self.output.with_file_name(self.buffer_name()))?.0,
+        };
+        Ok(BufWriter::with_capacity(1 << 20, file))
+    }
+
+    fn buffer_name(&self) -> String {
+        format!("{}.bin", self.stem)
+    }
+
+    /// Pictures inside go into the buffer, those beside the model are named.
+    fn add_images(
+        &mut self,
+        images: Vec<(String, File)>,
+        repeats: bool,
+        buffer: &mut BufWriter<File>,
+    ) -> io::Result<()> {
+        let wrap = if repeats { REPEAT } else { CLAMP_TO_EDGE };
+        for (name, mut file) in images {
+            let sampler = self.wraps.iter().position(|&known| known == wrap).unwrap_or(self.wraps.len());
+            if sampler == self.wraps.len() {
+                self.wraps.push(wrap);
+            }
+            self.textures.push(json!({ "source": self.images.len(), "sampler": sampler }));
+            if !self.is_binary {
+                let name = format!("{name}.png");
+                self.images.push(json!({ "name": name, "uri": uri(&name) }));
+                continue;
+            }
+            let bytes = file.metadata()?.len();
+            self.images
+                .push(json!({ "name": name, "mimeType": "image/png", "bufferView": self.views.len() }));
+            self.views.push(json!({ "buffer": 0, "byteOffset": self.buffer_bytes, "byteLength": bytes }));
+            file.rewind()?;
+            io::copy(&mut file, buffer)?;
+            buffer.write_all(&[0; 3][..(bytes.wrapping_neg() % 4) as usize])?;
+            self.buffer_bytes += bytes.next_multiple_of(4);
+        }
+        Ok(())
+    }
+
+    /// A node and a mesh for each part. An object of several parts has a node above theirs.
+    fn add_nodes(&mut self, document: &Document<'_>) {
+        let primitives = self.add_geometry(document);
+        let parts: Vec<&[(usize, Value)]> = primitives.chunk_by(|a, b| a.0 == b.0).collect();
+        let translation =
+            Some(document.geometry.translation).filter(|&t| t != DVec3::ZERO).map(|t| t.to_array());
+        let is_object = self.root.is_some();
+        let is_group = is_object && parts.len() != 1;
+        if is_group {
+            let children: Vec<usize> = (1..=parts.len()).map(|part| self.nodes.len() + part).collect();
+            self.top_nodes.push(self.nodes.len());
+            self.nodes.push(object(json!({
+                "name": document.name, "translation": translation, "children": children,
+            })));
+        }
+        for part in parts {
+            let own_name = document.parts.get(part[0].0).filter(|name| !name.is_empty());
+            let name = own_name.map_or(document.name, |name| name);
+            if !is_group {
+                self.top_nodes.push(self.nodes.len());
+            }
+            self.nodes.push(object(json!({
+                "name": if is_object && !is_group { document.name } else { name },
+                "mesh": self.meshes.len(),
+                "translation": translation.filter(|_| !is_group),
+            })));
+            let primitives: Vec<&Value> = part.iter().map(|(_, primitive)| primitive).collect();
+            let extras = document.delta.map(|delta| json!({ "fantexDelta": delta }));
+            self.meshes.push(object(json!({ "name": name, "primitives": primitives, "extras": extras })));
+        }
+    }
+
+    /// Adds views and accessors; returns primitives with their parts. The geometry is what comes next in the buffer, and its materials are
+    /// those that come next.
+    fn add_geometry(&mut self, document: &Document<'_>) -> Vec<(usize, Value)> {
+        let geometry = document.geometry;
+        let (first_view, mut offset) = (self.views.len(), self.buffer_bytes);
         let attributes = geometry.attributes();
         for (_, _, stride) in &attributes {
             let bytes = stride * geometry.positions.len() as u64;
-            views.push(json!({
+            self.views.push(json!({
                 "buffer": 0, "byteOffset": offset, "byteLength": bytes, "byteStride": stride, "target": ARRAY_BUFFER,
             }));
             offset += bytes;
         }
-        let index_view = views.len();
-        views.push(json!({
+        let index_view = self.views.len();
+        self.views.push(json!({
             "buffer": 0, "byteOffset": offset, "byteLength": 12 * geometry.triangle_count(), "target": ELEMENT_ARRAY_BUFFER,
         }));
         let (mut primitives, mut first) = (Vec::new(), 0);
@@ -194,37 +268,82 @@ impl Document<'_> {
             let (low, high) = positions
                 .iter()
                 .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
-            let start = accessors.len();
+            let start = self.accessors.len();
             let mut own = json!({});
             for (view, (name, kind, stride)) in attributes.iter().enumerate() {
-                own[name] = accessors.len().into();
-                accessors.push(json!({
-                    "bufferView": view, "byteOffset": stride * vertices.start as u64, "componentType": FLOAT,
+                own[name] = self.accessors.len().into();
+                self.accessors.push(json!({
+                    "bufferView": first_view + view, "byteOffset": stride * vertices.start as u64, "componentType": FLOAT,
                     "count": vertices.len(), "type": kind,
                 }));
             }
-            accessors[start]["min"] = json!(low.to_array());
-            accessors[start]["max"] = json!(high.to_array());
+            self.accessors[start]["min"] = json!(low.to_array());
+            self.accessors[start]["max"] = json!(high.to_array());
             let primitive = json!({
-                "attributes": own, "indices": accessors.len(), "material": look, "mode": 4,
+                "attributes": own, "indices": self.accessors.len(), "material": self.materials.len() + look, "mode": 4,
             });
             primitives.push((*part, primitive));
-            accessors.push(json!({
+            self.accessors.push(json!({
                 "bufferView": index_view, "byteOffset": 12 * first, "componentType": UNSIGNED_INT,
                 "count": 3 * triangles.len(), "type": "SCALAR",
             }));
             first += triangles.len();
         }
-        (views, accessors, primitives)
+        primitives
     }
 
-    /// A material with the pictures of a page: these where the asset has a channel, its factors elsewhere.
-    fn material_json(&self, material: usize, page: usize) -> Value {
+    fn json(&self) -> Value {
+        let mut used: Vec<&str> = self
+            .materials
+            .iter()
+            .filter_map(|m| m.get("extensions")?.as_object())
+            .flat_map(|e| e.keys().map(String::as_str))
+            .collect();
+        used.sort_unstable();
+        used.dedup();
+        let buffer_uri = (!self.is_binary).then(|| uri(&self.buffer_name()));
+        let sampler = |wrap: &u32| {
+            let (near, far) = (LINEAR, LINEAR_MIPMAP_LINEAR);
+            json!({ "magFilter": near, "minFilter": far, "wrapS": wrap, "wrapT": wrap })
+        };
+        let has_images = !self.images.is_empty();
+        object(json!({
+            "asset": { "version": "2.0", "generator": "fantex" },
+            "scene": 0,
+            "scenes": [{ "nodes": self.top_nodes }],
+            "nodes": self.nodes,
+            "meshes": self.meshes,
+            "materials": self.materials,
+            "buffers": [object(json!({ "byteLength": self.buffer_bytes, "uri": buffer_uri }))],
+            "bufferViews": self.views,
+            "accessors": self.accessors,
+            "extensionsUsed": (!used.is_empty()).then_some(used),
+            "images": has_images.then_some(&self.images),
+            "textures": has_images.then_some(&self.textures),
+            "samplers": has_images.then(|| self.wraps.iter().map(sampler).collect::<Vec<_>>()),
+        }))
+    }
+}
+
+/// The name of a model without folder and extension.
+pub(crate) fn stem_of(output: &Path) -> String {
+    output.file_stem().map_or_else(|| "model".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// In lower case.
+pub(crate) fn extension(path: &Path) -> String {
+    path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+impl Document<'_> {
+    /// A material with the pictures of a page: these where the asset has a channel, its factors elsewhere. `first_picture` is the asset's first
+    /// among all pictures of the file.
+    fn material_json(&self, material: usize, page: usize, first_picture: usize) -> Value {
         let default_material = Material::default();
         let material = self.materials.get(material).unwrap_or(&default_material);
         let texture = |kind: ChannelMap| {
             let map = self.maps.iter().position(|m| m.kind == kind)?;
-            Some(json!({ "index": page * self.maps.len() + map }))
+            Some(json!({ "index": first_picture + page * self.maps.len() + map }))
         };
         let normal = texture(ChannelMap::Normal);
         // In object space, so no program that knows no fans may take them for its own.
@@ -300,7 +419,7 @@ pub(crate) struct Geometry {
     pub(crate) uv: Vec<Vec<Vec2>>,
     /// One for each material and page of each part that has triangles, by part. Their vertices follow one another.
     pub(crate) primitives: Vec<Primitive>,
-    /// Zero unless single precision is too coarse for the world's coordinates.
+    /// World units.
     pub(crate) translation: DVec3,
 }
 
@@ -315,19 +434,31 @@ pub(crate) struct Primitive {
     pub(crate) triangles: Vec<[u32; 3]>,
 }
 
+/// What positions are relative to: nothing where single precision holds the world's coordinates exactly, else the origin of the mesh space.
+/// Objects of a world always take the latter: so sectors of one asset, whose mesh space is the same, get equal positions where they meet.
+pub(crate) fn translation_of(mesh: &Mesh, is_object: bool) -> DVec3 {
+    let is_exact = |p: &Vec3| {
+        let world = mesh.world_from_mesh.point(*p);
+        world.as_vec3().as_dvec3() == world
+    };
+    match !is_object && mesh.positions.iter().all(is_exact) {
+        true => DVec3::ZERO,
+        false => mesh.world_from_mesh.offset,
+    }
+}
+
 impl Geometry {
     /// `normals` has an entry per corner; `tangents` too, or is empty. `uv` gives a corner's coordinates in each set, `page` a triangle's
-    /// pictures.
+    /// pictures. Positions are relative to `translation`, world units.
     pub(crate) fn new<const SETS: usize>(
         mesh: &Mesh,
+        translation: DVec3,
         normals: &[Vec3],
         tangents: &[Vec4],
         uv: impl Fn(usize) -> [Vec2; SETS],
         page: impl Fn(usize) -> usize,
     ) -> Self {
         let world = |v: usize| mesh.world_from_mesh.point(mesh.positions[v]);
-        let is_exact = (0..mesh.positions.len()).all(|v| world(v).as_vec3().as_dvec3() == world(v));
-        let translation = if is_exact { DVec3::ZERO } else { mesh.world_from_mesh.offset };
         let mut geometry = Self { translation, uv: vec![Vec::new(); SETS], ..Self::default() };
         let attributes = |corner: usize| {
             let tangent = tangents.get(corner).copied().unwrap_or_default();
@@ -411,7 +542,7 @@ fn write_floats<const N: usize>(
 #[derive(Debug)]
 pub(crate) struct Outputs {
     force: bool,
-    files: Vec<(NamedTempFile, PathBuf)>,
+    files: Vec<(TempPath, PathBuf)>,
 }
 
 impl Outputs {
@@ -427,9 +558,9 @@ impl Outputs {
             return Err(exists(path));
         }
         let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
-        let file = temporary_file(path, &suffix).map_err(failed)?;
-        let opened = (file.as_file().try_clone().map_err(failed)?, file.path().to_owned());
-        self.files.push((file, path.into()));
+        let (file, temporary) = temporary_file(path, &suffix).map_err(failed)?.into_parts();
+        let opened = (file, temporary.to_path_buf());
+        self.files.push((temporary, path.into()));
         Ok(opened)
     }
 
@@ -437,13 +568,12 @@ impl Outputs {
     /// lengths in bytes.
     pub(crate) fn commit(self) -> Result<Vec<(PathBuf, u64)>> {
         // By name: a writer may have put another file there.
-        let length = |(file, path): &(NamedTempFile, PathBuf)| {
-            let found = std::fs::metadata(file.path()).map_err(|source| Error::writing(path, source))?;
+        let length = |(file, path): &(TempPath, PathBuf)| {
+            let found = std::fs::metadata(file).map_err(|source| Error::writing(path, source))?;
             Ok((path.clone(), found.len()))
         };
         let written = self.files.iter().map(length).collect::<Result<_>>()?;
-        let files = self.files.into_iter().map(|(file, path)| (file.into_temp_path(), path));
-        persist_all(files.collect(), self.force)?;
+        persist_all(self.files, self.force)?;
         Ok(written)
     }
 }

@@ -20,11 +20,7 @@ pub(crate) fn write_usda(
     out: &File,
 ) -> io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 20, out);
-    writeln!(
-        out,
-        "#usda 1.0\n(\n    defaultPrim = \"Model\"\n    doc = \"Written by fantex\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n"
-    )?;
-    writeln!(out, "def Xform \"Model\"\n{{")?;
+    write_start(&mut out, "Model")?;
     if geometry.translation != DVec3::ZERO {
         let DVec3 { x, y, z } = geometry.translation;
         writeln!(out, "    double3 xformOp:translate = ({x}, {y}, {z})")?;
@@ -48,9 +44,38 @@ pub(crate) fn write_usda(
     out.flush()
 }
 
+/// Writes a scene that refers to the files of objects beside it; of each its name and its file.
+pub(crate) fn write_usda_objects(root: &str, objects: &[[String; 2]], out: &File) -> io::Result<()> {
+    let mut out = BufWriter::new(out);
+    write_start(&mut out, &format!("World_{}", plain(root)))?;
+    for (number, [name, file]) in objects.iter().enumerate() {
+        let name = plain(name);
+        writeln!(
+            out,
+            "    def \"Object_{number}_{name}\" (\n        prepend references = @./{file}@\n    )\n    {{\n    }}"
+        )?;
+    }
+    writeln!(out, "}}")?;
+    out.flush()
+}
+
+/// What a file begins with, up to the contents of its only root.
+fn write_start(out: &mut impl Write, root: &str) -> io::Result<()> {
+    writeln!(
+        out,
+        "#usda 1.0\n(\n    defaultPrim = \"{root}\"\n    doc = \"Written by fantex\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n"
+    )?;
+    writeln!(out, "def Xform \"{root}\"\n{{")
+}
+
+/// The characters of a name that USD allows in names, `_` for the others.
+fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}
+
 /// A name that USD allows, different for each part.
 fn identifier(name: &str, part: usize) -> String {
-    let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    let plain = plain(name);
     if plain.is_empty() { format!("Surface_{part}") } else { format!("Surface_{part}_{plain}") }
 }
 

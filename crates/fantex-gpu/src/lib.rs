@@ -3,6 +3,7 @@
 //! ```text
 //!  Gpu          device, queue, what they can do
 //!  Model        UvModel: a mesh with its own textures        FanModel: a mesh with the tiles of its cover
+//!               StreamedWorld: many of the latter, which come and go with the view
 //!  Renderer     per frame:
 //!     FrameRecord, LampRecord, ...   camera and lights as shaders want them     (frame/)
 //!     shadow maps                    only when lamps or model have changed
@@ -37,6 +38,7 @@ mod model;
 mod picture;
 mod renderer;
 pub mod shader;
+mod streamed_world;
 mod surface_pipeline;
 mod timer;
 mod uv;
@@ -48,6 +50,7 @@ pub use gpu::{Gpu, GpuInfo, GpuOptions, device_lost};
 pub use model::{DrawOptions, FrameContext, Model, ModelSpace, Overlay, WireframeOptions};
 pub use picture::{FrameTimes, HiddenScreen, PictureRenderer, Readback, frame_times, render_to_picture};
 pub use renderer::{Frame, Renderer};
+pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use surface_pipeline::{Blending, CasterPipeline, SurfaceKey, SurfacePipeline};
 pub use timer::DeviceTimer;
 pub use uv::UvModel;

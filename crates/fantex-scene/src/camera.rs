@@ -46,7 +46,11 @@ impl Camera {
     /// In a frame with z along `direction`, a point is left of the right frustum plane of an eye at `e` if
     /// `x - e.x <= t (e.z - z)`. Each of the four planes thus asks for the largest `+-x + t z` (or y); the two
     /// opposite ones together give the eye's distance and its centre.
-    fn framing_points(points: impl Iterator<Item = DVec3> + Clone, direction: DVec3, aspect: f64) -> Self {
+    pub fn framing_points(
+        points: impl Iterator<Item = DVec3> + Clone,
+        direction: DVec3,
+        aspect: f64,
+    ) -> Self {
         let direction = direction.try_normalize().unwrap_or(DVec3::Z);
         let world_from_view = view_axes(direction, DVec3::Y);
         let view_from_world = world_from_view.transpose();

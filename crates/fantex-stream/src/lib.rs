@@ -24,7 +24,6 @@
 mod atlas;
 mod camera_path;
 mod cluster_loader;
-#[cfg(not(target_arch = "wasm32"))]
 mod complete;
 mod demand;
 #[cfg(not(target_arch = "wasm32"))]
@@ -38,11 +37,11 @@ pub mod read;
 mod residency;
 mod shape;
 mod streamer;
+mod world;
 
 pub use atlas::*;
 pub use camera_path::*;
 pub use cluster_loader::*;
-#[cfg(not(target_arch = "wasm32"))]
 pub use complete::complete_atlas;
 pub use demand::{DemandWork, Detail, PageDemand};
 #[cfg(not(target_arch = "wasm32"))]
@@ -56,3 +55,4 @@ pub use read::{open_asset, open_preview, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;
+pub use world::*;

@@ -2,8 +2,8 @@
 //! window.
 //!
 //! ```text
-//!  page/viewer.js: events, animation frames, what is said        Viewer: camera, streamed model, renderer
-//!       open(canvas, url) -------------------------------------->  fetch: header, sections
+//!  page/viewer.js: events, animation frames, what is said        Viewer: camera, streamed model or world, renderer
+//!       open(canvas, url) -------------------------------------->  fetch: header, sections, or the index of a world
 //!       frame(time) -------------------------------------------->  slices of unpacking, uploads, a picture if something changed
 //!       orbit, pan, zoom, resize ------------------------------->  the camera
 //! ```

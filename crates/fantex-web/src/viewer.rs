@@ -1,24 +1,32 @@
-//! What a page holds: a canvas with an asset in it.
+//! What a page holds: a canvas with an asset or a world in it.
 //!
 //! ```text
 //!  header --> preview, if there is one --> drawn, while mesh, cover and directory are fetched --> the asset in its place
 //!         `-> the asset
+//!  index of a world --> its objects and their previews, as the view needs them (fantex_gpu::StreamedWorld)
 //! ```
 
 use std::cell::RefCell;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fantex_gpu::{DrawOptions, Frame, Gpu, Model, Renderer, StreamedModel, max_anisotropy, stream_view};
-use fantex_scene::{Camera, CameraRig, Lights, SceneScale, world_bounds};
+use fantex_base::Aabb;
+use fantex_gpu::{
+    DrawOptions, Frame, Gpu, Model, ModelSpace, Renderer, StreamedModel, StreamedWorld, WorldOptions,
+    max_anisotropy, stream_view,
+};
+use fantex_scene::{Camera, CameraRig, Lights, SceneScale};
 use fantex_store::Asset;
 use fantex_stream::read::{
-    BROWSER_CONNECTIONS, FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, RemoteFile,
-    task_reader,
+    BROWSER_CONNECTIONS, Fetched, FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, RemoteFile,
+    spawn, task_reader,
 };
-use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions};
-use glam::DVec2;
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions, MAX_INDEX_BYTES, World};
+use glam::{DVec2, DVec3};
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
 
@@ -34,17 +42,20 @@ const UPLOAD_BYTES: usize = 2 << 20;
 /// Graphics memory for the texels of a preview.
 const PREVIEW_POOL_BYTES: u64 = 16 << 20;
 
+/// Memory for the meshes and covers of a world's objects, and for their previews.
+const GEOMETRY_BYTES: u64 = 256 << 20;
+
 /// Has panics say in the console where they were.
 #[wasm_bindgen(start)]
 pub fn start() {
     std::panic::set_hook(Box::new(|panic| web_sys::console::error_1(&panic.to_string().into())));
 }
 
-/// An asset in a canvas.
+/// An asset or a world in a canvas.
 #[wasm_bindgen]
 #[derive(Debug)]
 pub struct Viewer {
-    gpu: Gpu,
+    gpu: Arc<Gpu>,
     surface: wgpu::Surface<'static>,
     configuration: wgpu::SurfaceConfiguration,
     renderer: Renderer,
@@ -67,15 +78,15 @@ pub struct Viewer {
 /// Where a task leaves an asset, or why there is none.
 type Coming = Rc<RefCell<Option<fantex_base::Result<Arc<Asset>>>>>;
 
-/// An asset on the device.
+/// What is on the device.
 #[derive(Debug)]
-struct Shown {
-    asset: Arc<Asset>,
-    streamed: StreamedModel,
+enum Shown {
+    Asset(Box<StreamedModel>),
+    World(Box<StreamedWorld>),
 }
 
 impl Shown {
-    fn new(
+    fn asset(
         gpu: &Gpu,
         asset: Arc<Asset>,
         reader: LaneReader,
@@ -92,7 +103,57 @@ impl Shown {
         let streamed = StreamedModel::with_pages(gpu, &asset, geometry, Box::new(loader), pool_bytes);
         let mut streamed = streamed.map_err(said)?;
         streamed.streamer.set_max_anisotropy(max_anisotropy(&draw.filter));
-        Ok(Self { asset, streamed })
+        Ok(Self::Asset(Box::new(streamed)))
+    }
+
+    /// Nothing of it is there. `index` is its address.
+    fn world(index: &str, world: World, pool_bytes: u64, draw: &DrawOptions) -> Result<Self, JsError> {
+        let options = WorldOptions { pool_bytes, geometry_bytes: GEOMETRY_BYTES, filter: draw.filter };
+        let world = StreamedWorld::new(Path::new(index), Arc::new(world), options).map_err(said)?;
+        Ok(Self::World(Box::new(world)))
+    }
+
+    fn model(&mut self) -> &mut dyn Model {
+        match self {
+            Self::Asset(streamed) => &mut streamed.model,
+            Self::World(world) => &mut **world,
+        }
+    }
+
+    fn space(&self) -> &ModelSpace {
+        match self {
+            Self::Asset(streamed) => streamed.model.space(),
+            Self::World(world) => world.space(),
+        }
+    }
+
+    /// Its vertices, or the corners of its objects, in the world.
+    fn points(&self) -> impl Iterator<Item = DVec3> + Clone + '_ {
+        let space = self.space();
+        space.points.iter().map(move |&p| space.world_from_mesh.point(p))
+    }
+
+    fn scale(&self) -> SceneScale {
+        let bounds = Aabb::of_points(self.points());
+        SceneScale::of(&if bounds.is_empty() { Aabb { min: DVec3::ZERO, max: DVec3::ZERO } } else { bounds })
+    }
+
+    /// Lets streaming go on. Returns whether something has changed that may be seen.
+    fn advance(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        camera: &Camera,
+        size: [u32; 2],
+        frame: FrameOptions,
+    ) -> Result<bool, JsError> {
+        match self {
+            Self::Asset(streamed) => {
+                let view = stream_view(camera, size, streamed.model.space());
+                let changes = streamed.advance(gpu, Some(&view), frame);
+                Ok(!(changes.uploads.is_empty() && changes.entries.is_empty()))
+            }
+            Self::World(world) => world.advance(gpu, camera, size, frame).map_err(said),
+        }
     }
 }
 
@@ -129,45 +190,43 @@ fn said(error: impl std::fmt::Display) -> JsError {
 
 #[wasm_bindgen]
 impl Viewer {
-    /// Opens the asset at `url` in a canvas, with texels in at most `pool_bytes` of graphics memory. Nothing is drawn yet. Where the asset has a
-    /// preview, that is opened, and the asset takes its place in a later [`frame`](Self::frame).
+    /// Opens the asset or the world at `url` in a canvas, with texels in at most `pool_bytes` of graphics memory. Nothing is drawn yet. Where the
+    /// asset has a preview, that is opened, and the asset takes its place in a later [`frame`](Self::frame). Of a world the index is read;
+    /// its assets come as they are seen.
     ///
     /// # Errors
-    /// The browser has no WebGPU or no adapter for it; the asset cannot be read, or is damaged; it exceeds what the device allows.
+    /// The browser has no WebGPU or no adapter for it; the asset or the index cannot be read, or is damaged; it exceeds what the device
+    /// allows; there is nothing to show in the world.
     pub async fn open(canvas: HtmlCanvasElement, url: String, pool_bytes: f64) -> Result<Viewer, JsError> {
         let file = Rc::new(RemoteFile::new(url));
-        let fetching = Rc::clone(&file);
-        let starting = async move {
-            let location = fetching.url().to_owned();
-            let start = FetchedFile::start(&location, async move |range| fetching.fetch(range).await).await?;
-            let preview = start.preview().await?;
-            Ok::<_, fantex_base::Error>((start, preview))
-        };
+        let starting = begin(Rc::clone(&file));
         // Both take their time, and neither needs the other.
         let (gpu, started) = join(open_gpu(canvas), starting).await;
-        let ((gpu, surface, configuration), (start, preview)) = (gpu?, started.map_err(said)?);
+        let ((gpu, surface, configuration), started) = (gpu?, started.map_err(said)?);
+        let gpu = Arc::new(gpu);
         let options = DrawOptions::default();
         let pool_bytes = pool_bytes as u64;
-        let (shown, coming) = match preview {
-            Some(preview) => {
+        let (shown, coming) = match started {
+            Started::World(world) => (Shown::world(file.url(), world, pool_bytes, &options)?, None),
+            Started::Asset { start, preview: Some(preview) } => {
                 let coming = Coming::default();
                 let place = Rc::clone(&coming);
-                wasm_bindgen_futures::spawn_local(async move {
+                spawn(async move {
                     let asset = start.asset().await;
                     *place.borrow_mut() = Some(asset.map(Arc::new));
                 });
                 let reader = memory_reader(&preview);
-                (Shown::new(&gpu, Arc::new(preview), reader, PREVIEW_POOL_BYTES, &options)?, Some(coming))
+                (Shown::asset(&gpu, Arc::new(preview), reader, PREVIEW_POOL_BYTES, &options)?, Some(coming))
             }
-            None => {
+            Started::Asset { start, preview: None } => {
                 let asset = Arc::new(start.asset().await.map_err(said)?);
                 let reader = file.reader(BROWSER_CONNECTIONS);
-                (Shown::new(&gpu, asset, reader, pool_bytes, &options)?, None)
+                (Shown::asset(&gpu, asset, reader, pool_bytes, &options)?, None)
             }
         };
         let mut viewer = Self {
             renderer: Renderer::new(&gpu, configuration.format),
-            scale: SceneScale::of(&world_bounds(shown.asset.mesh())),
+            scale: shown.scale(),
             rig: CameraRig::default(),
             is_framing: true,
             gpu,
@@ -187,7 +246,7 @@ impl Viewer {
 
     /// Shows the whole model, from the front, the right and above.
     pub fn reset(&mut self) {
-        let camera = Camera::framing_mesh(self.shown.asset.mesh(), Camera::THREE_QUARTER, self.aspect());
+        let camera = Camera::framing_points(self.shown.points(), Camera::THREE_QUARTER, self.aspect());
         self.rig = CameraRig::of_camera(&camera);
         (self.is_framing, self.is_stale) = (true, true);
     }
@@ -236,9 +295,7 @@ impl Viewer {
             elapsed_seconds: elapsed.clamp(0.0, MAX_FRAME_SECONDS),
         };
         let (camera, size) = (self.rig.camera(), self.size());
-        let view = stream_view(&camera, size, self.shown.streamed.model.space());
-        let changes = self.shown.streamed.advance(&self.gpu, Some(&view), frame);
-        self.is_stale |= !(changes.uploads.is_empty() && changes.entries.is_empty());
+        self.is_stale |= self.shown.advance(&self.gpu, &camera, size, frame)?;
         if self.is_stale {
             self.draw(&camera)?;
         }
@@ -257,7 +314,7 @@ impl Viewer {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let lights = Lights::behind(camera);
         let size = self.size();
-        let model = &mut self.shown.streamed.model;
+        let model = self.shown.model();
         let mut frame = Frame { size, camera, lights: &lights, model, options: &self.options };
         self.renderer.draw(&self.gpu, &mut encoder, &target, &mut frame).map_err(said)?;
         self.gpu.queue.submit([encoder.finish()]);
@@ -268,13 +325,24 @@ impl Viewer {
 
     /// How far streaming is.
     pub fn progress(&self) -> Progress {
-        let streamer = &self.shown.streamed.streamer;
-        let figures = streamer.statistics();
+        let streamed = match &self.shown {
+            Shown::Asset(streamed) => streamed,
+            Shown::World(world) => {
+                return Progress {
+                    is_preview: false,
+                    share: world.complete_share(),
+                    is_settled: world.is_settled() && !self.is_stale,
+                    uploaded_bytes: world.statistics().uploaded[0] as f64,
+                    damaged: world.damage().0 as u32,
+                };
+            }
+        };
+        let figures = streamed.streamer.statistics();
         let is_preview = self.coming.is_some();
         Progress {
             is_preview,
             share: if is_preview { 0.0 } else { figures.complete_share() },
-            is_settled: !is_preview && streamer.is_settled() && !self.is_stale,
+            is_settled: !is_preview && streamed.streamer.is_settled() && !self.is_stale,
             uploaded_bytes: figures.uploaded_bytes as f64,
             damaged: figures.damaged as u32,
         }
@@ -282,12 +350,18 @@ impl Viewer {
 
     /// Why the first part that cannot be read cannot be, if there is one.
     pub fn damage(&self) -> Option<String> {
-        self.shown.streamed.streamer.damaged().next().map(|(_, error)| error.to_string())
+        match &self.shown {
+            Shown::Asset(streamed) => streamed.streamer.damaged().next().map(|(_, error)| error.to_string()),
+            Shown::World(world) => world.damage().1,
+        }
     }
 
     /// Asks once more for what could not be read.
     pub fn retry(&mut self) {
-        self.shown.streamed.streamer.retry_damaged();
+        match &mut self.shown {
+            Shown::Asset(streamed) => streamed.streamer.retry_damaged(),
+            Shown::World(world) => world.retry(),
+        }
     }
 }
 
@@ -299,8 +373,8 @@ impl Viewer {
         };
         let asset = asset.map_err(said)?;
         let reader = self.file.reader(BROWSER_CONNECTIONS);
-        self.shown = Shown::new(&self.gpu, asset, reader, self.pool_bytes, &self.options)?;
-        self.scale = SceneScale::of(&world_bounds(self.shown.asset.mesh()));
+        self.shown = Shown::asset(&self.gpu, asset, reader, self.pool_bytes, &self.options)?;
+        self.scale = self.shown.scale();
         (self.coming, self.is_stale) = (None, true);
         if self.is_framing {
             self.reset();
@@ -315,6 +389,26 @@ impl Viewer {
     fn aspect(&self) -> f64 {
         f64::from(self.configuration.width) / f64::from(self.configuration.height)
     }
+}
+
+/// What a file has turned out to be.
+enum Started<F> {
+    World(World),
+    Asset { start: FetchedFile<F>, preview: Option<Asset> },
+}
+
+/// Fetches the index of a world, or the start of an asset and its preview.
+async fn begin(
+    file: Rc<RemoteFile>,
+) -> fantex_base::Result<Started<impl AsyncFn(Range<u64>) -> io::Result<Fetched>>> {
+    let place = PathBuf::from(file.url());
+    if World::is_named(&place) {
+        let bytes = file.fetch_whole(MAX_INDEX_BYTES).await?;
+        return Ok(Started::World(World::parse(&place, &bytes)?));
+    }
+    let start = file.start().await?;
+    let preview = start.preview().await?;
+    Ok(Started::Asset { start, preview })
 }
 
 /// A device, and the canvas as its screen.

@@ -11,7 +11,7 @@ use fantex_store::{PageCache, Sampler};
 use fantex_texture::FilterOptions;
 use glam::DVec3;
 
-use crate::WORLD_EXTENSION;
+use crate::World;
 
 /// What a file is, by its name or its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,16 +33,16 @@ impl FileKind {
     /// # Errors
     /// It cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
-        if let Some(url) = fantex_stream::url_of(path) {
-            let name = url.split(['?', '#']).next().unwrap_or(url);
-            let is_world = name.to_ascii_lowercase().ends_with(&format!(".{WORLD_EXTENSION}"));
-            return Ok(if is_world { Self::World } else { Self::Asset });
+        if World::is_named(path) {
+            return Ok(Self::World);
+        }
+        if fantex_stream::url_of(path).is_some() {
+            return Ok(Self::Asset);
         }
         let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
         match extension.as_ref().and_then(|extension| extension.to_str()) {
             Some("toml") => return Ok(Self::Look),
             Some("fan") => return Ok(Self::Asset),
-            Some(WORLD_EXTENSION) => return Ok(Self::World),
             _ => {}
         }
         let mut start = Vec::with_capacity(4);

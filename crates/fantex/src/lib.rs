@@ -82,12 +82,10 @@ mod model;
 mod preview;
 mod refined;
 mod split;
-#[cfg(feature = "gpu")]
-mod streamed_world;
-mod world;
 mod world_check;
+#[cfg(feature = "export")]
+mod world_export;
 mod world_scene;
-mod world_view;
 
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
@@ -97,18 +95,20 @@ pub use baker::{Baked, Baker, Source};
 pub use fantex_export as export;
 #[cfg(feature = "gpu")]
 pub use fantex_gpu as gpu;
+#[cfg(feature = "gpu")]
+pub use fantex_gpu::{StreamedWorld, WorldOptions, WorldStatistics};
 #[cfg(feature = "paint")]
 pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
+pub use fantex_stream::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use split::{SectorPreviews, Split, SplitOptions, split};
-#[cfg(feature = "gpu")]
-pub use streamed_world::{StreamedWorld, WorldOptions, WorldStatistics};
-pub use world::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
+#[cfg(feature = "export")]
+pub use world_export::{export_world, export_world_fans};
 pub use world_scene::{WorldScene, WorldSurface};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,

@@ -10,8 +10,7 @@ use fantex_bake::{AssetSource, BakeOptions, NoProgress, Progress, TransferOption
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{
-    CleanOptions, Edges, Mesh, Model, TriangleBvh, VertexCorners, clean, corner_angle, shading_normals,
-    simplified_keeping,
+    CleanOptions, Edges, Mesh, Model, VertexCorners, clean, corner_angle, shading_normals, simplified_keeping,
 };
 use fantex_store::{Asset, AssetEditor, EditOptions, PREVIEW, PageCache};
 use glam::{DVec3, Vec3};
@@ -163,24 +162,4 @@ fn normals_of_fine(fine: &Mesh, coarse: &Model) -> Vec<Vec3> {
         })
     };
     coarse.triangles.par_iter().flat_map_iter(of_triangle).collect()
-}
-
-/// Vertices at which the distance between a mesh and its preview is measured, at most.
-const MAX_PROBES: usize = 100_000;
-
-/// Length of the finest detail that a preview shows, world units: the mean side of a texel, or, where that is longer, the largest distance of
-/// a vertex of the fine mesh (of 100 000, spread evenly) to the preview's surface.
-pub(crate) fn detail_of(fine: &Mesh, preview: &Asset, texels: u64) -> f64 {
-    let coarse = preview.mesh();
-    let scale = coarse.world_from_mesh.scale;
-    let texel = scale * (coarse.area() / texels.max(1) as f64).sqrt();
-    let surface = TriangleBvh::new(coarse);
-    let step = fine.positions.len().div_ceil(MAX_PROBES).max(1);
-    let probes: Vec<Vec3> = fine.positions.iter().copied().step_by(step).collect();
-    let distance = |&p: &Vec3| {
-        let p = coarse.world_from_mesh.inverse_point(fine.world_from_mesh.point(p));
-        surface.nearest_point(p, f32::INFINITY).map_or(0.0, |nearest| nearest.distance)
-    };
-    let farthest = probes.par_iter().map(distance).reduce(|| 0.0, f32::max);
-    texel.max(scale * f64::from(farthest))
 }

@@ -11,7 +11,6 @@ use fantex_store::{Damage, PageCache};
 use fantex_stream::{ObjectDetail, StreamView, choose_objects, open_asset};
 
 use crate::World;
-use crate::world_view::{preview_of, view_objects};
 
 /// The objects of a world that a camera sees: whole where their previews are too coarse, by these elsewhere.
 #[derive(Debug)]
@@ -48,7 +47,7 @@ impl WorldScene {
         memory_bytes: u64,
     ) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let (view, shapes) = (stream_view(camera, size, &space), view_objects(world, &space));
+        let (view, shapes) = (stream_view(camera, size, &space), world.view_objects(&space));
         let choice = choose_objects(&shapes, &view, memory_bytes / 2, &[]);
         let wanted = choose_objects(&shapes, &view, u64::MAX, &[]);
         let chosen =
@@ -69,7 +68,7 @@ impl WorldScene {
             let place = World::asset_place(index, &world.objects[object]);
             let asset = match detail {
                 ObjectDetail::Whole => open_asset(&place)?,
-                _ => preview_of(&place)?,
+                _ => World::open_preview(&place)?,
             };
             scene.add(PageCache::new(Arc::new(asset), cache_bytes as usize));
         }

@@ -3,7 +3,9 @@
 pub(super) mod turntable;
 mod web;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
@@ -13,14 +15,14 @@ use fantex::export::{
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
-use fantex::{Error, Result};
+use fantex::{Error, FileKind, Result, World, export_world, export_world_fans};
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
 use crate::text::{Choices, counted, megabytes, one_of};
 
-/// Export an asset for other programs: a model with texture coordinates, single channels, a turntable.
+/// Export an asset or a world for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -35,13 +37,15 @@ Example:
   fantex export bottle.fan -o turn.png --turntable 48 --size 640x640
   fantex export bottle.fan -o pictures --turntable 120
   fantex export bottle.fan -o page --web --title \"A bottle\" --credits \"by Ada, CC BY 4.0\"
+  fantex export land.fanworld -o land.glb
 
 A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A single channel becomes .png, .exr or
 .ktx2 and lies as in the model. A turntable becomes one animated PNG (.png) or numbered pictures in a folder.
+A world becomes one model: a node for each of its assets, with pictures of its own (--size is the side of each).
 A page (--web) is a folder for any web server that sends ranges of files; browsers show it by WebGPU.
 Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
 pub(crate) struct ExportArgs {
-    /// An asset (.fan, also at an https://, s3:// or gs:// address)
+    /// An asset (.fan) or a world (.fanworld), also at an https://, s3:// or gs:// address
     asset: PathBuf,
     /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder; with --web a folder
     #[arg(short, long, value_name = "FILE")]
@@ -71,7 +75,7 @@ pub(crate) struct ExportArgs {
     /// Write a shader that blends fans beside the model, too; several with commas
     #[arg(long, value_name = "LANGUAGE", value_parser = one_of(&SHADERS), value_delimiter = ',', requires = "fans")]
     shader: Vec<ShaderLanguage>,
-    /// Write a page that shows the asset in a browser
+    /// Write a page that shows the asset or the world in a browser
     #[arg(long, conflicts_with_all = ["channel", "turntable", "fans", "uv", "model", "size", "padding", "textures"])]
     web: bool,
     /// What the page is called [default: the asset's name]
@@ -167,6 +171,9 @@ struct FileInfo {
 #[derive(Debug, Serialize)]
 struct ExportInfo {
     output: PathBuf,
+    /// Assets of a world; left out for one asset.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objects: Option<usize>,
     /// Tiles of fans instead of an atlas.
     fans: bool,
     files: Vec<FileInfo>,
@@ -185,7 +192,7 @@ struct ExportInfo {
     /// Texels per length relative to the asset's.
     density_share: f64,
     texels: u64,
-    triangles: usize,
+    triangles: u64,
     vertices: usize,
     seconds: f64,
 }
@@ -224,7 +231,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         None => None,
     };
     let started = Instant::now();
-    let asset = open_asset(&args.asset)?;
+    let input = Input::open(args)?;
     context.check_output_of(&args.output, &args.asset)?;
     let model = args.model.as_deref().map(open_model).transpose()?;
     let options = ExportOptions {
@@ -243,34 +250,64 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let summary = {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("export");
-        match &args.channel[..] {
-            [] if args.fans => {
-                let sheets = FanSheetOptions {
-                    gutter: args.padding.unwrap_or(FanSheetOptions::default().gutter),
-                    largest_side: args.max_size,
-                    memory_bytes: context.memory_bytes,
-                };
-                let fans = FanFileOptions {
-                    sheets,
-                    pictures: args.textures,
-                    shaders: args.shader.clone(),
-                    force: context.force,
-                };
-                export_fans(&asset, &args.output, &fans, &progress)
+        match (&input, &args.channel[..]) {
+            (Input::Asset(asset), []) if args.fans => {
+                export_fans(asset, &args.output, &fan_options(args, context), &progress)
             }
-            [] => export_model(&asset, &args.output, &options, &progress),
-            kinds => {
+            (Input::Asset(asset), []) => export_model(asset, &args.output, &options, &progress),
+            (Input::World(world), _) if args.fans => {
+                let fans = fan_options(args, context);
+                export_world_fans(&args.asset, world, &args.output, &fans, &progress)
+            }
+            (Input::World(world), _) => export_world(&args.asset, world, &args.output, &options, &progress),
+            (Input::Asset(asset), kinds) => {
                 let files: Vec<PathBuf> =
                     kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
                 let channels: Vec<(ChannelMap, &Path)> =
                     kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
-                export_channels(&asset, &channels, args.depth, &options, &progress)
+                export_channels(asset, &channels, args.depth, &options, &progress)
             }
         }?
     };
-    notes(args, &asset, &summary, context);
+    notes(args, &summary, context);
     let seconds = started.elapsed().as_secs_f64();
-    context.print(&info(args, &asset, &summary, seconds), text)
+    context.print(&info(args, &input, &summary, seconds), text)
+}
+
+/// What is exported.
+enum Input {
+    Asset(Arc<Asset>),
+    World(World),
+}
+
+impl Input {
+    /// Opens it; a world is refused where an option is for one asset.
+    fn open(args: &ExportArgs) -> Result<Self> {
+        if FileKind::of(&args.asset)? != FileKind::World {
+            return Ok(Self::Asset(open_asset(&args.asset)?));
+        }
+        let of_one = [
+            ("--channel", !args.channel.is_empty()),
+            ("--model", args.model.is_some()),
+            ("--shader", !args.shader.is_empty()),
+        ];
+        if let Some((option, _)) = of_one.iter().find(|(_, is_given)| *is_given) {
+            let path = args.asset.display();
+            return Err(Error::invalid(format!(
+                "{option} is for one asset, and {path} is a world, an index of assets; leave it out, or give one of its assets (.fan)"
+            )));
+        }
+        Ok(Self::World(World::open(&args.asset)?))
+    }
+}
+
+fn fan_options(args: &ExportArgs, context: &Context) -> FanFileOptions {
+    let sheets = FanSheetOptions {
+        gutter: args.padding.unwrap_or(FanSheetOptions::default().gutter),
+        largest_side: args.max_size,
+        memory_bytes: context.memory_bytes,
+    };
+    FanFileOptions { sheets, pictures: args.textures, shaders: args.shader.clone(), force: context.force }
 }
 
 /// The file of one of so many channels: several lie beside the output, under its name and theirs.
@@ -284,7 +321,7 @@ fn channel_file(output: &Path, kind: ChannelMap, count: usize) -> PathBuf {
 }
 
 /// Notes on what the result lacks.
-fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Context) {
+fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
     let output = args.output.display();
     if summary.density_share < 0.9 {
         let percent = 100.0 * summary.density_share;
@@ -323,15 +360,19 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
     if let Some((pages, first)) = &summary.damage {
         context.note(format!(
             "{}: coarser texels stand in for {}; the first: {first}",
-            asset.path().display(),
+            args.asset.display(),
             counted(*pages, "damaged tile")
         ));
     }
 }
 
-fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64) -> ExportInfo {
+fn info(args: &ExportArgs, input: &Input, summary: &ExportSummary, seconds: f64) -> ExportInfo {
     ExportInfo {
         output: args.output.clone(),
+        objects: match input {
+            Input::Asset(_) => None,
+            Input::World(world) => Some(world.objects.len()),
+        },
         fans: args.fans,
         files: summary
             .files
@@ -347,7 +388,7 @@ fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64)
         overlapping_share: summary.overlapping_share,
         density_share: summary.density_share,
         texels: summary.texels,
-        triangles: asset.mesh().triangles.len(),
+        triangles: summary.triangles,
         vertices: summary.vertices,
         seconds,
     }
@@ -355,8 +396,6 @@ fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64)
 
 fn text(info: &ExportInfo) -> String {
     let bytes = info.files.iter().map(|f| f.bytes).sum();
-    let sizes: Vec<String> =
-        info.extents.iter().map(|[columns, rows]| format!("{columns} x {rows}")).collect();
     let pieces = match info.charts {
         0 => "the model's coordinates".to_owned(),
         charts => format!(
@@ -365,12 +404,14 @@ fn text(info: &ExportInfo) -> String {
             info.padding
         ),
     };
+    let objects =
+        info.objects.map_or_else(String::new, |count| format!("{}, ", counted(count as u64, "object")));
     let mut text = format!(
-        "{}: {} texels ({:.0} % used; {pieces}), {}, {} in {}, {:.1} s\n",
+        "{}: {objects}{} texels ({:.0} % used; {pieces}), {}, {} in {}, {:.1} s\n",
         info.output.display(),
-        sizes.join(" and "),
+        sizes(&info.extents),
         100.0 * info.used_share,
-        counted(info.triangles as u64, "triangle"),
+        counted(info.triangles, "triangle"),
         megabytes(bytes),
         counted(info.files.len() as u64, "file"),
         info.seconds
@@ -379,6 +420,18 @@ fn text(info: &ExportInfo) -> String {
         text.push_str(&format!("  {} {}\n", file.path.display(), megabytes(file.bytes)));
     }
     text
+}
+
+/// Sizes that many pictures have are said once.
+fn sizes(extents: &[[u32; 2]]) -> String {
+    let mut counts: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    extents.iter().for_each(|&extent| *counts.entry(extent).or_default() += 1);
+    let size = |[columns, rows]: &[u32; 2]| format!("{columns} x {rows}");
+    let sizes: Vec<String> = match extents.len() {
+        0..=2 => extents.iter().map(size).collect(),
+        _ => counts.iter().map(|(extent, count)| format!("{count} times {}", size(extent))).collect(),
+    };
+    sizes.join(" and ")
 }
 
 fn has_extension(path: &Path, extension: &str) -> bool {

@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::scene::{
     FILTERS, Scene, SurroundingsArgs, check_picture_name, is_look, open_shape, portrait, report_damage,
-    show_notes, size, vector,
+    show_notes, size, vector, world_boxes,
 };
 use crate::series::Series;
 use crate::text::{bytes, counted, one_of};
@@ -181,13 +181,10 @@ fn of_rendering(Rendering { picture, stats }: Rendering) -> (Picture, RenderInfo
 /// Renders a world: what is near whole, what is far by its previews, as memory allows.
 fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let world = World::open(&args.file)?;
-    if world.space().is_none() {
-        let sentence = format!("there is nothing to show in the world {}", args.file.display());
-        return Err(Error::not_found(sentence));
-    }
+    let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
     check_picture_name(&args.output)?;
-    let (options, bounds) = (options(args)?, bounds(&world));
+    let (options, bounds) = (options(args)?, world_boxes(&world, space));
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
@@ -214,18 +211,6 @@ fn note_coarse(objects: usize, context: &Context) {
             counted(objects as u64, "object")
         ));
     }
-}
-
-/// The corners of a world's objects, as a mesh.
-fn bounds(world: &World) -> Mesh {
-    let world_from_mesh = world.space().unwrap_or_default();
-    let corners = world.objects.iter().flat_map(|object| {
-        (0..8).map(|bits| {
-            let side = |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
-            world_from_mesh.inverse_point(DVec3::from_array(std::array::from_fn(side)))
-        })
-    });
-    Mesh { positions: corners.collect(), world_from_mesh, ..Mesh::default() }
 }
 
 /// Draws a world on the graphics card, once all is there that the view needs.

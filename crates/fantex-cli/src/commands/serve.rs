@@ -1,10 +1,11 @@
-//! `fantex serve`: an asset at an address of this machine, for browsers and for whatever reads ranges.
+//! `fantex serve`: an asset or a world at an address of this machine, for browsers and for whatever reads ranges.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fantex::store::Asset;
-use fantex::{Error, Result};
+use fantex::stream::{open_preview, url_of};
+use fantex::{Error, Result, World, WorldObject};
 use fantex_web::Page;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
@@ -12,19 +13,21 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::scene::check_is_asset;
 use crate::server::{Content, Server, Site};
+use crate::text::counted;
 
-/// Serve an asset to browsers and programs on this machine.
+/// Serve an asset or a world to browsers and programs on this machine.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
   fantex serve bunny.fan
   fantex serve bunny.fan --port 8080
+  fantex serve land.fanworld
 
 A browser shows the asset at the address that is printed (it needs WebGPU), and other programs read it at the address of the file.
 The server is reached from this machine only, sends nothing but what it names, and ends with Ctrl-C. An asset that changes is
-served as it is then; who has the old one open is told so.")]
+served as it is then; who has the old one open is told so. Of a world the index is served and the assets that it names now.")]
 pub(crate) struct ServeArgs {
-    /// An asset (.fan)
+    /// An asset (.fan) or a world (.fanworld)
     asset: PathBuf,
     /// The port of the address [default: any that is free]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -38,17 +41,24 @@ pub(crate) struct ServeArgs {
 struct ServeInfo {
     /// Where a browser begins.
     url: String,
-    /// The asset.
+    /// The asset, or the index of the world.
     asset_url: String,
 }
 
 pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
-    // What is no asset is refused at once, not by the browser.
-    check_is_asset(&args.asset)?;
-    drop(Asset::open(&args.asset)?);
+    if let Some(url) = url_of(&args.asset) {
+        return Err(Error::unsupported(format!("{url} has an address already; give a file of this machine")));
+    }
+    let mut site = Site::new(args.share);
+    // What cannot be shown is refused at once, not by the browser.
+    if World::is_named(&args.asset) {
+        add_assets(&mut site, &args.asset, context)?;
+    } else {
+        check_is_asset(&args.asset)?;
+        drop(Asset::open(&args.asset)?);
+    }
     let name = file_name(&args.asset)?;
     let encoded = encoded(&name);
-    let mut site = Site::new(args.share);
     site.add(&name, Content::File(args.asset.clone()));
     let title = args.asset.file_stem().and_then(|stem| stem.to_str()).unwrap_or(&name);
     let page = match fantex_web::files() {
@@ -78,6 +88,41 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     serving.map_err(|error| Error::unavailable(format!("cannot start a thread for the server: {error}")))?;
     context.wait_for_interrupt();
     Ok(())
+}
+
+/// Adds the assets of a world by their names in the index. Those at addresses of their own are read there.
+fn add_assets(site: &mut Site, index: &Path, context: &Context) -> Result<()> {
+    let world = World::open(index)?;
+    world.space_to_show(index)?;
+    let mut elsewhere = 0;
+    for object in &world.objects {
+        let place = World::asset_place(index, object);
+        if url_of(&place).is_some() {
+            elsewhere += 1;
+            continue;
+        }
+        let name = path_below(index, object)?;
+        drop(open_preview(&place)?);
+        site.add(&name, Content::File(place));
+    }
+    if elsewhere > 0 {
+        let assets = counted(elsewhere, "asset");
+        context.note(format!(
+            "{}: not served, as it is read at an address of its own: {assets}",
+            index.display()
+        ));
+    }
+    Ok(())
+}
+
+/// Where an asset of a world lies on a server, below the folder of the index.
+pub(crate) fn path_below(index: &Path, object: &WorldObject) -> Result<String> {
+    object.path_below().ok_or_else(|| {
+        let (index, asset) = (index.display(), &object.asset);
+        Error::unsupported(format!(
+            "{index} names {asset}, which does not lie below its folder and so has no address below that of the index; copy it there"
+        ))
+    })
 }
 
 /// Why a page cannot show an asset, and what to do.

@@ -105,7 +105,7 @@ fn check_index(index: &Path) -> Result<()> {
     if let Some(url) = url_of(index) {
         return Err(Error::unsupported(format!("{url} can only be read: change a copy of the index")));
     }
-    if !index.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(WORLD_EXTENSION)) {
+    if !World::is_named(index) {
         let index = index.display();
         return Err(Error::invalid(format!(
             "{index} is no name for a world: end it with .{WORLD_EXTENSION}"

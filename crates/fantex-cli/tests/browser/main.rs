@@ -172,6 +172,35 @@ fn a_preview_is_shown_first() {
 }
 
 #[test]
+fn a_world_comes_as_it_is_seen() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let (model, asset, sectors) = (place("land.ply"), place("land.fan"), place("the sectors"));
+    fantex(&["generate", "landscape", "-o", text(&model), "--triangles", "60k"]);
+    fantex(&["bake", text(&model), "-o", text(&asset), "--source", "solid=landscape", "--texels", "1M"]);
+    fantex(&["split", text(&asset), "-o", text(&sectors), "--triangles", "15k"]);
+    let index = sectors.join("land.fanworld");
+    let (_server, served) = serve(&index, &[]);
+    browser.open(&served.url);
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+    let shown = browser.picture_after("Home", folder.path());
+    let expected = place("expected.png");
+    fantex(&["render", text(&index), "-o", text(&expected), "--size", &format!("{}x{}", SIZE[0], SIZE[1])]);
+    let decibels = psnr_db(&Image::load(&expected).unwrap(), &shown).unwrap();
+    println!("{decibels:.1} dB");
+    assert!(decibels > 38.0, "{decibels} dB");
+
+    // An asset that has gone is named; the others are shown.
+    std::fs::remove_file(sectors.join("sector-0001.fan")).unwrap();
+    browser.open(&served.url);
+    let (state, said) = browser.wait_for(&["sharp", "failed"]);
+    assert_eq!(state, "sharp");
+    assert!(said.contains("sector-0001.fan") && said.contains("404"), "{said}");
+}
+
+#[test]
 fn an_exported_page_needs_a_server_with_ranges_and_says_so() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -161,6 +161,54 @@ fn our_own_reader_reads_what_is_served() {
 }
 
 #[test]
+fn a_world_is_served_with_the_assets_that_it_names() {
+    let folder = tempfile::tempdir().unwrap();
+    small_asset(folder.path());
+    let place = |name: &str| folder.path().join(name);
+    std::fs::create_dir(place("some houses")).unwrap();
+    std::fs::copy(place("a b.fan"), place("some houses/\u{fc}.fan")).unwrap();
+    std::fs::copy(place("a b.fan"), place("another.fan")).unwrap();
+    let index = place("the town.fanworld");
+    json(&[&"world", &index, &place("a b.fan"), &place("some houses/\u{fc}.fan")]);
+    let serving = serve(&index, &[]);
+    let port = serving.port;
+    assert_eq!(serving.asset_url, format!("http://127.0.0.1:{port}/the%20town.fanworld"));
+
+    let (status, headers, body) = ask(port, "GET /the%20town.fanworld", "");
+    assert_eq!((status, &body), (200, &std::fs::read(&index).unwrap()));
+    assert_eq!(header(&headers, "content-type"), Some("application/json"));
+    let bytes = std::fs::read(place("a b.fan")).unwrap();
+    for asset in ["GET /a%20b.fan", "GET /some%20houses/%C3%BC.fan"] {
+        let (status, headers, body) = ask(port, asset, "Range: bytes=3-99\r\n");
+        assert_eq!((status, &body[..]), (206, &bytes[3..100]), "{asset}");
+        assert!(header(&headers, "etag").is_some());
+    }
+    for (line, status) in [
+        ("GET /", 200),
+        ("GET /another.fan", 404),
+        ("GET /some%20houses", 404),
+        ("GET /some%20houses/../another.fan", 404),
+    ] {
+        assert_eq!(ask(port, line, "").0, status, "{line}");
+    }
+
+    // As the other programs read it: everything is there, and sound.
+    let [of_file, of_url] =
+        [index.to_str().unwrap(), serving.asset_url.as_str()].map(|place| json(&[&"info", &place]));
+    for key in ["objects", "triangles", "texels", "low", "high"] {
+        assert_eq!(of_file[key], of_url[key], "{key}");
+    }
+    assert_eq!(json(&[&"verify", &serving.asset_url])["ok"], true);
+    let [here, there] = ["here.png", "there.png"].map(place);
+    let size = [&"--size" as &dyn AsRef<std::ffi::OsStr>, &"160x120"];
+    succeeds(&[&[&"render" as &dyn AsRef<std::ffi::OsStr>, &index, &"-o", &here][..], &size].concat());
+    succeeds(
+        &[&[&"render" as &dyn AsRef<std::ffi::OsStr>, &serving.asset_url, &"-o", &there][..], &size].concat(),
+    );
+    assert_eq!(std::fs::read(here).unwrap(), std::fs::read(there).unwrap());
+}
+
+#[test]
 fn an_asset_that_is_replaced_has_another_version() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = small_asset(folder.path());
@@ -185,8 +233,18 @@ fn what_cannot_be_served_is_said_at_once() {
     let model = folder.path().join("colored.ply");
     fails(1, &["colored.ply", "is not an asset"], &[&"serve", &model]);
     fails(1, &["missing.fan"], &[&"serve", &folder.path().join("missing.fan")]);
+    fails(1, &["has an address already"], &[&"serve", &"https://example.org/a.fan"]);
     let world = folder.path().join("town.fanworld");
-    fails(1, &["town.fanworld is a world", "one of its assets"], &[&"serve", &world]);
+    fails(1, &["cannot read", "town.fanworld"], &[&"serve", &world]);
+    json(&[&"world", &world, &folder.path().join("a b.fan")]);
+    let index = std::fs::read_to_string(&world).unwrap();
+    std::fs::write(&world, index.replace("a b.fan", "missing.fan")).unwrap();
+    fails(1, &["missing.fan"], &[&"serve", &world]);
+    std::fs::write(&world, index.replace("a b.fan", "../a b.fan")).unwrap();
+    fails(2, &["outside its folder"], &[&"serve", &world]);
+    fails(1, &["does not lie below its folder"], &[&"serve", &world, &"--allow-outside"]);
+    json(&[&"world", &world, &"--remove", &"../a b.fan", &"--allow-outside"]);
+    fails(1, &["nothing to show"], &[&"serve", &world]);
     assert_eq!(run(&[&"serve", &"a.fan", &"--port", &"0"]).status.code(), Some(2));
     let damaged = write(folder.path(), "half.fan", &bytes[..bytes.len() / 2]);
     fails(1, &["half.fan", "truncated"], &[&"serve", &damaged]);
@@ -213,6 +271,19 @@ fn pages_that_cannot_be_written_are_refused_with_what_to_do() {
             succeeds(&export);
             assert!(page.join("index.html").is_file() && page.join("a b.fan").is_file());
             fails(1, &["exists", "--force"], &export);
+            let (index, page) = (folder.path().join("a.fanworld"), folder.path().join("town"));
+            std::fs::create_dir(folder.path().join("houses")).unwrap();
+            std::fs::copy(&asset, folder.path().join("houses/c.fan")).unwrap();
+            json(&[&"world", &index, &asset, &folder.path().join("houses/c.fan")]);
+            let info = json(&[&"export", &index, &"-o", &page, &"--web"]);
+            let copies = ["a.fanworld", "a b.fan", "houses/c.fan"];
+            assert!(copies.iter().all(|name| page.join(name).is_file()), "{info}");
+            assert_eq!(json(&[&"verify", &page.join("a.fanworld")])["ok"], true);
+            let html = std::fs::read_to_string(page.join("index.html")).unwrap();
+            assert!(
+                html.contains("data-asset=\"a.fanworld\"") && html.contains("<title>a</title>"),
+                "{html}"
+            );
         }
     }
 }

@@ -1,5 +1,6 @@
 //! `fantex split` and `fantex world`, and what `info` and `verify` say of worlds.
 
+use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -204,6 +205,85 @@ fn a_world_is_rendered_like_the_asset_that_was_split() {
     assert!(!place("none.png").exists());
 }
 
+/// The positions of a `.gltf` with a buffer beside it, as bits, relative to their nodes.
+fn positions(model: &Path, gltf: &Value) -> HashSet<[u32; 3]> {
+    let buffer = std::fs::read(model.with_extension("bin")).unwrap();
+    let number = |value: &Value| value.as_u64().unwrap_or(0) as usize;
+    let primitives =
+        gltf["meshes"].as_array().unwrap().iter().flat_map(|mesh| mesh["primitives"].as_array().unwrap());
+    let mut found = HashSet::new();
+    for primitive in primitives {
+        let accessor = &gltf["accessors"][number(&primitive["attributes"]["POSITION"])];
+        let view = &gltf["bufferViews"][number(&accessor["bufferView"])];
+        let start = number(&view["byteOffset"]) + number(&accessor["byteOffset"]);
+        let bytes = &buffer[start..start + 12 * number(&accessor["count"])];
+        let word =
+            |at: usize, k: usize| u32::from_le_bytes(bytes[at + 4 * k..at + 4 * k + 4].try_into().unwrap());
+        found.extend((0..bytes.len()).step_by(12).map(|at| [0, 1, 2].map(|k| word(at, k))));
+    }
+    found
+}
+
+#[test]
+fn a_world_is_exported_as_one_model_without_cracks() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = land(folder.path());
+    let place = |name: &str| folder.path().join(name);
+    let (target, index) = (place("out"), place("out/land.fanworld"));
+    succeeds(&[&"split", &asset, &"-o", &target, &"--triangles", &"8k"]);
+    let whole = json(&[&"info", &asset]);
+    let sectors = json(&[&"info", &index])["objects"].as_u64().unwrap();
+
+    let model = place("land.gltf");
+    let info = json(&[&"export", &index, &"-o", &model]);
+    assert_eq!(info["triangles"], whole["triangles"]);
+    assert_eq!(info["objects"], sectors);
+    assert!(place("land-sector-0001-base-color.png").exists());
+    let gltf: Value = serde_json::from_slice(&std::fs::read(&model).unwrap()).unwrap();
+    let node = |index: &Value| &gltf["nodes"][index.as_u64().unwrap() as usize];
+    assert_eq!(gltf["scenes"][0]["nodes"].as_array().unwrap().len(), 1);
+    let root = node(&gltf["scenes"][0]["nodes"][0]);
+    assert_eq!(root["name"], "land");
+    let objects: Vec<&Value> = root["children"].as_array().unwrap().iter().map(node).collect();
+    assert_eq!(objects.len() as u64, sectors);
+    assert_eq!(objects[1]["name"], "sector-0002");
+    // One origin, and what was one vertex is so again, to the last bit.
+    assert!(objects.iter().all(|object| object["translation"] == objects[0]["translation"]));
+    assert_eq!(positions(&model, &gltf).len() as u64, whole["vertices"].as_u64().unwrap());
+    let compared = json(&[&"compare", &asset, &model, &"--views", &"2", &"--size", &"320x240"]);
+    assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 35.0, "{compared}");
+
+    // A reader that joins equal places finds the surface of the asset, with no other borders.
+    let glb = place("land.glb");
+    let info = json(&[&"export", &index, &"-o", &glb, &"--size", &"128"]);
+    assert_eq!(info["files"].as_array().unwrap().len(), 1);
+    assert!(info["sizes"].as_array().unwrap().iter().all(|side| *side == 128), "{info}");
+    json(&[&"export", &asset, &"-o", &place("whole.glb"), &"--size", &"128"]);
+    let [joined, whole_model] = [&glb, &place("whole.glb")].map(|model| json(&[&"info", model]));
+    for key in ["triangles", "vertices", "boundary_edges", "components"] {
+        assert_eq!(joined[key], whole_model[key], "{key}");
+    }
+
+    let usd = json(&[&"export", &index, &"-o", &place("fans.usda"), &"--fans"]);
+    let pictures = usd["sizes"].as_array().unwrap().len() * usd["channels"].as_array().unwrap().len();
+    assert_eq!(usd["files"].as_array().unwrap().len(), pictures + 2 * sectors as usize + 1, "{usd}");
+    let text = std::fs::read_to_string(place("fans.usda")).unwrap();
+    assert_eq!(text.matches("prepend references = @./fans-sector-").count() as u64, sectors, "{text}");
+    let fans = json(&[&"export", &index, &"-o", &place("fans.glb"), &"--fans"]);
+    assert_eq!((&fans["triangles"], &fans["objects"]), (&whole["triangles"], &sectors.into()));
+
+    let out = place("a.png");
+    fails(2, &["--channel", "is a world"], &[&"export", &index, &"-o", &out, &"--channel", &"base-color"]);
+    fails(1, &["is a world"], &[&"export", &index, &"-o", &out, &"--turntable", &"3"]);
+    let shader = [&"--fans" as &dyn AsRef<OsStr>, &"--shader", &"glsl"];
+    let export = [&"export" as &dyn AsRef<OsStr>, &index, &"-o", &place("b.glb")];
+    fails(2, &["--shader", "is a world"], &[&export[..], &shader].concat());
+    std::fs::remove_file(place("out/sector-0002.fan")).unwrap();
+    let before = files(folder.path());
+    fails(1, &["sector-0002.fan"], &export);
+    assert_eq!(files(folder.path()), before);
+}
+
 fn fails_to_verify(index: &Path, words: &[&str]) {
     let output = crate::run(&[&"--json", &"verify", &index]);
     assert_eq!(output.status.code(), Some(1));
@@ -244,6 +324,11 @@ fn existing_assets_become_a_world() {
         "{info}"
     );
     assert_eq!(json(&[&"verify", &index])["ok"], true);
+    let model = place("town.gltf");
+    assert_eq!(json(&[&"export", &index, &"-o", &model, &"--size", &"64"])["objects"], 2);
+    let gltf: Value = serde_json::from_slice(&std::fs::read(&model).unwrap()).unwrap();
+    let nodes = gltf["nodes"].as_array().unwrap().iter().map(|node| node["name"].as_str().unwrap());
+    assert_eq!(nodes.collect::<Vec<_>>(), ["houses-cube", "tent", "town"]);
     let info = json(&[&"world", &index, &tent_asset, &"--remove", &cube_asset]);
     assert_eq!(
         (&info["updated"], &info["removed"], &info["objects"]),
@@ -256,6 +341,7 @@ fn existing_assets_become_a_world() {
     let empty = place("empty.fanworld");
     json(&[&"world", &empty, &"--make-previews"]);
     fails(1, &["nothing to show", "empty.fanworld"], &[&"render", &empty, &"-o", &place("empty.png")]);
+    fails(1, &["nothing to show", "empty.fanworld"], &[&"export", &empty, &"-o", &place("empty.glb")]);
 
     fails(1, &["has no asset", "cube.fan"], &[&"world", &index, &"--remove", &cube_asset]);
     fails(1, &["cannot read", "none.fan"], &[&"world", &index, &place("none.fan")]);

@@ -6,30 +6,13 @@ use std::time::{Duration, Instant};
 use fantex_base::Result;
 use fantex_scene::FilterOptions;
 use fantex_store::Asset;
-use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, PageTable, StreamView, complete_atlas,
-};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, FrameOptions, StreamView};
 
-use super::{FanModel, StreamedModel, max_anisotropy};
+use super::{StreamedModel, max_anisotropy};
 use crate::Gpu;
 
 /// Between two looks at what has arrived.
 const PAUSE: Duration = Duration::from_millis(1);
-
-impl FanModel {
-    /// A small asset with all its texels, which stay. Mesh and cover are `geometry`, the asset's own or a copy.
-    ///
-    /// # Errors
-    /// As [`FanModel::new`]; the texels cannot be read or are too many for one atlas.
-    pub fn complete(gpu: &Gpu, asset: &Asset, geometry: &dyn Geometry) -> Result<Self> {
-        let formats = Self::atlas_formats(gpu, asset.channels());
-        let (shape, changes) = complete_atlas(asset, &formats, gpu.limits().max_texture_dimension_2d)?;
-        let pages = PageTable::new(geometry.cover());
-        let mut model = Self::with_atlas(gpu, asset, geometry, &pages, shape)?;
-        model.update(gpu, &changes);
-        Ok(model)
-    }
-}
 
 impl StreamedModel {
     /// An open asset, read where it was opened, with texels in at most `budget_bytes` of graphics memory.

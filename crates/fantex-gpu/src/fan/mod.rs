@@ -42,7 +42,7 @@ use fantex_store::{Asset, Channel};
 use fantex_stream::drawing::{AtlasGrid, GeometryChunk, GeometrySource, MaterialRun, PageWords};
 use fantex_stream::{
     AtlasFormat, AtlasShape, FrameChanges, FrameOptions, Geometry, PageTable, ParcelLoader, StreamView,
-    Streamer, StreamerOptions,
+    Streamer, StreamerOptions, complete_atlas,
 };
 use fantex_texture::Filter;
 use glam::Vec3;
@@ -137,6 +137,19 @@ impl FanModel {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let shape = Self::atlas_shape(gpu, budget_bytes, &formats);
         Self::with_atlas(gpu, asset, geometry, pages, shape)
+    }
+
+    /// A small asset with all its texels, which stay. Mesh and cover are `geometry`, the asset's own or a copy.
+    ///
+    /// # Errors
+    /// As [`FanModel::new`]; the texels cannot be read or are too many for one atlas.
+    pub fn complete(gpu: &Gpu, asset: &Asset, geometry: &dyn Geometry) -> Result<Self> {
+        let formats = Self::atlas_formats(gpu, asset.channels());
+        let (shape, changes) = complete_atlas(asset, &formats, gpu.limits().max_texture_dimension_2d)?;
+        let pages = PageTable::new(geometry.cover());
+        let mut model = Self::with_atlas(gpu, asset, geometry, &pages, shape)?;
+        model.update(gpu, &changes);
+        Ok(model)
     }
 
     fn with_atlas(

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::io;
 use std::ops::Range;
+use std::path::Path;
 use std::rc::Rc;
 
 use js_sys::Uint8Array;
@@ -11,8 +12,14 @@ use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortSignal, Request, RequestInit, Response, Window};
 
 use super::{
-    Answered, Fetched, LaneReader, RangeAnswer, ReadRequest, ReaderInfo, ReaderKind, ended_early, task_reader,
+    Answered, Fetched, FetchedFile, LaneReader, RangeAnswer, ReadRequest, ReaderInfo, ReaderKind,
+    ended_early, task_reader, too_long,
 };
+
+/// Lets the page run a task beside others.
+pub fn spawn(task: impl Future<Output = ()> + 'static) {
+    wasm_bindgen_futures::spawn_local(task);
+}
 
 /// Time for one request.
 const MAX_REQUEST_MILLISECONDS: u32 = 60_000;
@@ -47,6 +54,30 @@ impl RemoteFile {
             let range = request.offset..request.offset + request.length as u64;
             async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
         })
+    }
+
+    /// Begins to open the asset that it is.
+    ///
+    /// # Errors
+    /// As [`fetch`](Self::fetch).
+    pub async fn start(
+        self: Rc<Self>,
+    ) -> fantex_base::Result<FetchedFile<impl AsyncFn(Range<u64>) -> io::Result<Fetched>>> {
+        let location = self.url.clone();
+        FetchedFile::start(&location, async move |range: Range<u64>| self.fetch(range).await).await
+    }
+
+    /// All of its bytes, where there are at most `most`.
+    ///
+    /// # Errors
+    /// As [`fetch`](Self::fetch), or it is longer.
+    pub async fn fetch_whole(&self, most: u64) -> fantex_base::Result<Vec<u8>> {
+        let Fetched { bytes, total } =
+            self.fetch(0..most).await.map_err(|error| fantex_base::Error::reading(&self.url, error))?;
+        match total {
+            Some(total) if total > most => Err(too_long(Path::new(&self.url), total, most)),
+            _ => Ok(bytes),
+        }
     }
 
     /// The bytes of a range, or those up to the file's end.

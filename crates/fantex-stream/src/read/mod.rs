@@ -47,7 +47,7 @@ use fantex_store::ByteSource as _;
 use fantex_store::{Asset, FileSource};
 
 #[cfg(target_arch = "wasm32")]
-pub use browser::{BROWSER_CONNECTIONS, RemoteFile};
+pub use browser::{BROWSER_CONNECTIONS, RemoteFile, spawn};
 pub use buffer::{BufferPool, ReadBuffer};
 pub use fetched::{Fetched, FetchedFile, open_fetched};
 #[cfg(not(target_arch = "wasm32"))]
@@ -224,10 +224,7 @@ pub fn open_preview(location: &Path) -> fantex_base::Result<Option<Asset>> {
 #[cfg(not(target_arch = "wasm32"))]
 pub fn read_whole(location: &Path, most: u64) -> fantex_base::Result<Vec<u8>> {
     let failed = |source| fantex_base::Error::reading(location, source);
-    let check = |length: u64| {
-        let sentence = || format!("{} has {length} bytes, at most {most} were expected", location.display());
-        if length > most { Err(fantex_base::Error::too_large(sentence())) } else { Ok(length) }
-    };
+    let check = |length: u64| if length > most { Err(too_long(location, length, most)) } else { Ok(length) };
     match url_of(location) {
         #[cfg(feature = "http")]
         Some(url) => {
@@ -244,6 +241,12 @@ pub fn read_whole(location: &Path, most: u64) -> fantex_base::Result<Vec<u8>> {
             fantex_base::input::read(location)
         }
     }
+}
+
+/// The error of what has more bytes than it may.
+fn too_long(location: &Path, length: u64, most: u64) -> fantex_base::Error {
+    let location = location.display();
+    fantex_base::Error::too_large(format!("{location} has {length} bytes, at most {most} were expected"))
 }
 
 /// A reader of a file, or of a file on a web server.

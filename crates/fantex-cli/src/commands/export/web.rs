@@ -1,20 +1,23 @@
-//! A page that shows an asset in a browser.
+//! A page that shows an asset or a world in a browser.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use fantex::base::files::{persist_all, temporary_file};
-use fantex::render::RenderOptions;
+use fantex::base::files::{folder_of, persist_all, temporary_file};
+use fantex::render::{FilterOptions, RenderOptions};
+use fantex::stream::url_of;
 use fantex::texture::Filter;
-use fantex::{Error, Preview, PreviewOptions, Result};
+use fantex::{Error, Preview, PreviewOptions, Result, World, WorldScene};
 use fantex_web::Page;
 use serde::Serialize;
 use tempfile::TempPath;
 
 use super::ExportArgs;
-use crate::commands::serve::{NO_VIEWER, encoded, file_name};
+use crate::commands::serve::{NO_VIEWER, encoded, file_name, path_below};
 use crate::context::Context;
-use crate::scene::{Scene, photograph, portrait};
+use crate::scene::{Scene, check_is_asset, open_asset, photograph, portrait, report_damage, world_boxes};
 use crate::text::megabytes;
 
 /// Of the preview, in pixels: what services that show links ask for.
@@ -33,23 +36,22 @@ struct WebInfo {
     bytes: u64,
 }
 
-/// Writes the page, the viewer, the asset and a picture for previews of links.
+/// Writes the page, the viewer, the asset or the world, and a picture for previews of links.
 pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let base = base_url(&args.base_url)?;
     let viewer = fantex_web::files().ok_or_else(|| Error::unavailable(NO_VIEWER))?;
-    let scene = Scene::open(&args.asset, context)?;
-    let asset = scene.asset().cloned().ok_or_else(|| {
-        let path = args.asset.display();
-        Error::unsupported(format!(
-            "{path} is not an asset; give a .fan file, for example one that 'fantex bake' has written"
-        ))
-    })?;
-    let name = file_name(&args.asset)?;
-    let title = args.title.as_deref().unwrap_or_else(|| name.strip_suffix(".fan").unwrap_or(&name));
+    let shown = Shown::open(&args.asset, context)?;
+    let without_query = |url: &str| PathBuf::from(url.split(['?', '#']).next().unwrap_or(url));
+    let name = file_name(&url_of(&args.asset).map_or_else(|| args.asset.clone(), without_query))?;
+    let title =
+        args.title.as_deref().unwrap_or_else(|| name.strip_suffix(shown.extension()).unwrap_or(&name));
     let page = Page { title, credits: &args.credits, asset: &encoded(&name), base: &base }.html();
+    let assets = shown.assets(&args.asset, &name)?;
 
     let own = ["index.html", "preview.png"].into_iter().chain(viewer.iter().map(|(name, _)| *name));
-    if own.clone().any(|own| own == name) {
+    let own: Vec<&str> = own.collect();
+    let mut names = assets.iter().map(|(path, _)| path.as_str()).chain([name.as_str()]);
+    if let Some(name) = names.find(|name| own.contains(name)) {
         return Err(Error::invalid(format!(
             "{name} is a file of the page itself: give the asset another name"
         )));
@@ -57,7 +59,13 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
 
     context.make_folder(&args.output)?;
     let place = |name: &str| args.output.join(name);
-    own.chain([name.as_str()]).try_for_each(|name| context.check_output_of(&place(name), &args.asset))?;
+    for (path, from) in &assets {
+        context.make_folder(folder_of(&place(path)))?;
+        context.check_output_of(&place(path), from)?;
+    }
+    own.into_iter()
+        .chain([name.as_str()])
+        .try_for_each(|name| context.check_output_of(&place(name), &args.asset))?;
     let _deferral = context.defer_interrupt();
     let mut files = Vec::new();
     let mut bytes = 0;
@@ -65,24 +73,17 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         bytes += content.len() as u64;
         files.push(written(&place(name), |file| file.write_all(content))?);
     }
-    let copy = written(&place(&name), |file| {
-        let mut chunk = Vec::new();
-        for start in (0..asset.file_bytes()).step_by(CHUNK_BYTES as usize) {
-            chunk.resize((asset.file_bytes() - start).min(CHUNK_BYTES) as usize, 0);
-            asset.source().read_exact_at(&mut chunk, start)?;
-            file.write_all(&chunk)?;
-        }
-        Ok(())
-    })?;
-    context.check_interrupt()?;
-    if asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW {
-        let options = PreviewOptions { memory_bytes: context.memory_bytes, ..PreviewOptions::default() };
-        Preview::add_to(&copy.0, &options)?;
-        context.check_interrupt()?;
+    for (path, from) in &assets {
+        let copy = shown.copy_asset(from, &place(path), context)?;
+        bytes += std::fs::metadata(&copy.0).map_err(|error| Error::reading(&copy.0, error))?.len();
+        files.push(copy);
     }
-    bytes += std::fs::metadata(&copy.0).map_err(|error| Error::reading(&copy.0, error))?.len();
-    files.push(copy);
-    let picture = picture(&scene)?;
+    if let Shown::World(world) = &shown {
+        let index = world.to_bytes()?;
+        bytes += index.len() as u64;
+        files.push(written(&place(&name), |file| file.write_all(&index))?);
+    }
+    let picture = shown.picture(&args.asset, context)?;
     bytes += picture.len() as u64;
     files.push(written(&place("preview.png"), |file| file.write_all(&picture))?);
     bytes += page.len() as u64;
@@ -94,7 +95,9 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     };
     context.check_interrupt()?;
     persist_all(files, context.force)?;
-    scene.show_damage(context)?;
+    if let Shown::Asset(scene) = &shown {
+        scene.show_damage(context)?;
+    }
     context.print(&info, |info| {
         format!(
             "{}: a page of {} files, {}\n",
@@ -103,6 +106,97 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             megabytes(info.bytes)
         )
     })
+}
+
+/// What the page shows.
+enum Shown {
+    Asset(Box<Scene>),
+    World(World),
+}
+
+impl Shown {
+    fn open(path: &Path, context: &Context) -> Result<Self> {
+        if World::is_named(path) {
+            let world = World::open(path)?;
+            world.space_to_show(path)?;
+            return Ok(Self::World(world));
+        }
+        check_is_asset(path)?;
+        Ok(Self::Asset(Box::new(Scene::open(path, context)?)))
+    }
+
+    /// What its name ends with.
+    fn extension(&self) -> &'static str {
+        match self {
+            Self::Asset(_) => ".fan",
+            Self::World(_) => ".fanworld",
+        }
+    }
+
+    /// The assets that are copied: below the folder of the page, and where they are. Those of a world that have addresses of their own are
+    /// read there.
+    fn assets(&self, shown: &Path, name: &str) -> Result<Vec<(String, PathBuf)>> {
+        let Self::World(world) = self else { return Ok(vec![(name.to_owned(), shown.to_owned())]) };
+        let below = world.objects.iter().filter(|object| url_of(Path::new(&object.asset)).is_none());
+        let mut seen = HashSet::new();
+        let mut assets = Vec::new();
+        for object in below {
+            let path = path_below(shown, object)?;
+            if seen.insert(path.clone()) {
+                assets.push((path, World::asset_place(shown, object)));
+            }
+        }
+        Ok(assets)
+    }
+
+    /// Copies an asset. One that is shown alone gets a preview where it takes long to open; an index knows which of its assets have one.
+    fn copy_asset(&self, from: &Path, to: &Path, context: &Context) -> Result<(TempPath, PathBuf)> {
+        let asset = match self {
+            Self::Asset(scene) => {
+                scene.asset().map_or_else(|| open_asset(from), |asset| Ok(Arc::clone(asset)))?
+            }
+            Self::World(_) => open_asset(from)?,
+        };
+        let copy = written(to, |file| {
+            let mut chunk = Vec::new();
+            for start in (0..asset.file_bytes()).step_by(CHUNK_BYTES as usize) {
+                chunk.resize((asset.file_bytes() - start).min(CHUNK_BYTES) as usize, 0);
+                asset.source().read_exact_at(&mut chunk, start)?;
+                file.write_all(&chunk)?;
+            }
+            Ok(())
+        })?;
+        context.check_interrupt()?;
+        if matches!(self, Self::Asset(_)) && asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW {
+            let options = PreviewOptions { memory_bytes: context.memory_bytes, ..PreviewOptions::default() };
+            Preview::add_to(&copy.0, &options)?;
+            context.check_interrupt()?;
+        }
+        Ok(copy)
+    }
+
+    /// What services that show links show, and the page where it cannot show more: drawn by the CPU renderer, as PNG.
+    fn picture(&self, path: &Path, context: &Context) -> Result<Vec<u8>> {
+        let [width, height] = PREVIEW_SIZE;
+        let options = RenderOptions { width, height, ..RenderOptions::default() };
+        let picture = match self {
+            Self::Asset(scene) => {
+                let surface = scene.surface(Filter::Anisotropic)?;
+                let camera = portrait(scene.mesh(), &options);
+                photograph(scene.mesh(), surface.as_ref(), &camera, &options)?.picture
+            }
+            Self::World(world) => {
+                let camera = portrait(&world_boxes(world, world.space_to_show(path)?), &options);
+                let scene = WorldScene::open(path, world, &camera, PREVIEW_SIZE, context.memory_bytes)?;
+                let filter = FilterOptions { filter: Filter::Anisotropic, ..FilterOptions::default() };
+                let surface = scene.surface(filter);
+                let picture = photograph(scene.mesh(), &surface, &camera, &options)?.picture;
+                scene.damage().try_for_each(|damage| report_damage(path, &damage, context))?;
+                picture
+            }
+        };
+        picture.to_srgb_image().encoded("preview.png")
+    }
 }
 
 /// What is to become a file, under a temporary name.
@@ -114,16 +208,6 @@ fn written(
     let mut file = temporary_file(path, ".tmp").map_err(failed)?;
     write(file.as_file_mut()).map_err(failed)?;
     Ok((file.into_temp_path(), path.to_owned()))
-}
-
-/// What services that show links show, and the page where it cannot show more: drawn by the CPU renderer, as PNG.
-fn picture(scene: &Scene) -> Result<Vec<u8>> {
-    let [width, height] = PREVIEW_SIZE;
-    let options = RenderOptions { width, height, ..RenderOptions::default() };
-    let surface = scene.surface(Filter::Anisotropic)?;
-    let camera = portrait(scene.mesh(), &options);
-    let picture = photograph(scene.mesh(), surface.as_ref(), &camera, &options)?.picture;
-    picture.to_srgb_image().encoded("preview.png")
 }
 
 /// With a slash at its end.

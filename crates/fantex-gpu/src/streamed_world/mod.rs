@@ -4,35 +4,28 @@
 //!  World, view --choose_objects--> what each object is to show            (fantex_stream, no GPU)
 //!                                     |  the most urgent first, a few at a time
 //!                                     v
-//!  threads: open, move into the world's space, bring to the device --> Preview | Whole
+//!  threads, or tasks of a page: open, move into the world's space, bring to the device --> Preview | Whole
 //!                                     |
 //!  Model: draws what is there; a preview until its object has its texels
 //! ```
 
+mod opening;
+#[cfg(not(target_arch = "wasm32"))]
+mod settling;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::{Duration, Instant};
 
-use fantex_base::{Error, Result};
-use fantex_cover::Cover;
-use fantex_gpu::{
-    FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view,
-};
-use fantex_mesh::{Mesh, WorldFromMesh};
+use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
-use fantex_store::Asset;
 use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, ObjectDetail, StreamStatistics, StreamView,
-    SurfaceSamples, ViewObject, choose_objects, open_asset,
+    FrameOptions, ObjectDetail, StreamStatistics, StreamView, ViewObject, World, choose_objects,
 };
 use glam::Vec3;
+use opening::{Opened, OpenedDetail, Order};
 
-use crate::World;
-use crate::world_view::{preview_of, view_objects};
-
-/// How long to leave the loaders alone before looking again.
-const PAUSE: Duration = Duration::from_millis(1);
+use crate::{FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view};
 
 /// Objects that are opened at a time.
 const OPENED_AT_ONCE: usize = 2;
@@ -139,22 +132,18 @@ impl<T> Slot<T> {
         *self = opened.map_or(Self::Failed, |there| Self::There(Box::new(there)));
     }
 
+    /// What could not be opened may be tried again.
+    fn forgive(&mut self) {
+        if let Self::Failed = self {
+            *self = Self::Absent;
+        }
+    }
+
     fn empty(&mut self) {
         if let Self::There(_) = self {
             *self = Self::Absent;
         }
     }
-}
-
-/// What a thread has opened.
-struct Opened {
-    object: usize,
-    result: OpenedDetail,
-}
-
-enum OpenedDetail {
-    Preview(Result<Box<(FanModel, SurfaceSamples)>>),
-    Whole(Result<Box<StreamedModel>>),
 }
 
 impl StreamedWorld {
@@ -164,7 +153,7 @@ impl StreamedWorld {
     /// There is no object, or all lie in one point.
     pub fn new(index: &Path, world: Arc<World>, options: WorldOptions) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let shapes = view_objects(&world, &space);
+        let shapes = world.view_objects(&space);
         let boxes: Vec<_> = shapes.iter().map(|shape| shape.bounds).collect();
         Ok(Self {
             index: index.to_owned(),
@@ -195,6 +184,37 @@ impl StreamedWorld {
     /// What the streamers of whole objects tell.
     pub fn streamers(&self) -> impl Iterator<Item = StreamStatistics> + '_ {
         self.objects.iter().filter_map(|object| Some(object.whole.get()?.streamed.streamer.statistics()))
+    }
+
+    /// Share of what the view needs that is there, 0 to 1: objects and their previews, and tiles of those that are whole.
+    pub fn complete_share(&self) -> f64 {
+        let WorldStatistics { whole, previews, missing, .. } = &self.statistics;
+        let there = whole + previews;
+        let objects = there as f64 / (there + missing).max(1) as f64;
+        let tiles: f64 = self.streamers().map(|streamer| streamer.complete_share()).sum();
+        objects * (tiles + *previews as f64) / (self.streamers().count() + previews).max(1) as f64
+    }
+
+    /// What could not be opened or read: objects, and parts of those that are whole; and why the first of them could not be.
+    pub fn damage(&self) -> (usize, Option<String>) {
+        let wholes = || self.objects.iter().filter_map(|object| object.whole.get());
+        let failed = &self.statistics.failed;
+        let parts: usize = wholes().map(|whole| whole.streamed.streamer.damaged().count()).sum();
+        let part = || wholes().find_map(|whole| whole.streamed.streamer.damaged().next());
+        let first = failed.first().map(|(_, error)| error.clone());
+        (failed.len() + parts, first.or_else(|| part().map(|(_, error)| error.to_string())))
+    }
+
+    /// Asks once more for what could not be opened or read.
+    pub fn retry(&mut self) {
+        self.statistics.failed.clear();
+        for object in &mut self.objects {
+            object.preview.forgive();
+            object.whole.forgive();
+            if let Some(whole) = object.whole.get_mut() {
+                whole.streamed.streamer.retry_damaged();
+            }
+        }
     }
 
     /// Graphics memory for the texels of whole objects, and how much of it is in use; bytes.
@@ -276,33 +296,6 @@ impl StreamedWorld {
         Ok(has_changed)
     }
 
-    /// Waits until all that a view onto `size` pixels needs is there, or for `patience`; whether it is. For offline pictures; windows call
-    /// [`advance`](Self::advance).
-    ///
-    /// # Errors
-    /// As [`advance`](Self::advance), or the device is lost.
-    pub fn wait_until_settled(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        camera: &Camera,
-        size: [u32; 2],
-        patience: Duration,
-    ) -> Result<bool> {
-        let started = Instant::now();
-        loop {
-            self.advance(gpu, camera, size, FrameOptions::default())?;
-            // Frees the staging buffers that the device is done with.
-            gpu.wait()?;
-            if self.is_settled() {
-                return Ok(true);
-            }
-            if started.elapsed() > patience {
-                return Ok(false);
-            }
-            std::thread::sleep(PAUSE);
-        }
-    }
-
     /// Lets the whole objects stream; together they upload what a frame may.
     fn stream(&mut self, gpu: &Gpu, view: &StreamView, frame: FrameOptions) -> Result<bool> {
         let mut has_changed = false;
@@ -342,22 +335,15 @@ impl StreamedWorld {
 
     /// Begins to open an object or its preview.
     fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) -> Result<()> {
-        let place = World::asset_place(&self.index, &self.world.objects[index]);
-        let (gpu, space, sender) = (Arc::clone(gpu), self.space.world_from_mesh, self.opened.0.clone());
-        let pool_bytes = self.options.pool_bytes / self.shares;
         let is_whole = detail == ObjectDetail::Whole;
-        let work = move || {
-            let result = match is_whole {
-                true => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes).map(Box::new)),
-                false => OpenedDetail::Preview(open_small(&gpu, &place, &space).map(Box::new)),
-            };
-            // Whoever dropped the world does not want it.
-            sender.send(Opened { object: index, result }).unwrap_or_default();
+        let order = Order {
+            object: index,
+            place: World::asset_place(&self.index, &self.world.objects[index]),
+            is_whole,
+            space: self.space.world_from_mesh,
+            pool_bytes: self.options.pool_bytes / self.shares,
         };
-        let thread = std::thread::Builder::new().name("fantex-object".into());
-        thread.spawn(work).map_err(|source| {
-            Error::unavailable(format!("cannot start a thread to open {}: {source}", self.index.display()))
-        })?;
+        opening::begin(gpu, order, self.opened.0.clone())?;
         self.opening += 1;
         let object = &mut self.objects[index];
         match is_whole {
@@ -367,7 +353,7 @@ impl StreamedWorld {
         Ok(())
     }
 
-    /// Takes over what threads have opened.
+    /// Takes over what has been opened.
     fn take_opened(&mut self) {
         let anisotropy = max_anisotropy(&self.options.filter);
         while let Ok(Opened { object: index, result }) = self.opened.1.try_recv() {
@@ -498,57 +484,4 @@ impl Model for StreamedWorld {
     fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
         self.drawn().rev().for_each(|model| model.draw_layered(pass));
     }
-}
-
-// What threads do.
-
-/// Mesh and cover of an object in the space of its world.
-struct MovedGeometry {
-    mesh: Mesh,
-    cover: Cover,
-}
-
-impl Geometry for MovedGeometry {
-    fn mesh(&self) -> &Mesh {
-        &self.mesh
-    }
-
-    fn cover(&self) -> &Cover {
-        &self.cover
-    }
-}
-
-/// The asset itself, where it lies in that space.
-fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
-    let from = asset.mesh().world_from_mesh;
-    if from == *space {
-        return Arc::<Asset>::clone(asset);
-    }
-    let (mut mesh, mut cover) = (asset.mesh().clone(), asset.cover().clone());
-    mesh.move_to(*space);
-    cover.move_between(&from, space);
-    Arc::new(MovedGeometry { mesh, cover })
-}
-
-/// Caches are small: many objects have one each.
-fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -> Result<StreamedModel> {
-    let asset = Arc::new(open_asset(place)?);
-    let options = ClusterLoaderOptions {
-        block_compressed: gpu.has_block_compression(),
-        worker_threads: 1,
-        in_flight_bytes: 4 << 20,
-        cache_bytes: 8 << 20,
-        stored_cache_bytes: 16 << 20,
-        ready_bytes: 4 << 20,
-        ..ClusterLoaderOptions::default()
-    };
-    let loader = ClusterLoader::open(Arc::clone(&asset), &options)?;
-    StreamedModel::with_pages(gpu, &asset, geometry_in(&asset, space), Box::new(loader), pool_bytes)
-}
-
-fn open_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
-    let preview = Arc::new(preview_of(place)?);
-    let model = FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))?;
-    let surface = SurfaceSamples::of(&model.space().points);
-    Ok((model, surface))
 }

@@ -7,25 +7,39 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fantex_base::{Error, Result, files, input};
-use fantex_mesh::WorldFromMesh;
+use fantex_mesh::{Mesh, TriangleBvh, WorldFromMesh};
 use fantex_store::Asset;
-use fantex_stream::{read_whole, url_of};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::preview::detail_of;
+use crate::{SurfaceSamples, ViewObject, ViewPreview, url_of};
 
 /// The extension of a world's file name.
 pub const WORLD_EXTENSION: &str = "fanworld";
 
 /// Most bytes that an index may have: some hundred thousand objects.
-const MOST_BYTES: u64 = 64 << 20;
+pub const MAX_INDEX_BYTES: u64 = 64 << 20;
 
 /// What `format` says.
 const FORMAT: &str = "fantex world";
 
 /// The only version.
 const VERSION: u32 = 1;
+
+/// Memory that a triangle of an open object takes: mesh, cover and what demand knows of it, in main and in graphics memory. (Of landscapes
+/// of 0.5 and 1.9 M triangles in the viewer, on a software adapter: 637.)
+const TRIANGLE_BYTES: u64 = 640;
+
+/// The same of a preview, of which only what is drawn is kept.
+const PREVIEW_TRIANGLE_BYTES: u64 = 256;
+
+/// Texels of a preview take so many bytes each, in all channels.
+const PREVIEW_TEXEL_BYTES: u64 = 4;
+
+/// What stands for itself in the path of an address: unreserved characters (RFC 3986, section 2.3), and what parts names.
+const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~').remove(b'/');
 
 /// An index of assets in one world.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -76,15 +90,29 @@ struct WorldFile {
 }
 
 impl World {
+    /// Whether a path or an address names an index: it ends with [`.fanworld`](WORLD_EXTENSION), in any case of letters.
+    pub fn is_named(place: &Path) -> bool {
+        let path = url_of(place).map_or(place, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
+        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(WORLD_EXTENSION))
+    }
+
     /// Reads an index at a path, or with the feature `http` at an address.
     ///
     /// # Errors
-    /// It cannot be read or is no index; an object has a box that is none, or leads out of the index's folder where
-    /// [that is not allowed](fantex_base::ReadOptions::allow_outside).
+    /// It cannot be read, or those of [`parse`](Self::parse).
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn open(place: impl AsRef<Path>) -> Result<Self> {
         let place = place.as_ref();
-        let bytes = read_whole(place, MOST_BYTES)?;
-        let file: WorldFile = serde_json::from_slice(&bytes).map_err(|error| {
+        Self::parse(place, &crate::read_whole(place, MAX_INDEX_BYTES)?)
+    }
+
+    /// An index that was read at a path or an address.
+    ///
+    /// # Errors
+    /// It is no index; an object has a box that is none, or leads out of the index's folder where
+    /// [that is not allowed](fantex_base::ReadOptions::allow_outside).
+    pub fn parse(place: &Path, bytes: &[u8]) -> Result<Self> {
+        let file: WorldFile = serde_json::from_slice(bytes).map_err(|error| {
             Error::malformed(format!("{} is no world: {error}", place.display())).with_path(place)
         })?;
         let wrong = |what: String| Error::malformed(format!("{}: {what}", place.display())).with_path(place);
@@ -110,11 +138,20 @@ impl World {
     /// # Errors
     /// It cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
+        let text = self.to_bytes()?;
+        files::write_whole(path, true, |file| file.write_all(&text))
+    }
+
+    /// The index as a file.
+    ///
+    /// # Errors
+    /// A number is none that the file can hold.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let file = WorldFile { format: FORMAT.into(), version: VERSION, objects: self.objects.clone() };
         let mut text = serde_json::to_vec_pretty(&file)
             .map_err(|error| Error::invalid(format!("the world cannot be written: {error}")))?;
         text.push(b'\n');
-        files::write_whole(path, true, |file| file.write_all(&text))
+        Ok(text)
     }
 
     /// Adds an object, in the place of one with the same asset where there is one: then true.
@@ -154,7 +191,7 @@ impl World {
         })
     }
 
-    /// Where an object's asset is: a path or an address. `index` is where the world was read.
+    /// Where an object's asset is: a path or an address. `index` is where the world was read. On web servers the names are encoded.
     pub fn asset_place(index: &Path, object: &WorldObject) -> PathBuf {
         if url_of(Path::new(&object.asset)).is_some() {
             return PathBuf::from(&object.asset);
@@ -163,7 +200,10 @@ impl World {
             Some(url) => {
                 let path = url.split(['?', '#']).next().unwrap_or(url);
                 let folder = path.rfind('/').map_or(path, |end| &path[..=end]);
-                PathBuf::from(format!("{folder}{}", object.asset))
+                let asset = object.path_below().unwrap_or_else(|| object.asset.clone());
+                let is_object = !folder.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("http"));
+                let asset = if is_object { asset } else { utf8_percent_encode(&asset, &ESCAPED).to_string() };
+                PathBuf::from(format!("{folder}{asset}"))
             }
             None => files::folder_of(index).join(&object.asset),
         }
@@ -175,11 +215,33 @@ impl World {
         WorldFromMesh::of_box(low, high)
     }
 
-    /// As [`space`](Self::space), for those who want to show something.
-    pub(crate) fn space_to_show(&self, index: &Path) -> Result<WorldFromMesh> {
+    /// As [`space`](Self::space), for those who want to show something. `index` is where the world was read.
+    ///
+    /// # Errors
+    /// There is no object, or all lie in one point.
+    pub fn space_to_show(&self, index: &Path) -> Result<WorldFromMesh> {
         self.space().ok_or_else(|| {
             Error::not_found(format!("there is nothing to show in the world {}", index.display()))
         })
+    }
+
+    /// The objects as seen in the space that they are drawn in, of whose surfaces nothing is known.
+    pub fn view_objects(&self, space: &WorldFromMesh) -> Vec<ViewObject> {
+        self.objects.iter().map(|object| object.view_object(space)).collect()
+    }
+
+    /// Opens the preview of an asset at a path or an address whose world says that it has one.
+    ///
+    /// # Errors
+    /// It cannot be read, or there is none.
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn open_preview(place: &Path) -> Result<Asset> {
+        crate::open_preview(place)?.ok_or_else(|| Self::no_preview(place))
+    }
+
+    /// The error of an asset without a preview whose world says that it has one.
+    pub fn no_preview(place: &Path) -> Error {
+        Error::not_found(format!("{} has no preview, although its world says so", place.display()))
     }
 
     /// Corners of the bounding box of all objects, world units; none without objects.
@@ -216,6 +278,38 @@ impl WorldObject {
         })
     }
 
+    /// The names on the way from the index's folder to the file, with `/` between them; none for an address, and for what does not lie
+    /// below that folder.
+    pub fn path_below(&self) -> Option<String> {
+        if url_of(Path::new(&self.asset)).is_some() || self.asset.starts_with('/') {
+            return None;
+        }
+        let mut names: Vec<&str> = Vec::new();
+        for name in self.asset.split('/') {
+            match name {
+                "" | "." => {}
+                ".." => {
+                    names.pop()?;
+                }
+                name => names.push(name),
+            }
+        }
+        (!names.is_empty()).then(|| names.join("/"))
+    }
+
+    fn view_object(&self, space: &WorldFromMesh) -> ViewObject {
+        let preview = self.preview.map(|preview| ViewPreview {
+            bytes: preview.triangles * PREVIEW_TRIANGLE_BYTES + preview.texels * PREVIEW_TEXEL_BYTES,
+            detail: (preview.detail / space.scale) as f32,
+        });
+        ViewObject {
+            bounds: [self.low, self.high].map(|corner| space.inverse_point(DVec3::from(corner))),
+            surface: SurfaceSamples::default(),
+            whole_bytes: self.triangles * TRIANGLE_BYTES,
+            preview,
+        }
+    }
+
     fn defect(&self) -> Option<&'static str> {
         if self.asset.is_empty() {
             return Some("names no file");
@@ -228,6 +322,26 @@ impl WorldObject {
         (!self.preview.is_none_or(|preview| is_length(preview.detail)))
             .then_some("has a preview whose detail is no positive length")
     }
+}
+
+/// Vertices at which the distance between a mesh and its preview is measured, at most.
+const MAX_PROBES: usize = 100_000;
+
+/// Length of the finest detail that a preview shows, world units: the mean side of a texel, or, where that is longer, the largest distance of
+/// a vertex of the fine mesh (of 100 000, spread evenly) to the preview's surface.
+fn detail_of(fine: &Mesh, preview: &Asset, texels: u64) -> f64 {
+    let coarse = preview.mesh();
+    let scale = coarse.world_from_mesh.scale;
+    let texel = scale * (coarse.area() / texels.max(1) as f64).sqrt();
+    let surface = TriangleBvh::new(coarse);
+    let step = fine.positions.len().div_ceil(MAX_PROBES).max(1);
+    let probes: Vec<Vec3> = fine.positions.iter().copied().step_by(step).collect();
+    let distance = |&p: &Vec3| {
+        let p = coarse.world_from_mesh.inverse_point(fine.world_from_mesh.point(p));
+        surface.nearest_point(p, f32::INFINITY).map_or(0.0, |nearest| nearest.distance)
+    };
+    let farthest = probes.par_iter().map(distance).reduce(|| 0.0, f32::max);
+    texel.max(scale * f64::from(farthest))
 }
 
 #[cfg(test)]
@@ -262,8 +376,23 @@ mod tests {
     fn assets_lie_relative_to_an_address() {
         let at = |index: &str, asset| World::asset_place(Path::new(index), &object(asset));
         assert_eq!(at("https://a.b/c/d.fanworld?x=/1", "e.fan"), Path::new("https://a.b/c/e.fan"));
-        assert_eq!(at("s3://bucket/d.fanworld", "e/f.fan"), Path::new("s3://bucket/e/f.fan"));
+        assert_eq!(at("s3://bucket/d.fanworld", "e/f g.fan"), Path::new("s3://bucket/e/f g.fan"));
+        let encoded = Path::new("http://a.b/c/e%20f/%C3%BC%25.fan");
+        assert_eq!(at("http://a.b/c/d.fanworld", "./e f/x/../\u{fc}%.fan"), encoded);
         assert_eq!(at("d.fanworld", "https://x.y/e.fan"), Path::new("https://x.y/e.fan"));
+    }
+
+    #[test]
+    fn what_lies_below_the_index_is_told_from_what_does_not() {
+        let below = |asset| object(asset).path_below();
+        for (asset, path) in [("a.fan", "a.fan"), ("./b//c.fan", "b/c.fan"), ("b/../c.fan", "c.fan")] {
+            assert_eq!(below(asset).as_deref(), Some(path), "{asset}");
+        }
+        for asset in
+            ["../a.fan", "b/../../a.fan", "/etc/a.fan", "https://a.b/c.fan", "s3://a/b.fan", ".", "b/.."]
+        {
+            assert_eq!(below(asset), None, "{asset}");
+        }
     }
 
     #[test]

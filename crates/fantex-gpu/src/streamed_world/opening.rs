@@ -1,0 +1,181 @@
+//! Opening of objects and previews, beside what draws: by threads, in browsers by tasks of the page.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+
+use fantex_base::Result;
+use fantex_cover::Cover;
+use fantex_mesh::{Mesh, WorldFromMesh};
+use fantex_store::Asset;
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Geometry, SurfaceSamples, World};
+
+use crate::{FanModel, Gpu, Model as _, StreamedModel};
+
+/// What to open.
+pub(super) struct Order {
+    /// Its number.
+    pub(super) object: usize,
+    /// Where its asset is.
+    pub(super) place: PathBuf,
+    /// The asset; else its preview.
+    pub(super) is_whole: bool,
+    /// The space that all objects are drawn in.
+    pub(super) space: WorldFromMesh,
+    /// For texels of a whole one.
+    pub(super) pool_bytes: u64,
+}
+
+/// What has been opened.
+pub(super) struct Opened {
+    pub(super) object: usize,
+    pub(super) result: OpenedDetail,
+}
+
+pub(super) enum OpenedDetail {
+    Preview(Result<Box<(FanModel, SurfaceSamples)>>),
+    Whole(Result<Box<StreamedModel>>),
+}
+
+/// Begins to open something; what comes of it is sent.
+///
+/// # Errors
+/// The system refuses a thread.
+#[cfg(not(target_arch = "wasm32"))]
+pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Result<()> {
+    let (gpu, place) = (Arc::clone(gpu), order.place.clone());
+    let open = move || {
+        let Order { object, place, is_whole, space, pool_bytes } = order;
+        let result = match is_whole {
+            true => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes).map(Box::new)),
+            false => OpenedDetail::Preview(
+                World::open_preview(&place).and_then(|preview| small(&gpu, preview, &space)).map(Box::new),
+            ),
+        };
+        // Whoever dropped the world does not want it.
+        sender.send(Opened { object, result }).unwrap_or_default();
+    };
+    let thread = std::thread::Builder::new().name("fantex-object".into());
+    thread.spawn(open).map(drop).map_err(|source| {
+        fantex_base::Error::unavailable(format!(
+            "cannot start a thread to open {}: {source}",
+            place.display()
+        ))
+    })
+}
+
+/// As above, by a task of the page: meshes and covers are fetched beside what is drawn, and unpacked between two frames.
+#[cfg(target_arch = "wasm32")]
+pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Result<()> {
+    let gpu = Arc::clone(gpu);
+    fantex_stream::read::spawn(async move {
+        let Order { object, place, is_whole, space, pool_bytes } = order;
+        let result = match is_whole {
+            true => OpenedDetail::Whole(fetch_whole(&gpu, &place, &space, pool_bytes).await.map(Box::new)),
+            false => OpenedDetail::Preview(fetch_small(&gpu, &place, &space).await.map(Box::new)),
+        };
+        // Whoever dropped the world does not want it.
+        sender.send(Opened { object, result }).unwrap_or_default();
+    });
+    Ok(())
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+fn open_whole(gpu: &Gpu, place: &Path, space: &WorldFromMesh, pool_bytes: u64) -> Result<StreamedModel> {
+    let asset = Arc::new(fantex_stream::open_asset(place)?);
+    let loader = ClusterLoader::open(Arc::clone(&asset), &loader_options(gpu))?;
+    whole(gpu, &asset, loader, space, pool_bytes)
+}
+
+/// Requests at a time for the texels of an object: browsers allow a server six, for all objects together.
+#[cfg(target_arch = "wasm32")]
+const CONNECTIONS: usize = 2;
+
+/// Time of a frame that goes into unpacking the texels of an object.
+#[cfg(target_arch = "wasm32")]
+const UNPACKING_SLICE: std::time::Duration = std::time::Duration::from_millis(2);
+
+#[cfg(target_arch = "wasm32")]
+async fn fetch_whole(
+    gpu: &Gpu,
+    place: &Path,
+    space: &WorldFromMesh,
+    pool_bytes: u64,
+) -> Result<StreamedModel> {
+    let file = remote_file(place);
+    let asset = Arc::new(std::rc::Rc::clone(&file).start().await?.asset().await?);
+    let reader = Box::new(file.reader(CONNECTIONS));
+    let loader = ClusterLoader::without_threads(asset.clone(), reader, &loader_options(gpu), UNPACKING_SLICE);
+    whole(gpu, &asset, loader, space, pool_bytes)
+}
+
+#[cfg(target_arch = "wasm32")]
+async fn fetch_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
+    let preview = remote_file(place).start().await?.preview().await?;
+    small(gpu, preview.ok_or_else(|| World::no_preview(place))?, space)
+}
+
+#[cfg(target_arch = "wasm32")]
+fn remote_file(place: &Path) -> std::rc::Rc<fantex_stream::read::RemoteFile> {
+    std::rc::Rc::new(fantex_stream::read::RemoteFile::new(place.to_string_lossy().into_owned()))
+}
+
+/// Caches are small: many objects have one each.
+fn loader_options(gpu: &Gpu) -> ClusterLoaderOptions {
+    ClusterLoaderOptions {
+        block_compressed: gpu.has_block_compression(),
+        worker_threads: 1,
+        in_flight_bytes: 4 << 20,
+        cache_bytes: 8 << 20,
+        stored_cache_bytes: 16 << 20,
+        ready_bytes: 4 << 20,
+        ..ClusterLoaderOptions::default()
+    }
+}
+
+/// A whole object on the device, without texels.
+fn whole(
+    gpu: &Gpu,
+    asset: &Arc<Asset>,
+    loader: ClusterLoader,
+    space: &WorldFromMesh,
+    pool_bytes: u64,
+) -> Result<StreamedModel> {
+    StreamedModel::with_pages(gpu, asset, geometry_in(asset, space), Box::new(loader), pool_bytes)
+}
+
+/// A preview on the device, with all its texels.
+fn small(gpu: &Gpu, preview: Asset, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
+    let preview = Arc::new(preview);
+    let model = FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))?;
+    let surface = SurfaceSamples::of(&model.space().points);
+    Ok((model, surface))
+}
+
+/// Mesh and cover of an object in the space of its world.
+struct MovedGeometry {
+    mesh: Mesh,
+    cover: Cover,
+}
+
+impl Geometry for MovedGeometry {
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    fn cover(&self) -> &Cover {
+        &self.cover
+    }
+}
+
+/// The asset itself, where it lies in that space.
+fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
+    let from = asset.mesh().world_from_mesh;
+    if from == *space {
+        return Arc::<Asset>::clone(asset);
+    }
+    let (mut mesh, mut cover) = (asset.mesh().clone(), asset.cover().clone());
+    mesh.move_to(*space);
+    cover.move_between(&from, space);
+    Arc::new(MovedGeometry { mesh, cover })
+}
