@@ -10,7 +10,7 @@
 //! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
-//! | [`text`] | counts in messages |
+//! | [`text`] | counts in messages, names in addresses |
 //! | [`union_find`] | disjoint sets |
 //! | [`zstandard`] | unpacking of Zstandard frames |
 
@@ -29,7 +29,7 @@ pub use aabb::Aabb;
 pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
 pub use random::{Random, mix64};
-pub use text::{counted, grouped, numbered};
+pub use text::{counted, grouped, numbered, uri_escaped};
 pub use union_find::UnionFind;
 
 /// Files of the caller's folder as `(path in the workspace, content)`: `files!["gallery/": "bump.toml" "glow.toml"]`.

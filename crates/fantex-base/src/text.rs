@@ -1,7 +1,9 @@
-//! Counts in messages: `1 triangle`, `2 triangles`, `69 451 tiles`.
+//! Counts in messages: `1 triangle`, `2 triangles`, `69 451 tiles`; names in addresses.
 
 use std::borrow::Cow;
 use std::fmt;
+
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 
 /// A count with its noun, in the number that the count asks for.
 ///
@@ -26,6 +28,19 @@ pub fn numbered<N: PartialEq + From<u8>>(count: N, noun: &str) -> Cow<'_, str> {
         None => format!("{noun}s"),
     };
     plural.into()
+}
+
+/// What stands for itself in an address: unreserved characters (RFC 3986, section 2.3).
+const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+
+/// A path as the path of an address, with what does not stand for itself there as `%` and two digits; `/` stays between its parts.
+///
+/// ```
+/// assert_eq!(fantex_base::uri_escaped("old town/b#1-\u{e9}.fan"), "old%20town/b%231-%C3%A9.fan");
+/// ```
+pub fn uri_escaped(path: &str) -> String {
+    const WITH_PARTS: AsciiSet = ESCAPED.remove(b'/');
+    utf8_percent_encode(path, &WITH_PARTS).to_string()
 }
 
 /// Digits in groups of three, separated by `separator`: `69 451`.

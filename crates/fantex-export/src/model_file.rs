@@ -8,10 +8,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::{exists, folder_of, persist_all, temporary_file};
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, uri_escaped};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
 use tempfile::TempPath;
 
@@ -196,7 +195,7 @@ impl Gltf {
             self.textures.push(json!({ "source": self.images.len(), "sampler": sampler }));
             if !self.is_binary {
                 let name = format!("{name}.png");
-                self.images.push(json!({ "name": name, "uri": uri(&name) }));
+                self.images.push(json!({ "name": name, "uri": uri_escaped(&name) }));
                 continue;
             }
             let bytes = file.metadata()?.len();
@@ -301,7 +300,7 @@ impl Gltf {
             .collect();
         used.sort_unstable();
         used.dedup();
-        let buffer_uri = (!self.is_binary).then(|| uri(&self.buffer_name()));
+        let buffer_uri = (!self.is_binary).then(|| uri_escaped(&self.buffer_name()));
         let sampler = |wrap: &u32| {
             let (near, far) = (LINEAR, LINEAR_MIPMAP_LINEAR);
             json!({ "magFilter": near, "minFilter": far, "wrapS": wrap, "wrapT": wrap })
@@ -395,13 +394,6 @@ fn object(mut value: Value) -> Value {
         members.retain(|_, member| !member.is_null());
     }
     value
-}
-
-/// Bytes of a name that a URI must escape: all but unreserved characters.
-const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
-
-fn uri(name: &str) -> String {
-    utf8_percent_encode(name, &ESCAPED).to_string()
 }
 
 // ---- Vertices as files want them: one index for position, normal, tangent and all coordinates.
@@ -575,15 +567,5 @@ impl Outputs {
         let written = self.files.iter().map(length).collect::<Result<_>>()?;
         persist_all(self.files, self.force)?;
         Ok(written)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_become_uris() {
-        assert_eq!(uri("a b#1-\u{e9}.png"), "a%20b%231-%C3%A9.png");
     }
 }

@@ -52,7 +52,7 @@ pub(crate) fn write_usda_objects(root: &str, objects: &[[String; 2]], out: &File
         let name = plain(name);
         writeln!(
             out,
-            "    def \"Object_{number}_{name}\" (\n        prepend references = @./{file}@\n    )\n    {{\n    }}"
+            "    def \"Object_{number}_{name}\" (\n        prepend references = @@@./{file}@@@\n    )\n    {{\n    }}"
         )?;
     }
     writeln!(out, "}}")?;

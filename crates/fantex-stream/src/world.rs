@@ -6,11 +6,10 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Result, files, input};
+use fantex_base::{Error, Result, files, input, uri_escaped};
 use fantex_mesh::{Mesh, TriangleBvh, WorldFromMesh};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -37,9 +36,6 @@ const PREVIEW_TRIANGLE_BYTES: u64 = 256;
 
 /// Texels of a preview take so many bytes each, in all channels.
 const PREVIEW_TEXEL_BYTES: u64 = 4;
-
-/// What stands for itself in the path of an address: unreserved characters (RFC 3986, section 2.3), and what parts names.
-const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~').remove(b'/');
 
 /// An index of assets in one world.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -171,7 +167,7 @@ impl World {
     /// How an index names an asset: an address as it is, a file relative to the index's folder, below which it must lie.
     ///
     /// # Errors
-    /// The file does not lie below that folder, one of them cannot be found, or the name is not UTF-8.
+    /// The file does not lie below that folder, one of them cannot be found, or a name on the way is not UTF-8 or is none on every system.
     pub fn name_of(index: &Path, asset: &Path) -> Result<String> {
         if let Some(url) = url_of(asset) {
             return Ok(url.to_owned());
@@ -186,8 +182,12 @@ impl World {
             ))
         })?;
         let names: Option<Vec<&str>> = below.iter().map(|name| name.to_str()).collect();
+        let names = names.filter(|names| names.iter().all(|name| is_portable(name)));
         names.map(|names| names.join("/")).ok_or_else(|| {
-            Error::unsupported(format!("an index cannot name {}: its name is not UTF-8", asset.display()))
+            let asset = asset.display();
+            Error::unsupported(format!(
+                "an index cannot name {asset}: names must be UTF-8, without \\ and :, to be names on every system; rename it"
+            ))
         })
     }
 
@@ -196,16 +196,16 @@ impl World {
         if url_of(Path::new(&object.asset)).is_some() {
             return PathBuf::from(&object.asset);
         }
+        let asset = object.path_below().unwrap_or_else(|| object.asset.clone());
         match url_of(index) {
             Some(url) => {
                 let path = url.split(['?', '#']).next().unwrap_or(url);
                 let folder = path.rfind('/').map_or(path, |end| &path[..=end]);
-                let asset = object.path_below().unwrap_or_else(|| object.asset.clone());
-                let is_object = !folder.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("http"));
-                let asset = if is_object { asset } else { utf8_percent_encode(&asset, &ESCAPED).to_string() };
+                let is_http = folder.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("http"));
+                let asset = if is_http { uri_escaped(&asset) } else { asset };
                 PathBuf::from(format!("{folder}{asset}"))
             }
-            None => files::folder_of(index).join(&object.asset),
+            None => files::folder_of(index).join(asset),
         }
     }
 
@@ -278,8 +278,8 @@ impl WorldObject {
         })
     }
 
-    /// The names on the way from the index's folder to the file, with `/` between them; none for an address, and for what does not lie
-    /// below that folder.
+    /// The names on the way from the index's folder to the file, with `/` between them; none for an address, for what does not lie
+    /// below that folder, and for names that mean something else on other systems.
     pub fn path_below(&self) -> Option<String> {
         if url_of(Path::new(&self.asset)).is_some() || self.asset.starts_with('/') {
             return None;
@@ -291,7 +291,8 @@ impl WorldObject {
                 ".." => {
                     names.pop()?;
                 }
-                name => names.push(name),
+                name if is_portable(name) => names.push(name),
+                _ => return None,
             }
         }
         (!names.is_empty()).then(|| names.join("/"))
@@ -322,6 +323,11 @@ impl WorldObject {
         (!self.preview.is_none_or(|preview| is_length(preview.detail)))
             .then_some("has a preview whose detail is no positive length")
     }
+}
+
+/// Whether a name is one on every system: on some `\\` parts names, and `:` follows that of a drive.
+fn is_portable(name: &str) -> bool {
+    !name.contains(['\\', ':'])
 }
 
 /// Vertices at which the distance between a mesh and its preview is measured, at most.
@@ -389,7 +395,7 @@ mod tests {
             assert_eq!(below(asset).as_deref(), Some(path), "{asset}");
         }
         for asset in
-            ["../a.fan", "b/../../a.fan", "/etc/a.fan", "https://a.b/c.fan", "s3://a/b.fan", ".", "b/.."]
+            ["../a.fan", "b/../../a.fan", "/etc/a.fan", "https://a.b/c.fan", "s3://a/b.fan", ".", "b/..", r"..\a.fan", r"C:\a.fan", "C:a.fan"]
         {
             assert_eq!(below(asset), None, "{asset}");
         }

@@ -91,7 +91,7 @@ function frame(now) {
         enter(progress.is_preview ? "preview" : progress.is_settled ? "sharp" : "sharpening");
         if (progress.damaged > 0) {
             const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
-            say(`Some of it cannot be read, and stays coarse: ${viewer.damage()}`, "error", retry, RELOAD);
+            say(`Some of it cannot be read, and stays coarse or is missing: ${viewer.damage()}`, "error", retry, RELOAD);
         }
         if (!progress.is_settled) schedule();
         progress.free();

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fantex::base::uri_escaped;
 use fantex::store::Asset;
 use fantex::stream::{open_preview, url_of};
 use fantex::{Error, Result, World, WorldObject};
 use fantex_web::Page;
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
         drop(Asset::open(&args.asset)?);
     }
     let name = file_name(&args.asset)?;
-    let encoded = encoded(&name);
+    let encoded = uri_escaped(&name);
     site.add(&name, Content::File(args.asset.clone()));
     let title = args.asset.file_stem().and_then(|stem| stem.to_str()).unwrap_or(&name);
     let page = match fantex_web::files() {
@@ -132,12 +132,6 @@ pub(crate) const NO_VIEWER: &str = "this program was built without the viewer fo
 pub(crate) fn file_name(path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
     name.ok_or_else(|| Error::invalid(format!("the name of {} is no text; rename it", path.display())))
-}
-
-/// As a part of a URL.
-pub(crate) fn encoded(name: &str) -> String {
-    const PART: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
-    utf8_percent_encode(name, PART).to_string()
 }
 
 /// What a browser is told where there is no viewer for it.

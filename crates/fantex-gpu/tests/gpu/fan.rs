@@ -187,6 +187,27 @@ fn edges_of_cut_outs() {
     }
 }
 
+/// Nothing shows through where all is there, though beside the edges of triangles slopes are those of texels beyond.
+#[test]
+fn cut_outs_without_holes_are_whole() {
+    let Some(gpu) = gpu() else { return };
+    let mut mesh = cleaned(generate::torus(48, 24));
+    mesh.materials = vec![Material { alpha: AlphaMode::Mask(0.8), ..Material::default() }];
+    let opaque = Material { alpha: AlphaMode::Opaque, ..Material::default() };
+    let cover = cover(&mesh, 24, 1 << 17);
+    assert!(cover.groups.len() > 100);
+    let options = DrawOptions { samples: 4, ..options(Shading::BaseColor, Filter::Anisotropic) };
+    let [cut_out, whole] = [mesh.materials[0].clone(), opaque].map(|material| {
+        mesh.materials = vec![material];
+        let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+        let camera = Camera::framing_mesh(baked.asset().mesh(), DVec3::new(0.2, 0.25, 1.0), 1.5);
+        let seen = rendered(&gpu, &baked, &Residents::all(), &camera, &Lights::default(), &options);
+        seen.rgba.iter().map(|pixel| pixel[3]).collect::<Vec<f32>>()
+    });
+    assert!(whole.iter().filter(|alpha| **alpha == 1.0).count() > 1000);
+    assert_eq!(cut_out, whole);
+}
+
 /// A square whose tiles are cut into several pages.
 fn paged() -> Baked {
     let mesh = cleaned(generate::grid(12));

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::base::files::{folder_of, persist_all, temporary_file};
+use fantex::base::uri_escaped;
 use fantex::render::{FilterOptions, RenderOptions};
 use fantex::stream::url_of;
 use fantex::texture::Filter;
@@ -15,7 +16,7 @@ use serde::Serialize;
 use tempfile::TempPath;
 
 use super::ExportArgs;
-use crate::commands::serve::{NO_VIEWER, encoded, file_name, path_below};
+use crate::commands::serve::{NO_VIEWER, file_name, path_below};
 use crate::context::Context;
 use crate::scene::{Scene, check_is_asset, open_asset, photograph, portrait, report_damage, world_boxes};
 use crate::text::megabytes;
@@ -45,7 +46,7 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let name = file_name(&url_of(&args.asset).map_or_else(|| args.asset.clone(), without_query))?;
     let title =
         args.title.as_deref().unwrap_or_else(|| name.strip_suffix(shown.extension()).unwrap_or(&name));
-    let page = Page { title, credits: &args.credits, asset: &encoded(&name), base: &base }.html();
+    let page = Page { title, credits: &args.credits, asset: &uri_escaped(&name), base: &base }.html();
     let assets = shown.assets(&args.asset, &name)?;
 
     let own = ["index.html", "preview.png"].into_iter().chain(viewer.iter().map(|(name, _)| *name));
