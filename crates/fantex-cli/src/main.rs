@@ -49,6 +49,9 @@ mod commands {
 }
 
 fn main() -> ExitCode {
+    // Copies of worlds have a file per asset until all are there. What is left of a low limit is told where files are opened.
+    #[cfg(unix)]
+    rlimit::increase_nofile_limit(u64::MAX).unwrap_or_default();
     let cli = Cli::parse_from(warp::join_corners(std::env::args_os()));
     let context = match Context::new(&cli.common) {
         Ok(context) => context,
