@@ -223,7 +223,8 @@ impl<'a> Uniter<'a> {
             let relaxed = (buffers.sheet.strain() < before).then(|| buffers.flat())?;
             // What overlaps only now stays as it was.
             let is_good = buffers.sheet.is_injective()
-                || !(buffers.lay(planes_ref, &piece.triangles, &[], slots, flat) && buffers.sheet.is_injective());
+                || !(buffers.lay(planes_ref, &piece.triangles, &[], slots, flat)
+                    && buffers.sheet.is_injective());
             is_good.then_some(relaxed)
         };
         let all: Vec<Option<Vec<[Vec2; 3]>>> =
@@ -304,7 +305,8 @@ impl<'a> Uniter<'a> {
         let mut left = self.pieces.len();
         while !plans.is_empty() && !progress.is_cancelled() {
             let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL));
-            let tried = batch.par_iter().map_init(Buffers::default, |buffers, &pair| self.tried(pair, buffers));
+            let tried =
+                batch.par_iter().map_init(Buffers::default, |buffers, &pair| self.tried(pair, buffers));
             let tried: Vec<Option<Union>> = tried.collect();
             let mut pairs = Vec::new();
             for (&[a, b], union) in batch.iter().zip(tried) {
