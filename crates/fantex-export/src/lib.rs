@@ -23,6 +23,7 @@ mod objects;
 mod overlaps;
 mod packing;
 mod pictures;
+mod planes;
 mod texels;
 mod unions;
 mod unwrap;

@@ -7,9 +7,11 @@
 //! ```
 //!
 //! A union moves the smaller piece and a part of the larger one that is about as large, so that all unions together take time in
-//! proportion to `n log n`. A piece may meet itself along a seam, as a tube does that is rolled out.
+//! proportion to `n log n`. The cheapest of those that have no piece in common are tried at once. A piece may meet itself along a seam, as
+//! a tube does that is rolled out.
 
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use fantex_bake::Progress;
 use fantex_base::UnionFind;
@@ -17,7 +19,7 @@ use fantex_cover::Sheet;
 use fantex_mesh::Mesh;
 use glam::{DVec2, IVec2, Vec2};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
 
@@ -37,12 +39,6 @@ const MIN_SHARE: f64 = 0.23;
 /// What a misfit costs beside the share of the outline that is gained.
 const MISFIT_COST: f64 = 8.0;
 
-/// A triangle goes over to the other side of a seam if it has less strain per area there.
-const MAX_STRAIN_OF_FILL: f64 = 0.1;
-
-/// Two places of a vertex are one within this share of its shorter edge: they come from one point, up to rounding.
-const SAME_POINT: f64 = 1e-3;
-
 /// Borders that fit so well are laid on each other as they are: root mean square distance, as a share of their edges.
 const EXACT: f64 = 0.02;
 
@@ -61,6 +57,9 @@ const STRAINED: f64 = 0.01;
 /// Rounds of relaxation of every chart, of a union, and in the end.
 const ROUNDS: [usize; 3] = [6, 4, 10];
 
+/// One in so many pieces is in a union that is tried at once with others. With more the cheapest no longer go first.
+const PIECES_PER_TRIAL: usize = 64;
+
 /// Cells in which overlaps are looked for, per triangle.
 const CELLS_PER_TRIANGLE: f64 = 2.0;
 
@@ -75,16 +74,6 @@ pub(crate) fn unite(mesh: &Mesh, charts: Vec<Chart>, across: &[u32], progress: &
     uniter.straighten();
     uniter.relax_all(ROUNDS[2]);
     uniter.charts()
-}
-
-/// The surface and where it lies.
-struct Planes<'a> {
-    mesh: &'a Mesh,
-    across: &'a [u32],
-    /// Half-edges beyond which the same piece goes on without a seam.
-    is_glued: Vec<bool>,
-    /// Where the corners of each triangle lie in the plane of its piece, counter-clockwise, mesh units.
-    flat: Vec<[Vec2; 3]>,
 }
 
 #[derive(Default)]
@@ -109,28 +98,20 @@ struct Piece {
     version: u32,
 }
 
-/// A turn and a shift that bring one piece beside another.
-#[derive(Clone, Copy, Debug)]
-struct Motion {
-    turn: DVec2,
-    shift: DVec2,
-}
-
-impl Motion {
-    fn apply(&self, p: Vec2) -> Vec2 {
-        (self.turn.rotate(p.as_dvec2()) + self.shift).as_vec2()
-    }
-}
-
-/// Common half-edges that are laid on each other.
-struct Fit {
-    motion: Motion,
-    /// Of the first piece.
-    half_edges: Vec<u32>,
-    /// Mesh units.
-    length: f64,
-    /// Root mean square distance of their ends, mesh units.
-    misfit: f64,
+/// Two pieces laid side by side.
+struct Union {
+    large: u32,
+    small: u32,
+    fit: Fit,
+    /// The triangles that move, and where they lie then.
+    region: Vec<u32>,
+    flat: Vec<[Vec2; 3]>,
+    /// How many more triangles each cell of the larger piece has then.
+    cells: FxHashMap<IVec2, i32>,
+    /// Strain of both beyond what they had apart.
+    gained: f64,
+    low: Vec2,
+    high: Vec2,
 }
 
 #[derive(Default)]
@@ -145,13 +126,41 @@ struct Uniter<'a> {
     planes: Planes<'a>,
     pieces: Vec<Piece>,
     piece_of: Vec<u32>,
-    /// A triangle's index among those that are looked at, or `NONE`.
-    slots: Vec<u32>,
-    buffers: Buffers,
+    slots: Slots,
     /// Side of a cell, mesh units.
     cell: f32,
     /// Pieces are no longer than this, mesh units.
     longest: f32,
+}
+
+/// Of every triangle its index among those that are looked at, or [`NONE`]. Who looks at triangles of one piece has its entries for himself.
+struct Slots(Vec<AtomicU32>);
+
+impl Slots {
+    fn new(count: usize) -> Self {
+        Self((0..count).map(|_| AtomicU32::new(NONE)).collect())
+    }
+
+    fn of(&self, triangle: u32) -> u32 {
+        self.0[triangle as usize].load(Ordering::Relaxed)
+    }
+
+    fn has(&self, triangle: u32) -> bool {
+        self.of(triangle) != NONE
+    }
+
+    fn set(&self, triangle: u32, slot: u32) {
+        self.0[triangle as usize].store(slot, Ordering::Relaxed);
+    }
+
+    /// Numbers triangles from 0.
+    fn number(&self, triangles: &[u32]) {
+        (0..).zip(triangles).for_each(|(slot, &t)| self.set(t, slot));
+    }
+
+    fn clear(&self, triangles: &[u32]) {
+        triangles.iter().for_each(|&t| self.set(t, NONE));
+    }
 }
 
 impl<'a> Uniter<'a> {
@@ -190,8 +199,7 @@ impl<'a> Uniter<'a> {
             planes: Planes { mesh, across, is_glued, flat },
             pieces,
             piece_of,
-            slots: vec![NONE; count],
-            buffers: Buffers::default(),
+            slots: Slots::new(count),
             cell: (area / count.max(1) as f64 / CELLS_PER_TRIANGLE).sqrt() as f32,
             longest: area.sqrt() as f32,
         }
@@ -200,13 +208,11 @@ impl<'a> Uniter<'a> {
     /// Brings every piece nearer to its own shape; `slots` are those in the pieces.
     fn relax_all(&mut self, rounds: usize) {
         let Self { planes, pieces, slots, .. } = self;
-        for piece in pieces.iter() {
-            (0..).zip(&piece.triangles).for_each(|(slot, &t)| slots[t as usize] = slot);
-        }
+        pieces.iter().for_each(|piece| slots.number(&piece.triangles));
         let (planes_ref, slots) = (&*planes, &*slots);
         let relaxed = |buffers: &mut Buffers, piece: &Piece| {
             let flat = |slot: usize| planes_ref.flat[piece.triangles[slot] as usize];
-            if piece.triangles.len() < 2 || !buffers.lay(planes_ref, &piece.triangles, slots, flat) {
+            if piece.triangles.len() < 2 || !buffers.lay(planes_ref, &piece.triangles, &[], slots, flat) {
                 return None;
             }
             let before = buffers.sheet.strain();
@@ -217,7 +223,8 @@ impl<'a> Uniter<'a> {
             let relaxed = (buffers.sheet.strain() < before).then(|| buffers.flat())?;
             // What overlaps only now stays as it was.
             let is_good = buffers.sheet.is_injective()
-                || !(buffers.lay(planes_ref, &piece.triangles, slots, flat) && buffers.sheet.is_injective());
+                || !(buffers.lay(planes_ref, &piece.triangles, &[], slots, flat)
+                    && buffers.sheet.is_injective());
             is_good.then_some(relaxed)
         };
         let all: Vec<Option<Vec<[Vec2; 3]>>> =
@@ -225,6 +232,7 @@ impl<'a> Uniter<'a> {
         for (piece, flat) in pieces.iter().zip(all) {
             let moved = flat.into_iter().flat_map(|flat| piece.triangles.iter().zip(flat));
             moved.for_each(|(&t, corners)| planes.flat[t as usize] = corners);
+            slots.clear(&piece.triangles);
         }
     }
 
@@ -287,33 +295,68 @@ impl<'a> Uniter<'a> {
             piece.first_strain = piece.strain;
         };
         pieces.par_iter_mut().for_each(measure);
-        self.slots.fill(NONE);
     }
 
-    /// Makes the cheapest union as long as there is one.
+    /// Makes the cheapest unions as long as there are any.
     fn run(&mut self, progress: &dyn Progress) {
-        let mut plans = BinaryHeap::new();
-        for a in 0..self.pieces.len() as u32 {
-            let later = self.pieces[a as usize].borders.range(a + 1..);
-            plans.extend(later.filter_map(|(&b, _)| self.plan(a, b)));
+        let pieces = 0..self.pieces.len() as u32;
+        let later = |a: u32| self.pieces[a as usize].borders.range(a + 1..).map(move |(&b, _)| [a, b]);
+        let mut plans: BinaryHeap<Plan> = self.plans(pieces.flat_map(later).collect()).into();
+        let mut left = self.pieces.len();
+        while !plans.is_empty() && !progress.is_cancelled() {
+            let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL));
+            let tried =
+                batch.par_iter().map_init(Buffers::default, |buffers, &pair| self.tried(pair, buffers));
+            let tried: Vec<Option<Union>> = tried.collect();
+            let mut pairs = Vec::new();
+            for (&[a, b], union) in batch.iter().zip(tried) {
+                if let Some(union) = union {
+                    left -= 1;
+                    let large = self.merge(union);
+                    pairs.extend(self.pieces[large as usize].borders.keys().map(|&n| [large, n]));
+                } else {
+                    let areas = self.pieces[a as usize].area + self.pieces[b as usize].area;
+                    self.pieces[a as usize].refused.insert(b, areas);
+                    self.pieces[b as usize].refused.insert(a, areas);
+                }
+            }
+            // Without what has joined another since.
+            pairs.retain(|pair| pair.iter().all(|&i| !self.pieces[i as usize].triangles.is_empty()));
+            pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+            pairs.sort_unstable();
+            pairs.dedup();
+            plans.extend(self.plans(pairs));
         }
-        while let Some(plan) = plans.pop().filter(|_| !progress.is_cancelled()) {
-            let [a, b] = plan.pieces;
-            let versions = [a, b].map(|i| self.pieces[i as usize].version);
-            if versions != plan.versions {
+    }
+
+    /// The cheapest plans that have no piece in common, at most `most`.
+    fn cheapest(&self, plans: &mut BinaryHeap<Plan>, most: usize) -> Vec<[u32; 2]> {
+        let mut taken = FxHashSet::default();
+        let (mut batch, mut waiting) = (Vec::new(), Vec::new());
+        while batch.len() < most
+            && let Some(plan) = plans.pop()
+        {
+            if plan.pieces.map(|i| self.pieces[i as usize].version) != plan.versions {
                 continue;
             }
-            let size = |i: u32| self.pieces[i as usize].triangles.len();
-            let (large, small) = if size(a) >= size(b) { (a, b) } else { (b, a) };
-            if self.try_union(large, small) {
-                let neighbours: Vec<u32> = self.pieces[large as usize].borders.keys().copied().collect();
-                plans.extend(neighbours.into_iter().filter_map(|n| self.plan(large, n)));
+            if plan.pieces.iter().any(|i| taken.contains(i)) {
+                waiting.push(plan);
+                // Not all plans for a few unions.
+                if waiting.len() > 2 * most {
+                    break;
+                }
             } else {
-                let areas = self.pieces[a as usize].area + self.pieces[b as usize].area;
-                self.pieces[a as usize].refused.insert(b, areas);
-                self.pieces[b as usize].refused.insert(a, areas);
+                taken.extend(plan.pieces);
+                batch.push(plan.pieces);
             }
         }
+        plans.extend(waiting);
+        batch
+    }
+
+    /// Of pairs of neighbours the unions that are worth a try.
+    fn plans(&self, pairs: Vec<[u32; 2]>) -> Vec<Plan> {
+        pairs.into_par_iter().filter_map(|[a, b]| self.plan(a, b)).collect()
     }
 
     /// The union of two neighbours, if it is worth a try.
@@ -355,9 +398,11 @@ impl<'a> Uniter<'a> {
         is_good(&together).then_some(together)
     }
 
-    /// Lays the smaller piece beside the larger one, if that goes.
-    fn try_union(&mut self, large: u32, small: u32) -> bool {
-        let Some(fit) = self.fit(large, small) else { return false };
+    /// Lays the smaller of two pieces beside the larger one, if that goes.
+    fn tried(&self, [a, b]: [u32; 2], buffers: &mut Buffers) -> Option<Union> {
+        let size = |i: u32| self.pieces[i as usize].triangles.len();
+        let (large, small) = if size(a) >= size(b) { (a, b) } else { (b, a) };
+        let fit = self.fit(large, small)?;
         let [of_large, of_small] = [large, small].map(|i| &self.pieces[i as usize]);
         let moved_box = [
             of_small.low,
@@ -370,43 +415,34 @@ impl<'a> Uniter<'a> {
         let high = moved_box.into_iter().fold(of_large.high, Vec2::max);
         let longest = self.longest.max((of_large.high - of_large.low).max_element());
         if (high - low).max_element() > longest {
-            return false;
+            return None;
         }
         // What moves: the smaller piece, and of the larger one what is near the border.
         let mut region = of_small.triangles.clone();
         let moved = region.len();
-        self.set_glued(&fit.half_edges, true);
         if fit.misfit * fit.half_edges.len() as f64 > EXACT * fit.length {
             self.add_near(&fit.half_edges, 2 * moved + 32, &mut region);
         }
-        (0..).zip(&region).for_each(|(slot, &t)| self.slots[t as usize] = slot);
-        let done = self.lay_union(large, small, &fit, &region, moved);
-        region.iter().for_each(|&t| self.slots[t as usize] = NONE);
-        if !done {
-            self.set_glued(&fit.half_edges, false);
-            return false;
-        }
-        self.merge(large, small, &fit, [low, high]);
-        true
-    }
-
-    fn set_glued(&mut self, half_edges: &[u32], is_glued: bool) {
-        for &half_edge in half_edges {
-            self.planes.is_glued[half_edge as usize] = is_glued;
-            self.planes.is_glued[self.planes.across[half_edge as usize] as usize] = is_glued;
-        }
+        self.slots.number(&region);
+        let gained = self.lay_union([large, small], &fit, &region, moved, buffers);
+        self.slots.clear(&region);
+        let gained = gained?;
+        let flat = buffers.flat();
+        let cells = self.new_cells(large, &region[moved..], &flat)?;
+        Some(Union { large, small, fit, region, flat, cells, gained, low, high })
     }
 
     /// Adds the triangles of the first piece that are nearest to a border, up to a number.
-    fn add_near(&mut self, half_edges: &[u32], count: usize, region: &mut Vec<u32>) {
+    fn add_near(&self, half_edges: &[u32], count: usize, region: &mut Vec<u32>) {
         let Self { planes, slots, piece_of, .. } = self;
         let first = region.len();
         let Some(&own) = half_edges.first().map(|&h| &piece_of[h as usize / 3]) else { return };
         let mut queue: VecDeque<u32> = half_edges.iter().map(|h| h / 3).collect();
         while let Some(t) = queue.pop_front() {
-            if std::mem::replace(&mut slots[t as usize], 0) != NONE {
+            if slots.has(t) {
                 continue;
             }
+            slots.set(t, 0);
             region.push(t);
             if region.len() - first >= count.max(half_edges.len()) {
                 break;
@@ -418,23 +454,30 @@ impl<'a> Uniter<'a> {
                 }
             }
         }
-        region[first..].iter().for_each(|&t| slots[t as usize] = NONE);
+        slots.clear(&region[first..]);
     }
 
-    /// Lays the triangles of a union that move, the first `moved` of them the smaller piece's. True where it is good; nothing has changed
-    /// otherwise.
-    fn lay_union(&mut self, large: u32, small: u32, fit: &Fit, region: &[u32], moved: usize) -> bool {
-        let Self { planes, pieces, slots, buffers, cell, .. } = self;
+    /// Lays the triangles of a union that move, the first `moved` of them the smaller piece's, in the buffers' sheet. The strain that is gained,
+    /// or `None` where it is too much.
+    fn lay_union(
+        &self,
+        [large, small]: [u32; 2],
+        fit: &Fit,
+        region: &[u32],
+        moved: usize,
+        buffers: &mut Buffers,
+    ) -> Option<f64> {
+        let Self { planes, pieces, slots, .. } = self;
         let flat = |slot: usize| {
             let corners = planes.flat[region[slot] as usize];
             if slot < moved { corners.map(|q| fit.motion.apply(q)) } else { corners }
         };
-        if !buffers.lay(planes, region, slots, flat) {
-            return false;
+        if !buffers.lay(planes, region, &fit.half_edges, slots, flat) {
+            return None;
         }
-        buffers.hold(planes, region, slots);
+        buffers.hold(planes, region, &fit.half_edges, slots);
         if !buffers.sheet.is_upright() {
-            return false;
+            return None;
         }
         let near = &region[moved..];
         let before: f64 = near.iter().map(|&t| planes.area_and_strain(t, planes.flat[t as usize]).1).sum();
@@ -445,44 +488,46 @@ impl<'a> Uniter<'a> {
             buffers.sheet.relax(ROUNDS[1]);
         }
         if buffers.sheet.worst_strain() > WORST_STRAIN {
-            return false;
+            return None;
         }
         let gained = gain(&buffers.sheet);
         let unions =
             of_large.strain - of_large.first_strain + of_small.strain - of_small.first_strain + gained;
         let is_good = gained <= MAX_STRAIN_OF_SMALLER * smaller
             && unions <= MAX_STRAIN * (of_large.area + of_small.area);
-        if !is_good {
-            return false;
-        }
-        let new = buffers.flat();
-        // Exactly what lies in the plane of the larger piece now.
-        let taken = &mut pieces[large as usize].cells;
-        for &t in near {
-            cells(planes.flat[t as usize], *cell, |at| drop_cell(taken, at));
-        }
-        let mut overlaps = 0;
-        for &corners in &new {
-            cells(corners, *cell, |at| {
-                let count = taken.entry(at).or_default();
-                overlaps += u32::from(*count > 0);
-                *count += 1;
-            });
-        }
-        if overlaps > 0 {
-            new.iter().for_each(|&corners| cells(corners, *cell, |at| drop_cell(taken, at)));
-            for &t in near {
-                cells(planes.flat[t as usize], *cell, |at| *taken.entry(at).or_default() += 1);
-            }
-            return false;
-        }
-        region.iter().zip(new).for_each(|(&t, corners)| planes.flat[t as usize] = corners);
-        pieces[large as usize].strain += gained + pieces[small as usize].strain;
-        true
+        is_good.then_some(gained)
     }
 
-    /// Makes two pieces one whose triangles lie as they should.
-    fn merge(&mut self, large: u32, small: u32, fit: &Fit, [low, high]: [Vec2; 2]) {
+    /// How many more triangles every cell of a piece has once those `near` of its own lie elsewhere: `flat` has all that move or come. `None`
+    /// where two lie on each other.
+    fn new_cells(&self, large: u32, near: &[u32], flat: &[[Vec2; 3]]) -> Option<FxHashMap<IVec2, i32>> {
+        let taken = &self.pieces[large as usize].cells;
+        let mut changes: FxHashMap<IVec2, i32> = FxHashMap::default();
+        for &t in near {
+            cells(self.planes.flat[t as usize], self.cell, |at| *changes.entry(at).or_default() -= 1);
+        }
+        let mut overlaps = false;
+        for &corners in flat {
+            cells(corners, self.cell, |at| {
+                let change = changes.entry(at).or_default();
+                overlaps |= taken.get(&at).map_or(0, |&count| count as i32) + *change > 0;
+                *change += 1;
+            });
+            if overlaps {
+                return None;
+            }
+        }
+        Some(changes)
+    }
+
+    /// Makes two pieces one, and returns it.
+    fn merge(&mut self, union: Union) -> u32 {
+        let Union { large, small, fit, region, flat, cells, gained, low, high } = union;
+        for &half_edge in &fit.half_edges {
+            self.planes.is_glued[half_edge as usize] = true;
+            self.planes.is_glued[self.planes.across[half_edge as usize] as usize] = true;
+        }
+        region.iter().zip(flat).for_each(|(&t, corners)| self.planes.flat[t as usize] = corners);
         let gone = std::mem::take(&mut self.pieces[small as usize]);
         self.pieces[small as usize].version = gone.version + 1;
         gone.triangles.iter().for_each(|&t| self.piece_of[t as usize] = large);
@@ -497,14 +542,23 @@ impl<'a> Uniter<'a> {
             self.pieces[large as usize].borders.entry(neighbour).or_default().extend(half_edges);
         }
         let piece = &mut self.pieces[large as usize];
+        for (at, change) in cells {
+            let count = piece.cells.entry(at).or_default();
+            *count = count.saturating_add_signed(change);
+            if *count == 0 {
+                piece.cells.remove(&at);
+            }
+        }
         piece.borders.remove(&small);
         piece.refused.remove(&small);
         piece.triangles.extend(gone.triangles);
         piece.area += gone.area;
+        piece.strain += gained + gone.strain;
         piece.first_strain += gone.first_strain;
         piece.outline += gone.outline - 2.0 * fit.length;
         (piece.low, piece.high) = (low, high);
         piece.version += 1;
+        large
     }
 
     fn charts(self) -> Vec<Chart> {
@@ -521,150 +575,33 @@ impl<'a> Uniter<'a> {
     }
 }
 
-impl Planes<'_> {
-    fn length(&self, half_edge: u32) -> f64 {
-        let corners = self.mesh.triangles[half_edge as usize / 3];
-        let [a, b] = [0, 1].map(|i| self.mesh.positions[corners[(half_edge as usize % 3 + i) % 3] as usize]);
-        f64::from(a.distance(b))
-    }
-
-    /// Where a half-edge begins and ends in the plane.
-    fn ends(&self, half_edge: u32) -> [DVec2; 2] {
-        let corners = &self.flat[half_edge as usize / 3];
-        [0, 1].map(|i| corners[(half_edge as usize % 3 + i) % 3].as_dvec2())
-    }
-
-    /// The motion that brings what is beyond half-edges as near to them as it goes, by least squares (P. H. Schoenemann, "A Generalized Solution
-    /// of the Orthogonal Procrustes Problem", 1966).
-    fn fit(&self, half_edges: &[u32]) -> Fit {
-        let (mut length, mut here, mut there) = (0.0, DVec2::ZERO, DVec2::ZERO);
-        self.pairs(half_edges, |weight, [p, q]| {
-            length += weight;
-            here += weight * p;
-            there += weight * q;
-        });
-        let [here, there] = [here, there].map(|sum| sum / length);
-        let mut turn = DVec2::ZERO;
-        self.pairs(half_edges, |weight, [p, q]| {
-            let (p, q) = (p - here, q - there);
-            turn += weight * DVec2::new(q.dot(p), q.perp_dot(p));
-        });
-        let turn = turn.normalize_or(DVec2::X);
-        let motion = Motion { turn, shift: here - turn.rotate(there) };
-        let misfit = self.misfit(half_edges, &motion);
-        // Every edge has two ends.
-        Fit { motion, half_edges: half_edges.to_vec(), length: 0.5 * length, misfit }
-    }
-
-    /// Root mean square distance of the ends of half-edges from those beyond, after a motion.
-    fn misfit(&self, half_edges: &[u32], motion: &Motion) -> f64 {
-        let (mut length, mut sum) = (0.0, 0.0);
-        self.pairs(half_edges, |weight, [p, q]| {
-            length += weight;
-            sum += weight * (motion.turn.rotate(q) + motion.shift).distance_squared(p);
-        });
-        (sum / length).sqrt()
-    }
-
-    /// Lengths of half-edges and where their ends lie, on this and on the other side.
-    fn pairs(&self, half_edges: &[u32], mut visit: impl FnMut(f64, [DVec2; 2])) {
-        for &half_edge in half_edges {
-            let weight = self.length(half_edge);
-            let ([a, b], [d, c]) = (self.ends(half_edge), self.ends(self.across[half_edge as usize]));
-            visit(weight, [a, c]);
-            visit(weight, [b, d]);
-        }
-    }
-
-    /// Half-edges in parts that share vertices.
-    fn connected(&self, half_edges: &[u32]) -> Vec<Vec<u32>> {
-        let mut sets = UnionFind::new(half_edges.len());
-        let mut seen: FxHashMap<u32, u32> = FxHashMap::default();
-        for (i, &half_edge) in (0u32..).zip(half_edges) {
-            let corners = self.mesh.triangles[half_edge as usize / 3];
-            for vertex in [0, 1].map(|k| corners[(half_edge as usize % 3 + k) % 3]) {
-                sets.union(i, *seen.entry(vertex).or_insert(i));
-            }
-        }
-        let mut parts: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for (i, &half_edge) in (0u32..).zip(half_edges) {
-            parts.entry(sets.find(i)).or_default().push(half_edge);
-        }
-        parts.into_values().collect()
-    }
-
-    /// A piece between two edges of which a triangle fits, where it lies there, and which of its edges becomes a seam instead of these two.
-    fn better_place(&self, t: u32, piece_of: &[u32]) -> Option<(u32, [Vec2; 3], usize)> {
-        let half_edges = [3 * t, 3 * t + 1, 3 * t + 2].map(|h| h as usize);
-        let is_seam = |k: usize| self.across[half_edges[k]] != NONE && !self.is_glued[half_edges[k]];
-        // The two edges meet at the corner opposite of the third, `kept`.
-        (0..3).find_map(|kept| {
-            let [first, second] = [(kept + 1) % 3, (kept + 2) % 3];
-            if !(is_seam(first) && is_seam(second)) {
-                return None;
-            }
-            let [one, other] = [first, second].map(|k| self.across[half_edges[k]]);
-            let piece = piece_of[one as usize / 3];
-            if piece != piece_of[other as usize / 3] {
-                return None;
-            }
-            let ([top, begin], [end, again]) = (self.ends(one), self.ends(other));
-            let [a, b] = [begin, end].map(|p| p.distance(top));
-            if top.distance(again) > SAME_POINT * a.min(b) {
-                return None;
-            }
-            let mut corners = [Vec2::ZERO; 3];
-            corners[first] = begin.as_vec2();
-            corners[second] = top.as_vec2();
-            corners[kept] = end.as_vec2();
-            let upright = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]) > 0.0;
-            let (area, strain) = self.area_and_strain(t, corners);
-            (upright && strain <= MAX_STRAIN_OF_FILL * area).then_some((piece, corners, kept))
-        })
-    }
-
-    /// The area of a triangle, and what it counts in [`Sheet::strain`] where its corners lie.
-    fn area_and_strain(&self, triangle: u32, corners: [Vec2; 3]) -> (f64, f64) {
-        let [a, b, c] = self.mesh.triangle_positions(triangle as usize).map(|p| p.as_dvec3());
-        let [p, q, r] = corners.map(Vec2::as_dvec2);
-        let (u, v, s, t) = (b - a, c - a, q - p, r - p);
-        let doubled = u.cross(v).length();
-        let flat = s.perp_dot(t);
-        // Sum of the squared stretches.
-        let (uu, uv, vv) = (u.length_squared(), u.dot(v), v.length_squared());
-        let squared = (s.length_squared() * vv - 2.0 * s.dot(t) * uv + t.length_squared() * uu)
-            / (doubled * doubled).max(f64::MIN_POSITIVE);
-        let determinant = flat / doubled.max(f64::MIN_POSITIVE);
-        let strain = 0.25 * squared * (1.0 + determinant.powi(-2)) - 1.0;
-        (0.5 * doubled, 0.5 * doubled * strain.max(0.0))
-    }
-}
-
 impl Buffers {
-    /// Makes a sheet of triangles: `slots` are their indices, `flat` tells where they lie; points are put in the middle of where their
-    /// triangles want them. False where a triangle would be turned over.
+    /// Makes a sheet of triangles: `slots` are their indices, `flat` tells where they lie; half-edges of `joints` count as glued. Points are put
+    /// in the middle of where their triangles want them. False where a triangle would be turned over.
     fn lay(
         &mut self,
         planes: &Planes<'_>,
         triangles: &[u32],
-        slots: &[u32],
+        joints: &[u32],
+        slots: &Slots,
         flat: impl Fn(usize) -> [Vec2; 3],
     ) -> bool {
         let Self { sheet, sets, names, counts } = self;
         sets.reset(3 * triangles.len());
-        for (slot, &t) in (0u32..).zip(triangles) {
-            for (k, half_edge) in (0u32..3).zip(3 * t..) {
-                let other = planes.across[half_edge as usize];
-                if planes.is_glued[half_edge as usize]
-                    && other > half_edge
-                    && slots[other as usize / 3] != NONE
-                {
-                    let (base, k_other) = (3 * slots[other as usize / 3], other % 3);
-                    sets.union(3 * slot + k, base + (k_other + 1) % 3);
-                    sets.union(3 * slot + (k + 1) % 3, base + k_other);
-                }
+        let mut glue = |half_edge: u32| {
+            let other = planes.across[half_edge as usize];
+            let corners = |h: u32| [h, h / 3 * 3 + (h + 1) % 3].map(|h| 3 * slots.of(h / 3) + h % 3);
+            let ([begin, end], [other_begin, other_end]) = (corners(half_edge), corners(other));
+            sets.union(begin, other_end);
+            sets.union(end, other_begin);
+        };
+        for half_edge in triangles.iter().flat_map(|&t| 3 * t..3 * t + 3) {
+            let other = planes.across[half_edge as usize];
+            if planes.is_glued[half_edge as usize] && other > half_edge && slots.has(other / 3) {
+                glue(half_edge);
             }
         }
+        joints.iter().copied().filter(|&half_edge| slots.has(half_edge / 3)).for_each(glue);
         names.clear();
         counts.clear();
         sheet.clear();
@@ -694,22 +631,26 @@ impl Buffers {
         sheet.find_edges().is_some() && sheet.is_upright()
     }
 
-    /// Holds the points where the larger piece goes on with triangles that are not looked at, and puts them where they lie there.
-    fn hold(&mut self, planes: &Planes<'_>, triangles: &[u32], slots: &[u32]) {
+    /// Holds the points where the larger piece goes on with triangles that are not looked at, and puts them where they lie there; `joints` are
+    /// its half-edges to the smaller one.
+    fn hold(&mut self, planes: &Planes<'_>, triangles: &[u32], joints: &[u32], slots: &Slots) {
         let Self { sheet, names, counts, .. } = self;
         let mut held = std::mem::take(sheet.held());
         held.resize(counts.len(), false);
-        for (slot, &t) in triangles.iter().enumerate() {
-            for (k, half_edge) in (0..3).zip(3 * t..) {
-                let other = planes.across[half_edge as usize];
-                if planes.is_glued[half_edge as usize] && slots[other as usize / 3] == NONE {
-                    let [end, begin] = planes.ends(other);
-                    for (corner, place) in [(k, begin), ((k + 1) % 3, end)] {
-                        let point = names[3 * slot + corner] as usize;
-                        held[point] = true;
-                        sheet.places()[point] = place;
-                    }
-                }
+        let within = triangles.iter().flat_map(|&t| 3 * t..3 * t + 3);
+        let within = within.filter(|&half_edge| planes.is_glued[half_edge as usize]);
+        let beside = joints.iter().map(|&half_edge| planes.across[half_edge as usize]);
+        for half_edge in within.chain(beside) {
+            let other = planes.across[half_edge as usize];
+            if slots.has(other / 3) {
+                continue;
+            }
+            let (first, k) = (3 * slots.of(half_edge / 3), half_edge % 3);
+            let [end, begin] = planes.ends(other);
+            for (corner, place) in [(k, begin), ((k + 1) % 3, end)] {
+                let point = names[(first + corner) as usize] as usize;
+                held[point] = true;
+                sheet.places()[point] = place;
             }
         }
         *sheet.held() = held;
@@ -736,15 +677,6 @@ fn piece_area(planes: &Planes<'_>, piece: &Piece) -> f64 {
 /// The cells whose middles lie in a triangle.
 fn cells(corners: [Vec2; 3], cell: f32, visit: impl FnMut(IVec2)) {
     visit_cells(corners.map(|q| q / cell), visit);
-}
-
-fn drop_cell(cells: &mut FxHashMap<IVec2, u32>, at: IVec2) {
-    if let Some(count) = cells.get_mut(&at) {
-        *count -= 1;
-        if *count == 0 {
-            cells.remove(&at);
-        }
-    }
 }
 
 #[cfg(test)]
