@@ -180,7 +180,8 @@ fn edges_of_cut_outs() {
     let source = LookSource::of_model(&mesh).unwrap();
     let baked = Baked::new(&mesh, &cover(&mesh, 96, 1 << 18), &source, &BakeOptions::default());
     for (samples, mean, most) in [(4, 0.002, 0.2), (1, 0.005, 0.6)] {
-        let options = DrawOptions { samples, ..options(Shading::BaseColor, Filter::Trilinear) };
+        let background = Background::Color(Vec3::splat(0.4));
+        let options = DrawOptions { samples, background, ..options(Shading::BaseColor, Filter::Trilinear) };
         let name = format!("discs in {samples} samples");
         let Some(seen) = both(&name, &baked, DVec3::new(0.2, 0.1, 1.0), &options) else { return };
         assert_close(&seen, mean, most);
