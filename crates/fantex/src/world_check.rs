@@ -127,7 +127,9 @@ fn verify_object(
     let is_sound = found.ok;
     report.asset = Some(found);
     match WorldObject::of(object.asset.clone(), &asset) {
-        Ok(actual) => report.faults.extend(differences(object, &actual)),
+        Ok(actual) => {
+            report.faults.extend(differences(object, &actual, "update the index with 'fantex world'"))
+        }
         Err(error) => report.faults.push(error.to_string()),
     }
     if let Ok(Some(preview)) = Asset::open_preview(&**asset.source())
@@ -162,7 +164,11 @@ fn verify_coarse(
     let is_sound = found.ok;
     report.asset = Some(found);
     match coarse_of((index, world), (coarse, parts), &asset) {
-        Ok(actual) => report.faults.extend(differences(&as_object(coarse), &as_object(&actual))),
+        Ok(actual) => report.faults.extend(differences(
+            &as_object(coarse),
+            &as_object(&actual),
+            "split the asset again",
+        )),
         Err(error) => report.faults.push(format!("it cannot be compared with what it stands for: {error}")),
     }
     let missing = seams.missing(asset.mesh(), stands_for);
@@ -197,24 +203,22 @@ fn coarse_of(
     Ok(WorldCoarse::of(said.asset.clone(), asset, said.parts.clone(), &finer, detail))
 }
 
-/// A coarse asset as an object whose preview it is itself.
+/// A coarse asset as an object with a preview of its detail.
 fn as_object(coarse: &WorldCoarse) -> WorldObject {
     let WorldCoarse { asset, bytes, triangles, texels, low, high, detail, .. } = coarse.clone();
-    let preview = Some(WorldPreview { triangles, texels, detail });
+    let preview = Some(WorldPreview { triangles: 0, texels: 0, detail });
     WorldObject { asset, bytes, triangles, texels, low, high, preview }
 }
 
 /// Details are measured in floating point, which differs between processors in the last digits.
 const DETAIL_TOLERANCE: f64 = 0.01;
 
-/// What an index says otherwise than its asset, a sentence each.
-fn differences(said: &WorldObject, actual: &WorldObject) -> Vec<String> {
+/// What an index says otherwise than its asset, a sentence each, which ends with what to do.
+fn differences(said: &WorldObject, actual: &WorldObject, remedy: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut compare = |what: &str, said: String, actual: String| {
         if said != actual {
-            found.push(format!(
-                "the index says {what}: {said}, but it is {actual}; update the index with 'fantex world'"
-            ));
+            found.push(format!("the index says {what}: {said}, but it is {actual}; {remedy}"));
         }
     };
     compare("bytes", said.bytes.to_string(), actual.bytes.to_string());

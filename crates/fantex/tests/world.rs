@@ -103,7 +103,7 @@ fn two_balls(folder: &Path) -> (PathBuf, World) {
         ball(folder, "large.fan", DVec3::ZERO, 1.0),
         ball(folder, "small.fan", DVec3::new(3.0, 0.4, -0.3), 0.3),
     ];
-    let (index, world) = (folder.join("balls.fanworld"), World { objects });
+    let (index, world) = (folder.join("balls.fanworld"), World { objects, ..World::default() });
     world.write(&index).unwrap();
     (index, World::open(folder.join("balls.fanworld")).unwrap())
 }
@@ -164,7 +164,8 @@ fn what_is_near_is_the_asset_itself_and_what_is_far_its_preview() {
     assert_eq!(counts(&world), [0, 2, 0]);
     // Where there are no previews, everything is whole; from afar nobody sees a difference.
     let without = |object: &WorldObject| WorldObject { preview: None, ..object.clone() };
-    let whole = World { objects: world.world().objects.iter().map(without).collect() };
+    let objects = world.world().objects.iter().map(without).collect();
+    let whole = World { objects, ..World::default() };
     let mut whole = StreamedWorld::new(&index, Arc::new(whole), WorldOptions::default()).unwrap();
     let expected = settled(&gpu, &mut whole, &far);
     assert_eq!(counts(&whole), [2, 0, 0]);
@@ -225,7 +226,8 @@ fn sectors_are_the_whole_and_fit_together_with_previews() {
     };
     let expected = alone(&gpu, &path, &above);
     let without = |object: &WorldObject| WorldObject { preview: None, ..object.clone() };
-    let whole = World { objects: world.objects.iter().map(without).collect() };
+    let objects = world.objects.iter().map(without).collect();
+    let whole = World { objects, ..World::default() };
     let mut whole = StreamedWorld::new(&index, Arc::new(whole), WorldOptions::default()).unwrap();
     let shown = settled(&gpu, &mut whole, &above);
     assert_eq!(counts(&whole), [world.objects.len(), 0, 0]);

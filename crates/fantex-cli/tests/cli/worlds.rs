@@ -130,7 +130,7 @@ fn what_is_wrong_with_a_world_is_said() {
     for (code, text, word) in [
         (1, "{", "is no world"),
         (1, "", "is no world"),
-        (1, &*sound.replace("\"version\": 1", "\"version\": 2"), "version 2"),
+        (1, &*sound.replace("\"version\": 1", "\"version\": 3"), "version 3"),
         (1, &*sound.replace("\"bytes\"", "\"colour\": 1, \"bytes\""), "colour"),
         (2, &*sound.replace("sector-0001", "../sector-0001"), "--allow-outside"),
     ] {
