@@ -169,6 +169,9 @@ fn is_written(name: &str) -> bool {
 /// Sectors, or coarse assets, that a coarse asset stands for, at most.
 const RUN: usize = 16;
 
+/// A coarse asset is made at least as for sectors of so many triangles: of very small ones it would show next to nothing.
+const MIN_SIZE: u64 = 64_000;
+
 /// A sector or a coarse asset.
 struct Node {
     sectors: Range<usize>,
@@ -213,7 +216,8 @@ fn add_coarse(
             let objects = &world.objects[sectors.clone()];
             let mean =
                 |of: fn(&WorldObject) -> u64| objects.iter().map(of).sum::<u64>() / objects.len() as u64;
-            let triangles = previews.triangles(mean(|object| object.triangles) as usize, kept.len());
+            let size = mean(|object| object.triangles).max(MIN_SIZE);
+            let triangles = previews.triangles(size as usize, kept.len());
             let texels = previews.texels(mean(|object| object.texels), triangles);
             let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
             let asset = file_name(COARSE_PREFIX, world.coarse.len());
