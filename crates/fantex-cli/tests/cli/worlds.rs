@@ -113,7 +113,7 @@ fn many_sectors_get_coarse_assets() {
         assert_eq!(world[key], info[key], "{key}");
     }
     assert!(
-        world["coarse_triangles"].as_u64().unwrap() < world["preview_triangles"].as_u64().unwrap(),
+        world["coarse_triangles"].as_u64().unwrap() * 2 < world["triangles"].as_u64().unwrap(),
         "{world}"
     );
     let verified = json(&[&"verify", &index]);
@@ -131,11 +131,14 @@ fn many_sectors_get_coarse_assets() {
         );
     }
 
-    // A page has all of them, exports have the sectors.
-    let page = place("page");
-    json(&[&"export", &index, &"-o", &page, &"--web"]);
-    assert!(expected.iter().all(|name| page.join(name).exists()), "{:?}", files(&page));
-    assert_eq!(json(&[&"export", &index, &"-o", &place("land.gltf"), &"--size", &"64"])["objects"], sectors);
+    // Exports have the sectors alone; pages have all files.
+    let model = place("land.gltf");
+    assert_eq!(json(&[&"export", &index, &"-o", &model, &"--size", &"64"])["objects"], sectors);
+    if fantex_web::files().is_some() {
+        let page = place("page");
+        json(&[&"export", &index, &"-o", &page, &"--web"]);
+        assert!(expected.iter().all(|name| page.join(name).exists()), "{:?}", files(&page));
+    }
 
     // What is read again and has not changed is shown as before; without a sector, what shows it goes.
     let sector = target.join("sector-0001.fan");
