@@ -106,7 +106,7 @@ impl ObjectChoice {
         objects: &'a [ViewObject],
     ) -> impl Iterator<Item = (usize, ObjectDetail)> + 'a {
         let details = self.details.iter().copied().enumerate();
-        details.filter(|&(index, detail)| match detail {
+        details.filter(move |&(index, detail)| match detail {
             ObjectDetail::Absent => false,
             ObjectDetail::Preview => true,
             ObjectDetail::Whole => objects[index].parts.is_empty(),
