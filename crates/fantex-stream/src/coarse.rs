@@ -95,8 +95,7 @@ impl World {
         self.objects.iter().map(|object| object.asset.as_str()).chain(coarse)
     }
 
-    /// For each coarse asset the numbers of its parts: of an object its number, of a coarse asset its number and that of all objects
-    /// together.
+    /// For each coarse asset its parts: objects by their numbers, coarse assets by theirs plus the number of objects.
     ///
     /// # Errors
     /// One has no parts, or parts that are not there, that are there twice, or for which another one stands; some stand for each other, or lie

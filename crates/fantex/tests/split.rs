@@ -275,7 +275,7 @@ fn coarse_assets_of_a_closed_surface_have_the_outlines_of_their_runs() {
         assert_eq!(outline.is_empty(), objects.len() == sectors, "{}", coarse.asset);
         assert_eq!(border(asset.mesh()), outline, "{}", coarse.asset);
         assert_normals_agree_at_borders(whole.mesh(), asset.mesh(), &outline);
-        // Fewer triangles than its parts, and longer details.
+        // No more triangles than its parts, and no shorter details.
         let finer = |part: &String| match split.world.objects.iter().find(|object| object.asset == *part) {
             Some(object) => object.preview.map(|preview| (preview.triangles, preview.detail)).unwrap(),
             None => {
@@ -283,9 +283,10 @@ fn coarse_assets_of_a_closed_surface_have_the_outlines_of_their_runs() {
                 (finer.triangles, finer.detail)
             }
         };
-        assert!(coarse.triangles < coarse.parts.iter().map(|part| finer(part).0).sum::<u64>());
+        assert!(coarse.triangles <= coarse.parts.iter().map(|part| finer(part).0).sum::<u64>());
         assert!(coarse.parts.iter().all(|part| finer(part).1 <= coarse.detail));
     }
+    assert!(coarse[coarse.len() - 1].triangles <= 1100, "{:?}", coarse[coarse.len() - 1]);
     // Each sector has two coarse assets above it.
     assert!(covered.iter().all(|&times| times == 2), "{covered:?}");
 }

@@ -171,7 +171,7 @@ impl StreamedWorld {
     pub fn new(index: &Path, world: Arc<World>, options: WorldOptions) -> Result<Self> {
         let space = world.space_to_show(index)?;
         let shapes = world.view_objects(&space)?;
-        let boxes: Vec<_> = shapes.iter().map(|shape| shape.bounds).collect();
+        let boxes: Vec<_> = shapes[..world.objects.len()].iter().map(|shape| shape.bounds).collect();
         let mut is_part = vec![false; shapes.len()];
         shapes.iter().flat_map(|shape| &shape.parts).for_each(|&part| is_part[part] = true);
         Ok(Self {
