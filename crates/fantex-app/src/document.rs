@@ -315,6 +315,7 @@ impl Document {
         let model_facts = vec![
             fact("Objects", grouped(world.objects.len() as u64)),
             fact("Previews", grouped(previews as u64)),
+            fact("Coarse assets", grouped(world.coarse.len() as u64)),
             fact("Triangles", grouped(total(|object| object.triangles))),
             fact("Texels", grouped(total(|object| object.texels))),
             fact("Extent", format!("{x} × {y} × {z}")),

@@ -48,13 +48,15 @@ pub struct StreamFigures {
     pub objects: Option<ObjectFigures>,
 }
 
-/// The objects of a world.
+/// The objects and coarse assets of a world.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ObjectFigures {
     pub whole: u64,
     /// Shown by their previews.
     pub previews: u64,
-    /// Objects and previews to come.
+    /// Coarse assets that are shown, each for several objects.
+    pub coarse: u64,
+    /// Objects, previews and coarse assets to come.
     pub missing: u64,
     /// Drawn triangles.
     pub triangles: u64,

@@ -24,6 +24,7 @@
 mod atlas;
 mod camera_path;
 mod cluster_loader;
+mod coarse;
 mod complete;
 mod demand;
 #[cfg(not(target_arch = "wasm32"))]
@@ -42,6 +43,7 @@ mod world;
 pub use atlas::*;
 pub use camera_path::*;
 pub use cluster_loader::*;
+pub use coarse::*;
 pub use complete::complete_atlas;
 pub use demand::{DemandWork, Detail, PageDemand};
 #[cfg(not(target_arch = "wasm32"))]

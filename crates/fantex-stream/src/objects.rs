@@ -1,25 +1,31 @@
-//! Which objects of a world are shown whole, which by their previews, within a budget of memory.
+//! Which objects of a world are shown whole, which by their previews, which by coarse assets, within a budget of memory.
 //!
 //! Objects are boxes here, with the memory that they take. A preview suffices while its finest detail is less than a pixel long. First all
-//! that is in the picture gets its preview, the largest on the screen first; then those whose previews are too coarse become whole, the
-//! coarsest first, as long as there is memory. What leaves the picture stays while nobody else needs its memory.
+//! that is in the picture gets what is coarsest of it, the largest on the screen first; then what is too coarse becomes finer, the coarsest
+//! first, as long as there is memory: an object by its preview becomes whole, a coarse asset is replaced by all of its parts at once. What is
+//! finer comes on top of what is coarse, which stays for the way back. What leaves the picture stays while nobody else needs its memory.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 use glam::Vec3;
 
 use crate::StreamView;
 use crate::demand::{Lens, Sphere};
 
-/// An object, as the choice needs to know it.
+/// An object or a coarse asset, as the choice needs to know it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewObject {
     /// Corners of its box, in the space of the view.
     pub bounds: [Vec3; 2],
     /// Where its surface is, once that is known: the eye is often in the boxes of several objects.
     pub surface: SurfaceSamples,
-    /// Memory that it takes whole.
+    /// Memory that it takes whole; of a coarse asset 0.
     pub whole_bytes: u64,
-    /// Its preview, if it has one.
+    /// Its preview, if it has one. A coarse asset is one itself.
     pub preview: Option<ViewPreview>,
+    /// Of a coarse asset what it stands for: numbers in the list of all. They are part of nothing else, and make no circles.
+    pub parts: Vec<usize>,
 }
 
 /// Points of a surface, for its distance.
@@ -70,27 +76,54 @@ pub struct ViewPreview {
     pub detail: f32,
 }
 
-/// How much is shown of an object.
+/// How much is shown of an object or a coarse asset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ObjectDetail {
     /// Nothing.
     #[default]
     Absent,
-    /// Its preview.
+    /// Its preview, or the coarse asset.
     Preview,
-    /// All of it. Its preview is kept, for the way back.
+    /// All of it, or all parts of the coarse asset. Its preview is kept, for the way back.
     Whole,
 }
 
 /// What is to be shown of objects.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObjectChoice {
-    /// Per object.
+    /// Per object and coarse asset. What a coarse asset stands for is absent while that is shown itself.
     pub details: Vec<ObjectDetail>,
-    /// What is to be there, the most urgent first: an object and one of its details.
+    /// What is to be there, the most urgent first: an object and one of its details, or a coarse asset as a preview.
     pub order: Vec<(usize, ObjectDetail)>,
     /// Memory that it takes.
     pub bytes: u64,
+}
+
+impl ObjectChoice {
+    /// What is drawn once all is there, in the order of `objects`: what is shown without the coarse assets whose parts are.
+    pub fn drawn<'a>(
+        &'a self,
+        objects: &'a [ViewObject],
+    ) -> impl Iterator<Item = (usize, ObjectDetail)> + 'a {
+        let details = self.details.iter().copied().enumerate();
+        details.filter(move |&(index, detail)| match detail {
+            ObjectDetail::Absent => false,
+            ObjectDetail::Preview => true,
+            ObjectDetail::Whole => objects[index].parts.is_empty(),
+        })
+    }
+
+    /// Adds what is shown of an object, if the budget allows it.
+    fn add(&mut self, index: usize, (detail, bytes): (ObjectDetail, u64), budget_bytes: u64) -> bool {
+        let sum = self.bytes.saturating_add(bytes);
+        let is_enough = sum <= budget_bytes;
+        if is_enough {
+            self.bytes = sum;
+            self.details[index] = detail;
+            self.order.push((index, detail));
+        }
+        is_enough
+    }
 }
 
 /// Length in pixels of a preview's finest detail from which the object itself is wanted.
@@ -109,6 +142,9 @@ const ASSUMED_DETAIL: f32 = 1.0 / 64.0;
 const UNSEEN: f32 = 1.0 / 64.0;
 
 /// Chooses what to show of objects within `budget_bytes`. `shown` is what is shown of each now.
+///
+/// Coarse assets are among the objects. What is part of one is not shown while the coarse asset is, and all parts are shown where it is not,
+/// however small they are: nothing is missing, and nothing is there twice.
 pub fn choose_objects(
     objects: &[ViewObject],
     view: &StreamView,
@@ -116,41 +152,94 @@ pub fn choose_objects(
     shown: &[ObjectDetail],
 ) -> ObjectChoice {
     let lens = Lens::new(view, 1.0);
-    let (mut previews, mut wholes) = (Vec::new(), Vec::new());
-    for (index, object) in objects.iter().enumerate() {
-        let now = shown.get(index).copied().unwrap_or_default();
-        let [size, detail] = object.pixels(view);
-        if size < LEAST_PIXELS {
-            continue;
-        }
-        let is_seen = lens.may_see(&object.sphere());
-        let preference = if is_seen { 1.0 } else { UNSEEN };
-        if let Some(preview) = object.preview {
-            previews.push((size * preference, index, ObjectDetail::Preview, preview.bytes));
-        }
-        let enough = if now == ObjectDetail::Whole { STAYING_PIXELS } else { COARSE_PIXELS };
-        // Without a preview there is nothing else. What is not seen is not fetched, but may stay.
+    let now = |index: usize| shown.get(index).copied().unwrap_or_default();
+    let preference = |index: usize| if lens.may_see(&objects[index].sphere()) { 1.0 } else { UNSEEN };
+    // What is not seen is not fetched, but may stay. Without a preview there is nothing else than the whole.
+    let finer = |index: usize| {
+        let (object, preference) = (&objects[index], preference(index));
+        let [_, detail] = object.pixels(view);
+        let is_shown = now(index) == ObjectDetail::Whole;
+        let enough = if is_shown { STAYING_PIXELS } else { COARSE_PIXELS };
         let is_wanted = object.preview.is_none() || detail > enough;
-        if (is_seen || now == ObjectDetail::Whole) && is_wanted {
-            wholes.push((detail * preference, index, ObjectDetail::Whole, object.whole_bytes));
-        }
-    }
+        let is_due = (preference == 1.0 || is_shown) && is_wanted;
+        is_due.then_some(Step { urgency: detail * preference, index })
+    };
     let mut choice =
         ObjectChoice { details: vec![ObjectDetail::Absent; objects.len()], ..ObjectChoice::default() };
-    for mut steps in [previews, wholes] {
-        steps.sort_by(|(a, i, ..), (b, j, ..)| b.total_cmp(a).then(i.cmp(j)));
-        for (_, index, detail, bytes) in steps {
-            if choice.bytes + bytes <= budget_bytes {
-                choice.bytes += bytes;
-                choice.details[index] = detail;
-                choice.order.push((index, detail));
-            }
+
+    // What is part of nothing, by its preview.
+    let mut is_part = vec![false; objects.len()];
+    objects.iter().flat_map(|object| &object.parts).for_each(|&part| is_part[part] = true);
+    let roots: Vec<usize> = (0..objects.len())
+        .filter(|&index| !is_part[index] && objects[index].pixels(view)[0] >= LEAST_PIXELS)
+        .collect();
+    let sizes = roots
+        .iter()
+        .map(|&index| Step { urgency: objects[index].pixels(view)[0] * preference(index), index });
+    let mut sizes: Vec<Step> = sizes.filter(|step| objects[step.index].preview.is_some()).collect();
+    sizes.sort_unstable();
+    for Step { index, .. } in sizes.into_iter().rev() {
+        choice.add(index, objects[index].coarsest(), budget_bytes);
+    }
+
+    // What is too coarse, finer.
+    let mut steps: BinaryHeap<Step> = roots.into_iter().filter_map(finer).collect();
+    while let Some(Step { index, .. }) = steps.pop() {
+        let parts = &objects[index].parts;
+        if parts.is_empty() {
+            choice.add(index, (ObjectDetail::Whole, objects[index].whole_bytes), budget_bytes);
+            continue;
+        }
+        let bytes =
+            parts.iter().fold(choice.bytes, |sum, &part| sum.saturating_add(objects[part].coarsest().1));
+        if choice.details[index] == ObjectDetail::Absent || bytes > budget_bytes {
+            continue;
+        }
+        choice.details[index] = ObjectDetail::Whole;
+        for &part in parts {
+            choice.add(part, objects[part].coarsest(), budget_bytes);
+            // What has no preview is whole already.
+            steps.extend(finer(part).filter(|_| objects[part].preview.is_some()));
         }
     }
     choice
 }
 
+/// Something to be added, the most urgent first; of equals that with the lowest number.
+struct Step {
+    urgency: f32,
+    index: usize,
+}
+
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.urgency.total_cmp(&other.urgency).then(other.index.cmp(&self.index))
+    }
+}
+
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Step {}
+
 impl ViewObject {
+    /// The least that is shown of it, and the memory for that.
+    fn coarsest(&self) -> (ObjectDetail, u64) {
+        match self.preview {
+            Some(preview) => (ObjectDetail::Preview, preview.bytes),
+            None => (ObjectDetail::Whole, self.whole_bytes),
+        }
+    }
+
     fn sphere(&self) -> Sphere {
         let [low, high] = self.bounds;
         Sphere { center: 0.5 * (low + high), radius: 0.5 * low.distance(high) }
@@ -191,6 +280,7 @@ mod tests {
             surface: SurfaceSamples::default(),
             whole_bytes: 100,
             preview: Some(ViewPreview { bytes: 1, detail }),
+            parts: Vec::new(),
         }
     }
 
@@ -240,27 +330,137 @@ mod tests {
                 surface: SurfaceSamples::default(),
                 whole_bytes,
                 preview: preview.map(|(bytes, detail)| ViewPreview { bytes, detail }),
+                parts: Vec::new(),
             })
+    }
+
+    /// A coarse asset over some of the objects.
+    fn over(objects: &[ViewObject], parts: Vec<usize>, bytes: u64, detail: f32) -> ViewObject {
+        let boxes = parts.iter().map(|&part| objects[part].bounds);
+        let bounds = boxes.reduce(|[low, high], [l, h]| [low.min(l), high.max(h)]).unwrap();
+        ViewObject {
+            bounds,
+            surface: SurfaceSamples::default(),
+            whole_bytes: 0,
+            preview: Some(ViewPreview { bytes, detail }),
+            parts,
+        }
+    }
+
+    #[test]
+    fn far_objects_are_one_coarse_asset_and_near_ones_its_parts() {
+        use ObjectDetail::{Absent, Preview, Whole};
+        let mut objects: Vec<_> = [0.0, 1.0, 2.0, 3.0].map(|x| object(Vec3::X * x, 0.05)).into();
+        objects.push(over(&objects, vec![0, 1], 2, 0.2));
+        objects.push(over(&objects, vec![2, 3], 2, 0.2));
+        objects.push(over(&objects, vec![4, 5], 3, 0.8));
+        let at = |z: f32, budget, shown: &[ObjectDetail]| {
+            let eye = Vec3::new(1.5, 0.0, z);
+            let view = StreamView::new(eye, Mat3::IDENTITY, std::f32::consts::FRAC_PI_2, [200, 200]);
+            choose_objects(&objects, &view, budget, shown)
+        };
+        // The details of the three levels have a pixel at 80, 20 and 5 units.
+        let far = at(90.0, 1000, &[]);
+        assert_eq!(far.details, [Absent, Absent, Absent, Absent, Absent, Absent, Preview]);
+        let middle = at(50.0, 1000, &[]);
+        assert_eq!(middle.details, [Absent, Absent, Absent, Absent, Preview, Preview, Whole]);
+        assert_eq!(middle.order, [(6, Preview), (4, Preview), (5, Preview)]);
+        assert_eq!(middle.bytes, 7);
+        let near = at(10.0, 1000, &[]);
+        assert_eq!(near.details, [Preview, Preview, Preview, Preview, Whole, Whole, Whole]);
+        assert_eq!(near.drawn(&objects).map(|(index, _)| index).collect::<Vec<_>>(), [0, 1, 2, 3]);
+        // Memory for the parts of one of the two only.
+        let little = at(10.0, 9, &[]);
+        assert_eq!(little.details, [Preview, Preview, Absent, Absent, Whole, Preview, Whole]);
+        assert_eq!(little.drawn(&objects).map(|(index, _)| index).collect::<Vec<_>>(), [0, 1, 5]);
+        assert_eq!(at(10.0, 6, &[]).details, far.details);
+        // At 0.9 pixels nothing changes.
+        assert_eq!(at(90.0, 1000, &middle.details).details, middle.details);
+        assert_eq!(at(130.0, 1000, &middle.details).details, far.details);
+    }
+
+    /// Objects, and coarse assets over runs of what is part of nothing yet, each with a detail so many times as long.
+    fn any_tree() -> impl Strategy<Value = Vec<ViewObject>> {
+        let objects = prop::collection::vec(any_object(), 1..40);
+        let runs = prop::collection::vec((1usize..6, 1u64..10, 1.0f32..8.0), 0..20);
+        (objects, runs).prop_map(|(mut objects, runs)| {
+            let mut free: std::collections::VecDeque<usize> = (0..objects.len()).collect();
+            for (length, bytes, factor) in runs {
+                let parts: Vec<usize> = free.drain(..length.min(free.len())).collect();
+                let finest = |&part: &usize| objects[part].preview.map_or(0.001, |preview| preview.detail);
+                let detail = factor * parts.iter().map(finest).fold(0.0, f32::max);
+                let coarse = over(&objects, parts, bytes, detail);
+                free.push_back(objects.len());
+                objects.push(coarse);
+            }
+            objects
+        })
+    }
+
+    fn any_view() -> impl Strategy<Value = StreamView> {
+        ([-20.0f32..20.0, -20.0..20.0, -20.0..20.0], 0.0f32..6.0).prop_map(|(eye, turn)| {
+            let axes = Mat3::from_rotation_y(turn);
+            StreamView::new(Vec3::from(eye), axes, std::f32::consts::FRAC_PI_2, [200, 200])
+        })
+    }
+
+    fn any_shown() -> impl Strategy<Value = Vec<ObjectDetail>> {
+        use ObjectDetail::{Absent, Preview, Whole};
+        prop::collection::vec(prop::sample::select(vec![Absent, Preview, Whole]), 60)
     }
 
     proptest! {
         #[test]
         fn the_budget_holds_and_more_memory_never_shows_less(
-            objects in prop::collection::vec(any_object(), 0..40),
+            objects in any_tree(),
+            view in any_view(),
             budget in 0u64..2000,
         ) {
-            let choice = choose_objects(&objects, &view(), budget, &[]);
+            let choice = choose_objects(&objects, &view, budget, &[]);
             prop_assert!(choice.bytes <= budget);
             let cost = |&(index, detail): &(usize, ObjectDetail)| match detail {
                 ObjectDetail::Whole => objects[index].whole_bytes,
                 _ => objects[index].preview.unwrap().bytes,
             };
             prop_assert_eq!(choice.order.iter().map(cost).sum::<u64>(), choice.bytes);
-            let all = choose_objects(&objects, &view(), u64::MAX, &[]);
+            let all = choose_objects(&objects, &view, u64::MAX, &[]);
             prop_assert!(choice.details.iter().zip(&all.details).all(|(some, all)| some <= all));
             // Whoever is content with what there is, is so with it again.
-            let again = choose_objects(&objects, &view(), u64::MAX, &all.details);
+            let again = choose_objects(&objects, &view, u64::MAX, &all.details);
             prop_assert_eq!(again.details, all.details);
+        }
+
+        #[test]
+        fn nothing_is_missing_and_nothing_is_there_twice(
+            objects in any_tree(),
+            view in any_view(),
+            budget in 0u64..300,
+            shown in any_shown(),
+        ) {
+            let mut above = vec![None; objects.len()];
+            for (index, object) in objects.iter().enumerate() {
+                object.parts.iter().for_each(|&part| above[part] = Some(index));
+            }
+            let choice = choose_objects(&objects, &view, budget, &shown);
+            prop_assert_eq!(&choice, &choose_objects(&objects, &view, budget, &shown));
+            let mut drawn = vec![0; objects.len()];
+            choice.drawn(&objects).for_each(|(index, _)| drawn[index] += 1);
+            let roots = || (0..objects.len()).filter(|&index| above[index].is_none());
+            let is_there = |index: usize| choice.details[index] > ObjectDetail::Absent;
+            for object in (0..objects.len()).filter(|&index| objects[index].parts.is_empty()) {
+                // From the object up to what is part of nothing.
+                let way: Vec<usize> = std::iter::successors(Some(object), |&index| above[index]).collect();
+                let times: usize = way.iter().map(|&index| drawn[index]).sum();
+                prop_assert_eq!(times, usize::from(is_there(way[way.len() - 1])));
+            }
+            // Where the coarsest fits, all that is large enough to be seen is there.
+            let previews: u64 = roots().filter_map(|index| Some(objects[index].preview?.bytes)).sum();
+            if previews <= budget {
+                let is_due = |index: &usize| {
+                    objects[*index].preview.is_some() && objects[*index].pixels(&view)[0] >= LEAST_PIXELS
+                };
+                prop_assert!(roots().filter(is_due).all(is_there));
+            }
         }
     }
 }

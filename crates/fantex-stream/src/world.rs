@@ -1,7 +1,8 @@
 //! Worlds: many assets that are shown together, each near the eye whole, far away by its preview.
 //!
 //! A world is an index, a small JSON file beside its assets or anywhere above them. It says where each asset lies in the world and how
-//! coarse its preview is, so what is far away need not be opened to know that. `docs/worlds.md` describes the file.
+//! coarse its preview is, so what is far away need not be opened to know that. [Coarse assets](WorldCoarse) stand for several. `docs/worlds.md`
+//! describes the file.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{SurfaceSamples, ViewObject, ViewPreview, url_of};
+use crate::{SurfaceSamples, ViewObject, ViewPreview, WorldCoarse, url_of};
 
 /// The extension of a world's file name.
 pub const WORLD_EXTENSION: &str = "fanworld";
@@ -24,8 +25,8 @@ pub const MAX_INDEX_BYTES: u64 = 64 << 20;
 /// What `format` says.
 const FORMAT: &str = "fantex world";
 
-/// The only version.
-const VERSION: u32 = 1;
+/// The version of an index without coarse assets, and that of one with them.
+const VERSIONS: [u32; 2] = [1, 2];
 
 /// Memory that a triangle of an open object takes: mesh, cover and what demand knows of it, in main and in graphics memory. (Of landscapes
 /// of 0.5 and 1.9 M triangles in the viewer, on a software adapter: 637.)
@@ -42,6 +43,8 @@ const PREVIEW_TEXEL_BYTES: u64 = 4;
 pub struct World {
     /// The assets, in the order of the file.
     pub objects: Vec<WorldObject>,
+    /// What stands for several of them from afar, in the order of the file.
+    pub coarse: Vec<WorldCoarse>,
 }
 
 /// An asset in a world, where its own coordinates say.
@@ -83,6 +86,8 @@ struct WorldFile {
     format: String,
     version: u32,
     objects: Vec<WorldObject>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    coarse: Vec<WorldCoarse>,
 }
 
 impl World {
@@ -106,27 +111,43 @@ impl World {
     ///
     /// # Errors
     /// It is no index; an object has a box that is none, or leads out of the index's folder where
-    /// [that is not allowed](fantex_base::ReadOptions::allow_outside).
+    /// [that is not allowed](fantex_base::ReadOptions::allow_outside); coarse assets have [no parts that they can have](Self::parts).
     pub fn parse(place: &Path, bytes: &[u8]) -> Result<Self> {
-        let file: WorldFile = serde_json::from_slice(bytes).map_err(|error| {
+        let file = serde_json::from_slice::<WorldFile>(bytes);
+        let WorldFile { format, version, objects, coarse } = file.map_err(|error| {
             Error::malformed(format!("{} is no world: {error}", place.display())).with_path(place)
         })?;
         let wrong = |what: String| Error::malformed(format!("{}: {what}", place.display())).with_path(place);
-        if file.format != FORMAT || file.version != VERSION {
-            let WorldFile { format, version, .. } = file;
+        let [plain, with_coarse] = VERSIONS;
+        if format != FORMAT || !VERSIONS.contains(&version) {
             return Err(wrong(format!(
-                "expected \"{FORMAT}\" of version {VERSION}, not \"{format}\" of version {version}"
+                "expected \"{FORMAT}\" of version {plain} or {with_coarse}, not \"{format}\" of version {version}"
             )));
         }
-        for (index, object) in file.objects.iter().enumerate() {
+        if version == plain && !coarse.is_empty() {
+            return Err(wrong(format!(
+                "coarse assets are there from version {with_coarse} on, not in {plain}"
+            )));
+        }
+        for (index, object) in objects.iter().enumerate() {
             if let Some(defect) = object.defect() {
                 return Err(wrong(format!("object {index} ({}) {defect}", object.asset)));
             }
-            if url_of(place).is_none() && url_of(Path::new(&object.asset)).is_none() {
-                input::check_inside(place, Path::new(&object.asset))?;
+        }
+        for (index, coarse) in coarse.iter().enumerate() {
+            let WorldCoarse { asset, low, high, detail, .. } = coarse;
+            if let Some(defect) = defect(asset, [*low, *high], Some(*detail)) {
+                return Err(wrong(format!("coarse asset {index} ({asset}) {defect}")));
             }
         }
-        Ok(Self { objects: file.objects })
+        let world = Self { objects, coarse };
+        if url_of(place).is_none() {
+            for asset in world.assets().map(Path::new).filter(|asset| url_of(asset).is_none()) {
+                input::check_inside(place, asset)?;
+            }
+        }
+        world.parts().map_err(|error| wrong(error.to_string()))?;
+        Ok(world)
     }
 
     /// Writes the index, whole or not at all; one that is there is replaced.
@@ -143,25 +164,16 @@ impl World {
     /// # Errors
     /// A number is none that the file can hold.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let file = WorldFile { format: FORMAT.into(), version: VERSION, objects: self.objects.clone() };
+        let file = WorldFile {
+            format: FORMAT.into(),
+            version: VERSIONS[usize::from(!self.coarse.is_empty())],
+            objects: self.objects.clone(),
+            coarse: self.coarse.clone(),
+        };
         let mut text = serde_json::to_vec_pretty(&file)
             .map_err(|error| Error::invalid(format!("the world cannot be written: {error}")))?;
         text.push(b'\n');
         Ok(text)
-    }
-
-    /// Adds an object, in the place of one with the same asset where there is one: then true.
-    pub fn put(&mut self, object: WorldObject) -> bool {
-        match self.objects.iter_mut().find(|known| known.asset == object.asset) {
-            Some(known) => {
-                *known = object;
-                true
-            }
-            None => {
-                self.objects.push(object);
-                false
-            }
-        }
     }
 
     /// How an index names an asset: an address as it is, a file relative to the index's folder, below which it must lie.
@@ -191,12 +203,17 @@ impl World {
         })
     }
 
-    /// Where an object's asset is: a path or an address. `index` is where the world was read. On web servers the names are encoded.
+    /// Where an object's asset is: see [`place_of`](Self::place_of).
     pub fn asset_place(index: &Path, object: &WorldObject) -> PathBuf {
-        if url_of(Path::new(&object.asset)).is_some() {
-            return PathBuf::from(&object.asset);
+        Self::place_of(index, &object.asset)
+    }
+
+    /// Where an asset is that an index names: a path or an address. `index` is where the world was read. On web servers the names are encoded.
+    pub fn place_of(index: &Path, asset: &str) -> PathBuf {
+        if url_of(Path::new(asset)).is_some() {
+            return PathBuf::from(asset);
         }
-        let asset = object.path_below().unwrap_or_else(|| object.asset.clone());
+        let asset = Self::path_below(asset).unwrap_or_else(|| asset.to_owned());
         match url_of(index) {
             Some(url) => {
                 let path = url.split(['?', '#']).next().unwrap_or(url);
@@ -207,6 +224,26 @@ impl World {
             }
             None => files::folder_of(index).join(asset),
         }
+    }
+
+    /// The names on the way from the index's folder to the file of an asset that an index names, with `/` between them; none for an address, for
+    /// what does not lie below that folder, and for names that mean something else on other systems.
+    pub fn path_below(asset: &str) -> Option<String> {
+        if url_of(Path::new(asset)).is_some() || asset.starts_with('/') {
+            return None;
+        }
+        let mut names: Vec<&str> = Vec::new();
+        for name in asset.split('/') {
+            match name {
+                "" | "." => {}
+                ".." => {
+                    names.pop()?;
+                }
+                name if is_portable(name) => names.push(name),
+                _ => return None,
+            }
+        }
+        (!names.is_empty()).then(|| names.join("/"))
     }
 
     /// The mesh space that all objects are drawn in: that of a mesh which fills the same box. None where that is a point.
@@ -225,9 +262,14 @@ impl World {
         })
     }
 
-    /// The objects as seen in the space that they are drawn in, of whose surfaces nothing is known.
-    pub fn view_objects(&self, space: &WorldFromMesh) -> Vec<ViewObject> {
-        self.objects.iter().map(|object| object.view_object(space)).collect()
+    /// The objects and the coarse assets as seen in the space that they are drawn in, of whose surfaces nothing is known.
+    ///
+    /// # Errors
+    /// As [`parts`](Self::parts).
+    pub fn view_objects(&self, space: &WorldFromMesh) -> Result<Vec<ViewObject>> {
+        let coarse = self.coarse.iter().zip(self.parts()?);
+        let coarse = coarse.map(|(coarse, parts)| coarse.view_object(space, parts));
+        Ok(self.objects.iter().map(|object| object.view_object(space)).chain(coarse).collect())
     }
 
     /// Opens the preview of an asset at a path or an address whose world says that it has one.
@@ -264,7 +306,7 @@ impl WorldObject {
             WorldPreview {
                 triangles: preview.mesh().triangles.len() as u64,
                 texels,
-                detail: detail_of(mesh, &preview, texels),
+                detail: texel_side(preview.mesh(), texels).max(distance(mesh, preview.mesh())),
             }
         });
         Ok(Self {
@@ -278,67 +320,59 @@ impl WorldObject {
         })
     }
 
-    /// The names on the way from the index's folder to the file, with `/` between them; none for an address, for what does not lie
-    /// below that folder, and for names that mean something else on other systems.
-    pub fn path_below(&self) -> Option<String> {
-        if url_of(Path::new(&self.asset)).is_some() || self.asset.starts_with('/') {
-            return None;
-        }
-        let mut names: Vec<&str> = Vec::new();
-        for name in self.asset.split('/') {
-            match name {
-                "" | "." => {}
-                ".." => {
-                    names.pop()?;
-                }
-                name if is_portable(name) => names.push(name),
-                _ => return None,
-            }
-        }
-        (!names.is_empty()).then(|| names.join("/"))
-    }
-
     fn view_object(&self, space: &WorldFromMesh) -> ViewObject {
         let preview = self.preview.map(|preview| ViewPreview {
-            bytes: preview.triangles * PREVIEW_TRIANGLE_BYTES + preview.texels * PREVIEW_TEXEL_BYTES,
+            bytes: preview_bytes(preview.triangles, preview.texels),
             detail: (preview.detail / space.scale) as f32,
         });
         ViewObject {
             bounds: [self.low, self.high].map(|corner| space.inverse_point(DVec3::from(corner))),
             surface: SurfaceSamples::default(),
-            whole_bytes: self.triangles * TRIANGLE_BYTES,
+            whole_bytes: self.triangles.saturating_mul(TRIANGLE_BYTES),
             preview,
+            parts: Vec::new(),
         }
     }
 
     fn defect(&self) -> Option<&'static str> {
-        if self.asset.is_empty() {
-            return Some("names no file");
-        }
-        let [low, high] = [DVec3::from(self.low), DVec3::from(self.high)];
-        if !(low.is_finite() && high.is_finite() && low.cmple(high).all()) {
-            return Some("has a low corner that is not below its high one");
-        }
-        let is_length = |detail: f64| detail.is_finite() && detail > 0.0;
-        (!self.preview.is_none_or(|preview| is_length(preview.detail)))
-            .then_some("has a preview whose detail is no positive length")
+        defect(&self.asset, [self.low, self.high], self.preview.map(|preview| preview.detail))
     }
 }
 
-/// Whether a name is one on every system: on some `\\` parts names, and `:` follows that of a drive.
+/// Whether a name is one on every system: on some `\` parts names, and `:` follows that of a drive.
 fn is_portable(name: &str) -> bool {
     !name.contains(['\\', ':'])
+}
+
+/// What is wrong with what an index says of an asset: with its name, its box, or the detail of what stands for it.
+fn defect(asset: &str, corners: [[f64; 3]; 2], detail: Option<f64>) -> Option<&'static str> {
+    if asset.is_empty() {
+        return Some("names no file");
+    }
+    let [low, high] = corners.map(DVec3::from);
+    if !(low.is_finite() && high.is_finite() && low.cmple(high).all()) {
+        return Some("has a low corner that is not below its high one");
+    }
+    let is_length = |detail: f64| detail.is_finite() && detail > 0.0;
+    (!detail.is_none_or(is_length)).then_some("has a preview, or is one, whose detail is no positive length")
+}
+
+/// Memory that a preview or a coarse asset takes.
+pub(crate) fn preview_bytes(triangles: u64, texels: u64) -> u64 {
+    let texels = texels.saturating_mul(PREVIEW_TEXEL_BYTES);
+    triangles.saturating_mul(PREVIEW_TRIANGLE_BYTES).saturating_add(texels)
 }
 
 /// Vertices at which the distance between a mesh and its preview is measured, at most.
 const MAX_PROBES: usize = 100_000;
 
-/// Length of the finest detail that a preview shows, world units: the mean side of a texel, or, where that is longer, the largest distance of
-/// a vertex of the fine mesh (of 100 000, spread evenly) to the preview's surface.
-fn detail_of(fine: &Mesh, preview: &Asset, texels: u64) -> f64 {
-    let coarse = preview.mesh();
-    let scale = coarse.world_from_mesh.scale;
-    let texel = scale * (coarse.area() / texels.max(1) as f64).sqrt();
+/// The mean side of a texel, world units.
+pub(crate) fn texel_side(mesh: &Mesh, texels: u64) -> f64 {
+    mesh.world_from_mesh.scale * (mesh.area() / texels.max(1) as f64).sqrt()
+}
+
+/// The largest distance of a vertex of a mesh (of 100 000, spread evenly) to the surface of a coarser one, world units.
+pub(crate) fn distance(fine: &Mesh, coarse: &Mesh) -> f64 {
     let surface = TriangleBvh::new(coarse);
     let step = fine.positions.len().div_ceil(MAX_PROBES).max(1);
     let probes: Vec<Vec3> = fine.positions.iter().copied().step_by(step).collect();
@@ -347,7 +381,7 @@ fn detail_of(fine: &Mesh, preview: &Asset, texels: u64) -> f64 {
         surface.nearest_point(p, f32::INFINITY).map_or(0.0, |nearest| nearest.distance)
     };
     let farthest = probes.par_iter().map(distance).reduce(|| 0.0, f32::max);
-    texel.max(scale * f64::from(farthest))
+    coarse.world_from_mesh.scale * f64::from(farthest)
 }
 
 #[cfg(test)]
@@ -370,8 +404,8 @@ mod tests {
     fn an_index_is_read_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.fanworld");
-        let world =
-            World { objects: vec![object("b.fan"), WorldObject { preview: None, ..object("c/d.fan") }] };
+        let objects = vec![object("b.fan"), WorldObject { preview: None, ..object("c/d.fan") }];
+        let world = World { objects, ..World::default() };
         world.write(&path).unwrap();
         assert_eq!(World::open(&path).unwrap(), world);
         assert_eq!(World::asset_place(&path, &world.objects[1]), folder.path().join("c/d.fan"));
@@ -390,7 +424,7 @@ mod tests {
 
     #[test]
     fn what_lies_below_the_index_is_told_from_what_does_not() {
-        let below = |asset| object(asset).path_below();
+        let below = World::path_below;
         for (asset, path) in [("a.fan", "a.fan"), ("./b//c.fan", "b/c.fan"), ("b/../c.fan", "c.fan")] {
             assert_eq!(below(asset).as_deref(), Some(path), "{asset}");
         }
@@ -411,13 +445,18 @@ mod tests {
             assert!(error.contains(expected), "{error}");
         };
         refused("", "is no world");
-        refused(r#"{"format": "fantex world", "version": 2, "objects": []}"#, "of version 2");
-        let outside = World { objects: vec![object("../b.fan")] };
+        refused(r#"{"format": "fantex world", "version": 3, "objects": []}"#, "of version 3");
+        let coarse = r#"{"asset": "c.fan", "bytes": 1, "triangles": 1, "texels": 1, "low": [0, 0, 0], "high": [1, 1, 1],
+            "detail": 1, "parts": ["b.fan"]}"#;
+        let text =
+            format!(r#"{{"format": "fantex world", "version": 1, "objects": [], "coarse": [{coarse}]}}"#);
+        refused(&text, "from version 2 on");
+        let outside = World { objects: vec![object("../b.fan")], ..World::default() };
         outside.write(&path).unwrap();
         assert!(World::open(&path).unwrap_err().to_string().contains("outside"));
         let mut empty = object("b.fan");
         empty.high[0] = -1.0;
-        World { objects: vec![empty] }.write(&path).unwrap();
+        World { objects: vec![empty], ..World::default() }.write(&path).unwrap();
         assert!(World::open(&path).unwrap_err().to_string().contains("low corner"));
     }
 }

@@ -77,6 +77,8 @@
 
 mod asset;
 mod baker;
+mod coarse;
+mod joined;
 pub mod look_scene;
 mod model;
 mod preview;
@@ -101,7 +103,7 @@ pub use fantex_gpu::{StreamedWorld, WorldOptions, WorldStatistics};
 pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
-pub use fantex_stream::{WORLD_EXTENSION, World, WorldObject, WorldPreview};
+pub use fantex_stream::{WORLD_EXTENSION, World, WorldCoarse, WorldObject, WorldPreview};
 pub use model::Mesh;
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};

@@ -6,7 +6,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_bake::{AssetSource, BakeOptions, NoProgress, Progress, TransferOptions, TransferSource, bake};
+use fantex_bake::{
+    AssetSource, BakeOptions, NoProgress, Progress, Source, TransferOptions, TransferSource, bake,
+};
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{
@@ -65,19 +67,13 @@ impl Preview {
         kept: &[u32],
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let coarse = coarse_mesh(asset.mesh(), options.triangles, kept)?;
-        let half = options.memory_bytes / 2;
-        let cache_bytes = usize::try_from(half).unwrap_or(usize::MAX);
+        let cache_bytes = usize::try_from(options.memory_bytes / 2).unwrap_or(usize::MAX);
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
-        let source = TransferSource::new(&coarse, asset.mesh(), Some(&detail), &TransferOptions::default())?;
-        let budget = TexelBudget::Total(options.texels);
-        let (cover, _) = build_cover(&coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
         let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
         let path = folder.path().join("preview.fan");
-        let bake_options = BakeOptions { memory_bytes: half, ..BakeOptions::default() };
-        let baked = bake(&coarse, &cover, &source, &path, &bake_options, &CancelOnly(progress))?;
+        let [triangles, texels] = write_coarse((asset.mesh(), &detail), kept, options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
-        Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels: baked.texels })
+        Ok(Self { bytes, triangles, texels })
     }
 
     /// Makes the preview of an asset and puts it there, in the place of one that it has. Nobody else can change the asset meanwhile.
@@ -109,6 +105,24 @@ impl Preview {
         editor.commit()?;
         Ok(is_there)
     }
+}
+
+/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given; the vertices `kept` stay. Returns its triangles and
+/// its texels per channel. Bakes take half of the memory; of `progress` only cancellation counts.
+pub(crate) fn write_coarse(
+    (fine, detail): (&Mesh, &dyn Source),
+    kept: &[u32],
+    options: &PreviewOptions,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<[u64; 2]> {
+    let coarse = coarse_mesh(fine, options.triangles, kept)?;
+    let source = TransferSource::new(&coarse, fine, Some(detail), &TransferOptions::default())?;
+    let budget = TexelBudget::Total(options.texels);
+    let (cover, _) = build_cover(&coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
+    let bake_options = BakeOptions { memory_bytes: options.memory_bytes / 2, ..BakeOptions::default() };
+    let baked = bake(&coarse, &cover, &source, path, &bake_options, &CancelOnly(progress))?;
+    Ok([coarse.triangles.len() as u64, baked.texels])
 }
 
 /// Passes on that somebody wants to stop, and nothing else.

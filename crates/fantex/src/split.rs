@@ -8,7 +8,12 @@
 //!  groups   0 1 2 3 | 4 5 6 7 8 | 9 ...
 //!  sector   1       | 2         | 3       the triangle of groups 3, 4 and 8 lies in sector 1, which has tiles 4 and 8, too
 //! ```
+//!
+//! Where there are many sectors, runs of them get coarse assets, and runs of these, up to a single one. Each has about the size of one
+//! sector's preview, beside what its outline needs: vertices that sectors of other runs have, too, stay where they are.
 
+use std::collections::HashSet;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,14 +28,15 @@ use glam::Vec3;
 use rayon::prelude::*;
 use tempfile::TempDir;
 
-use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
+use crate::coarse::{FinerSurface, Place, place};
+use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldObject};
 
 /// How to split an asset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SplitOptions {
     /// Triangles of a sector, about; at least 1.
     pub triangles: usize,
-    /// The sectors' previews; none: sectors get no previews.
+    /// The sectors' previews, and the coarse assets that are made of them; none: neither is there.
     pub previews: Option<SectorPreviews>,
     /// Bytes that decoded tiles and texels in work may take while previews are made.
     pub memory_bytes: u64,
@@ -46,10 +52,10 @@ impl Default for SplitOptions {
     }
 }
 
-/// How large the previews of sectors are.
+/// How large the previews of sectors are, and coarse assets, each of which is made like the preview of a sector of mean size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SectorPreviews {
-    /// Triangles, about; by default a 64th of the sector's, and as many as its border needs.
+    /// Triangles, about; by default a 64th of the sector's, and as many as its border needs. Borders may need more than what is given.
     pub triangles: Option<usize>,
     /// Stored texels at level 0, per channel; by default a 64th of the sector's, and at least 16 per triangle.
     pub texels: Option<u64>,
@@ -71,19 +77,20 @@ impl SectorPreviews {
 pub struct Split {
     /// The index.
     pub index: PathBuf,
-    /// What it says: an object per sector.
+    /// What it says: an object per sector, and of more than 16 sectors the coarse assets.
     pub world: World,
     /// Texels of tiles at level 0 that are in more than one sector, counted beyond the first, per channel. Most of them are left out: what no
     /// triangle of the sector reads takes no room.
     pub repeated_texels: u64,
 }
 
-/// Splits an asset into sectors in a folder, which is made where there is none: `sector-0001.fan`, ... and, when all are there, the index
-/// `NAME.fanworld`, NAME being the asset's. The asset stays as it is; attachments (layers, history) stay with it alone.
+/// Splits an asset into sectors in a folder, which is made where there is none: `sector-0001.fan`, ..., of more than 16 sectors `coarse-0001.fan`,
+/// ..., and, when all are there, the index `NAME.fanworld`, NAME being the asset's. The asset stays as it is; attachments (layers, history) stay
+/// with it alone.
 ///
 /// Sectors have the mesh space, materials, names of parts and corner attributes of the whole, and its shading normals. Vertices that sectors share
-/// are at the same places in sectors and previews, to the last bit. Memory beside the asset grows with the triangles, by about 100 bytes each, not with the
-/// texels.
+/// are at the same places in sectors, previews and coarse assets that meet there, to the last bit. Memory beside the asset grows with the
+/// triangles, by about 100 bytes each, not with the texels.
 ///
 /// # Errors
 /// The folder is not empty (unless forced) or cannot be written; texels of the asset are damaged; the memory that is
@@ -105,7 +112,8 @@ pub fn split(
     let (mut done, mut in_sectors) = (0, 0);
     let all = asset.mesh().triangles.len() as u128;
     for number in 0..plan.sectors.len() {
-        let path = output.next();
+        let name = file_name(SECTOR_PREFIX, number);
+        let path = output.add(&name);
         let sector = plan.sector(number);
         let (triangles, texels) = (sector.mesh.triangles.len() as u64, sector.cover.texels());
         in_sectors += texels;
@@ -124,7 +132,10 @@ pub fn split(
         }
         done += triangles;
         let written = Asset::open(&path)?;
-        world.objects.push(WorldObject::of(file_name(number), &written)?);
+        world.objects.push(WorldObject::of(name, &written)?);
+    }
+    if let Some(previews) = &options.previews {
+        add_coarse(&plan, (&mut world, &mut output), previews, options.memory_bytes, progress)?;
     }
     if progress.is_cancelled() {
         return Err(Error::cancelled("the split was cancelled"));
@@ -139,17 +150,88 @@ fn name_of(place: &Path) -> String {
     place.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// The file of a sector, counted from 0.
-fn file_name(number: usize) -> String {
-    format!("{SECTOR_PREFIX}{:04}.fan", number + 1)
+/// The file of a sector or a coarse asset, counted from 0.
+fn file_name(prefix: &str, number: usize) -> String {
+    format!("{prefix}{:04}.fan", number + 1)
 }
 
 const SECTOR_PREFIX: &str = "sector-";
+const COARSE_PREFIX: &str = "coarse-";
 
-/// Whether a file has a name that sectors have.
-fn is_sector(name: &str) -> bool {
-    let number = name.strip_prefix(SECTOR_PREFIX).and_then(|rest| rest.strip_suffix(".fan"));
+/// Whether a file has a name that sectors or coarse assets have.
+fn is_written(name: &str) -> bool {
+    let prefixes = [SECTOR_PREFIX, COARSE_PREFIX];
+    let rest = prefixes.iter().find_map(|prefix| name.strip_prefix(prefix));
+    let number = rest.and_then(|rest| rest.strip_suffix(".fan"));
     number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+/// Sectors, or coarse assets, that a coarse asset stands for, at most.
+const RUN: usize = 16;
+
+/// A coarse asset is made at least as for sectors of so many triangles: of very small ones it would show next to nothing.
+const MIN_SIZE: u64 = 64_000;
+
+/// A sector or a coarse asset.
+struct Node {
+    sectors: Range<usize>,
+    asset: String,
+    /// Length of the finest detail of its preview, or of itself, world units.
+    detail: f64,
+}
+
+/// Makes the coarse assets, of a run of nodes after the other, until one stands for all sectors.
+fn add_coarse(
+    plan: &Plan<'_>,
+    (world, output): (&mut World, &mut Output),
+    previews: &SectorPreviews,
+    memory_bytes: u64,
+    progress: &dyn Progress,
+) -> Result<()> {
+    if world.objects.len() <= RUN {
+        return Ok(());
+    }
+    let node = |(number, object): (usize, &WorldObject)| Node {
+        sectors: number..number + 1,
+        asset: object.asset.clone(),
+        detail: object.preview.map_or(0.0, |preview| preview.detail),
+    };
+    let mut nodes: Vec<Node> = world.objects.iter().enumerate().map(node).collect();
+    while nodes.len() > 1 {
+        let count = nodes.len().div_ceil(RUN);
+        let end = |run: usize| run * nodes.len() / count;
+        let runs: Vec<&[Node]> = (0..count).map(|run| &nodes[end(run)..end(run + 1)]).collect();
+        let sectors = |run: &[Node]| run[0].sectors.start..run[run.len() - 1].sectors.end;
+        let of_runs: Vec<Range<usize>> = runs.iter().map(|&run| sectors(run)).collect();
+        let is_shared = shared_vertices(plan.mesh, &plan.sectors, &of_runs);
+        let mut above = Vec::with_capacity(count);
+        for (run, sectors) in runs.into_iter().zip(of_runs) {
+            if progress.is_cancelled() {
+                return Err(Error::cancelled("the split was cancelled"));
+            }
+            let finer = run.iter().map(|node| output.open_coarsest(node).map(Arc::new));
+            let finer = finer.collect::<Result<Vec<_>>>()?;
+            let surface = FinerSurface::of(&finer, plan.mesh.world_from_mesh, memory_bytes / 2);
+            let kept = surface.vertices_at(&plan.places(&is_shared, &sectors));
+            let objects = &world.objects[sectors.clone()];
+            let mean =
+                |of: fn(&WorldObject) -> u64| objects.iter().map(of).sum::<u64>() / objects.len() as u64;
+            let size = mean(|object| object.triangles).max(MIN_SIZE);
+            let triangles = previews.triangles(size as usize, kept.len());
+            let texels = previews.texels(mean(|object| object.texels), triangles);
+            let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
+            let asset = file_name(COARSE_PREFIX, world.coarse.len());
+            let path = output.add(&asset);
+            surface.write_coarse(&kept, &options, &path, progress)?;
+            let detail = run.iter().map(|node| node.detail).fold(0.0, f64::max);
+            let parts = run.iter().map(|node| node.asset.clone()).collect();
+            let coarse = WorldCoarse::of(&*asset, &Asset::open(&path)?, parts, surface.mesh(), detail);
+            above.push(Node { sectors, asset, detail: coarse.detail });
+            world.coarse.push(coarse);
+        }
+        nodes = above;
+    }
+    Ok(())
 }
 
 /// The folder while sectors are written, in a folder within it. What was written goes away unless it is finished.
@@ -157,9 +239,10 @@ struct Output {
     folder: PathBuf,
     was_made: bool,
     unfinished: Option<TempDir>,
-    /// Sectors and the index of a world that is there.
+    /// Sectors, coarse assets and the index of a world that is there.
     replaced: Vec<PathBuf>,
-    sectors: usize,
+    /// Names of sectors and coarse assets.
+    written: Vec<String>,
 }
 
 impl Output {
@@ -169,8 +252,13 @@ impl Output {
         if was_made {
             std::fs::create_dir_all(folder).map_err(writing)?;
         }
-        let mut output =
-            Self { folder: folder.into(), was_made, unfinished: None, replaced: Vec::new(), sectors: 0 };
+        let mut output = Self {
+            folder: folder.into(),
+            was_made,
+            unfinished: None,
+            replaced: Vec::new(),
+            written: Vec::new(),
+        };
         let names: Vec<String> = std::fs::read_dir(folder)
             .and_then(|entries| {
                 entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
@@ -183,7 +271,7 @@ impl Output {
             )));
         }
         output.replaced.extend(index.exists().then(|| index.to_owned()));
-        output.replaced.extend(names.iter().filter(|name| is_sector(name)).map(|name| folder.join(name)));
+        output.replaced.extend(names.iter().filter(|name| is_written(name)).map(|name| folder.join(name)));
         output.replaced.iter().try_for_each(|path| input::check_output(path))?;
         let unfinished = tempfile::Builder::new().prefix(".fantex-").tempdir_in(folder);
         output.unfinished = Some(unfinished.map_err(writing)?);
@@ -195,10 +283,19 @@ impl Output {
         self.unfinished.as_ref().map_or(&*self.folder, TempDir::path).join(name)
     }
 
-    /// The path of the next sector.
-    fn next(&mut self) -> PathBuf {
-        self.sectors += 1;
-        self.unfinished(file_name(self.sectors - 1))
+    /// The path of a file that is written now.
+    fn add(&mut self, name: &str) -> PathBuf {
+        self.written.push(name.to_owned());
+        self.unfinished(name)
+    }
+
+    /// The preview of a sector, or a coarse asset.
+    fn open_coarsest(&self, node: &Node) -> Result<Asset> {
+        let path = self.unfinished(&node.asset);
+        match node.asset.starts_with(SECTOR_PREFIX) {
+            true => World::open_preview(&path),
+            false => Asset::open(&path),
+        }
     }
 
     /// Writes the index, and puts all files in their places. Nothing is changed of a world that is there before the new one is durable; while
@@ -211,9 +308,9 @@ impl Output {
         for path in &self.replaced {
             std::fs::remove_file(path).map_err(|error| failed(path, error))?;
         }
-        for number in 0..self.sectors {
-            let path = self.folder.join(file_name(number));
-            let moved = std::fs::rename(self.unfinished(file_name(number)), &path);
+        for name in &self.written {
+            let path = self.folder.join(name);
+            let moved = std::fs::rename(self.unfinished(name), &path);
             moved.map_err(|error| failed(&path, error))?;
         }
         std::fs::rename(unfinished_index, index).map_err(|error| failed(index, error))?;
@@ -257,23 +354,22 @@ impl<'a> Plan<'a> {
         let what = format_args!("splitting {} with {count} triangles", asset.path().display()).to_string();
         let _held = input::reserve(what, PLAN_BYTES * count as u64)?;
         let sectors = sectors(mesh, cover, triangles);
-        let mut is_shared = vec![false; mesh.positions.len()];
-        let mut first_sector = vec![u32::MAX; mesh.positions.len()];
-        for (number, sector) in (0u32..).zip(&sectors) {
-            let triangles = sector.iter().map(|&t| mesh.triangles[t as usize]);
-            for vertex in triangles.flatten().map(|vertex| vertex as usize) {
-                match first_sector[vertex] {
-                    u32::MAX => first_sector[vertex] = number,
-                    first => is_shared[vertex] |= first != number,
-                }
-            }
-        }
+        let alone: Vec<Range<usize>> = (0..sectors.len()).map(|number| number..number + 1).collect();
+        let is_shared = shared_vertices(mesh, &sectors, &alone);
         let normals = shading_normals(mesh);
         let mut in_group = vec![0; cover.groups.len()];
         for triangle in 0..mesh.triangles.len() as u32 {
             cover.groups_of(triangle).for_each(|group| in_group[group as usize] += 1);
         }
         Ok(Self { mesh, cover, sectors, is_shared, normals, in_group, texels: cover.texels() })
+    }
+
+    /// Places in the mesh space of those vertices of some sectors that are marked.
+    fn places(&self, is_marked: &[bool], sectors: &Range<usize>) -> HashSet<Place> {
+        let triangles = self.sectors[sectors.clone()].iter().flatten();
+        let vertices = triangles.flat_map(|&triangle| self.mesh.triangles[triangle as usize]);
+        let marked = vertices.filter(|&vertex| is_marked[vertex as usize]);
+        marked.map(|vertex| place(self.mesh.positions[vertex as usize])).collect()
     }
 
     fn sector(&self, number: usize) -> Sector {
@@ -290,6 +386,22 @@ impl<'a> Plan<'a> {
         });
         Sector { mesh, is_partial: is_partial.collect(), cover, groups, border }
     }
+}
+
+/// Per vertex whether sectors of several runs have it.
+fn shared_vertices(mesh: &Mesh, sectors: &[Vec<u32>], runs: &[Range<usize>]) -> Vec<bool> {
+    let mut is_shared = vec![false; mesh.positions.len()];
+    let mut first_run = vec![u32::MAX; mesh.positions.len()];
+    for (number, run) in (0u32..).zip(runs) {
+        let triangles = sectors[run.clone()].iter().flatten().map(|&t| mesh.triangles[t as usize]);
+        for vertex in triangles.flatten().map(|vertex| vertex as usize) {
+            match first_run[vertex] {
+                u32::MAX => first_run[vertex] = number,
+                first => is_shared[vertex] |= first != number,
+            }
+        }
+    }
+    is_shared
 }
 
 /// Ascending triangles of each sector, of which there are about so many.

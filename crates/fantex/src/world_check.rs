@@ -1,12 +1,12 @@
 //! Whether a world is what its index says, and whether its sectors fit together.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
-use fantex_mesh::{Edges, SurfacePoint};
+use fantex_mesh::{Edge, Edges, Mesh, SurfacePoint, WorldFromMesh};
 use fantex_store::{
     Asset, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, verify_asset,
 };
@@ -14,7 +14,8 @@ use fantex_stream::open_asset;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{World, WorldObject};
+use crate::coarse::joined;
+use crate::{World, WorldCoarse, WorldObject, WorldPreview};
 
 /// What verification of a world found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,6 +24,8 @@ pub struct WorldReport {
     pub ok: bool,
     /// One for each object of the index, in its order.
     pub objects: Vec<ObjectReport>,
+    /// One for each coarse asset of the index, in its order.
+    pub coarse: Vec<ObjectReport>,
     /// Edges at borders of sectors of one asset that were compared.
     pub seam_edges: u64,
     /// The largest difference of any channel between the two sides of such an edge, at level 0.
@@ -31,7 +34,7 @@ pub struct WorldReport {
     pub worst_seam: Option<[usize; 2]>,
 }
 
-/// What verification of one object found.
+/// What verification of one object, or of one coarse asset, found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObjectReport {
     /// Where the asset is: a path or an address.
@@ -46,15 +49,17 @@ pub struct ObjectReport {
 
 /// Verifies every asset of a world as [`verify_asset`] does, and its preview; compares them with the index; and compares the texture function on
 /// both sides of edges where sectors of one asset meet: those at open borders with their ends at the same places, of assets with one mesh
-/// space, blend band and density. `progress` counts texels.
+/// space, blend band and density. Those edges at which a coarse asset ends must be edges of it, too, unless they are at the outline of all
+/// sectors. `progress` counts texels.
 ///
 /// # Errors
 /// The index cannot be read; somebody wants to stop. What is wrong with assets is reported.
 pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progress) -> Result<WorldReport> {
     let world = World::open(index)?;
     let mut report = WorldReport::default();
-    let mut seams = Seams::default();
-    let total = world.objects.iter().map(|object| object.texels).sum();
+    let mut seams = Seams { keeps_meetings: !world.coarse.is_empty(), ..Seams::default() };
+    let of_coarse = world.coarse.iter().map(|coarse| coarse.texels);
+    let total = world.objects.iter().map(|object| object.texels).chain(of_coarse).sum();
     let mut done = 0;
     for (number, object) in world.objects.iter().enumerate() {
         if progress.is_cancelled() {
@@ -65,10 +70,42 @@ pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progre
         done += object.texels;
         progress.report(done, total);
     }
+    let parts = world.parts()?;
+    for (number, coarse) in world.coarse.iter().enumerate() {
+        if progress.is_cancelled() {
+            return Err(Error::cancelled("the verification was cancelled"));
+        }
+        let stands_for = objects_below(&parts, world.objects.len(), number);
+        report.coarse.push(verify_coarse(
+            (index, &world),
+            (coarse, &parts[number]),
+            &stands_for,
+            options,
+            &seams,
+        ));
+        done += coarse.texels;
+        progress.report(done, total);
+    }
     (report.seam_edges, report.largest_jump, report.worst_seam) =
         (seams.edges, seams.largest_jump, seams.worst);
-    report.ok = report.objects.iter().all(|object| object.ok) && report.largest_jump <= JUMP_BOUND;
+    let all_ok = report.objects.iter().chain(&report.coarse).all(|object| object.ok);
+    report.ok = all_ok && report.largest_jump <= JUMP_BOUND;
     Ok(report)
+}
+
+/// Per object whether a coarse asset stands for it.
+fn objects_below(parts: &[Vec<usize>], objects: usize, coarse: usize) -> Vec<bool> {
+    let mut is_below = vec![false; objects];
+    let mut open = vec![coarse];
+    while let Some(coarse) = open.pop() {
+        for &part in &parts[coarse] {
+            match is_below.get_mut(part) {
+                Some(is_below) => *is_below = true,
+                None => open.push(part - objects),
+            }
+        }
+    }
+    is_below
 }
 
 fn verify_object(
@@ -90,7 +127,9 @@ fn verify_object(
     let is_sound = found.ok;
     report.asset = Some(found);
     match WorldObject::of(object.asset.clone(), &asset) {
-        Ok(actual) => report.faults.extend(differences(object, &actual)),
+        Ok(actual) => {
+            report.faults.extend(differences(object, &actual, "update the index with 'fantex world'"))
+        }
         Err(error) => report.faults.push(error.to_string()),
     }
     if let Ok(Some(preview)) = Asset::open_preview(&**asset.source())
@@ -106,17 +145,80 @@ fn verify_object(
     report
 }
 
+fn verify_coarse(
+    (index, world): (&Path, &World),
+    (coarse, parts): (&WorldCoarse, &[usize]),
+    stands_for: &[bool],
+    options: &VerifyOptions,
+    seams: &Seams,
+) -> ObjectReport {
+    let mut report = ObjectReport { place: World::place_of(index, &coarse.asset), ..ObjectReport::default() };
+    let asset = match open_asset(&report.place) {
+        Ok(asset) => Arc::new(asset),
+        Err(error) => {
+            report.faults.push(error.to_string());
+            return report;
+        }
+    };
+    let found = verify_asset(&asset, options);
+    let is_sound = found.ok;
+    report.asset = Some(found);
+    match coarse_of((index, world), (coarse, parts), &asset) {
+        Ok(actual) => report.faults.extend(differences(
+            &as_object(coarse),
+            &as_object(&actual),
+            "split the asset again",
+        )),
+        Err(error) => report.faults.push(format!("it cannot be compared with what it stands for: {error}")),
+    }
+    let missing = seams.missing(asset.mesh(), stands_for);
+    if missing > 0 {
+        report.faults.push(format!(
+            "its border lacks {missing} edges at which the assets that it stands for meet others, so gaps may show there; split the asset again"
+        ));
+    }
+    report.ok = is_sound && report.faults.is_empty();
+    report
+}
+
+/// What the index is to say of a coarse asset.
+fn coarse_of(
+    (index, world): (&Path, &World),
+    (said, parts): (&WorldCoarse, &[usize]),
+    asset: &Asset,
+) -> Result<WorldCoarse> {
+    let (mut finer, mut detail) = (Vec::with_capacity(parts.len()), 0.0f64);
+    for (&part, name) in parts.iter().zip(&said.parts) {
+        let place = World::place_of(index, name);
+        let (open, known): (fn(&Path) -> Result<Asset>, f64) = match world.objects.get(part) {
+            Some(WorldObject { preview: Some(preview), .. }) => (World::open_preview, preview.detail),
+            Some(_) => (open_asset, 0.0),
+            None => (World::open_coarse, world.coarse[part - world.objects.len()].detail),
+        };
+        finer.push(open(&place)?.shared_mesh());
+        detail = detail.max(known);
+    }
+    let space = finer.first().map_or(asset.mesh().world_from_mesh, |mesh| mesh.world_from_mesh);
+    let finer = joined(finer.iter().map(|mesh| &**mesh), space).mesh;
+    Ok(WorldCoarse::of(said.asset.clone(), asset, said.parts.clone(), &finer, detail))
+}
+
+/// A coarse asset as an object with a preview of its detail.
+fn as_object(coarse: &WorldCoarse) -> WorldObject {
+    let WorldCoarse { asset, bytes, triangles, texels, low, high, detail, .. } = coarse.clone();
+    let preview = Some(WorldPreview { triangles: 0, texels: 0, detail });
+    WorldObject { asset, bytes, triangles, texels, low, high, preview }
+}
+
 /// Details are measured in floating point, which differs between processors in the last digits.
 const DETAIL_TOLERANCE: f64 = 0.01;
 
-/// What an index says otherwise than its asset, a sentence each.
-fn differences(said: &WorldObject, actual: &WorldObject) -> Vec<String> {
+/// What an index says otherwise than its asset, a sentence each, which ends with what to do.
+fn differences(said: &WorldObject, actual: &WorldObject, remedy: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut compare = |what: &str, said: String, actual: String| {
         if said != actual {
-            found.push(format!(
-                "the index says {what}: {said}, but it is {actual}; update the index with 'fantex world'"
-            ));
+            found.push(format!("the index says {what}: {said}, but it is {actual}; {remedy}"));
         }
     };
     compare("bytes", said.bytes.to_string(), actual.bytes.to_string());
@@ -137,9 +239,11 @@ fn differences(said: &WorldObject, actual: &WorldObject) -> Vec<String> {
     found
 }
 
-/// A border edge: what sectors of one asset have in common (mesh space, blend band, density), and the places of its ends in the world, ascending.
-/// All as bits.
-type SeamKey = ([u64; 6], [[u64; 3]; 2]);
+/// The places of the ends of an edge in the world, ascending, as bits.
+type Ends = [[u64; 3]; 2];
+
+/// A border edge: what sectors of one asset have in common (mesh space, blend band, density), as bits, and its ends.
+type SeamKey = ([u64; 6], Ends);
 
 /// The texture function along a border edge: per point and channel.
 type SeamValues = Vec<Vec4>;
@@ -151,6 +255,10 @@ const SEAM_POINTS: [f32; 5] = [0.02, 0.3, 0.5, 0.7, 0.98];
 #[derive(Default)]
 struct Seams {
     open: HashMap<SeamKey, (usize, SeamValues)>,
+    /// Whether edges that had two sides are remembered.
+    keeps_meetings: bool,
+    /// Those edges, and the objects on both sides.
+    meetings: Vec<(Ends, [usize; 2])>,
     edges: u64,
     largest_jump: f32,
     worst: Option<[usize; 2]>,
@@ -167,7 +275,12 @@ impl Seams {
             sides.into_par_iter().map(|(triangle, ends)| seam_values(cache, triangle, ends)).collect();
         for (key, values) in values {
             match self.open.remove(&key) {
-                Some((other, seen)) if other != object => self.compare([other, object], &seen, &values),
+                Some((other, seen)) if other != object => {
+                    if self.keeps_meetings {
+                        self.meetings.push((key.1, [other, object]));
+                    }
+                    self.compare([other, object], &seen, &values);
+                }
                 Some(twice) => drop(self.open.insert(key, twice)),
                 None => drop(self.open.insert(key, (object, values))),
             }
@@ -190,16 +303,38 @@ impl Seams {
     }
 }
 
+impl Seams {
+    /// How many edges a mesh lacks that stands for some of the objects: those at which one of them meets another one, which do not end
+    /// at the outline of all objects.
+    fn missing(&self, mesh: &Mesh, stands_for: &[bool]) -> usize {
+        let at_outline: HashSet<[u64; 3]> = self.open.keys().flat_map(|(_, ends)| *ends).collect();
+        let space = mesh.world_from_mesh;
+        let places: Vec<[u64; 3]> = mesh.positions.iter().map(|&p| place(&space, p)).collect();
+        let ends = |edge: Edge<'_>| sorted(edge.vertices().map(|vertex| places[vertex as usize]));
+        let own: HashSet<Ends> = Edges::of(&mesh.triangles).iter().map(ends).collect();
+        let is_border = |[a, b]: [usize; 2]| stands_for[a] != stands_for[b];
+        let borders = self.meetings.iter().filter(|(_, objects)| is_border(*objects));
+        let inner = borders.filter(|(ends, _)| !ends.iter().any(|end| at_outline.contains(end)));
+        inner.filter(|(ends, _)| !own.contains(ends)).count()
+    }
+}
+
+/// A place in the world, to the last bit.
+fn place(space: &WorldFromMesh, p: Vec3) -> [u64; 3] {
+    // Adding zero makes -0 and 0 the same.
+    space.point(p).to_array().map(|x| (x + 0.0).to_bits())
+}
+
+fn sorted(mut ends: Ends) -> Ends {
+    ends.sort_unstable();
+    ends
+}
+
 fn seam_values(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, SeamValues) {
     let asset = cache.asset();
     let (mesh, cover) = (asset.mesh(), asset.cover());
     let space = mesh.world_from_mesh;
-    let place = |vertex: u32| {
-        let p = space.point(mesh.positions[vertex as usize]);
-        // Adding zero makes -0 and 0 the same.
-        p.to_array().map(|x| (x + 0.0).to_bits())
-    };
-    let mut ends = ends.map(|vertex| (place(vertex), vertex));
+    let mut ends = ends.map(|vertex| (place(&space, mesh.positions[vertex as usize]), vertex));
     ends.sort_unstable();
     let corners = mesh.triangles[triangle as usize];
     let slots = ends.map(|(_, vertex)| corners.iter().position(|&corner| corner == vertex).unwrap_or(0));

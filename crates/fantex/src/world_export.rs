@@ -105,7 +105,7 @@ mod tests {
             "../barn",
             ".fan",
         ];
-        let world = World { objects: assets.map(object).into() };
+        let world = World { objects: assets.map(object).into(), ..World::default() };
         let names: Vec<String> = objects(&world).into_iter().map(|object| object.name).collect();
         let expected =
             ["sector-0001", "houses-church", "Barn", "barn-2", "barn-2-2", "barn-3", "..-barn", ".fan"];

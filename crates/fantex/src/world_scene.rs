@@ -1,4 +1,4 @@
-//! A world for the CPU renderer: what a picture needs of its objects, as one mesh with one surface.
+//! A world for the CPU renderer: what a picture needs of its objects and coarse assets, as one mesh with one surface.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,23 +8,26 @@ use fantex_mesh::{Mesh, SurfacePoint, WorldFromMesh};
 use fantex_render::{Coverage, FanSurface, FilterOptions, Hit, Shaded, SmoothPoint, Surface};
 use fantex_scene::Camera;
 use fantex_store::{Damage, PageCache};
-use fantex_stream::{ObjectDetail, StreamView, choose_objects, open_asset};
+use fantex_stream::{ObjectDetail, StreamView, ViewObject, choose_objects, open_asset};
 
 use crate::World;
+use crate::joined::{FirstTriangles, JoinedMesh};
 
-/// The objects of a world that a camera sees: whole where their previews are too coarse, by these elsewhere.
+/// The objects of a world that a camera sees: whole where their previews are too coarse, by these elsewhere, from afar several by a coarse
+/// asset.
 #[derive(Debug)]
 pub struct WorldScene {
-    mesh: Mesh,
+    joined: JoinedMesh,
     objects: Vec<SceneObject>,
     whole: usize,
+    /// Coarse assets.
+    several: usize,
+    /// What is coarser than the picture could show.
     coarse: usize,
 }
 
 #[derive(Debug)]
 struct SceneObject {
-    /// Its first triangle in the scene's mesh.
-    first: u32,
     cache: PageCache,
     /// Lengths in the space of the scene per length in its own.
     scale: f32,
@@ -38,7 +41,8 @@ impl WorldScene {
     /// `memory_bytes` at most, decoded texels the other half.
     ///
     /// # Errors
-    /// There is no object, or all lie in one point; an asset cannot be opened, or has no preview although the index says so.
+    /// There is no object, or all lie in one point; coarse assets have [no parts that they can have](World::parts); an asset cannot be opened, or
+    /// has no preview although the index says so.
     pub fn open(
         index: &Path,
         world: &World,
@@ -47,28 +51,25 @@ impl WorldScene {
         memory_bytes: u64,
     ) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let (view, shapes) = (stream_view(camera, size, &space), world.view_objects(&space));
+        let (view, shapes) = (stream_view(camera, size, &space), world.view_objects(&space)?);
         let choice = choose_objects(&shapes, &view, memory_bytes / 2, &[]);
         let wanted = choose_objects(&shapes, &view, u64::MAX, &[]);
-        let chosen =
-            || choice.details.iter().enumerate().filter(|(_, detail)| **detail > ObjectDetail::Absent);
-        let cache_bytes = (memory_bytes / 2 / chosen().count().max(1) as u64).max(LEAST_CACHE);
+        let drawn: Vec<(usize, ObjectDetail)> = choice.drawn(&shapes).collect();
+        let cache_bytes = (memory_bytes / 2 / drawn.len().max(1) as u64).max(LEAST_CACHE);
         let mut scene = Self {
-            mesh: Mesh { world_from_mesh: space, ..Mesh::default() },
-            objects: Vec::with_capacity(chosen().count()),
-            whole: choice.details.iter().filter(|detail| **detail == ObjectDetail::Whole).count(),
-            coarse: choice
-                .details
-                .iter()
-                .zip(&wanted.details)
-                .filter(|(detail, wanted)| detail < wanted)
-                .count(),
+            joined: JoinedMesh::new(space),
+            objects: Vec::with_capacity(drawn.len()),
+            whole: drawn.iter().filter(|(_, detail)| *detail == ObjectDetail::Whole).count(),
+            several: drawn.iter().filter(|(node, _)| *node >= world.objects.len()).count(),
+            coarse: missing(&shapes, &choice.details, &wanted.details),
         };
-        for (object, detail) in chosen() {
-            let place = World::asset_place(index, &world.objects[object]);
+        let assets: Vec<&str> = world.assets().collect();
+        for (node, detail) in drawn {
+            let place = World::place_of(index, assets[node]);
             let asset = match detail {
                 ObjectDetail::Whole => open_asset(&place)?,
-                _ => World::open_preview(&place)?,
+                _ if node < world.objects.len() => World::open_preview(&place)?,
+                _ => World::open_coarse(&place)?,
             };
             scene.add(PageCache::new(Arc::new(asset), cache_bytes as usize));
         }
@@ -77,26 +78,22 @@ impl WorldScene {
 
     fn add(&mut self, cache: PageCache) {
         let mesh = cache.asset().mesh();
-        let (from, to) = (mesh.world_from_mesh, self.mesh.world_from_mesh);
-        let (first, vertices) = (self.mesh.triangles.len() as u32, self.mesh.positions.len() as u32);
-        let moved = |&p| if from == to { p } else { to.inverse_point(from.point(p)) };
-        self.mesh.positions.extend(mesh.positions.iter().map(moved));
-        self.mesh.triangles.extend(mesh.triangles.iter().map(|corners| corners.map(|v| v + vertices)));
-        let scale = (from.scale / to.scale) as f32;
-        self.objects.push(SceneObject { first, cache, scale });
+        let scale = (mesh.world_from_mesh.scale / self.joined.mesh.world_from_mesh.scale) as f32;
+        self.joined.add(mesh);
+        self.objects.push(SceneObject { cache, scale });
     }
 
-    /// The triangles of all open objects, in the space that these share, without attributes.
+    /// The triangles of all that is open, in the space that it shares, without attributes.
     pub fn mesh(&self) -> &Mesh {
-        &self.mesh
+        &self.joined.mesh
     }
 
-    /// How many objects are open whole, and how many by their previews.
-    pub fn counts(&self) -> [usize; 2] {
-        [self.whole, self.objects.len() - self.whole]
+    /// How many objects are open whole, how many by their previews, and how many coarse assets are.
+    pub fn counts(&self) -> [usize; 3] {
+        [self.whole, self.objects.len() - self.whole - self.several, self.several]
     }
 
-    /// Objects that are coarser than the picture could show, or missing, because there is not enough memory.
+    /// Objects and coarse assets that are coarser than the picture could show, or missing, because there is not enough memory.
     pub fn coarse(&self) -> usize {
         self.coarse
     }
@@ -109,12 +106,22 @@ impl WorldScene {
     /// The appearance of its [mesh](Self::mesh).
     pub fn surface(&self, filter: FilterOptions) -> WorldSurface {
         let part = |object: &SceneObject| Part {
-            first: object.first,
             surface: FanSurface::of_asset(&object.cache, filter),
             scale: object.scale,
         };
-        WorldSurface { parts: self.objects.iter().map(part).collect() }
+        WorldSurface { firsts: self.joined.firsts.clone(), parts: self.objects.iter().map(part).collect() }
     }
+}
+
+/// How much of what is drawn would be finer with more memory, or would be there at all.
+fn missing(shapes: &[ViewObject], details: &[ObjectDetail], wanted: &[ObjectDetail]) -> usize {
+    // What is part of a coarse asset that is drawn is not missing.
+    let mut is_covered = vec![false; shapes.len()];
+    for (shape, _) in shapes.iter().zip(details).filter(|(_, detail)| **detail < ObjectDetail::Whole) {
+        shape.parts.iter().for_each(|&part| is_covered[part] = true);
+    }
+    let all = details.iter().zip(wanted).zip(is_covered);
+    all.filter(|((detail, wanted), is_covered)| detail < wanted && !is_covered).count()
 }
 
 /// A camera's view of the space that objects share.
@@ -123,36 +130,31 @@ fn stream_view(camera: &Camera, size: [u32; 2], space: &WorldFromMesh) -> Stream
     StreamView::new(eye, axes, camera.fov_degrees.to_radians() as f32, size)
 }
 
-/// The surfaces of a world's objects, each for its triangles.
+/// The surfaces of a world's objects and coarse assets, each for its triangles.
 #[derive(Debug)]
 pub struct WorldSurface {
+    firsts: FirstTriangles,
     parts: Vec<Part>,
 }
 
 #[derive(Debug)]
 struct Part {
-    first: u32,
     surface: FanSurface,
     /// See [`SceneObject`].
     scale: f32,
 }
 
 impl WorldSurface {
-    /// Which part a triangle belongs to.
-    fn index(&self, triangle: usize) -> usize {
-        self.parts.partition_point(|part| part.first as usize <= triangle) - 1
+    /// Which part a triangle belongs to, and its number there.
+    fn locate(&self, triangle: usize) -> (&Part, usize) {
+        let (part, triangle) = self.firsts.locate(triangle as u32);
+        (&self.parts[part], triangle as usize)
     }
 
     /// The part that is hit, and the hit as it sees it. (Spaces differ in place and scale, not in direction.)
     fn local(&self, hit: &Hit) -> (&Part, Hit) {
-        let part = &self.parts[self.index(hit.triangle())];
-        (part, part.local(hit))
-    }
-}
-
-impl Part {
-    fn local(&self, hit: &Hit) -> Hit {
-        Hit { at: SurfacePoint { triangle: hit.at.triangle - self.first, ..hit.at }, ..*hit }
+        let (part, triangle) = self.locate(hit.triangle());
+        (part, Hit { at: SurfacePoint { triangle: triangle as u32, ..hit.at }, ..*hit })
     }
 }
 
@@ -163,10 +165,10 @@ impl Surface for WorldSurface {
     }
 
     fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
-        for run in hits.chunk_by(|a, b| self.index(a.triangle()) == self.index(b.triangle())) {
-            let part = &self.parts[self.index(run[0].triangle())];
-            let local: Vec<Hit> = run.iter().map(|hit| part.local(hit)).collect();
-            part.surface.shade_all(&local, out);
+        let part = |hit: &Hit| self.firsts.locate(hit.triangle() as u32).0;
+        for run in hits.chunk_by(|a, b| part(a) == part(b)) {
+            let local: Vec<Hit> = run.iter().map(|hit| self.local(hit).1).collect();
+            self.parts[part(&run[0])].surface.shade_all(&local, out);
         }
     }
 
@@ -182,12 +184,12 @@ impl Surface for WorldSurface {
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {
-        let part = &self.parts[self.index(triangle)];
-        part.surface.coverage(triangle - part.first as usize)
+        let (part, triangle) = self.locate(triangle);
+        part.surface.coverage(triangle)
     }
 
     fn is_double_sided(&self, triangle: usize) -> bool {
-        let part = &self.parts[self.index(triangle)];
-        part.surface.is_double_sided(triangle - part.first as usize)
+        let (part, triangle) = self.locate(triangle);
+        part.surface.is_double_sided(triangle)
     }
 }

@@ -8,12 +8,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use fantex::base::random::nth_random;
-use fantex::mesh::generate::{grid, icosphere};
-use fantex::mesh::{Edges, Mesh, Model, shading_normals};
-use fantex::store::{VerifyOptions, verify_asset};
+use fantex::mesh::generate::{LandscapeOptions, grid, icosphere, landscape};
+use fantex::mesh::{Edges, Material, Mesh, Model, shading_normals};
+use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, Surface, render};
+use fantex::scene::{Background, Camera};
+use fantex::store::{PageCache, VerifyOptions, verify_asset};
+use fantex::texture::compare::psnr_db;
+use fantex::texture::{Image, Samples};
 use fantex::{
     Asset, Baker, ErrorKind, Footprint, NoProgress, Progress, SectorPreviews, Source, SplitOptions,
-    SurfacePoint, World, WorldObject, split,
+    SurfacePoint, World, WorldCoarse, WorldObject, WorldScene, split, verify_world,
 };
 use fantex_test::{ball_on_a_plane, bottle, workspace};
 use glam::{DVec3, Vec3, Vec4};
@@ -58,6 +62,7 @@ fn fantex_mesh_of(mesh: Mesh) -> fantex::Mesh {
 }
 
 struct Sectors {
+    index: PathBuf,
     world: World,
     sectors: Vec<Asset>,
 }
@@ -74,7 +79,7 @@ fn split_into(whole: &Asset, folder: &Path, options: &SplitOptions) -> Sectors {
         asset
     };
     let sectors: Vec<Asset> = written.world.objects.iter().map(open).collect();
-    Sectors { world: written.world, sectors }
+    Sectors { index: written.index, world: written.world, sectors }
 }
 
 /// Corners of a triangle by their places: no other triangle of a mesh has the same.
@@ -203,6 +208,214 @@ fn assert_normals_agree_at_borders(fine: &Mesh, coarse: &Mesh, edges: &BTreeSet<
     }
 }
 
+/// The objects that a coarse asset stands for, ascending.
+fn objects_of(world: &World, coarse: &WorldCoarse) -> Vec<usize> {
+    let mut objects = Vec::new();
+    for part in &coarse.parts {
+        match world.coarse.iter().find(|other| other.asset == *part) {
+            Some(finer) => objects.extend(objects_of(world, finer)),
+            None => objects.push(world.objects.iter().position(|object| object.asset == *part).unwrap()),
+        }
+    }
+    objects.sort_unstable();
+    objects
+}
+
+/// The sector of each triangle of the whole.
+fn sector_of_triangles(whole: &Mesh, sectors: &[Asset]) -> Vec<usize> {
+    let mut known = BTreeMap::new();
+    for (number, sector) in sectors.iter().enumerate() {
+        let mesh = sector.mesh();
+        known.extend((0..mesh.triangles.len()).map(|triangle| (key(mesh, triangle), number)));
+    }
+    (0..whole.triangles.len()).map(|triangle| known[&key(whole, triangle)]).collect()
+}
+
+/// Edges of the whole between the sectors that a coarse asset stands for and others.
+fn outline_of(whole: &Mesh, sector: &[usize], objects: &[usize]) -> BTreeSet<[Place; 2]> {
+    let places = places(whole);
+    let edges = Edges::of(&whole.triangles);
+    let is_in = |triangle: u32| objects.contains(&sector[triangle as usize]);
+    let at_outline = edges.iter().filter(|edge| {
+        let inside = edge.triangles().filter(|&(triangle, _)| is_in(triangle)).count();
+        inside > 0 && inside < edge.triangle_count()
+    });
+    let pair = |[a, b]: [u32; 2]| {
+        let mut pair = [places[a as usize], places[b as usize]];
+        pair.sort_unstable();
+        pair
+    };
+    at_outline.map(|edge| pair(edge.vertices())).collect()
+}
+
+fn open_coarse(split: &Sectors, coarse: &WorldCoarse) -> Asset {
+    let asset = Asset::open(World::place_of(&split.index, &coarse.asset)).unwrap();
+    assert!(verify_asset(asset.shared(), &VerifyOptions::default()).ok, "{}", coarse.asset);
+    assert_eq!((asset.mesh().triangles.len() as u64, asset.file_bytes()), (coarse.triangles, coarse.bytes));
+    asset
+}
+
+#[test]
+fn coarse_assets_of_a_closed_surface_have_the_outlines_of_their_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), bumpy_ball(), 200_000);
+    let options = SplitOptions { triangles: 400, ..SplitOptions::default() };
+    let split = split_into(&whole, &folder.path().join("world"), &options);
+    let (sectors, coarse) = (split.sectors.len(), &split.world.coarse);
+    assert!(sectors > 32, "{sectors}");
+    // Runs of sectors, and one above them.
+    assert_eq!(coarse.len(), sectors.div_ceil(16) + 1);
+    let sector = sector_of_triangles(whole.mesh(), &split.sectors);
+    let mut covered = vec![0; sectors];
+    for coarse in coarse {
+        let objects = objects_of(&split.world, coarse);
+        objects.iter().for_each(|&object| covered[object] += 1);
+        let asset = open_coarse(&split, coarse);
+        let outline = outline_of(whole.mesh(), &sector, &objects);
+        assert_eq!(outline.is_empty(), objects.len() == sectors, "{}", coarse.asset);
+        assert_eq!(border(asset.mesh()), outline, "{}", coarse.asset);
+        assert_normals_agree_at_borders(whole.mesh(), asset.mesh(), &outline);
+        // No more triangles than its parts, and no shorter details.
+        let finer = |part: &String| match split.world.objects.iter().find(|object| object.asset == *part) {
+            Some(object) => object.preview.map(|preview| (preview.triangles, preview.detail)).unwrap(),
+            None => {
+                let finer = split.world.coarse.iter().find(|finer| finer.asset == *part).unwrap();
+                (finer.triangles, finer.detail)
+            }
+        };
+        assert!(coarse.triangles <= coarse.parts.iter().map(|part| finer(part).0).sum::<u64>());
+        assert!(coarse.parts.iter().all(|part| finer(part).1 <= coarse.detail));
+    }
+    assert!(coarse[coarse.len() - 1].triangles <= 1100, "{:?}", coarse[coarse.len() - 1]);
+    // Each sector has two coarse assets above it.
+    assert!(covered.iter().all(|&times| times == 2), "{covered:?}");
+}
+
+/// A landscape with tunnels and arches, of 40 000 triangles.
+fn land() -> Mesh {
+    let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() });
+    fantex_test::cleaned(Model {
+        positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
+        triangles: land.triangles,
+        materials: vec![Material::default()],
+        ..Model::default()
+    })
+}
+
+/// A landscape in sectors of 1000 triangles, which their previews keep.
+fn split_land(folder: &Path) -> (Asset, Sectors) {
+    let whole = baked(folder, land(), 400_000);
+    let previews = SectorPreviews { triangles: Some(4000), texels: Some(60_000) };
+    let options = SplitOptions { triangles: 1000, previews: Some(previews), ..SplitOptions::default() };
+    let split = split_into(&whole, &folder.join("world"), &options);
+    assert!(split.world.coarse.len() >= 4, "{}", split.world.coarse.len());
+    (whole, split)
+}
+
+#[test]
+fn a_world_with_coarse_assets_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, split) = split_land(folder.path());
+    let verify = || verify_world(&split.index, &VerifyOptions::default(), &NoProgress).unwrap();
+    let report = verify();
+    let faults: Vec<&String> = report.coarse.iter().flat_map(|coarse| &coarse.faults).collect();
+    assert!(report.ok && faults.is_empty(), "{faults:?}");
+    assert_eq!(report.coarse.len(), split.world.coarse.len());
+
+    // But for edges at the outline of the whole, runs have their outlines.
+    let sector = sector_of_triangles(whole.mesh(), &split.sectors);
+    let outer: BTreeSet<Place> = border(whole.mesh()).into_iter().flatten().collect();
+    for coarse in &split.world.coarse {
+        let own = border(open_coarse(&split, coarse).mesh());
+        let outline = outline_of(whole.mesh(), &sector, &objects_of(&split.world, coarse));
+        let inner = outline.iter().filter(|ends| !ends.iter().any(|end| outer.contains(end)));
+        assert_eq!(inner.filter(|ends| !own.contains(*ends)).count(), 0, "{}", coarse.asset);
+    }
+
+    // A coarse asset of another run does not fit.
+    let place = |number: usize| World::place_of(&split.index, &split.world.coarse[number].asset);
+    std::fs::copy(place(1), place(0)).unwrap();
+    let report = verify();
+    assert!(!report.ok && report.coarse[1].ok);
+    let faults = &report.coarse[0].faults;
+    assert!(faults.iter().any(|fault| fault.contains("its border lacks")), "{faults:?}");
+    assert!(faults.iter().any(|fault| fault.contains("split the asset again")), "{faults:?}");
+    std::fs::remove_file(place(0)).unwrap();
+    assert!(verify().coarse[0].faults[0].contains("cannot read"));
+}
+
+const SIZE: [u32; 2] = [320, 240];
+
+fn picture(mesh: &Mesh, surface: &dyn Surface, camera: &Camera) -> Image {
+    let [width, height] = SIZE;
+    let background = Background::Color(Vec3::Z);
+    let shading = Shading::BaseColor;
+    let options =
+        RenderOptions { width, height, samples: 4, shading, background, ..RenderOptions::default() };
+    render(mesh, surface, camera, &Lights::default(), &options).unwrap().picture.to_srgb_image()
+}
+
+/// Whether a pixel shows what is behind everything, a blue that the landscape has not.
+fn is_background(image: &Image) -> Vec<bool> {
+    let Samples::U8(samples) = &image.samples else { panic!("bytes were expected") };
+    samples.chunks_exact(image.channels as usize).map(|p| p[2] > 230 && p[0] < 20 && p[1] < 20).collect()
+}
+
+/// Pixels of the background in a picture, at least so many pixels within what another one shows.
+fn holes(shown: &Image, expected: &Image, margin: usize) -> usize {
+    let [shown, expected] = [shown, expected].map(is_background);
+    let [columns, rows] = SIZE.map(|n| n as usize);
+    let is_inside = |x: usize, y: usize| {
+        let mut around =
+            (y - margin..=y + margin).flat_map(|y| (x - margin..=x + margin).map(move |x| (x, y)));
+        !around.any(|(x, y)| expected[y * columns + x])
+    };
+    let pixels = (margin..rows - margin).flat_map(|y| (margin..columns - margin).map(move |x| (x, y)));
+    pixels.filter(|&(x, y)| shown[y * columns + x] && is_inside(x, y)).count()
+}
+
+#[test]
+fn with_little_memory_coarse_assets_are_rendered_without_gaps() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, split) = split_land(folder.path());
+    let [low, high] = split.world.bounds().unwrap();
+    let (middle, size) = (0.5 * (low + high), (high - low).length());
+    let from = |direction: DVec3| Camera {
+        eye: middle + direction * size,
+        target: middle,
+        up: DVec3::Y,
+        fov_degrees: 40.0,
+    };
+    let (far, near) = (from(DVec3::new(0.2, 0.9, 0.4)), from(DVec3::new(0.1, 0.25, 0.15)));
+    let cache = PageCache::new(Arc::clone(whole.shared()), 64 << 20);
+    let surface = FanSurface::of_asset(&cache, FilterOptions::default());
+    // As the choice counts them: 256 bytes per triangle and 4 per texel. The last one stands for all.
+    let bytes = |coarse: &WorldCoarse| coarse.triangles * 256 + coarse.texels * 4;
+    let all: u64 = split.world.coarse.iter().map(bytes).sum();
+    let alone = bytes(split.world.coarse.last().unwrap());
+    for (camera, budget, least, psnr_least) in
+        [(&far, all, 1, 30.0), (&far, alone, 1, 25.0), (&near, all, 2, 25.0), (&near, alone, 1, 20.0)]
+    {
+        let expected = picture(whole.mesh(), &surface, camera);
+        // Meshes get half.
+        let scene = WorldScene::open(&split.index, &split.world, camera, SIZE, 2 * budget).unwrap();
+        let [wholes, previews, coarse] = scene.counts();
+        assert!(wholes == 0 && previews == 0 && coarse >= least, "{wholes} {previews} {coarse}");
+        let shown = picture(scene.mesh(), &scene.surface(FilterOptions::default()), camera);
+        assert_eq!(holes(&shown, &expected, 10), 0, "{coarse}");
+        let psnr = psnr_db(&shown, &expected).unwrap();
+        println!("{coarse} coarse assets: {psnr:.1} dB");
+        assert!(psnr > psnr_least, "{coarse}: {psnr} dB");
+    }
+    // With enough memory, it looks like the asset.
+    let expected = picture(whole.mesh(), &surface, &near);
+    let scene = WorldScene::open(&split.index, &split.world, &near, SIZE, 1 << 30).unwrap();
+    assert_eq!(scene.coarse(), 0);
+    let shown = picture(scene.mesh(), &scene.surface(FilterOptions::default()), &near);
+    let psnr = psnr_db(&shown, &expected).unwrap();
+    assert!(psnr > 33.0, "{psnr} dB");
+}
+
 #[test]
 fn open_borders_of_the_whole_are_simplified_and_those_between_sectors_stay() {
     let folder = tempfile::tempdir().unwrap();
@@ -257,7 +470,7 @@ fn dirty_meshes_are_split_as_they_are() {
         let whole = baked(folder.path(), dirty_mesh(seed), 60_000);
         assert!(verify_asset(whole.shared(), &VerifyOptions::default()).ok, "seed {seed}");
         let previews = SectorPreviews { triangles: Some(100), texels: Some(20_000) };
-        let options = SplitOptions { triangles: 250, previews: Some(previews), ..SplitOptions::default() };
+        let options = SplitOptions { triangles: 90, previews: Some(previews), ..SplitOptions::default() };
         let split = split_into(&whole, &folder.path().join("world"), &options);
         println!(
             "seed {seed}: {} sectors of {} triangles",
@@ -266,6 +479,7 @@ fn dirty_meshes_are_split_as_they_are() {
         );
         assert_sectors_are_the_whole(&whole, &split.sectors);
         split.sectors.iter().for_each(|sector| drop(preview_of(sector)));
+        split.world.coarse.iter().for_each(|coarse| drop(open_coarse(&split, coarse)));
         // Edges of more than two triangles that are no two leaves tie their triangles together, but not the whole sheet.
         assert!(split.sectors.len() > 1 || seed % 2 == 1, "seed {seed}");
     }

@@ -14,11 +14,12 @@ use fantex::gpu::{
 use fantex::mesh::generate::{LandscapeOptions, icosphere, landscape};
 use fantex::mesh::{Material, Model};
 use fantex::scene::{Background, Camera, FilterOptions, Lights, Shading, world_bounds};
+use fantex::stream::FrameOptions;
 use fantex::texture::compare::psnr_db;
 use fantex::texture::{Image, Samples};
 use fantex::{
     Asset, Baker, Mesh, NoProgress, Preview, PreviewOptions, Source, SplitOptions, StreamedWorld, World,
-    WorldObject, WorldOptions, WorldPreview, split,
+    WorldCoarse, WorldObject, WorldOptions, WorldPreview, split,
 };
 use glam::{DVec3, Vec3, Vec4};
 
@@ -74,8 +75,8 @@ fn ball(folder: &Path, name: &str, center: DVec3, radius: f64) -> WorldObject {
     }
 }
 
-/// A landscape with tunnels and arches, of 40 000 triangles, split into sectors of 4000.
-fn split_landscape(folder: &Path) -> (PathBuf, PathBuf) {
+/// A landscape with tunnels and arches, of 40 000 triangles, split into sectors of so many.
+fn split_landscape(folder: &Path, sector_triangles: usize) -> (PathBuf, PathBuf) {
     let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() });
     let model = Model {
         positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
@@ -91,7 +92,7 @@ fn split_landscape(folder: &Path) -> (PathBuf, PathBuf) {
     };
     let source = Source::function(move |point| color(point.position));
     Baker::new(&mesh).texels(1_000_000).source(source).write(&path).unwrap();
-    let options = SplitOptions { triangles: 4000, ..SplitOptions::default() };
+    let options = SplitOptions { triangles: sector_triangles, ..SplitOptions::default() };
     let asset = Asset::open(&path).unwrap();
     let split = split(asset.shared(), &folder.join("sectors"), &options, &NoProgress).unwrap();
     (path, split.index)
@@ -103,7 +104,7 @@ fn two_balls(folder: &Path) -> (PathBuf, World) {
         ball(folder, "large.fan", DVec3::ZERO, 1.0),
         ball(folder, "small.fan", DVec3::new(3.0, 0.4, -0.3), 0.3),
     ];
-    let (index, world) = (folder.join("balls.fanworld"), World { objects });
+    let (index, world) = (folder.join("balls.fanworld"), World { objects, ..World::default() });
     world.write(&index).unwrap();
     (index, World::open(folder.join("balls.fanworld")).unwrap())
 }
@@ -164,7 +165,8 @@ fn what_is_near_is_the_asset_itself_and_what_is_far_its_preview() {
     assert_eq!(counts(&world), [0, 2, 0]);
     // Where there are no previews, everything is whole; from afar nobody sees a difference.
     let without = |object: &WorldObject| WorldObject { preview: None, ..object.clone() };
-    let whole = World { objects: world.world().objects.iter().map(without).collect() };
+    let objects = world.world().objects.iter().map(without).collect();
+    let whole = World { objects, ..World::default() };
     let mut whole = StreamedWorld::new(&index, Arc::new(whole), WorldOptions::default()).unwrap();
     let expected = settled(&gpu, &mut whole, &far);
     assert_eq!(counts(&whole), [2, 0, 0]);
@@ -213,7 +215,7 @@ fn an_asset_that_is_gone_is_named_and_the_others_are_shown() {
 fn sectors_are_the_whole_and_fit_together_with_previews() {
     let Some(gpu) = gpu() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (path, index) = split_landscape(folder.path());
+    let (path, index) = split_landscape(folder.path(), 4000);
     let world = World::open(&index).unwrap();
     let [low, high] = world.bounds().unwrap();
     let (middle, size) = (0.5 * (low + high), (high - low).length());
@@ -225,7 +227,8 @@ fn sectors_are_the_whole_and_fit_together_with_previews() {
     };
     let expected = alone(&gpu, &path, &above);
     let without = |object: &WorldObject| WorldObject { preview: None, ..object.clone() };
-    let whole = World { objects: world.objects.iter().map(without).collect() };
+    let objects = world.objects.iter().map(without).collect();
+    let whole = World { objects, ..World::default() };
     let mut whole = StreamedWorld::new(&index, Arc::new(whole), WorldOptions::default()).unwrap();
     let shown = settled(&gpu, &mut whole, &above);
     assert_eq!(counts(&whole), [world.objects.len(), 0, 0]);
@@ -249,6 +252,50 @@ fn sectors_are_the_whole_and_fit_together_with_previews() {
         shown[at] && !around.iter().any(|&at| expected[at])
     });
     assert_eq!(holes.count(), 0);
+}
+
+#[test]
+fn coarse_assets_stand_in_for_their_parts() {
+    let Some(gpu) = gpu() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (path, index) = split_landscape(folder.path(), 1000);
+    let world = World::open(&index).unwrap();
+    let [low, high] = world.bounds().unwrap();
+    let (middle, size) = (0.5 * (low + high), (high - low).length());
+    let above = Camera {
+        eye: middle + DVec3::new(0.1, 0.4, 0.2) * size,
+        target: middle,
+        up: DVec3::Y,
+        fov_degrees: 40.0,
+    };
+    let expected = alone(&gpu, &path, &above);
+    // As the choice counts them: 256 bytes per triangle and 4 per texel.
+    let bytes = |coarse: &WorldCoarse| coarse.triangles * 256 + coarse.texels * 4;
+    let coarse_bytes: u64 = world.coarse.iter().map(bytes).sum();
+    let little = WorldOptions { geometry_bytes: coarse_bytes, ..WorldOptions::default() };
+    let parts = world.coarse.len() - 1;
+    let mut world = StreamedWorld::new(&index, Arc::new(world), little).unwrap();
+    let shown = settled(&gpu, &mut world, &above);
+    let statistics = world.statistics();
+    assert_eq!((counts(&world), statistics.coarse), ([0, 0, 0], parts));
+    assert!(statistics.geometry_bytes <= coarse_bytes, "{}", statistics.geometry_bytes);
+    let psnr = psnr_db(&shown, &expected).unwrap();
+    assert!(psnr > 20.0, "coarse: {psnr} dB");
+    // With more memory the parts come; until all of one are there, their coarse asset is drawn.
+    world.set_options(WorldOptions::default());
+    for _ in 0..3 {
+        world.advance(&gpu, &above, SIZE, FrameOptions::default()).unwrap();
+        assert!(world.statistics().coarse > 0, "{:?}", world.statistics());
+    }
+    let shown = settled(&gpu, &mut world, &above);
+    let [whole, previews, failed] = counts(&world);
+    assert!(whole + previews > 16 && failed == 0, "{whole} {previews} {failed}");
+    let psnr = psnr_db(&shown, &expected).unwrap();
+    assert!(psnr > 30.0, "{psnr} dB");
+    // And back: the coarse assets are still there.
+    world.set_options(little);
+    world.advance(&gpu, &above, SIZE, FrameOptions::default()).unwrap();
+    assert_eq!((counts(&world), world.statistics().coarse), ([0, 0, 0], parts));
 }
 
 /// Whether a pixel shows what is behind everything, a blue that the landscape has not.

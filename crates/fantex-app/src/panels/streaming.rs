@@ -73,6 +73,7 @@ fn show_objects(ui: &mut Ui, objects: &ObjectFigures) {
         [
             ("Whole", grouped(objects.whole)),
             ("By their previews", grouped(objects.previews)),
+            ("Coarse, each for several", grouped(objects.coarse)),
             ("To come", grouped(objects.missing)),
             ("Triangles", grouped(objects.triangles)),
             ("Geometry", bytes_text(objects.geometry_bytes as f64)),

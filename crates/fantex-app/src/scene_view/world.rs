@@ -64,6 +64,7 @@ impl WorldScene {
         figures.objects = Some(ObjectFigures {
             whole: now.whole as u64,
             previews: now.previews as u64,
+            coarse: now.coarse as u64,
             missing: now.missing as u64,
             triangles: now.triangles,
             geometry_bytes: now.geometry_bytes,

@@ -6,7 +6,7 @@ use clap::Args;
 use fantex::base::uri_escaped;
 use fantex::store::Asset;
 use fantex::stream::{open_preview, url_of};
-use fantex::{Error, Result, World, WorldObject};
+use fantex::{Error, Result, World};
 use fantex_web::Page;
 use serde::Serialize;
 
@@ -95,14 +95,17 @@ fn add_assets(site: &mut Site, index: &Path, context: &Context) -> Result<()> {
     let world = World::open(index)?;
     world.space_to_show(index)?;
     let mut elsewhere = 0;
-    for object in &world.objects {
-        let place = World::asset_place(index, object);
+    for (node, asset) in world.assets().enumerate() {
+        let place = World::place_of(index, asset);
         if url_of(&place).is_some() {
             elsewhere += 1;
             continue;
         }
-        let name = path_below(index, object)?;
-        drop(open_preview(&place)?);
+        let name = path_below(index, asset)?;
+        match node < world.objects.len() {
+            true => drop(open_preview(&place)?),
+            false => drop(World::open_coarse(&place)?),
+        }
         site.add(&name, Content::File(place));
     }
     if elsewhere > 0 {
@@ -116,9 +119,9 @@ fn add_assets(site: &mut Site, index: &Path, context: &Context) -> Result<()> {
 }
 
 /// Where an asset of a world lies on a server, below the folder of the index.
-pub(crate) fn path_below(index: &Path, object: &WorldObject) -> Result<String> {
-    object.path_below().ok_or_else(|| {
-        let (index, asset) = (index.display(), &object.asset);
+pub(crate) fn path_below(index: &Path, asset: &str) -> Result<String> {
+    World::path_below(asset).ok_or_else(|| {
+        let index = index.display();
         Error::unsupported(format!(
             "{index} names {asset}, which does not lie below its folder and so has no address below that of the index; copy it there"
         ))

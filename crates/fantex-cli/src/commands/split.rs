@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::{Error, Result, SectorPreviews, SplitOptions, split};
+use fantex::{Error, Result, SectorPreviews, SplitOptions, World, split};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -22,7 +22,8 @@ Example:
 
 The folder gets the sectors, sector-0001.fan and so on, and when all are there the index, named after the asset. Sectors show what the
 whole shows, to the last bit: tiles are copied, those at borders into each sector that needs them. Their previews, by which they are
-shown far away, keep their borders, so that nothing shows through between them. See docs/worlds.md.")]
+shown far away, keep their borders, so that nothing shows through between them. More than 16 sectors also get coarse assets,
+coarse-0001.fan and so on, each of which is shown from still farther away in the place of up to 16. See docs/worlds.md.")]
 pub(crate) struct SplitArgs {
     /// The asset (.fan, also at an https://, s3:// or gs:// address), which stays as it is
     asset: PathBuf,
@@ -32,13 +33,13 @@ pub(crate) struct SplitArgs {
     /// Triangles of a sector, about
     #[arg(long, value_name = "N", default_value = "250k")]
     triangles: Count,
-    /// Triangles of a sector's preview, about [default: a 64th of the sector's, and what its border needs]
+    /// Triangles of a sector's preview and of a coarse asset, about [default: a 64th of a sector's, and what the border needs]
     #[arg(long, value_name = "N")]
     preview_triangles: Option<Count>,
-    /// Stored texels of a preview's finest level [default: a 64th of the sector's, at least 16 per triangle]
+    /// Stored texels of their finest level [default: a 64th of a sector's, at least 16 per triangle]
     #[arg(long, value_name = "N")]
     preview_texels: Option<Count>,
-    /// Make no previews
+    /// Make neither previews nor coarse assets
     #[arg(long, conflicts_with_all = ["preview_triangles", "preview_texels"])]
     no_previews: bool,
 }
@@ -56,6 +57,10 @@ struct SplitInfo {
     repeated_texels: u64,
     preview_triangles: u64,
     preview_texels: u64,
+    /// Assets that stand for several sectors.
+    coarse: u64,
+    coarse_triangles: u64,
+    coarse_bytes: u64,
     seconds: f64,
 }
 
@@ -77,7 +82,7 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
         let _deferral = context.defer_interrupt();
         split(&asset, &args.output, &options, &context.progress("split"))?
     };
-    let objects = &written.world.objects;
+    let World { objects, coarse } = &written.world;
     let previews = || objects.iter().filter_map(|object| object.preview);
     let info = SplitInfo {
         index: written.index,
@@ -88,11 +93,21 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
         repeated_texels: written.repeated_texels,
         preview_triangles: previews().map(|preview| preview.triangles).sum(),
         preview_texels: previews().map(|preview| preview.texels).sum(),
+        coarse: coarse.len() as u64,
+        coarse_triangles: coarse.iter().map(|coarse| coarse.triangles).sum(),
+        coarse_bytes: coarse.iter().map(|coarse| coarse.bytes).sum(),
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
+        let coarse = match info.coarse {
+            0 => String::new(),
+            count => {
+                let triangles = grouped(info.coarse_triangles);
+                format!("{} of {triangles} triangles, ", counted(count, "coarse asset"))
+            }
+        };
         format!(
-            "{}: {} of {} triangles, {} (the asset: {}), previews of {} triangles, {:.1} s\n",
+            "{}: {} of {} triangles, {} (the asset: {}), previews of {} triangles, {coarse}{:.1} s\n",
             info.index.display(),
             counted(info.sectors, "sector"),
             grouped(info.triangles),

@@ -49,6 +49,8 @@ struct WorldChange {
     added: u64,
     updated: u64,
     removed: u64,
+    /// Coarse assets that showed what has changed or is gone; their files stay.
+    coarse_removed: u64,
     previews_made: u64,
     #[serde(flatten)]
     world: WorldInfo,
@@ -62,6 +64,7 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
         true => open_to_change(&args.index)?,
         false => World::default(),
     };
+    let coarse_before = world.coarse.len();
     let mut removed = 0;
     for asset in &args.remove {
         remove(&mut world, &args.index, asset)?;
@@ -83,11 +86,20 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
             *if is_update { &mut updated } else { &mut added } += 1;
         }
     }
+    let coarse_removed = (coarse_before - world.coarse.len()) as u64;
+    if coarse_removed > 0 {
+        context.note(format!(
+            "{} showed what has changed and went from the index, so views from afar take more memory; 'fantex split' of the whole asset makes \
+             them anew",
+            counted(coarse_removed, "coarse asset")
+        ));
+    }
     world.write(&args.index)?;
     let seconds = started.elapsed().as_secs_f64();
     let index = args.index.clone();
     let info = WorldInfo::of(&world);
-    let change = WorldChange { index, added, updated, removed, previews_made, world: info, seconds };
+    let change =
+        WorldChange { index, added, updated, removed, coarse_removed, previews_made, world: info, seconds };
     context.print(&change, |change| {
         let WorldChange { added, updated, removed, world, .. } = change;
         let counts = format!("{added} added, {updated} updated, {removed} removed");
@@ -119,9 +131,7 @@ fn remove(world: &mut World, index: &Path, asset: &Path) -> Result<()> {
     let name = World::name_of(index, asset).ok();
     let is_it =
         |object: &WorldObject| Path::new(&object.asset) == asset || Some(&object.asset) == name.as_ref();
-    let before = world.objects.len();
-    world.objects.retain(|object| !is_it(object));
-    if world.objects.len() == before {
+    if world.remove(is_it) == 0 {
         let (index, asset) = (index.display(), asset.display());
         return Err(Error::not_found(format!("{index} has no asset {asset} that could be removed")));
     }
@@ -164,6 +174,11 @@ struct WorldInfo {
     preview_texels: u64,
     /// The coarsest, world units.
     preview_detail: Option<f64>,
+    /// Assets that stand for several of the others.
+    coarse: u64,
+    coarse_triangles: u64,
+    coarse_texels: u64,
+    coarse_bytes: u64,
     assets: Vec<String>,
 }
 
@@ -171,6 +186,7 @@ impl WorldInfo {
     fn of(world: &World) -> Self {
         let objects = || world.objects.iter();
         let previews = || objects().filter_map(|object| object.preview);
+        let coarse = || world.coarse.iter();
         let bounds = world.bounds();
         Self {
             kind: "world",
@@ -184,6 +200,10 @@ impl WorldInfo {
             preview_triangles: previews().map(|preview| preview.triangles).sum(),
             preview_texels: previews().map(|preview| preview.texels).sum(),
             preview_detail: previews().map(|preview| preview.detail).reduce(f64::max),
+            coarse: world.coarse.len() as u64,
+            coarse_triangles: coarse().map(|coarse| coarse.triangles).sum(),
+            coarse_texels: coarse().map(|coarse| coarse.texels).sum(),
+            coarse_bytes: coarse().map(|coarse| coarse.bytes).sum(),
             assets: objects().map(|object| object.asset.clone()).collect(),
         }
     }
@@ -208,6 +228,13 @@ pub(crate) fn print_world(world: &World, path: &Path, context: &Context) -> Resu
             .row("  triangles", grouped(info.preview_triangles))
             .row("  texels", grouped(info.preview_texels));
         table.rows("  coarsest detail", info.preview_detail.map(|detail| format!("{detail:.4}")));
+        if info.coarse > 0 {
+            table
+                .row("coarse assets", grouped(info.coarse))
+                .row("  triangles", grouped(info.coarse_triangles))
+                .row("  texels", grouped(info.coarse_texels))
+                .row("  bytes", format!("{} ({})", grouped(info.coarse_bytes), megabytes(info.coarse_bytes)));
+        }
         table.rows("asset", &info.assets);
         table.to_text()
     })
@@ -217,7 +244,8 @@ pub(crate) fn print_world(world: &World, path: &Path, context: &Context) -> Resu
 struct WorldVerifyInfo {
     ok: bool,
     objects: u64,
-    /// Of these, such with a fault.
+    coarse: u64,
+    /// Of both, such with a fault.
     faulty: u64,
     seam_edges: u64,
     largest_jump: f32,
@@ -239,7 +267,8 @@ pub(crate) fn verify_and_print(index: &Path, context: &Context) -> Result<()> {
     let info = WorldVerifyInfo {
         ok: report.ok,
         objects: report.objects.len() as u64,
-        faulty: report.objects.iter().filter(|object| !object.ok).count() as u64,
+        coarse: report.coarse.len() as u64,
+        faulty: report.objects.iter().chain(&report.coarse).filter(|object| !object.ok).count() as u64,
         seam_edges: report.seam_edges,
         largest_jump: report.largest_jump,
         bound: JUMP_BOUND,
@@ -259,7 +288,7 @@ pub(crate) fn verify_and_print(index: &Path, context: &Context) -> Result<()> {
 /// All faults, a sentence each.
 fn faults(report: &WorldReport) -> Vec<String> {
     let mut faults = Vec::new();
-    for object in &report.objects {
+    for object in report.objects.iter().chain(&report.coarse) {
         if let Some(found) = object.asset.as_ref().filter(|found| !found.ok) {
             faults.push(not_verified(&object.place, found).to_string());
         }
@@ -282,7 +311,8 @@ fn verify_text(info: &WorldVerifyInfo, index: &Path) -> String {
     table
         .row("world", index.display().to_string())
         .row("assets", grouped(info.objects))
-        .row("  with a fault", grouped(info.faulty))
+        .row("coarse assets", grouped(info.coarse))
+        .row("with a fault", grouped(info.faulty))
         .row("edges compared between them", grouped(info.seam_edges))
         .row("largest jump there", format!("{:.2e} (bound {:.0e})", info.largest_jump, info.bound))
         .row("result", if info.ok { "passed" } else { "NOT PASSED" });

@@ -176,28 +176,34 @@ fn a_world_comes_as_it_is_seen() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
-    let (model, asset, sectors) = (place("land.ply"), place("land.fan"), place("the sectors"));
+    let (model, asset) = (place("land.ply"), place("land.fan"));
     fantex(&["generate", "landscape", "-o", text(&model), "--triangles", "60k"]);
     fantex(&["bake", text(&model), "-o", text(&asset), "--source", "solid=landscape", "--texels", "1M"]);
-    fantex(&["split", text(&asset), "-o", text(&sectors), "--triangles", "15k"]);
-    let index = sectors.join("land.fanworld");
-    let (_server, served) = serve(&index, &[]);
-    browser.open(&served.url);
-    let (state, said) = browser.wait_for(&["sharp", "failed"]);
-    assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
-    let shown = browser.picture_after("Home", folder.path());
-    let expected = place("expected.png");
-    fantex(&["render", text(&index), "-o", text(&expected), "--size", &format!("{}x{}", SIZE[0], SIZE[1])]);
-    let decibels = psnr_db(&Image::load(&expected).unwrap(), &shown).unwrap();
-    println!("{decibels:.1} dB");
-    assert!(decibels > 38.0, "{decibels} dB");
+    // A few sectors, and so many that there are coarse assets.
+    for (triangles, has_coarse) in [("15k", false), ("3k", true)] {
+        let sectors = place(&format!("sectors of {triangles}"));
+        fantex(&["split", text(&asset), "-o", text(&sectors), "--triangles", triangles]);
+        assert_eq!(sectors.join("coarse-0001.fan").exists(), has_coarse);
+        let index = sectors.join("land.fanworld");
+        let (_server, served) = serve(&index, &[]);
+        browser.open(&served.url);
+        let (state, said) = browser.wait_for(&["sharp", "failed"]);
+        assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+        let shown = browser.picture_after("Home", folder.path());
+        let expected = place("expected.png");
+        let size = format!("{}x{}", SIZE[0], SIZE[1]);
+        fantex(&["render", text(&index), "-o", text(&expected), "--size", &size, "--force"]);
+        let decibels = psnr_db(&Image::load(&expected).unwrap(), &shown).unwrap();
+        println!("{triangles}: {decibels:.1} dB");
+        assert!(decibels > 38.0, "{decibels} dB");
 
-    // An asset that has gone is named; the others are shown.
-    std::fs::remove_file(sectors.join("sector-0001.fan")).unwrap();
-    browser.open(&served.url);
-    let (state, said) = browser.wait_for(&["sharp", "failed"]);
-    assert_eq!(state, "sharp");
-    assert!(said.contains("sector-0001.fan") && said.contains("404"), "{said}");
+        // An asset that has gone is named; the others are shown.
+        std::fs::remove_file(sectors.join("sector-0001.fan")).unwrap();
+        browser.open(&served.url);
+        let (state, said) = browser.wait_for(&["sharp", "failed"]);
+        assert_eq!(state, "sharp");
+        assert!(said.contains("sector-0001.fan") && said.contains("404"), "{said}");
+    }
 }
 
 #[test]

@@ -92,6 +92,73 @@ fn an_asset_is_split_and_verified() {
 }
 
 #[test]
+fn many_sectors_get_coarse_assets() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = land(folder.path());
+    let place = |name: &str| folder.path().join(name);
+    let (target, index) = (place("out"), place("out/land.fanworld"));
+    let info = json(&[&"split", &asset, &"-o", &target, &"--triangles", &"1k"]);
+    let sectors = info["sectors"].as_u64().unwrap();
+    // Runs of at most 16, and one above them.
+    let coarse = sectors.div_ceil(16) + 1;
+    assert!(coarse > 2, "{info}");
+    assert_eq!(info["coarse"], coarse);
+    let mut expected: Vec<String> = (1..=coarse).map(|number| format!("coarse-{number:04}.fan")).collect();
+    expected.push("land.fanworld".into());
+    expected.extend((1..=sectors).map(|number| format!("sector-{number:04}.fan")));
+    assert_eq!(files(&target), expected);
+    let world = json(&[&"info", &index]);
+    assert_eq!((&world["objects"], &world["coarse"]), (&info["sectors"], &info["coarse"]), "{world}");
+    for key in ["coarse_triangles", "coarse_bytes"] {
+        assert_eq!(world[key], info[key], "{key}");
+    }
+    assert!(
+        world["coarse_triangles"].as_u64().unwrap() * 2 < world["triangles"].as_u64().unwrap(),
+        "{world}"
+    );
+    let verified = json(&[&"verify", &index]);
+    assert_eq!((&verified["ok"], &verified["coarse"]), (&true.into(), &info["coarse"]), "{verified}");
+    let text = std::fs::read_to_string(&index).unwrap();
+    assert!(text.contains("\"version\": 2"), "{text}");
+
+    // The same bytes again, on another number of threads.
+    let again = place("again");
+    succeeds(&[&"split", &asset, &"-o", &again, &"--triangles", &"1k", &"--threads", &"1"]);
+    for name in &expected {
+        assert!(
+            std::fs::read(again.join(name)).unwrap() == std::fs::read(target.join(name)).unwrap(),
+            "{name}"
+        );
+    }
+
+    // Exports have the sectors alone; pages have all files.
+    let model = place("land.gltf");
+    assert_eq!(json(&[&"export", &index, &"-o", &model, &"--size", &"64"])["objects"], sectors);
+    if fantex_web::files().is_some() {
+        let page = place("page");
+        json(&[&"export", &index, &"-o", &page, &"--web"]);
+        assert!(expected.iter().all(|name| page.join(name).exists()), "{:?}", files(&page));
+    }
+
+    // What is read again and has not changed is shown as before; without a sector, what shows it goes.
+    let sector = target.join("sector-0001.fan");
+    assert_eq!(json(&[&"world", &index, &sector])["coarse_removed"], 0);
+    let removed = [&"world" as &dyn AsRef<OsStr>, &index, &"--remove", &sector];
+    assert_eq!(json(&removed)["coarse_removed"], 2);
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
+    std::fs::write(&index, text.replace("\"coarse-0001.fan\"", "\"coarse-0009.fan\"")).unwrap();
+    fails_to_verify(&index, &["cannot read", "coarse-0009.fan"]);
+    std::fs::write(&index, text.replacen("\"sector-0001.fan\"", "\"sector-0077.fan\"", 1)).unwrap();
+    fails(1, &["coarse-0001.fan", "sector-0001.fan, which is not in the world"], &[&"info", &index]);
+
+    // Fewer sectors need none.
+    let fewer = json(&[&"split", &asset, &"-o", &target, &"--triangles", &"8k", &"--force"]);
+    assert_eq!(fewer["coarse"], 0);
+    assert!(files(&target).iter().all(|name| !name.starts_with("coarse-")));
+    assert!(std::fs::read_to_string(&index).unwrap().contains("\"version\": 1"));
+}
+
+#[test]
 fn what_is_wrong_with_a_world_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let asset = land(folder.path());
@@ -130,7 +197,7 @@ fn what_is_wrong_with_a_world_is_said() {
     for (code, text, word) in [
         (1, "{", "is no world"),
         (1, "", "is no world"),
-        (1, &*sound.replace("\"version\": 1", "\"version\": 2"), "version 2"),
+        (1, &*sound.replace("\"version\": 1", "\"version\": 3"), "version 3"),
         (1, &*sound.replace("\"bytes\"", "\"colour\": 1, \"bytes\""), "colour"),
         (2, &*sound.replace("sector-0001", "../sector-0001"), "--allow-outside"),
     ] {

@@ -1,12 +1,13 @@
-//! A world on the GPU: what is near is whole and streamed, what is far is drawn by its preview, in a stated amount of memory.
+//! A world on the GPU: what is near is whole and streamed, what is far is drawn by its preview, what is farther by coarse assets that stand for
+//! several objects each, in a stated amount of memory.
 //!
 //! ```text
 //!  World, view --choose_objects--> what each object is to show            (fantex_stream, no GPU)
 //!                                     |  the most urgent first, a few at a time
 //!                                     v
-//!  threads, or tasks of a page: open, move into the world's space, bring to the device --> Preview | Whole
+//!  threads, or tasks of a page: open, move into the world's space, bring to the device --> Preview | Whole | Coarse
 //!                                     |
-//!  Model: draws what is there; a preview until its object has its texels
+//!  Model: draws what is there; a preview until its object has its texels, a coarse asset until all of its parts are there
 //! ```
 
 mod opening;
@@ -23,7 +24,7 @@ use fantex_stream::{
     FrameOptions, ObjectDetail, StreamStatistics, StreamView, ViewObject, World, choose_objects,
 };
 use glam::Vec3;
-use opening::{Opened, OpenedDetail, Order};
+use opening::{Opened, OpenedDetail, Order, What};
 
 use crate::{FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view};
 
@@ -38,7 +39,7 @@ const MAX_FILLING_SECONDS: f32 = 3.0;
 pub struct WorldOptions {
     /// Graphics memory for the texels of whole objects, bytes.
     pub pool_bytes: u64,
-    /// Main and graphics memory for meshes and covers, and for previews, bytes. What is being opened comes on top of it.
+    /// Main and graphics memory for meshes and covers, for previews and coarse assets, bytes. What is being opened comes on top of it.
     pub geometry_bytes: u64,
     /// How textures will be filtered.
     pub filter: FilterOptions,
@@ -58,16 +59,25 @@ pub struct WorldStatistics {
     pub whole: usize,
     /// Objects that are shown by their previews.
     pub previews: usize,
-    /// Objects and previews that the view needs and that are not there.
+    /// Coarse assets that are shown, each for several objects.
+    pub coarse: usize,
+    /// Objects, previews and coarse assets that the view needs and that are not there.
     pub missing: usize,
     /// Triangles that are drawn.
     pub triangles: u64,
-    /// Memory that is counted as taken by geometry and previews, bytes.
+    /// Memory that is counted as taken by geometry, previews and coarse assets, bytes.
     pub geometry_bytes: u64,
     /// Bytes of texels that went to the graphics memory since the start, and parcels of them.
     pub uploaded: [u64; 2],
-    /// Objects that could not be opened, and why.
+    /// Assets that could not be opened, and why.
     pub failed: Vec<(String, String)>,
+}
+
+impl WorldStatistics {
+    /// What is drawn: whole objects, previews, coarse assets, triangles.
+    fn drawn(&self) -> [u64; 4] {
+        [self.whole as u64, self.previews as u64, self.coarse as u64, self.triangles]
+    }
 }
 
 /// A world whose objects come and go with the view.
@@ -75,15 +85,19 @@ pub struct StreamedWorld {
     world: Arc<World>,
     index: PathBuf,
     space: ModelSpace,
+    /// Of the objects, then of the coarse assets.
     shapes: Vec<ViewObject>,
+    /// The same.
     objects: Vec<Object>,
+    /// Numbers of those that are part of no coarse asset.
+    roots: Vec<usize>,
     options: WorldOptions,
     /// Whole objects among which the pool is divided, a power of two.
     shares: u64,
     opened: (Sender<Opened>, Receiver<Opened>),
     opening: usize,
     statistics: WorldStatistics,
-    /// Objects that are drawn, the nearest first.
+    /// Objects and coarse assets that are drawn, the nearest first.
     drawn: Vec<usize>,
     /// Grows when other objects are drawn.
     revision: u64,
@@ -95,11 +109,14 @@ impl std::fmt::Debug for StreamedWorld {
     }
 }
 
-/// What there is of an object.
+/// What there is of an object, or of a coarse asset.
 #[derive(Default)]
 struct Object {
+    /// Its preview, or the coarse asset.
     preview: Slot<FanModel>,
     whole: Slot<Whole>,
+    /// The parts of the coarse asset are wanted in its place.
+    is_divided: bool,
 }
 
 struct Whole {
@@ -150,16 +167,19 @@ impl StreamedWorld {
     /// Nothing is there. `index` is where the world was read, a path or an address.
     ///
     /// # Errors
-    /// There is no object, or all lie in one point.
+    /// There is no object, or all lie in one point; coarse assets have [no parts that they can have](World::parts).
     pub fn new(index: &Path, world: Arc<World>, options: WorldOptions) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let shapes = world.view_objects(&space);
-        let boxes: Vec<_> = shapes.iter().map(|shape| shape.bounds).collect();
+        let shapes = world.view_objects(&space)?;
+        let boxes: Vec<_> = shapes[..world.objects.len()].iter().map(|shape| shape.bounds).collect();
+        let mut is_part = vec![false; shapes.len()];
+        shapes.iter().flat_map(|shape| &shape.parts).for_each(|&part| is_part[part] = true);
         Ok(Self {
             index: index.to_owned(),
             space: ModelSpace::of_boxes(space, &boxes),
             shapes,
-            objects: world.objects.iter().map(|_| Object::default()).collect(),
+            objects: is_part.iter().map(|_| Object::default()).collect(),
+            roots: (0..is_part.len()).filter(|&node| !is_part[node]).collect(),
             world,
             options,
             shares: 1,
@@ -186,13 +206,14 @@ impl StreamedWorld {
         self.objects.iter().filter_map(|object| Some(object.whole.get()?.streamed.streamer.statistics()))
     }
 
-    /// Share of what the view needs that is there, 0 to 1: objects and their previews, and tiles of those that are whole.
+    /// Share of what the view needs that is there, 0 to 1: objects, their previews and coarse assets, and tiles of objects that are whole.
     pub fn complete_share(&self) -> f64 {
-        let WorldStatistics { whole, previews, missing, .. } = &self.statistics;
-        let there = whole + previews;
+        let WorldStatistics { whole, previews, coarse, missing, .. } = &self.statistics;
+        let small = previews + coarse;
+        let there = whole + small;
         let objects = there as f64 / (there + missing).max(1) as f64;
         let tiles: f64 = self.streamers().map(|streamer| streamer.complete_share()).sum();
-        objects * (tiles + *previews as f64) / (self.streamers().count() + previews).max(1) as f64
+        objects * (tiles + small as f64) / (self.streamers().count() + small).max(1) as f64
     }
 
     /// What could not be opened or read: objects, and parts of those that are whole; and why the first of them could not be.
@@ -272,13 +293,14 @@ impl StreamedWorld {
         let view = stream_view(camera, size, &self.space);
         let shown: Vec<_> = self.objects.iter().map(Object::detail).collect();
         let choice = choose_objects(&self.shapes, &view, self.options.geometry_bytes, &shown);
-        for (object, &detail) in self.objects.iter_mut().zip(&choice.details) {
+        for ((object, shape), &detail) in self.objects.iter_mut().zip(&self.shapes).zip(&choice.details) {
             if detail < ObjectDetail::Whole {
                 object.whole.empty();
             }
             if detail < ObjectDetail::Preview {
                 object.preview.empty();
             }
+            object.is_divided = detail == ObjectDetail::Whole && !shape.parts.is_empty();
         }
         let missing = choice.order.iter().filter(|&&(index, detail)| self.lacks(index, detail)).copied();
         let missing: Vec<_> = missing.collect();
@@ -289,7 +311,8 @@ impl StreamedWorld {
                 self.open(gpu, index, detail)?;
             }
         }
-        let whole = choice.details.iter().filter(|&&detail| detail == ObjectDetail::Whole).count() as u64;
+        let wholes = choice.order.iter().filter(|(_, detail)| *detail == ObjectDetail::Whole);
+        let whole = wholes.count() as u64;
         self.shares = whole.max(1).next_power_of_two();
         let mut has_changed = self.stream(gpu, &view, frame)?;
         has_changed |= self.order_drawn(view.eye);
@@ -333,13 +356,26 @@ impl StreamedWorld {
         }
     }
 
-    /// Begins to open an object or its preview.
+    /// The name of an object's or a coarse asset's file in the index.
+    fn asset(&self, index: usize) -> &str {
+        match self.world.objects.get(index) {
+            Some(object) => &object.asset,
+            None => &self.world.coarse[index - self.world.objects.len()].asset,
+        }
+    }
+
+    /// Begins to open an object, its preview, or a coarse asset.
     fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) -> Result<()> {
         let is_whole = detail == ObjectDetail::Whole;
+        let what = match is_whole {
+            true => What::Whole,
+            false if index < self.world.objects.len() => What::Preview,
+            false => What::Coarse,
+        };
         let order = Order {
             object: index,
-            place: World::asset_place(&self.index, &self.world.objects[index]),
-            is_whole,
+            place: World::place_of(&self.index, self.asset(index)),
+            what,
             space: self.space.world_from_mesh,
             pool_bytes: self.options.pool_bytes / self.shares,
         };
@@ -381,22 +417,48 @@ impl StreamedWorld {
                 }
             };
             if let Some(error) = error {
-                self.statistics.failed.push((self.world.objects[index].asset.clone(), error));
+                let asset = self.asset(index).to_owned();
+                self.statistics.failed.push((asset, error));
             }
+        }
+    }
+
+    /// Whether an object or a coarse asset can be drawn, by itself or, where it is divided, by its parts.
+    fn is_there(&self, index: usize) -> bool {
+        self.objects[index].drawn().is_some() || (self.objects[index].is_divided && self.has_parts(index))
+    }
+
+    /// Whether all parts of a coarse asset are there.
+    fn has_parts(&self, index: usize) -> bool {
+        self.shapes[index].parts.iter().all(|&part| self.is_there(part))
+    }
+
+    /// Adds what is drawn of an object or a coarse asset: that itself until all of its parts are there; these, where it is not there itself.
+    fn add_drawn(&self, index: usize, drawn: &mut Vec<usize>) {
+        let object = &self.objects[index];
+        let is_divided = object.is_divided && self.has_parts(index);
+        if object.drawn().is_some() && !is_divided {
+            drawn.push(index);
+        } else {
+            self.shapes[index].parts.iter().for_each(|&part| self.add_drawn(part, drawn));
         }
     }
 
     /// Lists what is drawn, the nearest first. Returns whether that is something else than before.
     fn order_drawn(&mut self, eye: Vec3) -> bool {
-        let mut drawn: Vec<usize> =
-            (0..self.objects.len()).filter(|&index| self.objects[index].drawn().is_some()).collect();
+        let mut drawn = Vec::new();
+        self.roots.iter().for_each(|&root| self.add_drawn(root, &mut drawn));
         let distance = |index: &usize| self.shapes[*index].distance(eye);
         drawn.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
         let statistics = &mut self.statistics;
-        let before = (statistics.whole, statistics.previews, statistics.triangles);
-        (statistics.whole, statistics.previews, statistics.triangles) = (0, 0, 0);
+        let before = statistics.drawn();
+        (statistics.whole, statistics.previews, statistics.coarse, statistics.triangles) = (0, 0, 0, 0);
         for &index in &drawn {
-            let object = &self.world.objects[index];
+            let Some(object) = self.world.objects.get(index) else {
+                statistics.coarse += 1;
+                statistics.triangles += self.world.coarse[index - self.world.objects.len()].triangles;
+                continue;
+            };
             match self.objects[index].is_whole_drawn() {
                 true => {
                     (statistics.whole, statistics.triangles) =
@@ -408,8 +470,7 @@ impl StreamedWorld {
                 }
             }
         }
-        let has_changed = before != (statistics.whole, statistics.previews, statistics.triangles)
-            || drawn.len() != self.drawn.len();
+        let has_changed = before != statistics.drawn() || drawn.len() != self.drawn.len();
         self.revision += u64::from(has_changed);
         self.drawn = drawn;
         has_changed
@@ -423,6 +484,7 @@ impl StreamedWorld {
 impl Object {
     fn detail(&self) -> ObjectDetail {
         match (&self.whole, &self.preview) {
+            _ if self.is_divided => ObjectDetail::Whole,
             (Slot::There(_) | Slot::Opening, _) => ObjectDetail::Whole,
             (_, Slot::There(_) | Slot::Opening) => ObjectDetail::Preview,
             _ => ObjectDetail::Absent,

@@ -8,6 +8,8 @@ use fantex_base::Result;
 use fantex_cover::Cover;
 use fantex_mesh::{Mesh, WorldFromMesh};
 use fantex_store::Asset;
+#[cfg(target_arch = "wasm32")]
+use fantex_stream::MAX_COARSE_BYTES;
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Geometry, SurfaceSamples, World};
 
 use crate::{FanModel, Gpu, Model as _, StreamedModel};
@@ -18,12 +20,21 @@ pub(super) struct Order {
     pub(super) object: usize,
     /// Where its asset is.
     pub(super) place: PathBuf,
-    /// The asset; else its preview.
-    pub(super) is_whole: bool,
+    /// What of it.
+    pub(super) what: What,
     /// The space that all objects are drawn in.
     pub(super) space: WorldFromMesh,
     /// For texels of a whole one.
     pub(super) pool_bytes: u64,
+}
+
+/// What there is of objects and coarse assets.
+#[derive(Clone, Copy)]
+pub(super) enum What {
+    Preview,
+    Whole,
+    /// The coarse asset, which is small.
+    Coarse,
 }
 
 /// What has been opened.
@@ -33,6 +44,7 @@ pub(super) struct Opened {
 }
 
 pub(super) enum OpenedDetail {
+    /// A preview or a coarse asset.
     Preview(Result<Box<(FanModel, SurfaceSamples)>>),
     Whole(Result<Box<StreamedModel>>),
 }
@@ -45,12 +57,15 @@ pub(super) enum OpenedDetail {
 pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Result<()> {
     let (gpu, place) = (Arc::clone(gpu), order.place.clone());
     let open = move || {
-        let Order { object, place, is_whole, space, pool_bytes } = order;
-        let result = match is_whole {
-            true => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes).map(Box::new)),
-            false => OpenedDetail::Preview(
-                World::open_preview(&place).and_then(|preview| small(&gpu, preview, &space)).map(Box::new),
-            ),
+        let Order { object, place, what, space, pool_bytes } = order;
+        let in_memory = |asset: Result<Asset>| {
+            let small = asset.and_then(|asset| small(&gpu, asset, &space));
+            OpenedDetail::Preview(small.map(Box::new))
+        };
+        let result = match what {
+            What::Whole => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes).map(Box::new)),
+            What::Preview => in_memory(World::open_preview(&place)),
+            What::Coarse => in_memory(World::open_coarse(&place)),
         };
         // Whoever dropped the world does not want it.
         sender.send(Opened { object, result }).unwrap_or_default();
@@ -69,10 +84,17 @@ pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Res
 pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Result<()> {
     let gpu = Arc::clone(gpu);
     fantex_stream::read::spawn(async move {
-        let Order { object, place, is_whole, space, pool_bytes } = order;
-        let result = match is_whole {
-            true => OpenedDetail::Whole(fetch_whole(&gpu, &place, &space, pool_bytes).await.map(Box::new)),
-            false => OpenedDetail::Preview(fetch_small(&gpu, &place, &space).await.map(Box::new)),
+        let Order { object, place, what, space, pool_bytes } = order;
+        let in_memory = |asset: Result<Asset>| {
+            let small = asset.and_then(|asset| small(&gpu, asset, &space));
+            OpenedDetail::Preview(small.map(Box::new))
+        };
+        let result = match what {
+            What::Whole => {
+                OpenedDetail::Whole(fetch_whole(&gpu, &place, &space, pool_bytes).await.map(Box::new))
+            }
+            What::Preview => in_memory(fetch_preview(&place).await),
+            What::Coarse => in_memory(fetch_coarse(&place).await),
         };
         // Whoever dropped the world does not want it.
         sender.send(Opened { object, result }).unwrap_or_default();
@@ -110,9 +132,14 @@ async fn fetch_whole(
 }
 
 #[cfg(target_arch = "wasm32")]
-async fn fetch_small(gpu: &Gpu, place: &Path, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
+async fn fetch_preview(place: &Path) -> Result<Asset> {
     let preview = remote_file(place).start().await?.preview().await?;
-    small(gpu, preview.ok_or_else(|| World::no_preview(place))?, space)
+    preview.ok_or_else(|| World::no_preview(place))
+}
+
+#[cfg(target_arch = "wasm32")]
+async fn fetch_coarse(place: &Path) -> Result<Asset> {
+    World::coarse_from(place, remote_file(place).fetch_whole(MAX_COARSE_BYTES).await?)
 }
 
 #[cfg(target_arch = "wasm32")]
@@ -144,10 +171,10 @@ fn whole(
     StreamedModel::with_pages(gpu, asset, geometry_in(asset, space), Box::new(loader), pool_bytes)
 }
 
-/// A preview on the device, with all its texels.
-fn small(gpu: &Gpu, preview: Asset, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
-    let preview = Arc::new(preview);
-    let model = FanModel::complete(gpu, &preview, &*geometry_in(&preview, space))?;
+/// A preview or a coarse asset on the device, with all its texels.
+fn small(gpu: &Gpu, asset: Asset, space: &WorldFromMesh) -> Result<(FanModel, SurfaceSamples)> {
+    let asset = Arc::new(asset);
+    let model = FanModel::complete(gpu, &asset, &*geometry_in(&asset, space))?;
     let surface = SurfaceSamples::of(&model.space().points);
     Ok((model, surface))
 }

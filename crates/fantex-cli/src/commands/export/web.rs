@@ -138,13 +138,13 @@ impl Shown {
     /// read there.
     fn assets(&self, shown: &Path, name: &str) -> Result<Vec<(String, PathBuf)>> {
         let Self::World(world) = self else { return Ok(vec![(name.to_owned(), shown.to_owned())]) };
-        let below = world.objects.iter().filter(|object| url_of(Path::new(&object.asset)).is_none());
+        let below = world.assets().filter(|asset| url_of(Path::new(asset)).is_none());
         let mut seen = HashSet::new();
         let mut assets = Vec::new();
-        for object in below {
-            let path = path_below(shown, object)?;
+        for asset in below {
+            let path = path_below(shown, asset)?;
             if seen.insert(path.clone()) {
-                assets.push((path, World::asset_place(shown, object)));
+                assets.push((path, World::place_of(shown, asset)));
             }
         }
         Ok(assets)
