@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
+use crate::planes::{Fit, Planes};
 
 /// Two pieces are joined while they gain less strain than this per area, on the mean of all unions; a stretch of 10 % in both directions is a
 /// strain of 0.02.
