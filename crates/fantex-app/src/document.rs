@@ -122,7 +122,8 @@ pub enum ChannelChange {
 }
 
 impl ChannelChange {
-    /// Opens an asset to paint on, with this change. Where it cannot be made, the asset stays as it is, and the reason comes back, too.
+    /// Opens an asset to paint on, with this change. Where it cannot be made, the asset shows what it showed, and the reason comes back,
+    /// too.
     fn open(&self, path: &Path, options: &PaintOptions) -> Result<(Painter, Result<()>)> {
         let mut painter = Painter::open(path, options)?;
         let made = match self {

@@ -69,15 +69,16 @@ impl TileBaker<'_> {
     pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile> {
         let extent = self.cover.groups[group as usize].extent;
         let started = Instant::now();
+        let cut_out = self.cut_out(triangles);
         let triangles = self.texel_triangles(group, triangles);
         let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
         if extent.iter().all(|&n| n <= MAX_BLOCK_SIDE) {
             let block = TexelBlock { origin: [0, 0], extent };
-            let raster = self.evaluate(group, triangles, block, &mut tile)?;
+            let raster = self.evaluate(group, triangles, block, cut_out, &mut tile)?;
             self.finish_levels(group, 0, raster, &mut tile)?;
             self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         } else {
-            self.bake_blocks(group, extent, &triangles, &mut tile)?;
+            self.bake_blocks(group, &triangles, cut_out, &mut tile)?;
         }
         Ok(tile)
     }
@@ -97,20 +98,20 @@ impl TileBaker<'_> {
     fn bake_blocks(
         &self,
         group: u32,
-        extent: [u32; 2],
         triangles: &[TexelTriangle],
+        cut_out: Option<CutOut>,
         tile: &mut BakedTile,
     ) -> Result<()> {
-        let shared_extent = self.cover.groups[group as usize].level_extent(SHARED_LEVEL);
+        let shape = &self.cover.groups[group as usize];
+        let shared_extent = shape.level_extent(SHARED_LEVEL);
         let margin = if self.noisy_light().is_some() { NOISY_MARGIN } else { BLOCK_MARGIN };
-        let blocks = TileBlock::all(extent, margin);
+        let blocks = TileBlock::all(shape.extent, margin);
         let at_once = (self.in_work / u64::from(MAX_BLOCK_SIDE).pow(2)).max(1) as usize;
         let mut baked = Vec::with_capacity(blocks.len());
         for blocks in blocks.chunks(at_once) {
-            let bake = |block: &TileBlock| self.bake_block(group, triangles, block);
+            let bake = |block: &TileBlock| self.bake_block(group, triangles, block, cut_out);
             baked.append(&mut blocks.par_iter().map(bake).collect::<Result<Vec<_>>>()?);
         }
-        let cut_out = self.cut_out(triangles);
         let mut shared = Raster { cut_out, ..self.empty_raster(shared_extent) };
         let known: Vec<f32> = baked.iter().filter_map(|(block, ..)| block.covered).collect();
         tile.covered = (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32);
@@ -130,12 +131,13 @@ impl TileBaker<'_> {
         group: u32,
         triangles: &[TexelTriangle],
         block: &TileBlock,
+        cut_out: Option<CutOut>,
     ) -> Result<(BakedTile, Raster, [u32; 2])> {
         self.meter.check()?;
         let near: Vec<TexelTriangle> =
             triangles.iter().filter(|t| t.touches(block.around)).copied().collect();
         let mut tile = BakedTile::default();
-        let mut raster = self.evaluate(group, near, block.around, &mut tile)?;
+        let mut raster = self.evaluate(group, near, block.around, cut_out, &mut tile)?;
         for level in 0..SHARED_LEVEL {
             self.encode_level(group, level, &raster, block.at_level(level), &mut tile)?;
             raster = raster.halved(block.halved(level, raster.extent));
@@ -150,12 +152,12 @@ impl TileBaker<'_> {
         group: u32,
         triangles: Vec<TexelTriangle>,
         block: TexelBlock,
+        cut_out: Option<CutOut>,
         tile: &mut BakedTile,
     ) -> Result<Raster> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
-        let cut_out = self.cut_out(&footprints.triangles);
         let mut raster = Raster { cut_out, ..self.empty_raster(block.extent) };
         let channels = self.plans.len();
         let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
@@ -357,9 +359,9 @@ impl TileBaker<'_> {
         Raster::empty(extent, self.plans.len(), self.plans.iter().position(|p| p.has_alpha))
     }
 
-    /// Where all triangles are cut-outs of the same threshold.
-    fn cut_out(&self, triangles: &[TexelTriangle]) -> Option<CutOut> {
-        let modes = triangles.iter().map(|triangle| self.mesh.alpha_mode(triangle.triangle as usize));
+    /// Where all triangles of a tile are cut-outs of the same threshold.
+    fn cut_out(&self, triangles: &[u32]) -> Option<CutOut> {
+        let modes = triangles.iter().map(|&triangle| self.mesh.alpha_mode(triangle as usize));
         CutOut::of_all(modes, self.source.has_shares())
     }
 
@@ -558,7 +560,7 @@ mod tests {
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let raster = |block| {
             let triangles = baker.texel_triangles(0, &all);
-            baker.evaluate(0, triangles, block, &mut BakedTile::default()).unwrap()
+            baker.evaluate(0, triangles, block, None, &mut BakedTile::default()).unwrap()
         };
         let extent = cover.groups[0].extent;
         let whole = raster(TexelBlock { origin: [0, 0], extent });

@@ -181,6 +181,16 @@ impl Mesh {
         self.materials.get(self.material_of(triangle)).map(|material| material.alpha).unwrap_or_default()
     }
 
+    /// Lets all materials take alpha so; a mesh without any gets a plain one. False where they do already.
+    pub fn set_alpha_mode(&mut self, alpha: AlphaMode) -> bool {
+        if self.materials.is_empty() {
+            self.materials.push(Material::default());
+        }
+        let is_changed = self.materials.iter().any(|material| material.alpha != alpha);
+        self.materials.iter_mut().for_each(|material| material.alpha = alpha);
+        is_changed
+    }
+
     /// Surface area in square mesh units, summed in double precision.
     pub fn area(&self) -> f64 {
         (0..self.triangles.len()).map(|t| self.triangle_area(t)).sum()

@@ -2,19 +2,20 @@
 //!
 //! Texels that are averaged anew differ a little from those of the bake. So coarser pages under layers are put aside like those of
 //! level 0 (`layers.rs`), and come back block by block: where all finer texels that a block is made of are the base's, so is
-//! the block. Those of a cut-out come back where all of its tile is the base's. A stroke on the base brings them up to date.
+//! the block. Those of a cut-out come back where all of level 0 that their scale is found from is the base's (`cut_outs.rs`). A stroke
+//! on the base brings them up to date.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use fantex_base::Result;
-use fantex_store::{AssetEditor, Channel, PageId, group_pages, page_extent, page_origin};
+use fantex_store::{AssetEditor, Channel, PageId, page_extent, page_origin};
 
 use crate::composite::copy_blocks;
-use crate::cut_outs::cut_out_of;
+use crate::cut_outs::{cut_out_of, made_of};
 use crate::history::PageStep;
-use crate::layers::{base_bytes, base_mean_name, base_name, base_page_of_suffix, prefix};
-use crate::levels::{CoarserLevels, dirty_levels, fine_rect, pages_of, pages_read};
+use crate::layers::{base_bytes, base_mean_name, base_name, base_page, base_page_of_suffix, prefix};
+use crate::levels::{CoarserLevels, fine_rect, pages_of};
 use crate::painter::Changes;
 use crate::texel_page::{Rect, blocks_of};
 use crate::{Painter, Target};
@@ -48,10 +49,10 @@ impl Painter {
         // Of finer pages.
         let mut layered: BTreeMap<PageId, Vec<Vec<Rect>>> = BTreeMap::new();
         let ids: Vec<PageId> = steps.keys().copied().collect();
-        let cut_out = match ids.first() {
-            Some(id) => self.shown_cut_out(id.group)?,
-            None => None,
-        };
+        let group = ids.first().map(|id| id.group);
+        let cut_out = group.and_then(|group| cut_out_of(&self.surface, self.editor.asset(), group));
+        // Of parts of level 0, by their corners.
+        let mut is_base_below: BTreeMap<[[u32; 2]; 2], bool> = BTreeMap::new();
         for id in ids {
             let Some(mut step) = steps.remove(&id) else { continue };
             let base = self.base_of(id)?;
@@ -59,7 +60,12 @@ impl Painter {
             let [fine, coarse] = [shape.level_extent(id.level - 1), shape.level_extent(id.level)];
             let extent = page_extent(coarse, id.page);
             for (channel, _, after) in &mut step.channels {
-                if let Some((_, is_base)) = cut_out.filter(|(alpha, _)| *alpha == *channel) {
+                if cut_out.is_some_and(|(_, alpha)| alpha == *channel) {
+                    let part = made_of(&shape, id);
+                    let is_base = match is_base_below.entry([part.low, part.high]) {
+                        Entry::Occupied(known) => *known.get(),
+                        Entry::Vacant(new) => *new.insert(self.is_base(id.group, *channel, part)?),
+                    };
                     if is_base {
                         after.clone_from(&base[*channel]);
                     }
@@ -88,18 +94,24 @@ impl Painter {
         Ok(())
     }
 
-    /// The channel that has the alpha of a tile that is a cut-out, and whether at level 0 it shows nothing but the base.
-    fn shown_cut_out(&self, group: u32) -> Result<Option<(usize, bool)>> {
+    /// Whether a part of level 0 shows nothing but the base in a channel.
+    fn is_base(&self, group: u32, channel: usize, part: Rect) -> Result<bool> {
         let asset = self.editor.asset();
-        let Some((_, channel)) = cut_out_of(&self.surface, asset, group) else { return Ok(None) };
-        for id in group_pages(group, &asset.cover().groups[group as usize]).take_while(|id| id.level == 0) {
-            if self.editor.has_attachment(&base_name(id))
-                && self.base_of(id)?[channel] != self.editor.read_page_raw(channel, id)?
-            {
-                return Ok(Some((channel, false)));
+        let shape = &asset.cover().groups[group as usize];
+        for id in pages_of(part).map(|page| PageId { group, level: 0, page }) {
+            if !self.editor.has_attachment(&base_name(id)) {
+                continue;
+            }
+            let [shown, base] =
+                [self.editor.read_page_raw(channel, id)?, base_page(&self.editor, channel, id)?];
+            let extent = page_extent(shape.extent, id.page);
+            let blocks = differing_blocks(&asset.channels()[channel], extent, &shown, &base);
+            let origin = page_origin(id.page);
+            if blocks.into_iter().any(|block| !block.moved(origin).intersection(part).is_empty()) {
+                return Ok(false);
             }
         }
-        Ok(Some((channel, true)))
+        Ok(true)
     }
 
     /// The blocks of a page that differ from the base, per channel, in texels of its level.
@@ -178,18 +190,8 @@ impl Painter {
                 continue;
             }
             let groups = BTreeMap::from([(group, dirty.clone())]);
-            let mut work = self.level_work(Changes { groups, is_base: false }, channels);
-            let levels = dirty_levels(&self.surface, group, dirty.clone());
-            let mut read = pages_read(&self.surface, group, &levels);
-            if work.cut_out(group).is_some() {
-                // All levels of the tile are made anew.
-                let shape = self.surface.cover().groups[group as usize];
-                read = group_pages(group, &shape).collect();
-            }
-            for id in read {
-                work.base.insert(id, self.base_of(id)?);
-            }
-            for (_, result) in work.run(&mut self.maps)? {
+            let work = self.level_work(Changes { groups, is_base: false }, channels);
+            for (_, result) in work.run(Some(&self.editor), &mut self.maps)? {
                 let mut bases: BTreeMap<PageId, Vec<Vec<u8>>> = BTreeMap::new();
                 for change in result.pages {
                     let base = match bases.entry(change.id) {
@@ -242,7 +244,7 @@ pub(crate) fn with_added_channels(
         if known == contents.len() {
             contents.extend(editor.read_page_raw(channel, id)?);
         }
-        known += editor.asset().channels()[channel].format.bytes(editor.asset().page_extent(channel, id)?);
+        known += editor.asset().page_bytes(channel, id)?;
     }
     Ok(contents)
 }

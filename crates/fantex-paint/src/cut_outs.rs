@@ -3,8 +3,9 @@
 //! In a mean of alpha, holes that are smaller than a texel close, and what is thinner than a texel goes. So the levels of a tile whose
 //! triangles are all cut-outs of one threshold are made as in the bake (`fantex_texture::levels`): means of level 0, with the alpha of
 //! each level scaled so that the same share of the tile is there. One factor holds for all of a level, so whatever changes in the tile,
-//! its levels are made anew as a whole; in tiles that the bake cuts into blocks, the levels of these that something changes in, and the
-//! levels from which on the tile is whole. Where materials of one tile differ, the coarser levels hold the mean, as in the bake.
+//! its levels are made anew as a whole. In tiles that the bake cuts into blocks, the levels finer than [`SHARED_LEVEL`] have a factor per
+//! block, and are made anew in blocks that something changes in; from that level on the tile is whole. Where materials of one tile
+//! differ, its coarser levels hold the mean, in all blocks, as in the bake.
 
 use std::sync::Arc;
 
@@ -20,7 +21,7 @@ use crate::composite::replace_blocks;
 use crate::levels::{CoarserLevels, Dirty, LevelJob, PageChange, continue_values, page_rect, pages_of};
 use crate::painter::Changes;
 use crate::texel_page::{Rect, TexelPage};
-use crate::{Painter, Surface};
+use crate::{History, Painter, Surface};
 
 /// What a tile is a cut-out of, and the channel that has its alpha.
 pub(crate) fn cut_out_of(surface: &Surface, asset: &Asset, group: u32) -> Option<(CutOut, usize)> {
@@ -38,6 +39,34 @@ pub(crate) fn maps_read(shape: &Group, group: u32) -> impl Iterator<Item = PageI
 
 fn is_one_block(shape: &Group) -> bool {
     shape.extent.iter().all(|&n| n <= MAX_BLOCK_SIDE)
+}
+
+/// What a texel in work takes: its value, the levels above it, and what the scale of alpha is found from.
+const WORKING_BYTES_PER_TEXEL: usize = 48;
+
+/// The same for the largest block.
+const WORKING_BYTES_PER_BLOCK: usize =
+    WORKING_BYTES_PER_TEXEL * ((MAX_BLOCK_SIDE + 2 * BLOCK_MARGIN) as usize).pow(2);
+
+/// What a tile in work takes: one that is cut into blocks, all of the budget, as so many of them are in work at once.
+pub(crate) fn working_bytes(shape: &Group, budget_bytes: usize) -> usize {
+    if is_one_block(shape) { WORKING_BYTES_PER_TEXEL * shape.texels() as usize } else { budget_bytes }
+}
+
+/// The texels of level 0 that a page of a coarser level and its factor are made of.
+pub(crate) fn made_of(shape: &Group, id: PageId) -> Rect {
+    let holds = |block: &TileBlock| {
+        let BlockPart { first, size, .. } = block.at_level(id.level);
+        let origin = page_origin(id.page);
+        (0..2).all(|k| (first[k]..first[k] + size[k]).contains(&origin[k]))
+    };
+    let is_whole = is_one_block(shape) || id.level >= SHARED_LEVEL;
+    let blocks = if is_whole { Vec::new() } else { TileBlock::all(shape.extent, BLOCK_MARGIN) };
+    blocks.into_iter().find(holds).map_or(Rect::of(shape.extent), |block| rect_of(block.around))
+}
+
+fn rect_of(block: TexelBlock) -> Rect {
+    Rect::of(block.extent).moved(block.origin)
 }
 
 /// Part of a tile at [`SHARED_LEVEL`], and what its finer levels have become.
@@ -61,15 +90,17 @@ impl LevelJob<'_> {
         let (first_level, mut raster) = if is_one_block(&shape) {
             (0, self.finest(cut_out, TexelBlock { origin: [0, 0], extent: shape.extent })?)
         } else {
-            let blocks = TileBlock::all(shape.extent, BLOCK_MARGIN);
-            let blocks = blocks.par_iter().map(|block| self.block(cut_out, block, dirty));
             let mut shared = Raster::empty(shape.level_extent(SHARED_LEVEL), 1, Some(0));
             shared.cut_out = Some(cut_out);
             let (mut known, mut pages) = (Vec::new(), Vec::new());
-            for block in blocks.collect::<Result<Vec<Block>>>()? {
-                shared.paste(block.first, &block.raster);
-                known.extend(block.covered);
-                pages.extend(block.pages);
+            let at_once = (self.budget_bytes / WORKING_BYTES_PER_BLOCK).max(1);
+            for blocks in TileBlock::all(shape.extent, BLOCK_MARGIN).chunks(at_once) {
+                let made = blocks.par_iter().map(|block| self.block(cut_out, block, dirty));
+                for block in made.collect::<Result<Vec<Block>>>()? {
+                    shared.paste(block.first, &block.raster);
+                    known.extend(block.covered);
+                    pages.extend(block.pages);
+                }
             }
             pages.sort_by_key(|change: &PageChange| change.id.level);
             result.pages.extend(pages);
@@ -97,7 +128,7 @@ impl LevelJob<'_> {
 
     /// A block of a large tile.
     fn block(&self, cut_out: CutOut, block: &TileBlock, dirty: &Dirty) -> Result<Block> {
-        let around = Rect::of(block.around.extent).moved(block.around.origin);
+        let around = rect_of(block.around);
         let is_changed = dirty.values().any(|rect| !rect.intersection(around).is_empty());
         let mut raster = self.finest(cut_out, block.around)?;
         let (mut covered, mut pages) = (None, Vec::new());
@@ -117,7 +148,7 @@ impl LevelJob<'_> {
     /// The texels of level 0 in a rectangle, as they are stored.
     fn finest(&self, cut_out: CutOut, block: TexelBlock) -> Result<Raster> {
         let extent = self.surface.cover().groups[self.group as usize].extent;
-        let rect = Rect::of(block.extent).moved(block.origin);
+        let rect = rect_of(block);
         let mut raster = Raster::empty(block.extent, 1, Some(0));
         raster.cut_out = Some(cut_out);
         for page in pages_of(rect) {
@@ -192,27 +223,37 @@ fn alpha_scale(raster: &Raster, covered: &mut Option<f32>) -> Option<f32> {
 impl Painter {
     /// Lets all materials of the asset take the alpha of its base colour so, and commits. That is no step of the history. Where opacity
     /// has been lowered already, coarser levels of cut-outs become those that keep their coverage, or means again: that is a step, as
-    /// it changes texels. Rewrites the file, which needs room for a copy.
+    /// it changes texels, and comes first: a crash after it leaves a step that can be undone, and materials as they were. Rewrites the
+    /// file, which needs room for a copy.
     ///
     /// # Errors
-    /// As [`AssetEditor::set_alpha_mode`](fantex_store::AssetEditor::set_alpha_mode); the asset then stays as it is. Or coarser levels
-    /// cannot be read or written; materials take alpha so in any case then.
+    /// Coarser levels cannot be read or written, or as [`AssetEditor::set_alpha_mode`](fantex_store::AssetEditor::set_alpha_mode). The
+    /// asset then stays as it is; but if it was the copy that failed, steps cannot be done again that were undone, and without a history
+    /// coarser levels are the new ones.
     pub fn set_alpha_mode(&mut self, alpha: AlphaMode) -> Result<()> {
         self.finish_work()?;
         self.end()?;
-        self.commit()?;
-        let before = Arc::clone(&self.surface);
-        self.editor.set_alpha_mode(alpha)?;
+        let committed = self.commit()?.generation;
+        let (surface, steps) = (Arc::clone(&self.surface), self.history.done().len());
+        let made = self.make_levels_of(alpha).and_then(|()| self.editor.set_alpha_mode(alpha));
+        if let Err(error) = made {
+            self.surface = surface;
+            return self.take_back_levels(committed, steps).and(Err(error));
+        }
         self.surface = Arc::new(Surface::of(self.editor.asset()));
+        Ok(())
+    }
+
+    /// Makes the coarser levels that such materials have, as a step, and commits.
+    fn make_levels_of(&mut self, alpha: AlphaMode) -> Result<()> {
         let asset = Arc::clone(self.editor.asset());
         let Some(channel) = asset.channel_of_kind(ChannelKind::BaseColor) else { return Ok(()) };
-        let threshold = |surface: &Surface, group| {
-            cut_out_of(surface, &asset, group).map(|(cut_out, _)| cut_out.threshold)
-        };
+        let threshold = CutOut::of_all([alpha], false).map(|cut_out| cut_out.threshold);
         let mut changes = Changes { is_base: true, ..Changes::default() };
         for (group, shape) in (0u32..).zip(&asset.cover().groups) {
-            let is_opaque = self.editor.mean(channel, group)[3] >= 1.0;
-            if is_opaque || threshold(&before, group) == threshold(&self.surface, group) {
+            let before = cut_out_of(&self.surface, &asset, group).map(|(cut_out, _)| cut_out.threshold);
+            let is_opaque = self.editor.mean(channel, group)[3] >= 1.0 && !self.keeps_base_levels(group);
+            if is_opaque || before == threshold {
                 continue;
             }
             for page in pages_of(Rect::of(shape.extent)) {
@@ -223,10 +264,25 @@ impl Painter {
         if changes.groups.is_empty() {
             return Ok(());
         }
+        let mut mesh = self.surface.mesh().clone();
+        mesh.set_alpha_mode(alpha);
+        self.surface = Arc::new(Surface::new(Arc::new(mesh), asset.shared_cover()));
         self.begin_step("show opacity");
-        let made = self.finish_changes(changes, &[channel]);
+        self.finish_changes(changes, &[channel])?;
         self.history.finish(&mut self.editor)?;
-        made?;
+        self.commit().map(drop)
+    }
+
+    /// Takes back what [`make_levels_of`](Self::make_levels_of) has done: what is not committed is dropped, a step more than there were is
+    /// undone and forgotten.
+    fn take_back_levels(&mut self, committed: u64, steps: usize) -> Result<()> {
+        if self.editor.asset().generation() == committed {
+            self.editor.discard()?;
+            self.history = History::load(&self.editor)?;
+        } else if self.history.done().len() > steps {
+            self.take_back()?;
+            self.finish_work()?;
+        }
         self.commit().map(drop)
     }
 }

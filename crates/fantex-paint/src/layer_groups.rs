@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::encoded;
 use crate::layers::Layers;
-use crate::{Layer, LayerContent, LayerMove, Painter};
+use crate::{BlendMode, Layer, LayerContent, LayerMove, Painter};
 
 /// How deep groups may be nested.
 pub const MAX_GROUP_DEPTH: usize = 16;
@@ -73,6 +73,17 @@ pub fn with_members(stack: &[Layer], id: u64) -> Vec<u64> {
 pub fn layer_below(stack: &[Layer], id: u64) -> Option<&Layer> {
     let parent = stack.iter().find(|layer| layer.id() == id)?.parent;
     stack.iter().take_while(|layer| layer.id() != id).filter(|layer| layer.parent == parent).last()
+}
+
+/// True where a layer does nothing but take opacity from what lies below it: one that erases, or a group that lets pass through and shows
+/// none but such.
+pub(crate) fn only_erases(stack: &[Layer], id: u64) -> bool {
+    let Some(layer) = stack.iter().find(|layer| layer.id() == id) else { return false };
+    if layer.group_kind() != Some(GroupKind::PassThrough) {
+        return layer.erases();
+    }
+    let mut members = stack.iter().filter(|layer| layer.parent == Some(id) && layer.visible).peekable();
+    members.peek().is_some() && members.all(|member| only_erases(stack, member.id()))
 }
 
 /// Removes a layer, and everything within it.
@@ -205,7 +216,8 @@ impl Painter {
     }
 
     /// Makes one painted layer of a group, which holds what the group's members show over nothing, with the group's opacity and mask. The
-    /// picture stays as it is where the group is isolated, or where its members blend as `Normal`.
+    /// picture stays as it is where the group is isolated, or where its members blend as `Normal`, or all as `Erase`: then so does the
+    /// layer.
     ///
     /// # Errors
     /// There is no such group, it is hidden, or the asset cannot be read or changed.
@@ -261,11 +273,13 @@ impl Painter {
 
 /// Lets a painted layer take the place of a layer and all within it; how it blends stays.
 pub(crate) fn become_painted(layers: &mut Layers, id: u64) {
+    let erases = only_erases(&layers.stack, id);
     let gone: Vec<u64> = with_members(&layers.stack, id).into_iter().filter(|&other| other != id).collect();
     layers.stack.retain(|layer| !gone.contains(&layer.id));
     for layer in layers.stack.iter_mut().filter(|layer| layer.id == id) {
         let blend = match layer.group_kind() {
-            Some(GroupKind::PassThrough) => crate::BlendMode::Normal,
+            Some(GroupKind::PassThrough) if erases => BlendMode::Erase,
+            Some(GroupKind::PassThrough) => BlendMode::Normal,
             _ => layer.blend,
         };
         *layer = Layer { id, blend, parent: layer.parent, ..Layer::painted(&layer.name) };

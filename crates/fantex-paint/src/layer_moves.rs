@@ -9,14 +9,16 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::composite::{replace_blocks, texels_around};
-use crate::layer_groups::{become_painted, layer_below, move_layer, remove_layer, with_members};
+use crate::layer_groups::{
+    become_painted, groups_around, layer_below, move_layer, only_erases, remove_layer, with_members,
+};
 use crate::layer_stack::LayerStack;
 use crate::layers::{
     Held, Layers, TEXEL_BYTES, base_bytes, base_name, float_of, page_name, page_of_suffix, prefix,
 };
 use crate::levels::{fine_rect, pages_of};
 use crate::texel_page::Rect;
-use crate::{BlendMode, Layer, LayerContent, LayerPlace, Painter, SurfacePoint, Target};
+use crate::{BlendMode, GroupKind, Layer, LayerContent, LayerPlace, Painter, SurfacePoint, Target};
 
 /// What was painted on a layer, mask included, goes to another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,11 +83,12 @@ impl Painter {
     }
 
     /// Makes one layer of a layer and the one below it, which then holds what both show: masks, opacity and channels are applied. The
-    /// picture stays as it is where both blend as `Normal`; other modes of the upper layer act on the lower one alone. Both lie in the
-    /// same group; a group counts as a layer of what lies within it.
+    /// picture stays as it is where both blend as `Normal`, or both as `Erase`; other modes of the upper layer act on the lower one alone.
+    /// Both lie in the same group; a group counts as a layer of what lies within it.
     ///
     /// # Errors
-    /// There is no such layer, none below it, one of them is hidden, or the asset cannot be read or changed.
+    /// There is no such layer, none below it, one of them is hidden, the lower one erases and the upper one paints, or the asset cannot
+    /// be read or changed.
     pub fn merge_layer_down(&mut self, id: u64) -> Result<()> {
         self.start_merge_layer_down(id)?;
         self.finish_work()
@@ -109,6 +112,14 @@ impl Painter {
             return Err(Error::invalid(sentence));
         }
         let to = lower.id();
+        let [upper_erases, lower_erases] = [id, to].map(|id| only_erases(&self.layers.stack, id));
+        if lower_erases && !upper_erases {
+            let (upper, lower) = (&upper.name, &lower.name);
+            let sentence = format!(
+                "the layer {lower:?} erases what lies below it, and {upper:?} above it paints: one layer cannot do both"
+            );
+            return Err(Error::invalid(sentence));
+        }
         self.change_layers("merge layers", &[LayerMove::Merge([id, to])], |layers| {
             remove_layer(&mut layers.stack, id);
             become_painted(layers, to);
@@ -145,13 +156,20 @@ impl Painter {
                         Error::not_found(format!("there is no layer number {id} to be merged"))
                     })?;
                 }
+                // What does nothing but erase is laid over nothing as paint: what that covers, the layer erases.
+                let is_hole = [upper, lower].iter().all(|&id| only_erases(&before.stack, id));
+                let lets_pass = |id: &u64| {
+                    let group = before.find(*id).and_then(Layer::group_kind);
+                    !members.contains(id) || group == Some(GroupKind::PassThrough)
+                };
                 for layer in before.stack.iter().filter(|layer| members.contains(&layer.id())) {
                     let mut layer = layer.clone();
+                    let erases = is_hole && groups_around(&before.stack, layer.id()).iter().all(lets_pass);
+                    if layer.id() == lower || erases {
+                        layer.blend = BlendMode::Normal;
+                    }
                     if [upper, lower].contains(&layer.id()) {
                         layer.parent = None;
-                    }
-                    if layer.id() == lower {
-                        layer.blend = BlendMode::Normal;
                     }
                     stack.push(layer);
                 }

@@ -516,15 +516,30 @@ impl Painter {
 /// A page's bytes under all layers, per channel: from the attachment that keeps them, or, where nothing lies over the page
 /// yet, the page itself.
 pub(crate) fn base_bytes(editor: &AssetEditor, id: PageId, kept: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>> {
-    let channels = editor.asset().channels().len();
-    let current = (0..channels).map(|channel| editor.read_page_raw(channel, id));
-    let current = current.collect::<Result<Vec<_>, _>>()?;
-    let Some(kept) = kept.filter(|kept| kept.len() == current.iter().map(Vec::len).sum::<usize>()) else {
-        return Ok(current);
+    let lengths = page_lengths(editor, id)?;
+    let Some(kept) = kept.filter(|kept| kept.len() == lengths.iter().sum::<usize>()) else {
+        return (0..lengths.len()).map(|channel| editor.read_page_raw(channel, id)).collect();
     };
     let mut rest = kept.as_slice();
-    let pages = current.iter().filter_map(|page| rest.split_off(..page.len()));
+    let pages = lengths.iter().filter_map(|&length| rest.split_off(..length));
     Ok(pages.map(<[u8]>::to_vec).collect())
+}
+
+/// The same in one channel, from the attachment that the asset has.
+pub(crate) fn base_page(editor: &AssetEditor, channel: usize, id: PageId) -> Result<Vec<u8>> {
+    let lengths = page_lengths(editor, id)?;
+    let start = lengths[..channel].iter().sum::<usize>();
+    let kept = editor.attachment(&base_name(id))?;
+    match kept.filter(|kept| kept.len() == lengths.iter().sum::<usize>()) {
+        Some(kept) => Ok(kept[start..start + lengths[channel]].to_vec()),
+        None => editor.read_page_raw(channel, id),
+    }
+}
+
+/// The bytes that a page takes, per channel.
+fn page_lengths(editor: &AssetEditor, id: PageId) -> Result<Vec<usize>> {
+    let asset = editor.asset();
+    (0..asset.channels().len()).map(|channel| asset.page_bytes(channel, id)).collect()
 }
 
 // A stroke onto a layer, a mask, or what lies under the layers.

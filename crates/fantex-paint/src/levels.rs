@@ -10,22 +10,22 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use fantex_base::{Error, Result};
-use fantex_store::{ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin};
-use fantex_texture::levels::CutOut;
+use fantex_store::{
+    AssetEditor, ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin,
+};
+use fantex_texture::levels::{CutOut, Raster};
 use glam::Vec4;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Surface;
 use crate::composite::replace_blocks;
-use crate::cut_outs::{cut_out_of, maps_read};
+use crate::cut_outs::{cut_out_of, maps_read, working_bytes};
+use crate::layers::base_page;
 use crate::texel_page::{Rect, TexelPage, TexelPages};
 
 /// Changed texels of a level, page by page, in the level's texels.
 pub(crate) type Dirty = BTreeMap<[u32; 2], Rect>;
-
-/// Pages as they are under all layers: bytes per channel.
-pub(crate) type Base = BTreeMap<PageId, Vec<Vec<u8>>>;
 
 #[derive(Debug)]
 pub(crate) struct PageChange {
@@ -117,10 +117,13 @@ pub(crate) fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec
 pub(crate) struct LevelJob<'a> {
     pub(crate) surface: &'a Surface,
     pub(crate) pages: &'a EditorSnapshot,
-    base: &'a Base,
+    /// Where what lies under the layers is read from; without it, what is shown is read.
+    base: Option<&'a AssetEditor>,
     pub(crate) group: u32,
     pub(crate) channel: usize,
     pub(crate) maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
+    /// Of blocks of a cut-out that are in work at once.
+    pub(crate) budget_bytes: usize,
 }
 
 impl LevelJob<'_> {
@@ -158,7 +161,8 @@ impl LevelJob<'_> {
         result: &mut CoarserLevels,
     ) -> Result<Vec<Option<Vec4>>> {
         let under = fine_rect(rect, fine, coarse);
-        let window = self.window(id.level - 1, fine, under, finer)?;
+        let below = self.window(id, fine, under, finer)?;
+        let means = below.halved_part(under.low, [fine, coarse], rect.low, rect.extent());
         let before = self.read(id)?;
         let asset = self.pages.asset();
         let decoded = asset.decode_page_raw(self.channel, id, &before)?;
@@ -166,14 +170,13 @@ impl LevelJob<'_> {
         let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
         let mut changed = vec![false; values.len()];
         let mut known = self.known(id, values.len());
-        let by_alpha = asset.channels()[self.channel].kind == ChannelKind::BaseColor;
         let local = rect.relative_to(page_origin(id.page));
-        for [x, y] in local.texels() {
-            let at = [x + page_origin(id.page)[0], y + page_origin(id.page)[1]];
+        for ([x, y], (&mean, &is_known)) in local.texels().zip(means.values.iter().zip(&means.valid)) {
             let texel = (y * extent[0] + x) as usize;
-            let mean = window.mean(at, fine, coarse, by_alpha);
-            (changed[texel], known[texel]) = (mean.is_some(), mean.is_some());
-            values[texel] = mean.unwrap_or(values[texel]);
+            (changed[texel], known[texel]) = (is_known, is_known);
+            if is_known {
+                values[texel] = mean;
+            }
         }
         let around = local.grown(extent);
         continue_values(&mut values, &mut changed, &known, extent, around);
@@ -203,27 +206,28 @@ impl LevelJob<'_> {
     }
 
     pub(crate) fn read(&self, id: PageId) -> Result<Vec<u8>> {
-        match self.base.get(&id) {
-            Some(channels) => Ok(channels[self.channel].clone()),
+        match self.base {
+            Some(editor) => base_page(editor, self.channel, id),
             None => self.pages.read_page_raw(self.channel, id),
         }
     }
 
-    /// Values of a rectangle of the finer level, where they are known.
-    fn window(&self, level: u32, extent: [u32; 2], rect: Rect, finer: &mut LevelPages) -> Result<Window> {
-        let [width, height] = rect.extent().map(|n| n as usize);
-        let mut window = Window { rect, values: vec![None; width * height] };
+    /// Values of a rectangle of the level below a page, where they are known.
+    fn window(&self, id: PageId, extent: [u32; 2], rect: Rect, finer: &mut LevelPages) -> Result<Raster> {
+        let is_color = self.pages.asset().channels()[self.channel].kind == ChannelKind::BaseColor;
+        // Colours count by their coverage.
+        let mut window = Raster::empty(rect.extent(), 1, is_color.then_some(0));
         for page in pages_of(rect) {
-            let id = PageId { group: self.group, level, page };
-            self.load(id, finer)?;
+            self.load(PageId { level: id.level - 1, page, ..id }, finer)?;
             let values = &finer[&page];
             let columns = page_extent(extent, page)[0];
             let part = rect.intersection(page_rect(extent, page));
             for [x, y] in part.texels() {
                 let [px, py] = [x - page_origin(page)[0], y - page_origin(page)[1]];
-                let texel = (py * columns + px) as usize;
-                let to = (y - rect.low[1]) as usize * width + (x - rect.low[0]) as usize;
-                window.values[to] = values[texel];
+                if let Some(value) = values[(py * columns + px) as usize] {
+                    let to = ((y - rect.low[1]) * window.extent[0] + (x - rect.low[0])) as usize;
+                    (window.values[to], window.valid[to]) = (value, true);
+                }
             }
         }
         Ok(window)
@@ -260,52 +264,9 @@ pub(crate) fn continue_values(
     }
 }
 
-/// A rectangle of a level; none where a texel shows no surface.
-struct Window {
-    rect: Rect,
-    values: Vec<Option<Vec4>>,
-}
-
-impl Window {
-    fn mean(&self, at: [u32; 2], fine: [u32; 2], coarse: [u32; 2], by_alpha: bool) -> Option<Vec4> {
-        let width = self.rect.extent()[0] as usize;
-        let spans = [0, 1].map(|k| overlaps(at[k], fine[k], coarse[k]));
-        let (mut sum, mut colored, mut total) = (Vec4::ZERO, Vec4::ZERO, 0.0);
-        for (y, wy) in spans[1].clone() {
-            for (x, wx) in spans[0].clone() {
-                let texel = (y - self.rect.low[1]) as usize * width + (x - self.rect.low[0]) as usize;
-                if let Some(value) = self.values[texel] {
-                    let weight = wx * wy;
-                    total += weight;
-                    sum += value * weight;
-                    colored += (value.truncate() * value.w).extend(value.w) * weight;
-                }
-            }
-        }
-        if total == 0.0 {
-            return None;
-        }
-        let mean = sum / total;
-        // Colours count by their coverage.
-        let weighted = by_alpha && colored.w > 0.0;
-        Some(if weighted { (colored.truncate() / colored.w).extend(mean.w) } else { mean })
-    }
-}
-
-/// The fine texels under a coarse one along an axis, with the share of each that is.
-fn overlaps(at: u32, fine: u32, coarse: u32) -> impl Iterator<Item = (u32, f32)> + Clone {
-    // In units of 1 / (fine coarse) of the tile's side everything is whole.
-    let [at, fine, coarse] = [at, fine, coarse].map(u64::from);
-    let (from, to) = (at * fine, (at + 1) * fine);
-    (from / coarse..to.div_ceil(coarse)).map(move |x| {
-        let covered = to.min((x + 1) * coarse) - from.max(x * coarse);
-        (x as u32, covered as f32 / coarse as f32)
-    })
-}
-
 // Coarser levels of a step, at once or beside the painting.
 
-/// Groups whose levels are worked on at a time.
+/// Most groups whose levels are worked on at a time.
 pub(crate) const GROUP_BATCH: usize = 64;
 
 pub(crate) type LevelResults = Vec<(u32, CoarserLevels)>;
@@ -317,10 +278,8 @@ pub(crate) struct LevelWork {
     pub(crate) groups: Vec<(u32, Dirty)>,
     /// Those that layers lie over.
     pub(crate) layered: BTreeSet<u32>,
-    /// Read instead of what is shown.
-    pub(crate) base: Base,
     pub(crate) channels: Vec<usize>,
-    /// Of texel maps.
+    /// Of texel maps, and of cut-outs that are in work at once.
     pub(crate) budget_bytes: usize,
 }
 
@@ -331,25 +290,46 @@ impl LevelWork {
         cut_out.filter(|(_, channel)| self.channels.contains(channel))
     }
 
-    /// Does the work, in parallel; results in the order of the groups.
-    pub(crate) fn run(&self, maps: &mut TexelPages) -> Result<LevelResults> {
+    /// Does the work, in parallel; results in the order of the groups. With `base` the levels are those of what lies under the layers,
+    /// which is read from there as it is asked for; without it, of what is shown.
+    pub(crate) fn run(&self, base: Option<&AssetEditor>, maps: &mut TexelPages) -> Result<LevelResults> {
         let mut results = Vec::with_capacity(self.groups.len());
-        for batch in self.groups.chunks(GROUP_BATCH) {
-            results.extend(self.run_batch(batch, maps)?);
+        let mut left = self.groups.as_slice();
+        while !left.is_empty() {
+            let bytes = left.iter().map(|(group, _)| self.working_bytes(*group));
+            let (batch, others) = left.split_at(batch_length(bytes, self.budget_bytes));
+            results.extend(self.run_batch(batch, base, maps)?);
+            left = others;
         }
         Ok(results)
     }
 
-    fn run_batch(&self, groups: &[(u32, Dirty)], maps: &mut TexelPages) -> Result<LevelResults> {
+    /// What a group takes beside its texel maps.
+    fn working_bytes(&self, group: u32) -> usize {
+        let shape = &self.surface.cover().groups[group as usize];
+        self.cut_out(group).map_or(0, |_| working_bytes(shape, self.budget_bytes))
+    }
+
+    fn run_batch(
+        &self,
+        groups: &[(u32, Dirty)],
+        base: Option<&AssetEditor>,
+        maps: &mut TexelPages,
+    ) -> Result<LevelResults> {
         let surface = &*self.surface;
         let jobs: Vec<(u32, Vec<Dirty>)> = groups
             .par_iter()
             .map(|(group, dirty)| (*group, dirty_levels(surface, *group, dirty.clone())))
             .collect();
-        let mut ids: BTreeSet<PageId> =
-            jobs.iter().flat_map(|(group, levels)| pages_read(surface, *group, levels)).collect();
         let cut_outs: BTreeMap<u32, (CutOut, usize)> =
             groups.iter().filter_map(|(group, _)| Some((*group, self.cut_out(*group)?))).collect();
+        let has_means = |(group, _): &&(u32, Vec<Dirty>)| {
+            let cut_out = cut_outs.get(group);
+            cut_out.is_none_or(|(_, alpha)| self.channels.iter().any(|channel| channel != alpha))
+        };
+        let with_means = jobs.iter().filter(has_means);
+        let mut ids: BTreeSet<PageId> =
+            with_means.flat_map(|(group, levels)| pages_read(surface, *group, levels)).collect();
         for &group in cut_outs.keys() {
             ids.extend(maps_read(&surface.cover().groups[group as usize], group));
         }
@@ -361,8 +341,9 @@ impl LevelWork {
                 let is_layered = self.layered.contains(group);
                 let mut result = CoarserLevels { is_layered, ..CoarserLevels::default() };
                 for &channel in &self.channels {
-                    let (group, pages, base) = (*group, &self.pages, &self.base);
-                    let job = LevelJob { surface, pages, base, group, channel, maps: &maps };
+                    let (group, pages, budget_bytes) = (*group, &self.pages, self.budget_bytes);
+                    let maps = &maps;
+                    let job = LevelJob { surface, pages, base, group, channel, maps, budget_bytes };
                     match cut_outs.get(&group) {
                         Some((cut_out, alpha)) if *alpha == channel => {
                             job.run_cut_out(*cut_out, &levels[0], &mut result)?;
@@ -374,6 +355,16 @@ impl LevelWork {
             })
             .collect()
     }
+}
+
+/// How many groups that take so much each are worked on at a time: as many as fit into the budget, one at least.
+fn batch_length(bytes: impl Iterator<Item = usize>, budget_bytes: usize) -> usize {
+    let mut sum = 0usize;
+    let fits = |own: &usize| {
+        sum = sum.saturating_add(*own);
+        sum <= budget_bytes
+    };
+    bytes.take(GROUP_BATCH).take_while(fits).count().max(1)
 }
 
 #[derive(Debug)]
@@ -391,7 +382,7 @@ impl LevelsUnderway {
         let (sender, receiver) = channel();
         let maps = Arc::clone(maps);
         pool.spawn(move || {
-            let results = work.run(&mut maps.lock().unwrap_or_else(PoisonError::into_inner));
+            let results = work.run(None, &mut maps.lock().unwrap_or_else(PoisonError::into_inner));
             // The snapshot goes before the results are known.
             drop(work);
             // A painter that is gone needs no levels.
@@ -424,14 +415,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn overlaps_cover_the_fine_texels_exactly() {
-        for (fine, coarse) in [(8, 4), (20, 12), (12, 8), (4, 4), (65536, 32768)] {
-            let mut covered = vec![0.0f32; fine as usize];
-            for at in 0..coarse {
-                overlaps(at, fine, coarse).for_each(|(x, share)| covered[x as usize] += share);
-            }
-            assert!(covered.iter().all(|c| (c - 1.0).abs() < 1e-5), "{fine} {coarse}");
-        }
+    fn batches_fit_into_the_budget() {
+        let length = |bytes: &[usize]| batch_length(bytes.iter().copied(), 20);
+        assert_eq!(length(&[10, 10, 0, 1, 0]), 3);
+        assert_eq!(length(&[0, 20, 20]), 2);
+        assert_eq!(length(&[21, 1]), 1);
+        assert_eq!(length(&[usize::MAX, usize::MAX]), 1);
+        assert_eq!(length(&[0; GROUP_BATCH + 1]), GROUP_BATCH);
     }
 
     #[test]

@@ -30,7 +30,7 @@ use crate::history::PageStep;
 use crate::layer_groups::{COLLAPSED, load_collapsed};
 use crate::layer_stack::LayerStack;
 use crate::layers::{LayeredPage, Layers, ShownPage, base_bytes, base_name, page_name};
-use crate::levels::{Base, Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
+use crate::levels::{Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
 use crate::log::{self, Portable, Recording, portable};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
@@ -761,7 +761,7 @@ impl Painter {
                 break;
             }
             work.pages = self.editor.snapshot();
-            let results = work.run(&mut self.maps)?;
+            let results = work.run(None, &mut self.maps)?;
             count += self.apply_levels(results)?.len();
         }
         Ok(count)
@@ -777,7 +777,6 @@ impl Painter {
             surface: Arc::clone(&self.surface),
             pages: self.editor.snapshot(),
             layered: changes.groups.iter().filter_map(is_layered).collect(),
-            base: Base::new(),
             groups: changes.groups.into_iter().collect(),
             channels: channels.to_vec(),
             budget_bytes: self.options.budget(),

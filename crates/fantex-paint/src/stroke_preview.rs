@@ -45,7 +45,7 @@ impl Painter {
             work.layered.clear();
         }
         let mut pages = Vec::new();
-        for (_, mut result) in work.run(&mut self.maps)? {
+        for (_, mut result) in work.run(None, &mut self.maps)? {
             for PageStep { id, channels, .. } in self.page_steps(&mut result)? {
                 let preview = |(channel, _, bytes)| PreviewPage { id, channel, bytes };
                 pages.extend(channels.into_iter().map(preview));

@@ -126,7 +126,7 @@ impl Painter {
     }
 
     /// Ends the open step, which has something in it, and begins to take it back.
-    fn take_back(&mut self) -> Result<()> {
+    pub(crate) fn take_back(&mut self) -> Result<()> {
         self.room.let_go();
         self.history.finish(&mut self.editor)?;
         if let Some(step) = self.history.next_step(Direction::Back).cloned() {

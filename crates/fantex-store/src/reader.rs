@@ -281,8 +281,12 @@ impl Asset {
     }
 
     /// Bytes of a page in a channel's format.
-    pub(crate) fn page_bytes(&self, channel: usize, id: PageId) -> Result<usize> {
-        Ok(self.formats[channel].bytes(self.page_extent(channel, id)?))
+    ///
+    /// # Errors
+    /// There is no such page or channel.
+    pub fn page_bytes(&self, channel: usize, id: PageId) -> Result<usize> {
+        let extent = self.page_extent(channel, id)?;
+        Ok(self.formats[channel].bytes(extent))
     }
 
     pub(crate) fn decode_page(

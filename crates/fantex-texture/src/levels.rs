@@ -6,7 +6,7 @@
 use fantex_mesh::AlphaMode;
 use glam::Vec4;
 
-use crate::filter::{Overlap, TRANSPARENT_WEIGHT, overlaps};
+use crate::filter::{Overlap, TRANSPARENT_WEIGHT};
 use crate::material::coverage_scale;
 
 /// Texels with values and validity, row-major.
@@ -59,20 +59,37 @@ impl Raster {
 
     /// The next coarser level: each texel is the mean of the valid part of its footprint, exact for any ratio of extents.
     pub fn halved(&self, extent: [u32; 2]) -> Self {
-        let [columns, rows] = [0, 1].map(|axis| overlaps(self.extent[axis], extent[axis], extent[axis]));
-        let mut coarse = Self { cut_out: self.cut_out, ..Self::empty(extent, self.channels, self.coverage) };
-        let are_halves = self.extent == extent.map(|n| 2 * n);
-        for (y, row) in rows.iter().enumerate().take(extent[1] as usize) {
-            for (x, column) in columns.iter().enumerate().take(extent[0] as usize) {
-                let target = y * extent[0] as usize + x;
-                if !(are_halves
-                    && self.gather_four(2 * (y * self.extent[0] as usize + x), target, &mut coarse))
-                {
-                    self.gather(column, row, target, &mut coarse);
+        self.halved_part([0; 2], [self.extent, extent], [0; 2], extent)
+    }
+
+    /// A part of the next coarser level, from texel `first` on. This one holds the texels of the finer level from `origin` on, at least
+    /// those below that part. `levels`: the extents of the finer and the coarser level.
+    pub fn halved_part(
+        &self,
+        origin: [u32; 2],
+        levels: [[u32; 2]; 2],
+        first: [u32; 2],
+        extent: [u32; 2],
+    ) -> Self {
+        let [fine, coarse] = levels;
+        let [columns, rows] = [0, 1].map(|k| -> Vec<Overlap> {
+            (first[k]..first[k] + extent[k])
+                .map(|texel| Overlap::of(texel, fine[k], coarse[k], coarse[k]).counted_from(origin[k]))
+                .collect()
+        });
+        let mut part = Self { cut_out: self.cut_out, ..Self::empty(extent, self.channels, self.coverage) };
+        let are_halves = fine == coarse.map(|n| 2 * n);
+        let mut target = 0;
+        for row in &rows {
+            for column in &columns {
+                let first = row.first() * self.extent[0] as usize + column.first();
+                if !(are_halves && self.gather_four(first, target, &mut part)) {
+                    self.gather(column, row, target, &mut part);
                 }
+                target += 1;
             }
         }
-        coarse
+        part
     }
 
     /// As [`Raster::gather`] of two by two texels from `first` on, the common case; false where not all are valid or alpha is
@@ -302,6 +319,26 @@ mod tests {
                 prop_assert!((value.x - expected).abs() < 1e-6);
             }
             prop_assert_eq!(raster.valid.contains(&true), halved.valid.contains(&true));
+        }
+    }
+
+    /// Whatever is halved at a time, the level is the same.
+    #[test]
+    fn parts_are_those_of_the_whole_level() {
+        for (fine, coarse) in [([24, 16], [12, 8]), ([20, 12], [12, 8])] {
+            let mut whole = raster(fine, |x, y| ((7 * x + 13 * y) % 11) as f32 / 11.0);
+            whole.valid[3] = false;
+            whole.coverage = Some(0);
+            let halved = whole.halved(coarse);
+            for (first, extent) in [([0, 0], [4, 4]), ([4, 0], [8, 8]), ([5, 3], [2, 5]), ([0, 0], coarse)] {
+                let low = [0, 1].map(|k| first[k] * fine[k] / coarse[k]);
+                let high = [0, 1].map(|k| ((first[k] + extent[k]) * fine[k]).div_ceil(coarse[k]));
+                let window = whole.window(low, [high[0] - low[0], high[1] - low[1]]);
+                let part = window.halved_part(low, [fine, coarse], first, extent);
+                let expected = halved.window(first, extent);
+                assert_eq!(part.values, expected.values, "{fine:?} {first:?}");
+                assert_eq!((part.valid, part.read), (expected.valid, expected.read), "{fine:?} {first:?}");
+            }
         }
     }
 

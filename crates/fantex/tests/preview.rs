@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use fantex::mesh::generate::icosphere;
-use fantex::mesh::{Material, WriteGeometry, write_model};
-use fantex::paint::{PaintOptions, Painter};
+use fantex::mesh::{AlphaMode, Material, WriteGeometry, write_model};
+use fantex::paint::{ChannelPaint, FillArea, Paint, PaintColor, PaintOptions, Painter, Tool};
 use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, render};
 use fantex::scene::Camera;
 use fantex::store::{
@@ -202,6 +202,93 @@ fn previews_without_the_channel_stay_and_so_do_damaged_ones() {
     drop(editor);
     change();
     assert_eq!(preview(), b"no asset");
+}
+
+/// The preview of the asset at a path, as it is now.
+fn preview_of(path: &Path) -> fantex::store::Asset {
+    fantex::store::Asset::open_preview(&FileSource::open(path).unwrap()).unwrap().unwrap()
+}
+
+/// Seen from afar, through its preview, a cut-out is a cut-out.
+#[test]
+fn previews_take_alpha_as_the_asset_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = baked(folder.path());
+    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS }).unwrap();
+    let before = preview_pages(&path).unwrap();
+    for alpha in [AlphaMode::Mask(0.5), AlphaMode::Blend, AlphaMode::Opaque] {
+        Painter::open(&path, &PaintOptions::default()).unwrap().set_alpha_mode(alpha).unwrap();
+        for asset in [preview_of(&path), fantex::store::Asset::open(&path).unwrap()] {
+            let materials = &asset.mesh().materials;
+            assert!(!materials.is_empty() && materials.iter().all(|material| material.alpha == alpha));
+        }
+        assert!(preview_pages(&path).unwrap() == before, "{alpha:?}");
+    }
+}
+
+/// Replaces the preview by one that opens, but has texels that cannot be read.
+fn damage_preview(path: &Path) {
+    let bytes = fantex::store::Asset::open(path).unwrap().attachment(PREVIEW).unwrap().unwrap();
+    let copy = path.with_file_name("damaged.fan");
+    let damaged = (0..bytes.len()).rev().step_by(101).find_map(|at| {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0xff;
+        std::fs::write(&copy, &damaged).unwrap();
+        let asset = Arc::new(fantex::store::Asset::open(&copy).ok()?);
+        (!verify_asset(&asset, &VerifyOptions::default()).ok).then_some(damaged)
+    });
+    let mut editor = AssetEditor::open(path, &EditOptions::default()).unwrap();
+    editor.attach(PREVIEW, damaged.unwrap()).unwrap();
+    editor.commit().unwrap();
+}
+
+/// The error names the asset, which stays as it is: channels, materials, levels and history.
+#[test]
+fn a_preview_that_cannot_be_changed_keeps_the_asset_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = baked(folder.path());
+    let open = || Painter::open(&path, &PaintOptions::default()).unwrap();
+    let pages = |painter: &Painter| -> Vec<Vec<u8>> {
+        let editor = painter.editor();
+        let groups = (0u32..).zip(&editor.asset().cover().groups);
+        let ids = groups.flat_map(|(index, group)| group_pages(index, group));
+        ids.map(|id| editor.read_page_raw(0, id).unwrap()).collect()
+    };
+    let mut painter = open();
+    painter.add_channels(&[ChannelKind::Emission]).unwrap();
+    let channels = vec![ChannelPaint::new(0, PaintColor::Constant(Vec4::ONE))];
+    let tool = Tool::Opacity { to: 0.0 };
+    painter.begin("holes", Paint { tool, opacity: 1.0, channels, stencil: None, sight: None }).unwrap();
+    let triangles = painter.surface().mesh().triangles.len() as u32;
+    painter.fill(FillArea::Triangles((0..triangles).step_by(2).collect())).unwrap();
+    painter.commit().unwrap();
+    drop(painter);
+    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS }).unwrap();
+    damage_preview(&path);
+    let mut painter = open();
+    let before = pages(&painter);
+    let removal = painter.remove_channels(&[ChannelKind::Emission]).unwrap_err();
+    let change = painter.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap_err();
+    for error in [removal, change] {
+        let sentence = error.to_string();
+        assert!(sentence.contains("the preview of") && sentence.contains("ball.fan"), "{sentence}");
+        assert_eq!(error.path(), Some(path.as_path()));
+    }
+    drop(painter);
+    let mut painter = open();
+    assert!(pages(&painter) == before);
+    assert_eq!(painter.history().done().len(), 1);
+    let asset = painter.editor().asset();
+    assert_eq!(asset.mesh().materials[0].alpha, AlphaMode::Opaque);
+    assert!(asset.channel_of_kind(ChannelKind::Emission).is_some());
+    // Without it, both go well.
+    drop(painter);
+    assert!(Preview::remove_from(&path).unwrap());
+    painter = open();
+    painter.remove_channels(&[ChannelKind::Emission]).unwrap();
+    painter.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap();
+    assert!(pages(&painter) != before);
+    assert_eq!(painter.history().done().len(), 2);
 }
 
 #[test]

@@ -8,14 +8,14 @@ use fantex_bake::{
 use fantex_cover::{CoverOptions, MAX_BLOCK_SIDE, TexelBudget, build_cover};
 use fantex_mesh::{AlphaMode, Material, Mesh, generate};
 use fantex_paint::{
-    Brush, ChannelPaint, Layer, Paint, PaintColor, Painter, Sample, Size, Stroke, Symmetry, Target, Tool,
-    dabs_of,
+    Brush, ChannelPaint, FillArea, Layer, Paint, PaintColor, Painter, Sample, Size, Stroke, Symmetry, Target,
+    Tool, dabs_of,
 };
-use fantex_store::{ChannelKind, VerifyOptions, group_pages, verify};
+use fantex_store::{ChannelKind, VerifyOptions, group_pages, is_disk_full, verify};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::layers::paint_on;
-use crate::{Baked, cleaned, contents, cover, red, sample};
+use crate::{Baked, cleaned, contents, cover, open, red, sample};
 
 /// Holes along each side of the grid, and their share of the surface: about ten texels apart, and half as wide.
 const HOLES: u32 = 24;
@@ -168,27 +168,46 @@ impl Source for Discs {
     }
 }
 
-/// Where painting makes the coarser levels of a baked cut-out anew, they are those that the bake made; also of a tile that is cut into
-/// blocks.
-#[test]
-fn painted_levels_are_those_of_a_bake() {
-    for side in [200, 1300] {
-        assert_levels_of_a_bake(side);
-    }
-}
-
-fn assert_levels_of_a_bake(side: u32) {
-    let mesh = grid(3, &[AlphaMode::Mask(0.4)]);
+/// Discs in one tile of so many texels along each side.
+fn discs(mesh: &Mesh, side: u32, fit: Fit) -> Baked {
     let budget = TexelBudget::Total(u64::from(side).pow(2));
     let options = CoverOptions { budget, tile: 2048, ..CoverOptions::default() };
-    let (cover, _) = build_cover(&mesh, &options).unwrap();
+    let (cover, _) = build_cover(mesh, &options).unwrap();
     assert_eq!(cover.groups.len(), 1);
     assert_eq!(cover.groups[0].extent.iter().any(|&n| n > MAX_BLOCK_SIDE), side > MAX_BLOCK_SIDE);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.fan");
-    let options = BakeOptions { format: BakeFormat::Float, fit: Fit::Point, ..BakeOptions::default() };
-    bake(&mesh, &cover, &Discs, &path, &options, &NoProgress).unwrap();
-    let baked = Baked { path, folder };
+    let options = BakeOptions { format: BakeFormat::Float, fit, ..BakeOptions::default() };
+    bake(mesh, &cover, &Discs, &path, &options, &NoProgress).unwrap();
+    Baked { path, folder }
+}
+
+/// A cut-out with an opaque square in its middle, away from the blocks at the tile's ends.
+fn with_opaque_middle() -> Mesh {
+    let mut mesh = grid(3, &[AlphaMode::Mask(0.4), AlphaMode::Opaque]);
+    let is_in_middle = |triangle: usize| {
+        let [a, b, c] = mesh.triangle_positions(triangle);
+        let center = (a + b + c) / 3.0;
+        center.x.abs() < 0.3 && center.z.abs() < 0.3
+    };
+    mesh.triangle_materials = (0..mesh.triangles.len()).map(|t| u32::from(is_in_middle(t))).collect();
+    assert_eq!(mesh.triangle_materials.iter().sum::<u32>(), 2);
+    mesh
+}
+
+/// Where painting makes the coarser levels of a baked tile anew, they are those that the bake made: of a cut-out, of one that shows
+/// something opaque, too, and of tiles that are cut into blocks.
+#[test]
+fn painted_levels_are_those_of_a_bake() {
+    for side in [200, 1300] {
+        for mesh in [grid(3, &[AlphaMode::Mask(0.4)]), with_opaque_middle()] {
+            assert_levels_of_a_bake(&mesh, side);
+        }
+    }
+}
+
+fn assert_levels_of_a_bake(mesh: &Mesh, side: u32) {
+    let baked = discs(mesh, side, Fit::Point);
     let mut painter = baked.painter();
     let texels = |painter: &Painter| -> Vec<_> {
         let editor = painter.editor();
@@ -196,14 +215,14 @@ fn assert_levels_of_a_bake(side: u32) {
         ids.map(|id| (id, editor.read_page(0, id).unwrap().rgba)).collect()
     };
     let before = texels(&painter);
-    // A stroke that changes no texel of level 0.
+    // A stroke everywhere that changes no texel of level 0.
     let channels = vec![ChannelPaint::new(0, PaintColor::Constant(Vec4::ONE))];
-    let nothing = Paint { opacity: 0.0, channels, ..red(0.0) };
-    paint_on(&mut painter, Target::Base, nothing, &[Vec3::ZERO]);
+    painter.begin("nothing", Paint { opacity: 0.0, channels, ..red(0.0) }).unwrap();
+    painter.fill(FillArea::Everything).unwrap();
     for ((id, before), (_, after)) in before.iter().zip(texels(&painter)) {
         for (texel, (a, b)) in before.iter().zip(after).enumerate() {
             let difference = (Vec4::from(*a) - Vec4::from(b)).abs().max_element();
-            assert!(difference < 1e-5, "page {id}, texel {texel}: {a:?} {b:?}");
+            assert!(difference < 1e-5, "side {side}, page {id}, texel {texel}: {a:?} {b:?}");
         }
     }
     let levels = before.iter().map(|(id, _)| id.level).max().unwrap();
@@ -242,6 +261,89 @@ fn layers_over_cut_outs_go_without_a_trace() {
     assert!(contents(&other) == with_layer);
     while painter.undo().unwrap() {}
     assert!(contents(&painter) == contents(&fence(AlphaMode::Mask(0.5)).painter()));
+}
+
+/// The same of layers over different blocks of a large tile, whose first levels are made block by block: what is shown does not depend on
+/// which of them were shown before, nor on how much memory there is.
+#[test]
+fn layers_over_blocks_of_a_cut_out_go_without_a_trace() {
+    // Levels of a fitted bake are not those that painting makes of it.
+    let baked = discs(&grid(3, &[AlphaMode::Mask(0.4)]), 1300, Fit::Sharp);
+    let alone = Baked { path: baked.folder.path().join("alone.fan"), folder: tempfile::tempdir().unwrap() };
+    std::fs::copy(&baked.path, &alone.path).unwrap();
+    let mut painter = baked.painter();
+    let base = contents(&painter);
+    let [one, two] = [Vec3::new(0.9, 0.0, 0.9), Vec3::new(-0.9, 0.0, -0.9)];
+    let paint_layer = |painter: &mut Painter, place: Vec3| {
+        let layer = painter.add_layer(Layer::painted("patch")).unwrap();
+        let mut paint = red(1.0);
+        paint.channels.truncate(1);
+        paint_on(painter, Target::Layer(layer), paint, &[place]);
+        contents(painter)
+    };
+    let with_one = paint_layer(&mut painter, one);
+    let with_both = paint_layer(&mut painter, two);
+    let show = |painter: &mut Painter, shown: [bool; 2]| {
+        let change = |layers: &mut Vec<Layer>| {
+            layers.iter_mut().zip(shown).for_each(|(layer, is_shown)| layer.visible = is_shown);
+        };
+        painter.edit_layers("show", change).unwrap();
+        contents(painter)
+    };
+    assert!(with_one != base && with_both != with_one);
+    assert!(show(&mut painter, [true, false]) == with_one);
+    assert!(show(&mut painter, [false, false]) == base);
+    let with_two = show(&mut painter, [false, true]);
+    assert!(show(&mut painter, [true, true]) == with_both);
+    assert!(show(&mut painter, [false, true]) == with_two);
+    assert!(show(&mut painter, [true, true]) == with_both);
+    // What is painted below them is there when they are gone, as if they had never been.
+    let line = [one, Vec3::new(0.9, 0.0, -0.9)];
+    paint_on(&mut painter, Target::Base, hole(), &line);
+    painter.edit_layers("delete", Vec::clear).unwrap();
+    let mut other = open(&alone);
+    paint_on(&mut other, Target::Base, hole(), &line);
+    assert!(contents(&painter) == contents(&other));
+    while painter.undo().unwrap() {}
+    assert!(contents(&painter) == base);
+}
+
+/// Where the disk is full, neither levels nor materials nor the history change, and later the same can be asked for again.
+#[test]
+fn changes_of_alpha_that_fail_can_be_repeated() {
+    let start = || {
+        let baked = fence(AlphaMode::Opaque);
+        let mut painter = baked.painter();
+        punch_holes(&mut painter);
+        paint_on(&mut painter, Target::Base, hole(), &[Vec3::ZERO]);
+        assert!(painter.undo().unwrap());
+        painter.commit().unwrap();
+        (baked, painter)
+    };
+    let (_baked, mut painter) = start();
+    let before = contents(&painter);
+    let modes = |painter: &Painter| -> Vec<AlphaMode> {
+        painter.editor().asset().mesh().materials.iter().map(|material| material.alpha).collect()
+    };
+    let steps = |painter: &Painter| (painter.history().done().to_vec(), painter.history().undone().to_vec());
+    let known = steps(&painter);
+    assert_eq!((known.0.len(), known.1.len()), (1, 1));
+    painter.limit_file(Some(0));
+    let error = painter.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap_err();
+    assert!(is_disk_full(&error), "{error}");
+    assert!(contents(&painter) == before);
+    assert_eq!(steps(&painter), known);
+    assert_eq!(modes(&painter), [AlphaMode::Opaque]);
+    assert!(!painter.is_disk_full(), "there is nothing to be written");
+    painter.limit_file(None);
+    painter.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap();
+    let (_other, mut other) = start();
+    other.set_alpha_mode(AlphaMode::Mask(0.5)).unwrap();
+    assert!(contents(&painter) == contents(&other) && contents(&painter) != before);
+    assert_eq!(modes(&painter), [AlphaMode::Mask(0.5)]);
+    assert_eq!(painter.history().done().len(), 2);
+    assert!(painter.undo().unwrap());
+    assert!(contents(&painter) == before);
 }
 
 /// Materials that become cut-outs after holes were painted: coarser levels follow, as a step of their own.

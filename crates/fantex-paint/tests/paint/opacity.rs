@@ -200,6 +200,58 @@ fn layers_that_erase_take_opacity_from_what_lies_below() {
     assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
 }
 
+/// Layers that erase, merged, leave of what lies below them what both leave; other layers do not become holes, nor holes paint.
+#[test]
+fn merged_layers_that_erase_erase_what_both_do() {
+    let baked = ball(40_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let places = [LINE[0], LINE[1], -Vec3::X, Vec3::Z];
+    let seen = |painter: &mut Painter| places.map(|place| pick(painter, place));
+    let base = seen(&mut painter);
+    let add = |painter: &mut Painter, name: &str, blend: BlendMode, opacity: f32| {
+        let mut layer = Layer::painted(name);
+        layer.blend = blend;
+        let layer = painter.add_layer(layer).unwrap();
+        paint_on(painter, Target::Layer(layer), red(opacity));
+        layer
+    };
+    let one = add(&mut painter, "one", BlendMode::Erase, 0.8);
+    let other = add(&mut painter, "other", BlendMode::Erase, 0.5);
+    painter.edit_layers("fade", |layers| layers[1].opacity = 0.5).unwrap();
+    let expect = |painter: &mut Painter, alpha: f32, expected: &[Vec4]| {
+        let found = seen(painter);
+        assert!((found[0] - base[0].with_w(alpha)).abs().max_element() < 2e-3, "{} {alpha}", found[0]);
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((*found - *expected).abs().max_element() < 2e-3, "{found} {expected}");
+        }
+    };
+    let (before, two) = (seen(&mut painter), contents(&painter));
+    expect(&mut painter, 0.2 * 0.75, &before);
+    painter.merge_layer_down(other).unwrap();
+    assert!(painter.layers().len() == 1 && painter.layers()[0].erases());
+    expect(&mut painter, 0.2 * 0.75, &before);
+    assert!(painter.undo().unwrap());
+    assert!(contents(&painter) == two);
+    // As a group that lets pass through, and one in another.
+    let inner = painter.group_layers("inner", GroupKind::PassThrough, &[other]).unwrap();
+    let outer = painter.group_layers("outer", GroupKind::PassThrough, &[one, inner]).unwrap();
+    painter.edit_layers("fade", |layers| layers[3].opacity = 0.5).unwrap();
+    let before = seen(&mut painter);
+    expect(&mut painter, 0.5 + 0.5 * 0.2 * 0.75, &before);
+    painter.merge_group(outer).unwrap();
+    assert!(painter.layers().len() == 1 && painter.layers()[0].erases());
+    expect(&mut painter, 0.5 + 0.5 * 0.2 * 0.75, &before);
+    // Paint does not go into holes.
+    let paint = add(&mut painter, "paint", BlendMode::Normal, 1.0);
+    let before = contents(&painter);
+    let refused = painter.merge_layer_down(paint).unwrap_err().to_string();
+    assert!(
+        refused.contains("\"outer\" erases") && refused.contains("one layer cannot do both"),
+        "{refused}"
+    );
+    assert!(contents(&painter) == before && painter.layers().len() == 2);
+}
+
 #[test]
 fn layers_that_erase_come_from_stroke_files_and_logs() {
     let stroke = |tool: &str, blend: &str| {

@@ -3,7 +3,7 @@
 //! Those that it is given hold what renderers showed without them, so that nothing looks different: the factors of the model's materials, the mesh's own
 //! normals, a middle height.
 
-use std::sync::Arc;
+use std::path::Path;
 
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, Result};
@@ -12,7 +12,7 @@ use fantex_mesh::{AlphaMode, Material, Mesh};
 use super::compact::NewChannel;
 use super::{AssetEditor, CompactSummary, EditOptions};
 use crate::channel::check_channels;
-use crate::{Asset, BytesSource, Channel, ChannelKind, PREVIEW, Quality, TexelFormat, TexelSlice, encode};
+use crate::{Asset, Channel, ChannelKind, PREVIEW, Quality, TexelFormat, TexelSlice, encode};
 
 /// The height that is neither raised nor lowered.
 pub const MIDDLE_HEIGHT: f32 = 0.5;
@@ -159,62 +159,78 @@ impl AssetEditor {
         let removed = self.removable_channels(kinds)?;
         let mut new = NewChannel::all_of(&self.asset);
         new.retain(|new| new.from.is_some_and(|index| !removed.contains(&index)));
-        let options = self.options;
-        // One that is damaged is copied as it is, and reported when it is read.
-        let has_preview = self.attachment(PREVIEW).is_ok_and(|preview| preview.is_some());
+        let (has_preview, path, options) = (self.has_preview(), self.asset.path().to_owned(), self.options);
         self.rewrite(
             &new,
             None,
             |name| if name == PREVIEW { has_preview } else { concerns(name) },
             |name, contents| match name {
-                PREVIEW => preview_without(contents, kinds, &options),
+                PREVIEW => edited_preview(&path, contents, &options, |preview| preview.lose_channels(kinds)),
                 _ => change(name, contents),
             },
         )
     }
 
-    /// Commits, then replaces the file by one all of whose materials take alpha so, atomically. Texels stay as they are. Needs room for
-    /// the copy. Readers that have the old file open keep it.
+    /// False, too, where the preview is damaged: it is copied as it is, and reported when it is read.
+    fn has_preview(&self) -> bool {
+        self.attachment(PREVIEW).is_ok_and(|preview| preview.is_some())
+    }
+
+    /// Removes the channels of these kinds, as far as it has them; false where it has no others.
+    fn lose_channels(&mut self, kinds: &[ChannelKind]) -> Result<bool> {
+        let own: Vec<ChannelKind> = self.asset.channels().iter().map(|channel| channel.kind).collect();
+        let removed: Vec<ChannelKind> = own.iter().copied().filter(|kind| kinds.contains(kind)).collect();
+        if removed.len() == own.len() {
+            return Ok(false);
+        }
+        if !removed.is_empty() {
+            self.remove_channels(&removed, |_| false, |_, contents| Ok(Some(contents)))?;
+        }
+        Ok(true)
+    }
+
+    /// Commits, then replaces the file by one all of whose materials take alpha so, those of the [preview](PREVIEW), too, atomically.
+    /// Texels stay as they are. Needs room for the copy. Readers that have the old file open keep it.
     ///
     /// # Errors
-    /// As [`compact`](Self::compact).
+    /// As [`compact`](Self::compact), or there is no room for a temporary file of the preview's size; the asset then stays as it is.
     pub fn set_alpha_mode(&mut self, alpha: AlphaMode) -> Result<()> {
         let mut mesh = self.asset.mesh().clone();
-        if mesh.materials.is_empty() {
-            mesh.materials.push(Material::default());
-        }
-        if mesh.materials.iter().all(|material| material.alpha == alpha) {
+        if !mesh.set_alpha_mode(alpha) {
             return Ok(());
         }
-        mesh.materials.iter_mut().for_each(|material| material.alpha = alpha);
         let channels = NewChannel::all_of(&self.asset);
-        self.rewrite(&channels, Some(&mesh), |_| false, |_, contents| Ok(Some(contents))).map(drop)
+        let (has_preview, path, options) = (self.has_preview(), self.asset.path().to_owned(), self.options);
+        let change = |_: &str, contents| {
+            edited_preview(&path, contents, &options, |preview| preview.set_alpha_mode(alpha).map(|()| true))
+        };
+        self.rewrite(&channels, Some(&mesh), |name| has_preview && name == PREVIEW, change).map(drop)
     }
 }
 
-/// A preview without its channels of these kinds; none where it has no others. What is no asset stays as it is.
-fn preview_without(
+/// The preview of the asset at `path` as `edit` leaves it; none where that is false: nothing of it is left. What is no asset stays as it
+/// is.
+fn edited_preview(
+    path: &Path,
     contents: Vec<u8>,
-    kinds: &[ChannelKind],
     options: &EditOptions,
+    edit: impl FnOnce(&mut AssetEditor) -> Result<bool>,
 ) -> Result<Option<Vec<u8>>> {
-    let Ok(preview) = Asset::open_source(Arc::new(BytesSource::new(PREVIEW, contents.clone()))) else {
-        return Ok(Some(contents));
+    let edited = || -> Result<Option<Vec<u8>>> {
+        let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
+        let copy = folder.path().join("preview.fan");
+        std::fs::write(&copy, &contents).map_err(|error| Error::writing(&copy, error))?;
+        if Asset::open(&copy).is_err() {
+            return Ok(Some(contents));
+        }
+        drop(contents);
+        let mut editor = AssetEditor::open(&copy, options)?;
+        let is_left = edit(&mut editor)?;
+        drop(editor);
+        is_left.then(|| std::fs::read(&copy).map_err(|error| Error::reading(&copy, error))).transpose()
     };
-    let is_removed = |channel: &&Channel| kinds.contains(&channel.kind);
-    let removed: Vec<ChannelKind> =
-        preview.channels().iter().filter(is_removed).map(|channel| channel.kind).collect();
-    if removed.is_empty() {
-        return Ok(Some(contents));
-    }
-    if preview.channels().iter().all(|channel| removed.contains(&channel.kind)) {
-        return Ok(None);
-    }
-    let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
-    let path = folder.path().join("preview.fan");
-    std::fs::write(&path, &contents).map_err(|error| Error::writing(&path, error))?;
-    let mut editor = AssetEditor::open(&path, options)?;
-    editor.remove_channels(&removed, |_| false, |_, contents| Ok(Some(contents)))?;
-    drop(editor);
-    std::fs::read(&path).map(Some).map_err(|error| Error::reading(&path, error))
+    edited().map_err(|error| {
+        // Its path is that of a copy that is gone.
+        error.context(format!("cannot change the preview of {}", path.display())).with_path(path)
+    })
 }

@@ -39,6 +39,33 @@ pub struct Overlap {
 const MAX_OVERLAP: usize = 4;
 
 impl Overlap {
+    /// What a texel of an axis with `coarse` texels covers of one with `fine` texels, at most three times as many. Weights are parts of
+    /// `whole`: `fine` gives means, weights that add up to 1; `coarse` gives the share of each fine texel that is covered.
+    pub fn of(texel: u32, fine: u32, coarse: u32, whole: u32) -> Self {
+        assert!(fine.div_ceil(3) <= coarse, "{fine} texels under {coarse}");
+        // In units of 1 / coarse of a fine texel, everything is an integer: a texel spans `fine` units, a parent `coarse`.
+        let (texel, span, parent_span) = (u64::from(texel), u64::from(fine), u64::from(coarse));
+        let (start, end) = (texel * span, (texel + 1) * span);
+        let first = start / parent_span;
+        let last = (end - 1) / parent_span;
+        let mut weights = [0.0; MAX_OVERLAP];
+        for parent in first..=last {
+            let covered = end.min((parent + 1) * parent_span) - start.max(parent * parent_span);
+            weights[(parent - first) as usize] = (covered as f64 / f64::from(whole)) as f32;
+        }
+        Self { first: first as usize, count: (last - first + 1) as usize, weights }
+    }
+
+    /// The same with indices that count from a texel on, which does not lie beyond the first one.
+    pub fn counted_from(self, texel: u32) -> Self {
+        Self { first: self.first - texel as usize, ..self }
+    }
+
+    /// The first index.
+    pub fn first(&self) -> usize {
+        self.first
+    }
+
     /// Indices and weights.
     #[inline(always)]
     pub fn parents(&self) -> impl Iterator<Item = (usize, f32)> {
@@ -46,25 +73,9 @@ impl Overlap {
     }
 }
 
-/// What every texel of an axis with `coarse` texels covers of one with `fine` texels, at most three times as many. Weights are
-/// parts of `whole`: `fine` gives means, weights that add up to 1; `coarse` gives the share of each fine texel that is covered.
+/// [`Overlap::of`] every texel of an axis.
 pub fn overlaps(fine: u32, coarse: u32, whole: u32) -> Vec<Overlap> {
-    assert!(fine.div_ceil(3) <= coarse, "{fine} texels under {coarse}");
-    // In units of 1 / coarse of a fine texel, everything is an integer: a texel spans `fine` units, a parent `coarse`.
-    let (span, parent_span) = (u64::from(fine), u64::from(coarse));
-    (0..u64::from(coarse))
-        .map(|texel| {
-            let (start, end) = (texel * span, (texel + 1) * span);
-            let first = start / parent_span;
-            let last = (end - 1) / parent_span;
-            let mut weights = [0.0; MAX_OVERLAP];
-            for parent in first..=last {
-                let covered = end.min((parent + 1) * parent_span) - start.max(parent * parent_span);
-                weights[(parent - first) as usize] = (covered as f64 / f64::from(whole)) as f32;
-            }
-            Overlap { first: first as usize, count: (last - first + 1) as usize, weights }
-        })
-        .collect()
+    (0..coarse).map(|texel| Overlap::of(texel, fine, coarse, whole)).collect()
 }
 
 /// The parents of every texel of an axis that is halved from `parents` texels.
@@ -172,7 +183,8 @@ mod tests {
     #[test]
     fn every_parent_is_covered_equally() {
         let rounded_up = (1..200).map(|fine: u32| (fine, fine.div_ceil(2)));
-        for (fine, coarse) in (1..200).map(|fine| (fine, (fine / 2).max(1))).chain(rounded_up) {
+        let halved = (1..200).map(|fine| (fine, (fine / 2).max(1)));
+        for (fine, coarse) in halved.chain(rounded_up).chain([(20, 12), (12, 8), (4, 4), (65536, 32768)]) {
             let (means, shares) = (overlaps(fine, coarse, fine), overlaps(fine, coarse, coarse));
             assert_eq!(means.len() as u32, coarse);
             let mut total = vec![0.0_f64; fine as usize];
