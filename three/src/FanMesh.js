@@ -225,6 +225,7 @@ export class FanMesh extends Mesh {
         this.removeFromParent();
         this.#stream.close();
         this.#stream = null;
+        this.#asset = null;
         this.#textures?.dispose();
         this.#textures = null;
         this.#canvas?.removeEventListener("webglcontextlost", this.#onLost);
