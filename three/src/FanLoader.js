@@ -1,7 +1,7 @@
 import { Loader } from "three";
 
-import init, { FanCore } from "../built/fantex_three.js";
 import { FanMesh } from "./FanMesh.js";
+import { FanStream } from "./FanStream.js";
 
 const DEFAULTS = {
     cacheBytes: 256 * 2 ** 20,
@@ -10,19 +10,9 @@ const DEFAULTS = {
     anisotropy: 8,
     compressed: true,
     physical: false,
+    worker: true,
     wasmUrl: undefined,
 };
-
-/** The core, once for all loaders. */
-let core = null;
-
-function ready(wasmUrl) {
-    // Bundlers look for the address in this form.
-    core ??= init({ module_or_path: wasmUrl ?? new URL("../built/fantex_three_bg.wasm", import.meta.url) });
-    // What could not be fetched may be there the next time.
-    core.catch(() => { core = null; });
-    return core;
-}
 
 function checked(options) {
     const unknown = Object.keys(options).find((name) => !(name in DEFAULTS));
@@ -37,6 +27,8 @@ function checked(options) {
 /** Opens assets (`.fan`) by address. Of each it fetches what a view needs. */
 export class FanLoader extends Loader {
     #options;
+    /** What is being opened. */
+    #loads = new Set();
 
     constructor(options = {}, manager) {
         super(manager);
@@ -57,9 +49,25 @@ export class FanLoader extends Loader {
             .finally(() => this.manager.itemEnd(item));
     }
 
+    /** Ends what is being loaded: that fails with an `AbortError`, and leaves nothing. */
+    abort() {
+        for (const load of this.#loads) load.abort();
+        return this;
+    }
+
     async #open(url, onProgress) {
-        await ready(this.#options.wasmUrl);
-        const progress = (loaded) => onProgress?.(new ProgressEvent("progress", { loaded }));
-        return new FanMesh(await FanCore.open(url, this.#options.concurrency, progress), this.#options);
+        const load = new AbortController();
+        const abort = () => load.abort();
+        const { abortController: ofAll } = this.manager;
+        this.#loads.add(load);
+        ofAll?.signal.addEventListener("abort", abort);
+        try {
+            const progress = (loaded) => onProgress?.(new ProgressEvent("progress", { loaded }));
+            const { stream, asset } = await FanStream.open(url, this.#options, progress, load.signal);
+            return new FanMesh(stream, asset, this.#options);
+        } finally {
+            this.#loads.delete(load);
+            ofAll?.signal.removeEventListener("abort", abort);
+        }
     }
 }

@@ -1,4 +1,4 @@
-import { BufferAttribute, BufferGeometry, Matrix4, Mesh, Vector2, Vector3 } from "three";
+import { Box3, BufferAttribute, BufferGeometry, Matrix4, Mesh, Sphere, Vector2, Vector3 } from "three";
 
 import { definesOf, fanDefines, fanUniforms, patchMaterial, setTextures, shadowMaterials, surfaceMaterial } from "./materials.js";
 import { FanTextures } from "./textures.js";
@@ -29,15 +29,15 @@ const size = new Vector2();
 
 /** A mesh whose texels are streamed. Made by `FanLoader`. */
 export class FanMesh extends Mesh {
-    #core;
+    #stream;
+    /** What textures are made of: the asset's `channels`, `tables` and `atlases`. */
+    #asset;
     #options;
-    #channels;
     #defines;
     #uniforms;
     #textures = null;
     #isLost = false;
     #canvas = null;
-    #lastUpdate = null;
     /** Materials that show the channels, with their shaders' defines. */
     #patched = new Map();
     /** Those of them that wait to be drawn. */
@@ -45,29 +45,28 @@ export class FanMesh extends Mesh {
     #view = new Float64Array(15);
     #onLost = () => { this.#isLost = true; };
 
-    constructor(core, options) {
+    constructor(stream, asset, options) {
         super();
         this.isFanMesh = true;
         this.type = "FanMesh";
-        this.#core = core;
+        const { channels, tables, atlases } = asset;
+        this.#stream = stream;
+        this.#asset = { channels, tables, atlases };
         this.#options = options;
-        this.#channels = channelsOf(core);
+        /** Whether the core runs in a worker. */
+        this.usesWorker = stream.usesWorker;
         /** Pixels that a texel may be wide on the screen. */
         this.errorTarget = options.errorTarget;
         /** Where the geometry's zero lies in the coordinates of the model's file. */
-        this.origin = new Vector3(...core.origin());
+        this.origin = new Vector3(...asset.origin);
         this.position.copy(this.origin);
-
-        const vertices = core.geometry();
-        this.geometry = geometryOf(vertices);
-        this.#uniforms = fanUniforms(core, this.#channels, options.anisotropy);
-        this.#defines = fanDefines(this.#channels, vertices.is_paged, options.anisotropy);
-        this.#setMaterials(vertices.runs);
-        vertices.free();
+        this.geometry = geometryOf(asset);
+        this.#uniforms = fanUniforms(asset.delta, channels, options.anisotropy);
+        this.#defines = fanDefines(channels, asset.isPaged, options.anisotropy);
+        this.#setMaterials(asset);
     }
 
-    #setMaterials(runs) {
-        const own = this.#core.materials();
+    #setMaterials({ runs, materials: own, channels }) {
         const kinds = new Map();
         const materials = [];
         for (let i = 0; i < runs.length; i += RUN_LENGTH) {
@@ -75,7 +74,7 @@ export class FanMesh extends Mesh {
             const key = kind.join();
             if (!kinds.has(key)) {
                 const [number, isOpposed, hasSeveralTiles, isPaged] = kind;
-                const material = surfaceMaterial(own[number], isOpposed === 1, this.#channels, this.#options.physical);
+                const material = surfaceMaterial(own[number], isOpposed === 1, channels, this.#options.physical);
                 kinds.set(key, materials.length);
                 materials.push(this.#patch(material, definesOf(this.#defines, hasSeveralTiles === 1, isPaged === 1)));
             }
@@ -86,7 +85,6 @@ export class FanMesh extends Mesh {
         if (materials.some((material) => material.alphaTest > 0)) {
             [this.customDepthMaterial, this.customDistanceMaterial] = shadowMaterials(this.#uniforms, this.#defines);
         }
-        own.forEach((material) => material.free());
     }
 
     /** Has another material of three show this asset's channels; returns it. */
@@ -103,15 +101,12 @@ export class FanMesh extends Mesh {
 
     /** Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. */
     update(camera, renderer) {
-        if (this.#core === null || !this.#prepare(renderer)) return;
-        const now = performance.now();
-        const seconds = this.#lastUpdate === null ? 0 : (now - this.#lastUpdate) / 1000;
-        this.#lastUpdate = now;
+        if (this.#stream === null || !this.#prepare(renderer)) return;
         camera.updateWorldMatrix(true, false);
         this.updateWorldMatrix(true, false);
         this.#look(camera, renderer);
         this.#textures.prepare();
-        this.#core.update(this.#view, seconds, this.#textures);
+        this.#stream.update(this.#view, this.#textures);
     }
 
     /** The view that the core is told of, see its `update`. */
@@ -142,7 +137,7 @@ export class FanMesh extends Mesh {
 
     /** Makes the textures for a renderer's context where there are none; whether there are any. */
     #prepare(renderer) {
-        if (this.#core === null) return false;
+        if (this.#stream === null) return false;
         if (this.#textures !== null && this.#textures.renderer !== renderer) {
             throw new Error("a FanMesh belongs to the renderer that drew it first; load the asset once for each renderer");
         }
@@ -187,8 +182,9 @@ export class FanMesh extends Mesh {
 
     /** Those of a lost context are gone. */
     #makeTextures(renderer) {
-        this.#textures = new FanTextures(renderer, this.#core, this.#channels, this.#options);
-        setTextures(this.#uniforms, this.#channels, this.#textures);
+        this.#textures = new FanTextures(renderer, this.#asset, this.#options.compressed);
+        setTextures(this.#uniforms, this.#asset.channels, this.#textures);
+        this.#stream.begin(this.#textures.atlas, this.#options);
     }
 
     onBeforeRender(renderer) {
@@ -201,21 +197,17 @@ export class FanMesh extends Mesh {
 
     /** How far streaming is. */
     get progress() {
-        if (this.#core === null) return { share: 0, isSettled: true, uploadedBytes: 0, damaged: 0 };
-        const progress = this.#core.progress();
-        const { share, is_settled: isSettled, uploaded_bytes: uploadedBytes, damaged } = progress;
-        progress.free();
-        return { share, isSettled, uploadedBytes, damaged };
+        return this.#stream?.progress ?? { share: 0, isSettled: true, uploadedBytes: 0, damaged: 0 };
     }
 
     /** Why the first part that cannot be read cannot be; null where all can. */
     get damage() {
-        return this.#core?.damage() ?? null;
+        return this.#stream?.damage ?? null;
     }
 
     /** Asks once more for what could not be read. */
     retry() {
-        this.#core?.retry();
+        this.#stream?.retry();
     }
 
     /** Whether texels lie compressed in graphics memory; null before the first frame. */
@@ -227,12 +219,13 @@ export class FanMesh extends Mesh {
         throw new Error("a FanMesh cannot be cloned; for another copy of it, make a Mesh of its geometry and material, or load the asset again");
     }
 
-    /** Ends streaming, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
+    /** Ends streaming and its worker, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
     dispose() {
-        if (this.#core === null) return;
+        if (this.#stream === null) return;
         this.removeFromParent();
-        this.#core.free();
-        this.#core = null;
+        this.#stream.close();
+        this.#stream = null;
+        this.#asset = null;
         this.#textures?.dispose();
         this.#textures = null;
         this.#canvas?.removeEventListener("webglcontextlost", this.#onLost);
@@ -242,14 +235,7 @@ export class FanMesh extends Mesh {
     }
 }
 
-function channelsOf(core) {
-    const numbers = core.channels();
-    return Array.from({ length: numbers.length / 3 }, (_, i) => (
-        { kind: numbers[3 * i], format: numbers[3 * i + 1], srgb: numbers[3 * i + 2] === 1 }
-    ));
-}
-
-function geometryOf(vertices) {
+function geometryOf({ vertices, bounds: { min, max, centre, radius } }) {
     const geometry = new BufferGeometry();
     geometry.setIndex(new BufferAttribute(vertices.indices, 1));
     geometry.setAttribute("position", new BufferAttribute(vertices.positions, 3));
@@ -258,7 +244,7 @@ function geometryOf(vertices) {
     geometry.setAttribute("fanUv2", new BufferAttribute(vertices.uv2, 2));
     geometry.setAttribute("fanGroups", new BufferAttribute(vertices.groups, 3));
     geometry.setAttribute("fanCorner", new BufferAttribute(vertices.corners, 4, true));
-    geometry.computeBoundingBox();
-    geometry.computeBoundingSphere();
+    geometry.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
+    geometry.boundingSphere = new Sphere(new Vector3(...centre), radius);
     return geometry;
 }

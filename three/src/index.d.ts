@@ -14,6 +14,11 @@ export interface FanLoaderOptions {
     compressed?: boolean;
     /** Whether lit materials are `MeshPhysicalMaterial`, else `MeshStandardMaterial`; false unless given. */
     physical?: boolean;
+    /**
+     * Whether assets are read and unpacked in workers, one for each mesh; true unless given. Where a page may have none, that is done on
+     * the page in any case.
+     */
+    worker?: boolean;
     /** Address of `fantex_three_bg.wasm`, where the bundler does not find it by itself. */
     wasmUrl?: string | URL;
 }
@@ -21,12 +26,14 @@ export interface FanLoaderOptions {
 /** Opens assets (`.fan`) by address. Of each it fetches what a view needs. */
 export class FanLoader extends Loader<FanMesh> {
     constructor(options?: FanLoaderOptions, manager?: LoadingManager);
+    /** Ends what is being loaded: that fails with an `AbortError`, and leaves nothing. */
+    abort(): this;
 }
 
 export interface FanProgress {
     /** Share of the visible tiles that are as sharp as the view asks for, 0 to 1. */
     share: number;
-    /** Whether nothing is on its way: the picture stays until the view changes. */
+    /** Whether nothing is on its way for the view of the last `update`: the picture stays until the view changes. */
     isSettled: boolean;
     /** Bytes of texels uploaded so far. */
     uploadedBytes: number;
@@ -42,6 +49,8 @@ export class FanMesh extends Mesh {
     errorTarget: number;
     /** Where the geometry's zero lies in the coordinates of the model's file: zero, unless these are too large for single precision. */
     readonly origin: Vector3;
+    /** Whether the core runs in a worker of its own, else on the page. */
+    readonly usesWorker: boolean;
     /** How far streaming is. */
     readonly progress: FanProgress;
     /** Why the first part that cannot be read cannot be; null where all can. */
@@ -54,6 +63,6 @@ export class FanMesh extends Mesh {
     patch<M extends Material>(material: M): M;
     /** Asks once more for what could not be read. */
     retry(): void;
-    /** Ends streaming, and frees memory and graphics memory. */
+    /** Ends streaming and its worker, and frees memory and graphics memory. */
     dispose(): void;
 }

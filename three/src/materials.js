@@ -16,7 +16,7 @@ const DEFINES = [
 const CUT_OUT = 1, BLENDED = 2;
 
 /** Uniforms of an asset, shared by all its materials. Textures are set when they are made. */
-export function fanUniforms(core, channels, anisotropy) {
+export function fanUniforms(delta, channels, anisotropy) {
     const channelOf = (kind) => Math.max(channels.findIndex((channel) => channel.kind === kind), 0);
     return {
         fanGroupTable: { value: null },
@@ -24,7 +24,7 @@ export function fanUniforms(core, channels, anisotropy) {
         fanMeans: { value: null },
         fanFrames: { value: null },
         fanAtlasScale: { value: [0, 0] },
-        fanDelta: { value: core.delta() },
+        fanDelta: { value: delta },
         fanMaxAnisotropy: { value: anisotropy },
         fanChannels: { value: channels.length },
         fanMeanOf: { value: [BASE_COLOR, NORMAL, MATERIAL, EMISSION].map(channelOf) },
@@ -96,15 +96,15 @@ export function patchMaterial(material, uniforms, defines) {
 /** The material of three for one of the asset's. Opposed triangles are seen from their front only. */
 export function surfaceMaterial(own, isOpposed, channels, isPhysical) {
     const has = (kind) => channels.some((channel) => channel.kind === kind);
-    const [red, green, blue, alpha] = has(BASE_COLOR) ? [1, 1, 1, 1] : own.base_color;
+    const [red, green, blue, alpha] = has(BASE_COLOR) ? [1, 1, 1, 1] : own.baseColor;
     const parameters = {
         name: own.name,
         color: new Color(red, green, blue),
-        opacity: own.alpha_mode === BLENDED ? alpha : 1,
-        transparent: own.alpha_mode === BLENDED,
-        depthWrite: own.alpha_mode !== BLENDED,
-        alphaTest: own.alpha_mode === CUT_OUT ? own.alpha_threshold : 0,
-        side: own.double_sided && !isOpposed ? DoubleSide : FrontSide,
+        opacity: own.alphaMode === BLENDED ? alpha : 1,
+        transparent: own.alphaMode === BLENDED,
+        depthWrite: own.alphaMode !== BLENDED,
+        alphaTest: own.alphaMode === CUT_OUT ? own.alphaThreshold : 0,
+        side: own.doubleSided && !isOpposed ? DoubleSide : FrontSide,
     };
     if (own.unlit) return new MeshBasicMaterial(parameters);
     const Lit = isPhysical ? MeshPhysicalMaterial : MeshStandardMaterial;

@@ -78,17 +78,17 @@ export class FanTextures {
 
     /**
      * @param renderer A renderer of three that is ready to draw.
-     * @param core The open asset.
-     * @param channels Its channels.
-     * @param options `cacheBytes`, `anisotropy`, `compressed`.
+     * @param asset The asset's `channels`, `tables` and `atlases`.
+     * @param wantsCompressed Whether texels stay compressed where the device has the formats.
      */
-    constructor(renderer, core, channels, options) {
+    constructor(renderer, { channels, tables, atlases }, wantsCompressed) {
         const device = deviceOf(renderer);
         this.#device = device;
         this.renderer = renderer;
-        const compressed = options.compressed && hasBlockFormats(device, channels);
-        // Several cards say more than they keep.
-        this.extent = core.begin(compressed, Math.min(device.maxSide, 16384), options.cacheBytes, options.anisotropy);
+        const compressed = wantsCompressed && hasBlockFormats(device, channels);
+        /** The one of the asset's for this device. */
+        this.atlas = atlases.find((atlas) => atlas.compressed === compressed && atlas.maxSide <= device.maxSide);
+        this.extent = this.atlas.extent;
         device.prepareUploads();
         this.atlases = channels.map((channel, index) => {
             // Of several channels of a kind the first one counts.
@@ -97,10 +97,10 @@ export class FanTextures {
             const { block, plain } = FORMATS[channel.format];
             return createTexture(device, this.extent, named(compressed && block ? block : plain, channel.srgb), true);
         });
-        this.pages = createTexture(device, core.page_extent(), "r32ui", false);
-        this.groups = table(device, core.groups(), 2, "rg32ui");
-        this.means = table(device, core.means(), 4, "rgba16f");
-        this.frames = table(device, paddedFrames(core.frames()), 4, "rgba32f");
+        this.pages = createTexture(device, tables.pageExtent, "r32ui", false);
+        this.groups = table(device, tables.groups, 2, "rg32ui");
+        this.means = table(device, tables.means, 4, "rgba16f");
+        this.frames = table(device, tables.frames, 4, "rgba32f");
         this.isCompressed = compressed && channels.some(({ format }) => FORMATS[format].block !== null);
     }
 
@@ -124,11 +124,4 @@ export class FanTextures {
             texture?.dispose();
         }
     }
-}
-
-/** Six numbers per group as two texels of four. */
-function paddedFrames(frames) {
-    const padded = new Float32Array(frames.length / 6 * 8);
-    for (let i = 0; i < frames.length / 6; i++) padded.set(frames.subarray(6 * i, 6 * i + 6), 8 * i);
-    return padded;
 }

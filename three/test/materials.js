@@ -35,7 +35,7 @@ const channels = [0, 1, 2, 3, 5].map((kind) => ({ kind, format: 6, srgb: false }
 
 function uniformsOf(opacity) {
     const means = [[0, 1, 0, opacity], [0.5, 0.5, 0, 1], [1, 1, 0, 1], [0, 0, 0, 1], [1, 1, 1, 1]];
-    const uniforms = fanUniforms({ delta: () => 0.1 }, channels, 8);
+    const uniforms = fanUniforms(0.1, channels, 8);
     device.prepareUploads();
     uniforms.fanGroupTable.value = texture("rg32ui", 1, new Uint32Array([0, 1 | 1 << 16]));
     uniforms.fanPages.value = texture("r32ui", 1, new Uint32Array([0]));

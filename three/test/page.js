@@ -1,5 +1,6 @@
 // The page of the tests in a browser: one asset, a camera and lights from the address, the picture on request. `renderer` is `webgl`,
-// `webgpu`, or `webgl2` for WebGPURenderer with its other backend; `size` its columns and rows.
+// `webgpu`, or `webgl2` for WebGPURenderer with its other backend; `size` its columns and rows. `worker=0` does without a worker, `no-workers`
+// forbids them, `count` counts them; `end=loading` and `end=streaming` end in the middle of that.
 
 import {
     ACESFilmicToneMapping, Box3, CircleGeometry, Color, DataTexture, DataUtils, DirectionalLight, EquirectangularReflectionMapping, FloatType, Fog, HalfFloatType,
@@ -88,6 +89,36 @@ function counts() {
     return { geometries: memory.geometries, textures: memory.textures, programs: programs?.length ?? 0, children: scene.children.length };
 }
 
+let started = 0;
+
+if (query.has("count")) {
+    window.Worker = class extends Worker {
+        constructor(url, options) {
+            super(`/test/locked.js?${url}`, options);
+            started += 1;
+        }
+    };
+}
+
+/** How many workers were started, and how many live: the browser takes its lock away from one that has ended. */
+async function workers() {
+    return [started, (await navigator.locks.query()).held.length];
+}
+
+/** Milliseconds of the page's longest task (which counts from 50 on), and of the longest `update`, from the first byte until the asset is sharp. */
+const longest = { task: 0, update: 0 };
+const tasks = new PerformanceObserver((list) => list.getEntries().forEach(noteTask));
+
+function noteTask({ duration }) {
+    longest.task = Math.max(longest.task, duration);
+}
+
+function update() {
+    const start = performance.now();
+    fan.update(camera, renderer);
+    longest.update = Math.max(longest.update, performance.now() - start);
+}
+
 let fan = null;
 
 /** Whether the device still draws an earlier frame. */
@@ -96,8 +127,17 @@ let isDrawn = false;
 
 function frame() {
     if (fan === null || isBusy) return;
-    fan.update(camera, renderer);
+    update();
     const { isSettled } = fan.progress;
+    if (query.get("end") === "streaming" && fan.progress.uploadedBytes > 0) {
+        test.dispose();
+        enter("ended");
+        return;
+    }
+    if (isSettled && !isDrawn) {
+        tasks.takeRecords().forEach(noteTask);
+        tasks.disconnect();
+    }
     // Software takes long to draw: the picture is drawn when it is whole.
     if (isSettled && !isDrawn) draw();
     isDrawn = isSettled;
@@ -113,12 +153,21 @@ function draw() {
 
 async function load() {
     enter("loading");
+    tasks.observe({ type: "longtask" });
     const loaded = [];
     try {
-        const loader = new FanLoader({ compressed: query.get("compressed") !== "0", anisotropy: Number(query.get("anisotropy") ?? 16), errorTarget: Number(query.get("error") ?? 1) });
-        fan = await loader.loadAsync(query.get("asset"), (event) => loaded.push(event.loaded));
+        const loader = new FanLoader({
+            compressed: query.get("compressed") !== "0",
+            anisotropy: Number(query.get("anisotropy") ?? 16),
+            errorTarget: Number(query.get("error") ?? 1),
+            worker: query.get("worker") !== "0",
+        });
+        fan = await loader.loadAsync(query.get("asset"), (event) => {
+            loaded.push(event.loaded);
+            if (query.get("end") === "loading") loader.abort();
+        });
     } catch (error) {
-        enter("failed", error.message);
+        enter("failed", error.name === "AbortError" ? error.name : error.message);
         return;
     }
     scene.add(fan);
@@ -211,7 +260,7 @@ async function loadPlain(url) {
 
 /** What the driver calls. */
 window.test = {
-    renderer, counts, picture, canvasPicture, frameTimes,
+    renderer, counts, picture, canvasPicture, frameTimes, workers, longest,
     fan: () => fan,
     /** Has the material read a channel or do without it. */
     set(define, isRead) {

@@ -20,9 +20,6 @@ use wasm_bindgen::prelude::*;
 use crate::geometry::{FanGeometry, ObjectSpace};
 use crate::materials::FanMaterial;
 
-/// Time of a frame that goes into unpacking what has come.
-const UNPACKING_SLICE: Duration = Duration::from_millis(6);
-
 /// Longest time that a frame counts for: a page that was hidden goes on where it was.
 const MAX_FRAME_SECONDS: f32 = 0.1;
 
@@ -37,7 +34,7 @@ pub fn start() {
 
 #[wasm_bindgen]
 extern "C" {
-    /// Whoever owns the textures.
+    /// Whoever hands texels and words to the textures.
     #[derive(Debug)]
     pub type Sink;
 
@@ -177,29 +174,35 @@ impl FanCore {
         PageWords::extent(self.pages.len()).to_vec()
     }
 
+    /// Columns and rows of the textures of an atlas, see [`begin`](Self::begin).
+    pub fn atlas_extent(&self, has_blocks: bool, max_side: u32, atlas_bytes: f64) -> Vec<u32> {
+        let shape = atlas_shape(&self.atlas_formats(has_blocks), max_side, atlas_bytes);
+        AtlasGrid::new(shape, max_side).extent().to_vec()
+    }
+
     /// Makes an atlas in which nothing is resident, also after another one was lost: of at most so many bytes, in textures of at most
-    /// `max_side` texels. `has_blocks`: the device has all compressed formats of the asset. Returns columns and rows of the textures.
+    /// `max_side` texels. `has_blocks`: the device has all compressed formats of the asset. Updates unpack for so many milliseconds, and one
+    /// cluster longer at most.
     pub fn begin(
         &mut self,
         has_blocks: bool,
         max_side: u32,
         atlas_bytes: f64,
         max_anisotropy: f32,
-    ) -> Vec<u32> {
-        let channels = self.asset.channels().iter();
-        let formats: Vec<_> = channels.map(|channel| AtlasFormat::of(channel.format, has_blocks)).collect();
-        let atlas = AtlasGrid::fitting(AtlasShape::within(atlas_bytes as u64, &formats), max_side);
+        slice_milliseconds: u32,
+    ) {
+        let formats = self.atlas_formats(has_blocks);
+        let atlas = atlas_shape(&formats, max_side, atlas_bytes);
         let grid = AtlasGrid::new(atlas, max_side);
         let options =
             ClusterLoaderOptions { block_compressed: has_blocks, ..ClusterLoaderOptions::default() };
         let reader = Box::new(self.file.reader(self.connections));
-        let loader =
-            ClusterLoader::without_threads(Arc::clone(&self.asset), reader, &options, UNPACKING_SLICE);
+        let slice = Duration::from_millis(slice_milliseconds.into());
+        let loader = ClusterLoader::without_threads(Arc::clone(&self.asset), reader, &options, slice);
         let options = StreamerOptions { atlas, max_anisotropy, ..StreamerOptions::default() };
         let streamer = Streamer::new(self.asset.clone(), Box::new(loader), options);
         let words = PageWords::new(self.asset.cover(), &self.pages);
         self.streaming = Some(Streaming { streamer, grid, words, formats, staging: Vec::new() });
-        grid.extent().to_vec()
     }
 
     /// Hands over what has come, and asks for what a view needs. `view`, object space: the eye; unit vectors to the right, upwards and
@@ -241,6 +244,19 @@ impl FanCore {
             streamer.retry_damaged();
         }
     }
+}
+
+impl FanCore {
+    /// Formats of texels in an atlas, per channel.
+    fn atlas_formats(&self, has_blocks: bool) -> Vec<AtlasFormat> {
+        let channels = self.asset.channels().iter();
+        channels.map(|channel| AtlasFormat::of(channel.format, has_blocks)).collect()
+    }
+}
+
+/// What of so many bytes fits into textures of at most `max_side` texels.
+fn atlas_shape(formats: &[AtlasFormat], max_side: u32, atlas_bytes: f64) -> AtlasShape {
+    AtlasGrid::fitting(AtlasShape::within(atlas_bytes as u64, formats), max_side)
 }
 
 impl Streaming {

@@ -2,12 +2,12 @@
 //! page that draws with three.js. No graphics interface is in it.
 //!
 //! ```text
-//!  three/src: FanLoader, FanMesh, materials          FanCore
-//!     FanCore.open(url) -------------------------->  fetch: header, sections
-//!     geometry(), groups(), means(), ... <---------  vertex arrays and tables, once
-//!     begin(formats, memory) --------------------->  an empty atlas
-//!     update(view, seconds, sink) ---------------->  demand, residency, a slice of unpacking
-//!     sink.texels(...), sink.words(...) <----------  what goes into the atlas and the page table
+//!  the page, three/src: FanMesh, materials    a worker, or the page: engine.js    FanCore
+//!    FanStream: open { url } -----------------> FanCore.open(url) ----------------> fetch: header, sections
+//!    vertex arrays, tables <------ opened ----- geometry(), groups(), ... <-------- once
+//!    textures: begin { atlas } ---------------> begin(formats, memory) -----------> an empty atlas
+//!    camera: update { view } -----------------> update(view, seconds, sink) ------> demand, residency, a slice of unpacking
+//!    textures <------------------- updated ---- sink.texels(...), sink.words(...) <- what goes into atlas and page table
 //! ```
 //!
 //! On other targets than WebAssembly the crate is empty.

@@ -137,6 +137,25 @@ fn figures_of_frame_times_beside_an_ordinary_model() {
     }
 }
 
+#[test]
+#[ignore = "bakes a landscape for a figure"]
+fn figures_of_the_longest_task_in_a_worker_and_on_the_page() {
+    let Some((browser, _pages, page)) = page() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (model, asset) = (folder.path().join("land.ply"), folder.path().join("land.fan"));
+    fantex(&["generate", "landscape", "-o", text(&model), "--triangles", "300k"]);
+    fantex(&["bake", text(&model), "-o", text(&asset), "--source", "solid=landscape", "--texels", "4M"]);
+    let (_server, info) = serve(&asset, &["--share"]);
+    for _ in 0..3 {
+        for (name, more) in [("in a worker", ""), ("on the page", "&worker=0")] {
+            load(&browser, &address(&page, &info.asset_url, ["0,400,1200", "0,0,0", "35"], more));
+            let longest = browser.run("return [test.longest.task, test.longest.update]");
+            let [task, update] = [0, 1].map(|k| longest[k].as_f64().unwrap());
+            println!("{name}: the page's longest task {task:.0} ms, the longest update {update:.0} ms");
+        }
+    }
+}
+
 /// Of the fastest of some frames. Cards draw many before the time is taken: one takes less than it takes to wait for it.
 fn milliseconds(browser: &Browser, url: &str) -> f64 {
     load(browser, url);

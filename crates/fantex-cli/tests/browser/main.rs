@@ -10,6 +10,7 @@ mod network;
 mod phones;
 mod three;
 mod webgpu;
+mod workers;
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};

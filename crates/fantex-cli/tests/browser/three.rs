@@ -258,11 +258,14 @@ fn three_says_what_is_wrong() {
         assert_eq!(state, "failed");
         said
     };
-    let missing = said(&address(&page, &info.asset_url.replace("bottle", "vase"), WHOLE, ""));
-    assert!(missing.contains("vase.fan") && missing.contains("404 Not Found"), "{missing}");
-    // Python's server knows no ranges, and hands out this file beside the page.
-    let whole = said(&address(&page, "/package.json", WHOLE, ""));
-    assert!(whole.contains("does not support range requests"), "{whole}");
+    // In a worker, and on the page.
+    for more in ["", "&worker=0"] {
+        let missing = said(&address(&page, &info.asset_url.replace("bottle", "vase"), WHOLE, more));
+        assert!(missing.contains("vase.fan") && missing.contains("404 Not Found"), "{missing}");
+        // Python's server knows no ranges, and hands out this file beside the page.
+        let whole = said(&address(&page, "/package.json", WHOLE, more));
+        assert!(whole.contains("does not support range requests"), "{whole}");
+    }
 }
 
 #[test]

@@ -16,7 +16,7 @@ use super::{
     ended_early, task_reader, too_long,
 };
 
-/// Lets the page run a task beside others.
+/// Lets the page, or the worker, run a task beside others.
 pub fn spawn(task: impl Future<Output = ()> + 'static) {
     wasm_bindgen_futures::spawn_local(task);
 }
@@ -122,6 +122,7 @@ impl RemoteFile {
         let request = Request::new_with_str_and_init(&self.url, &options).map_err(|error| broken(&error))?;
         let bytes = format!("bytes={}-{}", range.start, range.end - 1);
         request.headers().set("range", &bytes).map_err(|error| broken(&error))?;
+        // Workers have the same function, and no window.
         let window: Window = js_sys::global().unchecked_into();
         let response =
             JsFuture::from(window.fetch_with_request(&request)).await.map_err(|error| broken(&error))?;
