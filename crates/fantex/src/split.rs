@@ -98,7 +98,7 @@ pub fn split(
     if options.triangles == 0 {
         return Err(Error::invalid("a sector has at least one triangle"));
     }
-    let index = folder.join(format!("{}.{WORLD_EXTENSION}", name_of(asset.path())));
+    let index = folder.join(Split::index_name(asset.path()));
     let mut output = Output::begin(folder, &index, options.force)?;
     let plan = Plan::of(asset, options.triangles)?;
     let mut world = World::default();
@@ -133,10 +133,13 @@ pub fn split(
     Ok(Split { index, world, repeated_texels: in_sectors.saturating_sub(plan.texels) })
 }
 
-/// The name of an asset without folders and extension.
-fn name_of(place: &Path) -> String {
-    let place = url_of(place).map_or(place, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
-    place.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy().into_owned())
+impl Split {
+    /// The file name of the index of the sectors of an asset at a path or an address.
+    pub fn index_name(asset: &Path) -> String {
+        let asset = url_of(asset).map_or(asset, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
+        let name = asset.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy());
+        format!("{name}.{WORLD_EXTENSION}")
+    }
 }
 
 /// The file of a sector, counted from 0.
