@@ -15,8 +15,8 @@ use std::time::Duration;
 
 use fantex_base::{Error, Result, files};
 use rusty_s3::Method;
-use ureq::SendBody;
 use ureq::http::{self, HeaderValue};
+use ureq::{Body, SendBody};
 
 use crate::read::http::client_error;
 use crate::read::object::StoredObject;
@@ -511,17 +511,13 @@ impl ObjectTarget {
         for (name, value) in headers {
             builder = builder.header(*name, *value);
         }
-        let (length, body) = match content.begin()? {
+        let mut response = match content.begin()? {
             Some((length, bytes)) => {
-                builder = builder.header(http::header::CONTENT_LENGTH, length);
-                (length, SendBody::from_reader(bytes))
+                let builder = builder.header(http::header::CONTENT_LENGTH, length);
+                self.run(builder.body(SendBody::from_reader(bytes)), length)?
             }
-            None => (0, SendBody::none()),
+            None => self.run(builder.body(SendBody::none()), 0)?,
         };
-        let time = REQUEST_TIME + Duration::from_secs(length / MIN_BYTES_PER_SECOND);
-        let prepared = builder.body(body).map_err(|error| client_error(error.into()))?;
-        let prepared = self.agent.configure_request(prepared).timeout_global(Some(time)).build();
-        let mut response = self.agent.run(prepared).map_err(client_error)?;
         let text = |name: &str| {
             let value: Option<&HeaderValue> = response.headers().get(name);
             value.and_then(|value| value.to_str().ok()).map(str::to_owned)
@@ -536,6 +532,18 @@ impl ObjectTarget {
             (200..=299, Some(code)) => Err(refusal_of(500, Some(&code))),
             (status, code) => Err(refusal_of(status, code.as_deref())),
         }
+    }
+
+    /// Sends a request with a body of so many bytes.
+    fn run(
+        &self,
+        request: Result<http::Request<SendBody<'_>>, http::Error>,
+        length: u64,
+    ) -> io::Result<http::Response<Body>> {
+        let request = request.map_err(|error| client_error(error.into()))?;
+        let time = REQUEST_TIME + Duration::from_secs(length / MIN_BYTES_PER_SECOND);
+        let request = self.agent.configure_request(request).timeout_global(Some(time)).build();
+        self.agent.run(request).map_err(client_error)
     }
 }
 
