@@ -445,6 +445,7 @@ impl ObjectTarget {
             Replace::Version(version) if !version.is_empty() => Some(("if-match", version.as_str())),
             Replace::Version(_) | Replace::Anything => None,
         };
+        let condition = condition.filter(|_| self.object.has_conditional_writes);
         // Not all stores look at the condition.
         self.check_replaced(replace)?;
         let mut done = send(condition);

@@ -25,6 +25,8 @@ const GOOGLE: &str = "https://storage.googleapis.com";
 pub(crate) struct StoredObject {
     bucket: Bucket,
     pub(crate) key: String,
+    /// Whether writing may depend on what is there by the headers of Amazon's store. (Google's knows them for reading only.)
+    pub(crate) has_conditional_writes: bool,
     credentials: Option<Credentials>,
     signed: Mutex<Option<(Instant, String)>>,
 }
@@ -77,7 +79,13 @@ impl StoredObject {
         let url = endpoint.parse().map_err(|error| wrong(&error))?;
         let bucket =
             Bucket::new(url, style, name.to_owned(), region.clone()).map_err(|error| wrong(&error))?;
-        Ok(Some(Self { bucket, key: key.to_owned(), credentials, signed: Mutex::default() }))
+        Ok(Some(Self {
+            bucket,
+            key: key.to_owned(),
+            has_conditional_writes: !is_google,
+            credentials,
+            signed: Mutex::default(),
+        }))
     }
 
     /// Where the object is read now.
