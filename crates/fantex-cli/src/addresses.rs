@@ -116,8 +116,10 @@ pub(crate) fn change<T>(
     }
     let _deferral = context.defer_interrupt();
     let target = Target::new(place)?;
-    let version = ObjectTarget::at(place)?.version()?;
-    let version = version.ok_or_else(|| Error::not_found(format!("there is no {}", place.display())))?;
+    let object = ObjectTarget::at(place)?;
+    object.check(true)?;
+    let version =
+        object.version()?.ok_or_else(|| Error::not_found(format!("there is no {}", place.display())))?;
     fetch(place, target.file(), context)?;
     let changed = change(target.file())?;
     target.finish(&Replace::Version(version), context)?;
