@@ -15,12 +15,14 @@ use fantex::bake::Progress;
 use fantex::base::files::{exists, folder_of, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::look::ResolveOptions;
+use fantex::stream::{ObjectTarget, Replace};
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use tempfile::TempDir;
 
 use crate::CommonArgs;
+use crate::addresses::is_address;
 
 /// The common flags, and whether the user wants to stop.
 #[derive(Debug)]
@@ -104,7 +106,12 @@ impl Context {
 
     /// A progress bar, drawn only for a person at a terminal.
     pub(crate) fn progress(&self, label: &str) -> Bar<'_> {
-        Bar::new(label, !self.quiet && !self.json, &self.interrupt)
+        Bar::new(label, "M texels", !self.quiet && !self.json, &self.interrupt)
+    }
+
+    /// As [`Context::progress`], of what counts bytes.
+    pub(crate) fn progress_of_bytes(&self, label: &str) -> Bar<'_> {
+        Bar::new(label, "MB", !self.quiet && !self.json, &self.interrupt)
     }
 
     /// Until the result is dropped, Ctrl-C only sets a flag, so that a file being written is removed.
@@ -144,8 +151,19 @@ impl Context {
         if self.interrupt.is_requested() { Err(Error::cancelled(INTERRUPTED)) } else { Ok(()) }
     }
 
+    /// What an object that is written may take the place of.
+    pub(crate) fn replace(&self) -> Replace {
+        if self.force { Replace::Anything } else { Replace::Nothing }
+    }
+
     /// Refuses to overwrite a file before any work is done for it.
     pub(crate) fn check_output(&self, path: &Path) -> Result<()> {
+        if is_address(path) {
+            return Err(Error::invalid(format!(
+                "cannot write {}: this command writes files; give a path, and copy the file to its address afterwards",
+                path.display()
+            )));
+        }
         if path.is_dir() {
             return Err(Error::conflict(format!("cannot write {}: it is a folder", path.display())));
         }
@@ -173,6 +191,30 @@ impl Context {
         // What is opened is known.
         drop(input::open(input));
         self.check_output(path)
+    }
+
+    /// As [`Context::check_output_of`], for what may be an object in a store, too: whether that is there, and whether it may be written.
+    pub(crate) fn check_target_of<'a>(
+        &self,
+        place: &Path,
+        inputs: impl IntoIterator<Item = &'a Path>,
+    ) -> Result<()> {
+        for input in inputs {
+            if is_address(place) && place == input {
+                let place = place.display();
+                return Err(Error::conflict(format!(
+                    "{place} is what is read; give what is written another name"
+                )));
+            }
+            // What is opened is known.
+            drop(input::open(input));
+        }
+        if !is_address(place) {
+            return self.check_output(place);
+        }
+        let _deferral = self.defer_interrupt();
+        ObjectTarget::at(place)?.check(self.force)?;
+        self.check_interrupt()
     }
 
     /// A folder that goes away with the value.
@@ -295,27 +337,31 @@ pub(crate) struct Bar<'a> {
 }
 
 impl<'a> Bar<'a> {
-    /// A bar on standard error, or one that is not drawn. Without a terminal nothing is drawn in any case.
-    pub(crate) fn new(label: &str, is_shown: bool, interrupt: &'a Interrupt) -> Self {
+    /// A bar on standard error, or one that is not drawn. `millions` names a million of what is counted.
+    /// Without a terminal nothing is drawn in any case.
+    pub(crate) fn new(label: &str, millions: &'static str, is_shown: bool, interrupt: &'a Interrupt) -> Self {
         let target =
             if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target).with_message(label.to_owned());
         if let Ok(style) =
-            ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {texels}, {eta} left")
+            ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {amount}, {eta} left")
         {
-            bar.set_style(style.with_key("texels", write_texels));
+            let write_amount = move |state: &ProgressState, text: &mut dyn fmt::Write| {
+                write_millions(state, millions, text);
+            };
+            bar.set_style(style.with_key("amount", write_amount));
         }
         bar.enable_steady_tick(Duration::from_millis(250));
         Self { bar, done: AtomicU64::new(0), interrupt }
     }
 }
 
-/// `12.0 of 64.0 M texels, 3.1 M/s`.
-fn write_texels(state: &ProgressState, text: &mut dyn fmt::Write) {
-    let millions = |texels: f64| texels / 1e6;
+/// `12.0 of 64.0 M texels, 3.1 M texels/s`.
+fn write_millions(state: &ProgressState, unit: &str, text: &mut dyn fmt::Write) {
+    let millions = |count: f64| count / 1e6;
     let (done, total) = (millions(state.pos() as f64), millions(state.len().unwrap_or(0) as f64));
     let _drawing_cannot_fail =
-        write!(text, "{done:.1} of {total:.1} M texels, {:.1} M/s", millions(state.per_sec()));
+        write!(text, "{done:.1} of {total:.1} {unit}, {:.1} {unit}/s", millions(state.per_sec()));
 }
 
 impl Progress for Bar<'_> {

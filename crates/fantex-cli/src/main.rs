@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use fantex::{Error, ErrorKind, Result};
 
+use crate::addresses::with_local_files;
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
     preview, render, serve, simplify, split, table, verify, view, warp, world,
@@ -12,6 +13,7 @@ use crate::commands::{
 use crate::context::{Context, EXIT_INTERRUPTED, say};
 use crate::text::bytes;
 
+mod addresses;
 mod context;
 mod cover_pictures;
 mod scene;
@@ -52,7 +54,8 @@ fn main() -> ExitCode {
     // Copies of worlds have a file per asset until all are there. What is left of a low limit is told where files are opened.
     #[cfg(unix)]
     rlimit::increase_nofile_limit(u64::MAX).unwrap_or_default();
-    let cli = Cli::parse_from(warp::join_corners(std::env::args_os()));
+    let arguments = with_local_files(std::env::args_os()).into_iter();
+    let cli = Cli::parse_from(warp::join_corners(arguments));
     let context = match Context::new(&cli.common) {
         Ok(context) => context,
         Err(error) => return failed(&error),

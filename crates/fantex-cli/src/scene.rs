@@ -18,6 +18,7 @@ use fantex::texture::{Filter, Image};
 use fantex::{Error, FileKind, Result, World};
 use glam::{DVec3, Vec3, Vec4};
 
+use crate::addresses::is_object;
 use crate::context::Context;
 use crate::text::{Choices, counted, share, within};
 
@@ -221,11 +222,13 @@ pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>> {
     Ok(Arc::clone(fantex::Asset::open(path)?.shared()))
 }
 
-/// Refuses what is no asset in a file, which can be changed.
+/// Refuses what is no asset that can be changed: in a file, or an object in a store.
 pub(crate) fn check_is_asset_file(path: &Path) -> Result<()> {
     match url_of(path) {
-        Some(url) => Err(Error::unsupported(format!("{url} can only be read: download it to change it"))),
-        None => check_is_asset(path),
+        Some(url) if !is_object(path) => {
+            Err(Error::unsupported(format!("{url} can only be read: download it to change it")))
+        }
+        _ => check_is_asset(path),
     }
 }
 

@@ -38,6 +38,8 @@ pub mod read;
 mod residency;
 mod shape;
 mod streamer;
+#[cfg(feature = "http")]
+mod upload;
 mod world;
 
 pub use atlas::*;
@@ -53,8 +55,10 @@ pub use objects::*;
 pub use outline::*;
 pub use parcel::*;
 #[cfg(not(target_arch = "wasm32"))]
-pub use read::{open_asset, open_preview, read_whole};
+pub use read::{open_asset, open_preview, open_source, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;
+#[cfg(feature = "http")]
+pub use upload::{ObjectTarget, Replace};
 pub use world::*;

@@ -176,13 +176,24 @@ impl World {
         Ok(text)
     }
 
-    /// How an index names an asset: an address as it is, a file relative to the index's folder, below which it must lie.
+    /// How an index names an asset: a file relative to the index's folder, below which it must lie; an address as it is, or relative to an index in
+    /// the same object store, where it lies below that.
     ///
     /// # Errors
-    /// The file does not lie below that folder, one of them cannot be found, or a name on the way is not UTF-8 or is none on every system.
+    /// The file does not lie below that folder, or the index lies at an address; one of them cannot be found; a name on the way is not UTF-8 or is
+    /// none on every system.
     pub fn name_of(index: &Path, asset: &Path) -> Result<String> {
         if let Some(url) = url_of(asset) {
-            return Ok(url.to_owned());
+            let folder = url_of(index).and_then(|index| Some(&index[..=index.rfind('/')?]));
+            let is_object = url.get(..4).is_some_and(|start| !start.eq_ignore_ascii_case("http"));
+            let below = folder.filter(|_| is_object).and_then(|folder| url.strip_prefix(folder));
+            return Ok(below.unwrap_or(url).to_owned());
+        }
+        if let Some(index) = url_of(index) {
+            let asset = asset.display();
+            return Err(Error::unsupported(format!(
+                "{asset} lies on this machine, where those who read {index} do not find it; give an address"
+            )));
         }
         let folder = files::folder_of(index);
         let canonical = |path: &Path| path.canonicalize().map_err(|error| Error::reading(path, error));

@@ -105,7 +105,7 @@ pub fn split(
     if options.triangles == 0 {
         return Err(Error::invalid("a sector has at least one triangle"));
     }
-    let index = folder.join(format!("{}.{WORLD_EXTENSION}", name_of(asset.path())));
+    let index = folder.join(Split::index_name(asset.path()));
     let mut output = Output::begin(folder, &index, options.force)?;
     let plan = Plan::of(asset, options.triangles)?;
     let mut world = World::default();
@@ -144,10 +144,21 @@ pub fn split(
     Ok(Split { index, world, repeated_texels: in_sectors.saturating_sub(plan.texels) })
 }
 
-/// The name of an asset without folders and extension.
-fn name_of(place: &Path) -> String {
-    let place = url_of(place).map_or(place, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
-    place.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy().into_owned())
+impl Split {
+    /// The file name of the index of the sectors of an asset at a path or an address.
+    pub fn index_name(asset: &Path) -> String {
+        let asset = url_of(asset).map_or(asset, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
+        let name = asset.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy());
+        format!("{name}.{WORLD_EXTENSION}")
+    }
+
+    /// Whether a file has a name that sectors or coarse assets have; such files of a world go when another takes its place.
+    pub fn names(file: &str) -> bool {
+        let prefixes = [SECTOR_PREFIX, COARSE_PREFIX];
+        let rest = prefixes.iter().find_map(|prefix| file.strip_prefix(prefix));
+        let number = rest.and_then(|rest| rest.strip_suffix(".fan"));
+        number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
+    }
 }
 
 /// The file of a sector or a coarse asset, counted from 0.
@@ -157,14 +168,6 @@ fn file_name(prefix: &str, number: usize) -> String {
 
 const SECTOR_PREFIX: &str = "sector-";
 const COARSE_PREFIX: &str = "coarse-";
-
-/// Whether a file has a name that sectors or coarse assets have.
-fn is_written(name: &str) -> bool {
-    let prefixes = [SECTOR_PREFIX, COARSE_PREFIX];
-    let rest = prefixes.iter().find_map(|prefix| name.strip_prefix(prefix));
-    let number = rest.and_then(|rest| rest.strip_suffix(".fan"));
-    number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
-}
 
 /// Sectors, or coarse assets, that a coarse asset stands for, at most.
 const RUN: usize = 16;
@@ -271,7 +274,7 @@ impl Output {
             )));
         }
         output.replaced.extend(index.exists().then(|| index.to_owned()));
-        output.replaced.extend(names.iter().filter(|name| is_written(name)).map(|name| folder.join(name)));
+        output.replaced.extend(names.iter().filter(|name| Split::names(name)).map(|name| folder.join(name)));
         output.replaced.iter().try_for_each(|path| input::check_output(path))?;
         let unfinished = tempfile::Builder::new().prefix(".fantex-").tempdir_in(folder);
         output.unfinished = Some(unfinished.map_err(writing)?);

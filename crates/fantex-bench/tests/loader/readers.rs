@@ -196,6 +196,19 @@ fn ranges_of_a_server_are_read_like_those_of_a_file() {
 }
 
 #[test]
+fn long_reads_are_made_over_several_connections() {
+    let bytes: Vec<u8> = (0..18_u32 << 20).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let server = Server::start(bytes.clone(), Manner::Ranges);
+    let source = HttpSource::new(&server.url(), 3);
+    let mut read = vec![0; bytes.len()];
+    source.read_exact_at(&mut read, 0).unwrap();
+    assert!(read == bytes);
+    // Beyond the end there is nothing.
+    assert_eq!(source.read_at(&mut read, 10 << 20).unwrap(), 8 << 20);
+    assert!(read[..8 << 20] == bytes[10 << 20..]);
+}
+
+#[test]
 fn a_server_without_ranges_is_refused_with_a_reason() {
     let (_, server) = served(Manner::WholeFiles);
     let error = open_asset(Path::new(&server.url())).unwrap_err();

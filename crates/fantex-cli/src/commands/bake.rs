@@ -11,6 +11,7 @@ use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
+use crate::addresses::Target;
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
@@ -53,7 +54,7 @@ pub(crate) struct BakeArgs {
 pub(crate) struct JobArgs {
     /// A model (.glb .gltf .obj .ply .stl), or with --source or --look an asset (.fan), whose mesh is taken
     model: PathBuf,
-    /// The file to write
+    /// The file to write, also at an s3:// or gs:// address
     #[arg(short, long, value_name = "ASSET")]
     pub(crate) output: PathBuf,
     /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],
@@ -215,7 +216,7 @@ pub(crate) fn bake(
              --source solid=marble, or --source mesh={model} for what it holds at another density"
         )));
     }
-    context.check_output_of(output, &args.model)?;
+    context.check_target_of(output, [args.model.as_path()])?;
     show_notes(&mesh, context);
     let source = match (&args.look, &args.source) {
         (Some(look), _) => SourceArg::Look(look.clone()),
@@ -268,8 +269,9 @@ impl BakeJob<'_> {
     pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo> {
         let Self { mesh, cover, encoding, output, goal, .. } = self;
         let load_seconds = self.started.elapsed().as_secs_f64();
+        let _deferral = context.defer_interrupt();
+        let target = Target::new(output)?;
         let (baked, told) = {
-            let _deferral = context.defer_interrupt();
             let progress = Teller::new(context);
             let mut baker = Baker::new(mesh)
                 .source(self.source.source())
@@ -296,10 +298,10 @@ impl BakeJob<'_> {
                 baker = baker.matching();
             }
             let baked = match goal {
-                Goal::Asset => baker.write(output)?,
-                Goal::Plan(about) => baker.write_plan(output, about)?,
+                Goal::Asset => baker.write(target.file())?,
+                Goal::Plan(about) => baker.write_plan(target.file(), about)?,
                 Goal::Part(plan, Shard { number, count }) => {
-                    baker.write_part(plan, *number, *count, output)?
+                    baker.write_part(plan, *number, *count, target.file())?
                 }
             };
             (baked, progress.told())
@@ -308,6 +310,7 @@ impl BakeJob<'_> {
             context.note(format!("{}: {note}", output.display()));
         }
         baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
+        target.finish(&context.replace(), context)?;
         let BakeSummary {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
         } = baked.summary;

@@ -1,16 +1,17 @@
 //! `fantex plan`, `fantex bake --shard` and `fantex merge`: a bake in parts, on any machines, in any order.
 
-use std::ops::ControlFlow;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
 use clap::{Args, Parser as _};
-use fantex::bake::Progress as _;
-use fantex::store::{CreateOptions, Plan, merge_parts};
+use fantex::store::{CreateOptions, Plan, merge_sources};
+use fantex::stream::open_source;
 use fantex::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::addresses::{Target, is_address, watched, with_local_files};
 use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
 use crate::text::{counted, megabytes};
@@ -91,13 +92,17 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
 
 /// Bakes a part with the arguments of its plan.
 pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Context) -> Result<()> {
-    context.check_output_of(output, path)?;
-    let plan = Plan::open(path).map_err(of_files)?;
+    context.check_target_of(output, [path])?;
+    let plan = open_plan(path)?;
     let damaged = || Error::damaged(format!("{} does not say how it was made; plan anew", path.display()));
     let about: About = serde_json::from_slice(&plan.about).map_err(|_| damaged().with_path(path))?;
-    let cli = Cli::try_parse_from(&about.arguments).map_err(|_| damaged().with_path(path))?;
+    let arguments = with_local_files(about.arguments.iter().map(OsString::from));
+    let cli = Cli::try_parse_from(arguments).map_err(|_| damaged().with_path(path))?;
     let Command::Plan(planned) = cli.command else { return Err(damaged().with_path(path)) };
-    let output = std::path::absolute(output).map_err(|error| Error::writing(output, error))?;
+    let output = match is_address(output) {
+        true => output.to_owned(),
+        false => std::path::absolute(output).map_err(|error| Error::writing(output, error))?,
+    };
     std::env::set_current_dir(&about.folder).map_err(|error| {
         let folder = about.folder.display();
         Error::reading(&about.folder, error)
@@ -110,6 +115,11 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
         let (bytes, seconds) = (megabytes(info.bytes), info.seconds.total);
         format!("{}: part {number} of {count}, {bytes} in {seconds:.1} s", info.output.display())
     })
+}
+
+/// Reads a plan at a path or an address.
+fn open_plan(place: &Path) -> Result<Plan> {
+    Plan::open_source(&*open_source(place)?).map_err(of_files)
 }
 
 /// The library sees arguments of functions in plans, parts and models that do not fit together; here they are files that were given, and
@@ -127,15 +137,16 @@ fn of_files(error: Error) -> Error {
 Example:
   fantex merge world.plan 1.part 2.part 3.part -o world.fan
   fantex merge world.plan *.part --check
+  fantex merge s3://farm/world.plan s3://farm/1.part s3://farm/2.part -o s3://farm/world.fan
 
 Parts may come in any order. What is missing, damaged, there twice or of another plan is named, and nothing is written.")]
 pub(crate) struct MergeArgs {
-    /// The plan
+    /// The plan, also at an https://, s3:// or gs:// address
     plan: PathBuf,
-    /// All its parts
+    /// All its parts, also at addresses
     #[arg(required = true)]
     parts: Vec<PathBuf>,
-    /// The asset to write
+    /// The asset to write, also at an s3:// or gs:// address
     #[arg(short, long, value_name = "ASSET", required_unless_present = "check")]
     output: Option<PathBuf>,
     /// Only look whether all is there and whole
@@ -155,22 +166,27 @@ struct MergeInfo {
 
 pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    let plan = Plan::open(&args.plan).map_err(of_files)?;
+    let plan = open_plan(&args.plan)?;
     if let Some(output) = &args.output {
-        for input in args.parts.iter().chain([&args.plan]) {
-            context.check_output_of(output, input)?;
-        }
+        let inputs = args.parts.iter().chain([&args.plan]).map(PathBuf::as_path);
+        context.check_target_of(output, inputs)?;
     }
+    let parts = args.parts.iter().map(|part| open_source(part)).collect::<Result<Vec<_>>>()?;
     let options = CreateOptions { force: context.force, ..CreateOptions::default() };
     let written = {
         let _deferral = context.defer_interrupt();
-        let progress = context.progress(if args.output.is_some() { "merging" } else { "checking" });
-        let output = args.output.as_deref().map(|path| (path, &options));
-        merge_parts(&plan, &args.parts, output, &|done, total| {
-            progress.report(done, total);
-            if progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
-        .map_err(of_files)?
+        let target = args.output.as_deref().map(Target::new).transpose()?;
+        let written = {
+            let label = if target.is_some() { "merging" } else { "checking" };
+            let progress = context.progress_of_bytes(label);
+            let output = target.as_ref().map(|target| (target.file(), &options));
+            merge_sources(&plan, &parts, output, &|done, total| watched(&progress, done, total))
+                .map_err(of_files)?
+        };
+        if let Some(target) = target {
+            target.finish(&context.replace(), context)?;
+        }
+        written
     };
     let info = MergeInfo {
         output: args.output.clone(),

@@ -4,11 +4,13 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::store::PREVIEW;
 use fantex::{Preview, PreviewOptions, Result};
 use serde::Serialize;
 
+use crate::addresses::{self, is_object};
 use crate::context::Context;
-use crate::scene::check_is_asset_file;
+use crate::scene::{check_is_asset_file, open_asset};
 use crate::text::{Count, counted, megabytes};
 
 /// Give an asset a preview: a small asset inside it, which viewers far away show until the rest is there.
@@ -23,7 +25,7 @@ A preview is a coarse mesh with the look and the normals of the fine one, in som
 after a fraction of a second, whatever the size of the asset, and exchanges it for the asset itself as soon as that is there.
 'fantex export --web' gives one to large assets. What is painted later is not in it; call the command again.")]
 pub(crate) struct PreviewArgs {
-    /// The asset, which is changed in place
+    /// The asset, which is changed in place; one at an s3:// or gs:// address is fetched, changed here, and put back whole
     asset: PathBuf,
     /// Triangles of the coarse mesh, about
     #[arg(long, value_name = "N", conflicts_with = "remove")]
@@ -54,7 +56,10 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let mut info = PreviewInfo { asset: args.asset.clone(), triangles: 0, texels: 0, bytes: 0, seconds: 0.0 };
     check_is_asset_file(&args.asset)?;
     if args.remove {
-        let was_there = Preview::remove_from(&args.asset)?;
+        // An object without a preview need not be put back.
+        let is_without =
+            is_object(&args.asset) && open_asset(&args.asset)?.attachment_bytes(PREVIEW)?.is_none();
+        let was_there = !is_without && addresses::change(&args.asset, context, Preview::remove_from)?;
         return context.print(&info, |info| match was_there {
             true => format!("{}: the preview is gone\n", info.asset.display()),
             false => format!("{}: there was no preview\n", info.asset.display()),
@@ -67,7 +72,7 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
         keeps_borders: args.keep_borders,
         memory_bytes: context.memory_bytes,
     };
-    let preview = Preview::add_to(&args.asset, &options)?;
+    let preview = addresses::change(&args.asset, context, |file| Preview::add_to(file, &options))?;
     (info.triangles, info.texels, info.bytes) =
         (preview.triangles, preview.texels, preview.bytes.len() as u64);
     info.seconds = started.elapsed().as_secs_f64();

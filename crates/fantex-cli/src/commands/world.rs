@@ -7,13 +7,14 @@ use std::time::Instant;
 use clap::Args;
 use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::store::{Asset, JUMP_BOUND, PREVIEW, VerifyOptions};
-use fantex::stream::url_of;
+use fantex::stream::{ObjectTarget, Replace, url_of};
 use fantex::{
     Error, Preview, PreviewOptions, Result, WORLD_EXTENSION, World, WorldObject, WorldReport, verify_world,
 };
 use serde::Serialize;
 
 use super::verify::not_verified;
+use crate::addresses::{self, Target, is_object};
 use crate::context::Context;
 use crate::scene::open_asset;
 use crate::text::{Table, counted, grouped, megabytes};
@@ -27,10 +28,10 @@ Example:
   fantex world town.fanworld --remove houses/barn.fan
   fantex info town.fanworld
 
-Assets stay where they are, below the folder of the index or at an address. One that is in the index already is read again. Viewers
+Assets stay where they are, below the folder of the index or at an address; an index at an address names such at addresses. One that is in the index already is read again. Viewers
 show assets near the eye whole, others by their previews. 'fantex split' makes a world of one large asset. See docs/worlds.md.")]
 pub(crate) struct WorldArgs {
-    /// The index (.fanworld)
+    /// The index (.fanworld), also at an s3:// or gs:// address
     index: PathBuf,
     /// Assets to add or to read again (.fan, also at an https://, s3:// or gs:// address)
     #[arg(required_unless_present_any = ["remove", "make_previews"])]
@@ -60,10 +61,9 @@ struct WorldChange {
 pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     check_index(&args.index)?;
-    let mut world = match args.index.exists() {
-        true => open_to_change(&args.index)?,
-        false => World::default(),
-    };
+    let replace = replaced(&args.index)?;
+    let is_there = if is_object(&args.index) { replace != Replace::Nothing } else { args.index.exists() };
+    let mut world = if is_there { open_to_change(&args.index)? } else { World::default() };
     let coarse_before = world.coarse.len();
     let mut removed = 0;
     for asset in &args.remove {
@@ -94,7 +94,12 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
             counted(coarse_removed, "coarse asset")
         ));
     }
-    world.write(&args.index)?;
+    {
+        let _deferral = context.defer_interrupt();
+        let target = Target::new(&args.index)?;
+        world.write(target.file())?;
+        target.finish(&replace, context)?;
+    }
     let seconds = started.elapsed().as_secs_f64();
     let index = args.index.clone();
     let info = WorldInfo::of(&world);
@@ -113,8 +118,18 @@ fn open_to_change(index: &Path) -> Result<World> {
     ReadLimits::new(options).run(|| World::open(index))
 }
 
+/// Which version of an index in a store a changed one replaces. It is known before the index is read, so that no change of somebody else is lost.
+fn replaced(index: &Path) -> Result<Replace> {
+    if !is_object(index) {
+        return Ok(Replace::Anything);
+    }
+    let object = ObjectTarget::at(index)?;
+    object.check(true)?;
+    Ok(object.version()?.map_or(Replace::Nothing, Replace::Version))
+}
+
 fn check_index(index: &Path) -> Result<()> {
-    if let Some(url) = url_of(index) {
+    if let Some(url) = url_of(index).filter(|_| !is_object(index)) {
         return Err(Error::unsupported(format!("{url} can only be read: change a copy of the index")));
     }
     if !World::is_named(index) {
@@ -143,7 +158,7 @@ fn make_preview(place: &Path, asset: &mut Arc<Asset>, context: &Context) -> Resu
     if asset.attachment_bytes(PREVIEW)?.is_some() {
         return Ok(false);
     }
-    if url_of(place).is_some() {
+    if url_of(place).is_some() && !is_object(place) {
         context.note(format!("{} has no preview and gets none: it can only be read", place.display()));
         return Ok(false);
     }
@@ -152,7 +167,7 @@ fn make_preview(place: &Path, asset: &mut Arc<Asset>, context: &Context) -> Resu
         memory_bytes: context.memory_bytes,
         ..PreviewOptions::default()
     };
-    Preview::add_to(place, &options)?;
+    addresses::change(place, context, |file| Preview::add_to(file, &options))?;
     *asset = open_asset(place)?;
     Ok(true)
 }

@@ -1,26 +1,44 @@
-"""An object store in a folder, for tests: reads of ranges by who has signed them (AWS Signature Version 4 in the query).
+"""An object store in a folder, for tests: it reads, writes and removes objects for who has signed the request (AWS Signature Version 4 in the
+query), with uploads in parts, conditions, and faults.
 
-Written after "Authenticating Requests: Using Query Parameters" in Amazon's S3 API reference, with the standard library alone.
+Written after "Authenticating Requests: Using Query Parameters", "Multipart upload" and "Conditional writes" in Amazon's documentation of S3,
+with the standard library alone.
+
+POST /faults?latency=SECONDS&busy=N&broken=N&refused=N&lost=N&plain=1 sets what goes wrong from now on: each answer comes so late; so many parts
+are answered with 503, break off in the middle, are refused; so many objects are made without an answer; conditions are not known.
+GET /state tells what is under way: parts and uploads.
 """
 
 import datetime
 import hashlib
 import hmac
 import http.server
+import json
 import os
 import re
 import sys
+import threading
+import time
 import urllib.parse
 
 FOLDER, BUCKET, KEY_ID, SECRET, PUBLIC = sys.argv[1:6]
+MARK = "x-amz-meta-fantex-upload"
+
+lock = threading.Lock()
+uploads = {}
+marks = {}
+faults = {}
+counts = {"parts": 0, "most_at_once": 0, "now": 0, "aborted": 0}
 
 
-def signature(host, path, query, region, date, time):
-    """The signature of a GET request."""
+def signature(method, path, query, headers, region, date, time):
+    """The signature of a request, of whose headers all that count are given."""
     quote = lambda text: urllib.parse.quote(text, safe="-_.~")
     pairs = sorted((quote(name), quote(value)) for name, value in query if name != "X-Amz-Signature")
+    lines = "".join(f"{name}:{' '.join(value.split())}\n" for name, value in headers)
+    names = ";".join(name for name, _ in headers)
     canonical = "\n".join(
-        ["GET", path, "&".join(f"{name}={value}" for name, value in pairs), f"host:{host}\n", "host", "UNSIGNED-PAYLOAD"]
+        [method, path, "&".join(f"{name}={value}" for name, value in pairs), lines, names, "UNSIGNED-PAYLOAD"]
     )
     scope = f"{date}/{region}/s3/aws4_request"
     text = "\n".join(["AWS4-HMAC-SHA256", time, scope, hashlib.sha256(canonical.encode()).hexdigest()])
@@ -30,50 +48,203 @@ def signature(host, path, query, region, date, time):
     return hmac.new(key, text.encode(), hashlib.sha256).hexdigest()
 
 
+def happens(fault):
+    """Whether a fault happens now; each does so often."""
+    with lock:
+        left = faults.get(fault, 0)
+        faults[fault] = max(left - 1, 0)
+        return left > 0
+
+
 class Handler(http.server.BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
-    def may_read(self, path, query):
+    def may_ask(self, path, query):
         values = dict(query)
         if "X-Amz-Signature" not in values:
             return False
         key_id, date, region, *rest = values["X-Amz-Credential"].split("/")
         time = values["X-Amz-Date"]
         age = datetime.datetime.now(datetime.timezone.utc) - datetime.datetime.strptime(time + "+0000", "%Y%m%dT%H%M%SZ%z")
+        names = values["X-Amz-SignedHeaders"].split(";")
+        sent = [name.lower() for name in self.headers if name.lower().startswith("x-amz-")]
+        headers = [(name, self.headers.get(name, "")) for name in names]
         return (
             values["X-Amz-Algorithm"] == "AWS4-HMAC-SHA256"
             and (key_id, rest) == (KEY_ID, ["s3", "aws4_request"])
             and time.startswith(date)
             and -60 < age.total_seconds() < int(values["X-Amz-Expires"])
-            and values["X-Amz-Signature"] == signature(self.headers["Host"], path, query, region, date, time)
+            and "host" in names
+            and all(name in names for name in sent)
+            and values["X-Amz-Signature"] == signature(self.command, path, query, headers, region, date, time)
         )
 
-    def answer(self, status, body=b"", headers=()):
+    def answer(self, status, body=b"", headers=(), is_late=True):
+        time.sleep(faults.get("latency", 0) if is_late else 0)
         self.send_response(status)
         for name, value in headers:
             self.send_header(name, value)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
-        self.wfile.write(body)
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def fail(self, status, code):
+        self.answer(status, f"<?xml version=\"1.0\"?><Error><Code>{code}</Code><Message>no</Message></Error>".encode())
+
+    def ask(self):
+        """What the request is about: the object's file and the query; None where it is answered already."""
+        path, _, query = self.path.partition("?")
+        self.query = dict(urllib.parse.parse_qsl(query, keep_blank_values=True))
+        if path in ("/faults", "/state"):
+            if path == "/faults":
+                faults.update((name, float(value)) for name, value in self.query.items())
+            self.answer(200, json.dumps({**counts, "uploads": len(uploads)}).encode(), is_late=False)
+            return None
+        bucket, _, self.key = urllib.parse.unquote(path)[1:].partition("/")
+        pairs = urllib.parse.parse_qsl(query, keep_blank_values=True)
+        is_public = self.command in ("GET", "HEAD") and self.key == PUBLIC
+        if not is_public and not self.may_ask(path, pairs):
+            # A connection on which something else is left to read cannot be used again.
+            self.close_connection = True
+            self.fail(403, "SignatureDoesNotMatch")
+            return None
+        if bucket != BUCKET:
+            self.close_connection = True
+            self.fail(404, "NoSuchBucket")
+            return None
+        return os.path.join(FOLDER, self.key)
+
+    @staticmethod
+    def tag(place):
+        with open(place, "rb") as file:
+            return '"%s"' % hashlib.md5(file.read()).hexdigest()
+
+    def may_make(self, place):
+        """Whether the request's condition holds; else it is answered. Called under the lock."""
+        fresh, version = self.headers.get("If-None-Match"), self.headers.get("If-Match")
+        if (fresh or version) and faults.get("plain"):
+            self.fail(501, "NotImplemented")
+            return False
+        found = self.tag(place) if os.path.isfile(place) else None
+        if (fresh and found) or (version and found != version):
+            self.fail(412, "PreconditionFailed")
+            return False
+        return True
+
+    def make(self, place, content, mark):
+        os.makedirs(os.path.dirname(place), exist_ok=True)
+        with open(place, "wb") as file:
+            file.write(content)
+        marks[self.key] = mark
+
+    def do_HEAD(self):
+        self.do_GET()
 
     def do_GET(self):
-        path, _, query = self.path.partition("?")
-        query = urllib.parse.parse_qsl(query, keep_blank_values=True)
-        bucket, _, key = urllib.parse.unquote(path)[1:].partition("/")
-        if key != PUBLIC and not self.may_read(path, query):
-            return self.answer(403)
-        place = os.path.join(FOLDER, key)
-        if bucket != BUCKET or not os.path.isfile(place):
-            return self.answer(404)
+        place = self.ask()
+        if place is None:
+            return
+        if not os.path.isfile(place):
+            return self.fail(404, "NoSuchKey")
         with open(place, "rb") as file:
             content = file.read()
+        headers = [("ETag", self.tag(place))]
+        if marks.get(self.key):
+            headers.append((MARK, marks[self.key]))
+        if self.command == "HEAD":
+            return self.answer(200, b"", headers)
         first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers["Range"]).groups())
-        etag = ("ETag", '"%s"' % hashlib.md5(content).hexdigest())
         if first >= len(content):
-            return self.answer(416, headers=[etag, ("Content-Range", f"bytes */{len(content)}")])
+            return self.answer(416, headers=[*headers, ("Content-Range", f"bytes */{len(content)}")])
         part = content[first : last + 1]
-        place = f"bytes {first}-{first + len(part) - 1}/{len(content)}"
-        self.answer(206, part, [etag, ("Content-Range", place)])
+        span = f"bytes {first}-{first + len(part) - 1}/{len(content)}"
+        self.answer(206, part, [*headers, ("Content-Range", span)])
+
+    def do_PUT(self):
+        place = self.ask()
+        if place is None:
+            return
+        length = int(self.headers["Content-Length"])
+        part = self.query.get("partNumber")
+        if part and happens("broken"):
+            self.rfile.read(length // 2)
+            self.close_connection = True
+            return
+        with lock:
+            counts["now"] += 1
+            counts["most_at_once"] = max(counts["most_at_once"], counts["now"])
+        content = self.rfile.read(length)
+        time.sleep(faults.get("latency", 0))
+        with lock:
+            counts["now"] -= 1
+        if part:
+            if happens("busy"):
+                return self.fail(503, "SlowDown")
+            # Not the first, which others may follow.
+            if int(part) > 1 and happens("refused"):
+                return self.fail(400, "InvalidDigest")
+            with lock:
+                upload = uploads.get(self.query["uploadId"])
+                if not upload or upload["key"] != self.key:
+                    return self.fail(404, "NoSuchUpload")
+                upload["parts"][int(part)] = content
+                counts["parts"] += 1
+            return self.answer(200, headers=[("ETag", '"%s"' % hashlib.md5(content).hexdigest())])
+        with lock:
+            if not self.may_make(place):
+                return
+            self.make(place, content, self.headers.get(MARK))
+        self.made(place)
+
+    def made(self, place, body=b""):
+        if happens("lost"):
+            self.close_connection = True
+            return
+        self.answer(200, body, [("ETag", self.tag(place))])
+
+    def do_POST(self):
+        place = self.ask()
+        if place is None:
+            return
+        body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+        if "uploads" in self.query:
+            name = hashlib.sha256(os.urandom(16)).hexdigest()
+            with lock:
+                uploads[name] = {"key": self.key, "parts": {}, "mark": self.headers.get(MARK)}
+            begun = f"<Bucket>{BUCKET}</Bucket><UploadId>{name}</UploadId>"
+            space = "http://s3.amazonaws.com/doc/2006-03-01/"
+            text = f'<InitiateMultipartUploadResult xmlns="{space}">{begun}</InitiateMultipartUploadResult>'
+            return self.answer(200, text.encode())
+        with lock:
+            upload = uploads.get(self.query["uploadId"])
+            if not upload or upload["key"] != self.key:
+                return self.fail(404, "NoSuchUpload")
+            named = re.findall(r"<PartNumber>(\d+)</PartNumber><ETag>([^<]*)</ETag>", body.decode())
+            parts = [upload["parts"].get(int(number), b"") for number, _ in named]
+            tags = ['"%s"' % hashlib.md5(part).hexdigest() for part in parts]
+            is_sound = [int(number) for number, _ in named] == list(range(1, len(upload["parts"]) + 1))
+            if not is_sound or tags != [tag.replace("&quot;", '"') for _, tag in named]:
+                return self.fail(400, "InvalidPart")
+            if any(len(part) < 5 << 20 for part in parts[:-1]):
+                return self.fail(400, "EntityTooSmall")
+            if not self.may_make(place):
+                return
+            self.make(place, b"".join(parts), upload["mark"])
+            del uploads[self.query["uploadId"]]
+        self.made(place, b"<CompleteMultipartUploadResult><ETag>a</ETag></CompleteMultipartUploadResult>")
+
+    def do_DELETE(self):
+        place = self.ask()
+        if place is None:
+            return
+        if "uploadId" in self.query:
+            with lock:
+                uploads.pop(self.query["uploadId"], None)
+                counts["aborted"] += 1
+        elif os.path.isfile(place):
+            os.remove(place)
+        self.answer(204)
 
     def log_message(self, *_):
         pass

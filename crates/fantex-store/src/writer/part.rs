@@ -11,9 +11,10 @@
 //! joins tails and heads, packs these, and copies all else.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use fantex_base::files::{exists, persist, temporary_file};
 use fantex_base::{Error, Result};
@@ -27,6 +28,7 @@ use super::{
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::error::damaged;
 use crate::layout::TilePlace;
+use crate::{ByteSource, FileSource};
 
 const SIGNATURE: &[u8; 8] = b"FANPART1";
 
@@ -217,15 +219,23 @@ fn item_checksum(header: &[u8], stored: &[u8]) -> u64 {
 
 // ---- Merging.
 
+/// Bytes of a part that are read at once: enough for several requests to a server. Only one part at a time has them.
+const READ_AHEAD: u64 = 24 << 20;
+
 /// A part that is read from front to back.
 struct PartReader {
     path: PathBuf,
-    input: BufReader<File>,
+    source: Arc<dyn ByteSource>,
+    /// Read ahead; those before `taken` are done with.
+    buffer: Vec<u8>,
+    taken: usize,
+    /// Where the source is read next.
+    offset: u64,
     groups: Range<u32>,
     shard: [u32; 2],
     items: u64,
     means: u64,
-    /// Of the file.
+    /// Of all its bytes.
     length: u64,
 }
 
@@ -236,16 +246,12 @@ struct Item {
 }
 
 impl PartReader {
-    fn open(path: &Path, plan: &Plan) -> Result<Self> {
+    fn open(source: &Arc<dyn ByteSource>, plan: &Plan) -> Result<Self> {
+        let path = source.location();
         let failed = |error| Error::reading(path, error);
-        let mut input = BufReader::with_capacity(1 << 20, fantex_base::input::open(path).map_err(failed)?);
         let mut bytes = [0; HEADER];
-        let is_part = match input.read_exact(&mut bytes) {
-            Ok(()) => bytes.starts_with(SIGNATURE),
-            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => false,
-            Err(error) => return Err(failed(error)),
-        };
-        if !is_part {
+        let count = source.read_at(&mut bytes, 0).map_err(failed)?;
+        if count < HEADER || !bytes.starts_with(SIGNATURE) {
             let sentence =
                 format!("{} is no part of a bake; give files that were baked from shards", path.display());
             return Err(Error::malformed(sentence).with_path(path));
@@ -266,8 +272,18 @@ impl PartReader {
         if groups.end as usize > plan.cover.groups.len() || means != expected {
             return Err(damaged(path, "its header names groups that the plan does not have"));
         }
-        let length = input.get_ref().metadata().map_err(failed)?.len();
-        Ok(Self { path: path.to_owned(), input, groups, shard, items, means, length })
+        Ok(Self {
+            path: path.to_owned(),
+            length: source.length().map_err(failed)?,
+            source: Arc::clone(source),
+            buffer: Vec::new(),
+            taken: 0,
+            offset: HEADER as u64,
+            groups,
+            shard,
+            items,
+            means,
+        })
     }
 
     fn damaged(&self) -> Error {
@@ -275,10 +291,33 @@ impl PartReader {
     }
 
     fn exactly(&mut self, bytes: &mut [u8]) -> Result<()> {
-        self.input.read_exact(bytes).map_err(|error| match error.kind() {
-            io::ErrorKind::UnexpectedEof => self.damaged(),
-            _ => Error::reading(&self.path, error),
-        })
+        let mut filled = 0;
+        while filled < bytes.len() {
+            if self.taken == self.buffer.len() {
+                self.read_ahead()?;
+            }
+            let count = (bytes.len() - filled).min(self.buffer.len() - self.taken);
+            bytes[filled..filled + count].copy_from_slice(&self.buffer[self.taken..self.taken + count]);
+            filled += count;
+            self.taken += count;
+        }
+        Ok(())
+    }
+
+    /// Fills the buffer with the next bytes, at least one.
+    fn read_ahead(&mut self) -> Result<()> {
+        let left = self.length.saturating_sub(self.offset);
+        self.buffer.resize(left.min(READ_AHEAD) as usize, 0);
+        self.taken = 0;
+        match self.source.read_exact_at(&mut self.buffer, self.offset) {
+            Ok(()) if left > 0 => {}
+            Err(error) if error.kind() != io::ErrorKind::UnexpectedEof => {
+                return Err(Error::reading(&self.path, error));
+            }
+            _ => return Err(self.damaged()),
+        }
+        self.offset += self.buffer.len() as u64;
+        Ok(())
     }
 
     fn item(&mut self, levels: usize) -> Result<Item> {
@@ -302,15 +341,18 @@ impl PartReader {
         Ok(Item { kind, level: level as usize, cluster: PackedCluster { first, raw_length, stored } })
     }
 
-    /// What follows the items, the file's end.
+    /// What follows the items, the end of the part.
     fn means(&mut self) -> Result<Vec<[f32; 4]>> {
         let mut bytes = vec![0; self.means as usize * 16];
         let mut checksum = [0; 8];
         self.exactly(&mut bytes)?;
         self.exactly(&mut checksum)?;
-        if xxh3_64(&bytes).to_le_bytes() != checksum || self.input.read(&mut [0]).is_ok_and(|n| n > 0) {
+        let is_at_end = self.taken == self.buffer.len() && self.offset == self.length;
+        if xxh3_64(&bytes).to_le_bytes() != checksum || !is_at_end {
             return Err(self.damaged());
         }
+        self.buffer = Vec::new();
+        self.taken = 0;
         Ok(crate::bytes::values_from_bytes(&bytes))
     }
 }
@@ -327,7 +369,23 @@ pub fn merge_parts(
     output: Option<(&Path, &CreateOptions)>,
     watch: &dyn Fn(u64, u64) -> ControlFlow<()>,
 ) -> Result<WriteSummary> {
-    let mut readers = parts.iter().map(|path| PartReader::open(path, plan)).collect::<Result<Vec<_>>>()?;
+    let open = |path: &PathBuf| -> Result<Arc<dyn ByteSource>> {
+        Ok(Arc::new(FileSource::open(path).map_err(|error| Error::reading(path, error))?))
+    };
+    merge_sources(plan, &parts.iter().map(open).collect::<Result<Vec<_>>>()?, output, watch)
+}
+
+/// As [`merge_parts`], of parts that may lie anywhere.
+///
+/// # Errors
+/// As there; or a source cannot be read.
+pub fn merge_sources(
+    plan: &Plan,
+    parts: &[Arc<dyn ByteSource>],
+    output: Option<(&Path, &CreateOptions)>,
+    watch: &dyn Fn(u64, u64) -> ControlFlow<()>,
+) -> Result<WriteSummary> {
+    let mut readers = parts.iter().map(|part| PartReader::open(part, plan)).collect::<Result<Vec<_>>>()?;
     readers.sort_by_key(|reader| (reader.groups.start, reader.groups.end));
     check_complete(plan, &readers)?;
     let (mut done, total) = (0, readers.iter().map(|reader| reader.length).sum());

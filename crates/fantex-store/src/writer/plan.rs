@@ -13,7 +13,7 @@ use super::{NewFile, check_contents, pack_section};
 use crate::encoder_print::encoder_fingerprint;
 use crate::error::damaged;
 use crate::header::{FLAG_PLAN, Sections, read_slot_with};
-use crate::{ByteSource as _, Channel, FileSource, channel, cover_section, mesh_section};
+use crate::{ByteSource, Channel, FileSource, channel, cover_section, mesh_section};
 
 /// Everything of an asset but its texels.
 ///
@@ -21,7 +21,7 @@ use crate::{ByteSource as _, Channel, FileSource, channel, cover_section, mesh_s
 /// encoders and `about`.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Where it lies.
+    /// Where it lies: a path or an address.
     pub path: PathBuf,
     /// The asset's mesh.
     pub mesh: Mesh,
@@ -71,13 +71,21 @@ impl Plan {
     /// # Errors
     /// The file cannot be read, is no plan, or is damaged.
     pub fn open(path: &Path) -> Result<Self> {
-        let source = FileSource::open(path).map_err(|error| Error::reading(path, error))?;
-        let (slot, _) = read_slot_with(&source, &[0, FLAG_PLAN])?;
+        Self::open_source(&FileSource::open(path).map_err(|error| Error::reading(path, error))?)
+    }
+
+    /// Reads a plan that may lie anywhere.
+    ///
+    /// # Errors
+    /// The source cannot be read, is no plan, or is damaged.
+    pub fn open_source(source: &dyn ByteSource) -> Result<Self> {
+        let path = source.location();
+        let (slot, _) = read_slot_with(source, &[0, FLAG_PLAN])?;
         if slot.flags != FLAG_PLAN {
-            let sentence = format!("{} is an asset, and no plan", source.location().display());
+            let sentence = format!("{} is an asset, and no plan", path.display());
             return Err(Error::invalid(sentence).with_path(path));
         }
-        let sections = Sections::read(&source, &slot)?;
+        let sections = Sections::read(source, &slot)?;
         let [channels, cover, mesh, notes] = [0, 1, 2, 3].map(|index| sections.unpack(index));
         let (channel_bytes, cover_bytes, mesh_bytes, notes) = (channels?, cover?, mesh?, notes?);
         let wrong = |error: Error| damaged(path, error);

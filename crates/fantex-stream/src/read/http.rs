@@ -24,6 +24,7 @@ pub struct HttpSource {
     /// None on a web server; an error where the URL names no object.
     object: io::Result<Option<StoredObject>>,
     agent: ureq::Agent,
+    connections: usize,
     length: OnceLock<u64>,
     /// Tag or date of the file that the first answer came from; none where the server tells neither.
     version: OnceLock<Option<String>>,
@@ -41,7 +42,7 @@ const MAX_READ_TIME: Duration = Duration::from_secs(90);
 /// Redirects of one request.
 const MAX_REDIRECTS: u32 = 8;
 
-fn client_error(error: ureq::Error) -> io::Error {
+pub(crate) fn client_error(error: ureq::Error) -> io::Error {
     let kind = match &error {
         // An end where a response was due.
         ureq::Error::Io(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
@@ -81,6 +82,7 @@ impl HttpSource {
             location: PathBuf::from(url),
             object: StoredObject::at(url),
             agent: config.new_agent(),
+            connections: connections.max(1),
             length: OnceLock::new(),
             version: OnceLock::new(),
         }
@@ -117,6 +119,35 @@ impl HttpSource {
             io::ErrorKind::InvalidInput,
             format!("the server redirects more than {MAX_REDIRECTS} times"),
         ))
+    }
+
+    /// Reads what as many requests as there are connections bring, which are made at the same time.
+    fn read_parts(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        let offsets = (offset..).step_by(MAX_REQUEST_BYTES);
+        let mut parts = bytes.chunks_mut(MAX_REQUEST_BYTES).zip(offsets);
+        let Some((first, offset)) = parts.next() else { return Ok(0) };
+        let read = |part: &mut [u8], offset| self.read_part(part, offset).map(|got| (got, part.len()));
+        let lengths = std::thread::scope(|scope| {
+            let others: Vec<_> =
+                parts.map(|(part, offset)| scope.spawn(move || read(part, offset))).collect();
+            let mut lengths = vec![read(first, offset)];
+            for other in others {
+                match other.join() {
+                    Ok(length) => lengths.push(length),
+                    Err(panic) => std::panic::resume_unwind(panic),
+                }
+            }
+            lengths
+        });
+        let mut filled = 0;
+        for length in lengths {
+            let (got, asked) = length?;
+            filled += got;
+            if got < asked {
+                break;
+            }
+        }
+        Ok(filled)
     }
 
     /// Reads at most one request's bytes. Queued reads are made once; their owner retries.
@@ -167,7 +198,7 @@ impl HttpSource {
     fn advised(&self, error: io::Error) -> io::Error {
         match (&self.object, error.kind()) {
             (Ok(Some(object)), io::ErrorKind::PermissionDenied) => {
-                server_error(error.kind(), format!("{error}; {}", object.advice()))
+                server_error(error.kind(), format!("{error}; {}", object.advice("read")))
             }
             _ => error,
         }
@@ -204,8 +235,8 @@ impl ByteSource for HttpSource {
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
         let mut filled = 0;
-        for part in bytes.chunks_mut(MAX_REQUEST_BYTES) {
-            let got = self.read_part(part, offset + filled as u64)?;
+        for part in bytes.chunks_mut(MAX_REQUEST_BYTES * self.connections) {
+            let got = self.read_parts(part, offset + filled as u64)?;
             filled += got;
             if got < part.len() {
                 break;

@@ -26,10 +26,10 @@ mod fetched;
 #[cfg(not(target_arch = "wasm32"))]
 mod file;
 #[cfg(feature = "http")]
-mod http;
+pub(crate) mod http;
 #[cfg(feature = "http")]
-mod object;
-mod ranges;
+pub(crate) mod object;
+pub(crate) mod ranges;
 mod task;
 
 use std::collections::VecDeque;
@@ -41,10 +41,8 @@ use std::task::{Poll, Waker};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-#[cfg(feature = "http")]
-use fantex_store::ByteSource as _;
 #[cfg(not(target_arch = "wasm32"))]
-use fantex_store::{Asset, FileSource};
+use fantex_store::{Asset, ByteSource, FileSource};
 
 #[cfg(target_arch = "wasm32")]
 pub use browser::{BROWSER_CONNECTIONS, RemoteFile, spawn};
@@ -196,6 +194,22 @@ pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
         #[cfg(not(feature = "http"))]
         Some(_) => Err(fantex_base::Error::reading(location, no_http())),
         None => Asset::open(location),
+    }
+}
+
+/// Opens a file, or what lies at a URL, to read it whole, from front to back: long reads are made over several connections.
+///
+/// # Errors
+/// The file cannot be opened, or the location is a URL, and this crate was built without the feature `http`. A server is not asked yet.
+#[cfg(not(target_arch = "wasm32"))]
+pub fn open_source(location: &Path) -> fantex_base::Result<Arc<dyn ByteSource>> {
+    let failed = |source| fantex_base::Error::reading(location, source);
+    match url_of(location) {
+        #[cfg(feature = "http")]
+        Some(url) => Ok(Arc::new(HttpSource::new(url, CONNECTIONS))),
+        #[cfg(not(feature = "http"))]
+        Some(_) => Err(failed(no_http())),
+        None => Ok(Arc::new(FileSource::open(location).map_err(failed)?)),
     }
 }
 

@@ -8,8 +8,9 @@ use std::io;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use rusty_s3::actions::{GetObject, S3Action};
-use rusty_s3::{Bucket, Credentials, UrlStyle};
+use jiff::Timestamp;
+use rusty_s3::signing::sign;
+use rusty_s3::{Bucket, Credentials, Method, UrlStyle};
 
 /// How long a signed URL holds.
 const SIGNED_TIME: Duration = Duration::from_hours(1);
@@ -21,9 +22,11 @@ const GOOGLE: &str = "https://storage.googleapis.com";
 
 /// An object, and who asks for it.
 #[derive(Debug)]
-pub(super) struct StoredObject {
+pub(crate) struct StoredObject {
     bucket: Bucket,
-    key: String,
+    pub(crate) key: String,
+    /// Whether writing may depend on what is there by the headers of Amazon's store. (Google's knows them for reading only.)
+    pub(crate) has_conditional_writes: bool,
     credentials: Option<Credentials>,
     signed: Mutex<Option<(Instant, String)>>,
 }
@@ -33,7 +36,7 @@ impl StoredObject {
     ///
     /// # Errors
     /// Bucket or key is missing, or the endpoint is no URL.
-    pub(super) fn at(location: &str) -> io::Result<Option<Self>> {
+    pub(crate) fn at(location: &str) -> io::Result<Option<Self>> {
         Self::with_variables(location, |name| std::env::var(name).ok(), Credentials::from_env())
     }
 
@@ -53,6 +56,10 @@ impl StoredObject {
             .split_once('/')
             .filter(|(name, key)| !name.is_empty() && !key.is_empty())
             .ok_or_else(|| refused(format!("an object is named {scheme}://BUCKET/KEY")))?;
+        // In an address they would lead elsewhere.
+        if key.split('/').any(|name| matches!(name, "." | "..")) {
+            return Err(refused("the names in an object's key are neither '.' nor '..'".to_owned()));
+        }
         let first = |names: [&str; 2]| {
             names.into_iter().find_map(|name| variable(name).filter(|value| !value.is_empty()))
         };
@@ -72,30 +79,53 @@ impl StoredObject {
         let url = endpoint.parse().map_err(|error| wrong(&error))?;
         let bucket =
             Bucket::new(url, style, name.to_owned(), region.clone()).map_err(|error| wrong(&error))?;
-        Ok(Some(Self { bucket, key: key.to_owned(), credentials, signed: Mutex::default() }))
+        Ok(Some(Self {
+            bucket,
+            key: key.to_owned(),
+            has_conditional_writes: !is_google,
+            credentials,
+            signed: Mutex::default(),
+        }))
     }
 
     /// Where the object is read now.
-    pub(super) fn url(&self) -> String {
+    pub(crate) fn url(&self) -> String {
         let mut signed = self.signed.lock().unwrap_or_else(PoisonError::into_inner);
         match &*signed {
             Some((since, url)) if since.elapsed() < USED_TIME => url.clone(),
             _ => {
-                let action = GetObject::new(&self.bucket, self.credentials.as_ref(), &self.key);
-                let url = String::from(action.sign(SIGNED_TIME));
+                let url = self.signed(Method::Get, &[], &[]);
                 *signed = Some((Instant::now(), url.clone()));
                 url
             }
         }
     }
 
-    /// What to do where the store says no.
-    pub(super) fn advice(&self) -> &'static str {
-        match self.credentials {
-            Some(_) => {
-                "check AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and what they may read"
+    /// The address of a request that is made now. Query and headers are sorted by name, names of headers in lower case; the headers come with
+    /// the request.
+    pub(crate) fn signed(&self, method: Method, query: &[(&str, &str)], headers: &[(&str, &str)]) -> String {
+        let mut url = self.bucket.object_url(&self.key);
+        let Some(credentials) = &self.credentials else {
+            if !query.is_empty() {
+                url.query_pairs_mut().extend_pairs(query);
             }
-            None => "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, as not everybody may read it",
+            return url.into();
+        };
+        let (now, expires) = (Timestamp::now(), SIGNED_TIME.as_secs());
+        let (key, secret, token) = (credentials.key(), credentials.secret(), credentials.token());
+        let (query, headers) = (query.iter().copied(), headers.iter().copied());
+        sign(&now, method, url, key, secret, token, self.bucket.region(), expires, query, headers).into()
+    }
+
+    /// What to do where the store does not let somebody `read` or `write`.
+    pub(crate) fn advice(&self, verb: &str) -> String {
+        match self.credentials {
+            Some(_) => format!(
+                "check AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and what they may {verb}"
+            ),
+            None => {
+                format!("set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, as not everybody may {verb} it")
+            }
         }
     }
 }
@@ -153,6 +183,10 @@ mod tests {
         for location in ["s3://", "s3://bucket", "s3:///key", "gs://bucket/"] {
             let sentence = none(location).unwrap_err().to_string();
             assert!(sentence.contains("BUCKET/KEY"), "{sentence}");
+        }
+        for location in ["s3://bucket/../other/key", "s3://bucket/a/./b"] {
+            let sentence = none(location).unwrap_err().to_string();
+            assert!(sentence.contains("neither '.' nor '..'"), "{sentence}");
         }
         let endpoint = |_: &str| Some("not a url".to_owned());
         let sentence = StoredObject::with_variables("s3://a/b", endpoint, None).unwrap_err().to_string();

@@ -3,7 +3,7 @@
 use std::io;
 
 /// A server's answer that cannot be used.
-pub(super) fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> io::Error {
+pub(crate) fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> io::Error {
     io::Error::new(kind, message.into())
 }
 
@@ -18,7 +18,8 @@ pub fn ended_early(got: usize, expected: usize) -> io::Error {
     server_error(io::ErrorKind::ConnectionAborted, message)
 }
 
-fn status_error(status: u16) -> io::Error {
+/// The error of a status that says no.
+pub(crate) fn status_error(status: u16) -> io::Error {
     let kind = match status {
         401 | 403 => io::ErrorKind::PermissionDenied,
         // Too early, too many, or the server's own trouble: may pass.

@@ -1,0 +1,649 @@
+//! Objects that are written to stores: whole or not at all.
+//!
+//! A small file is one request. A larger one goes in parts, several under way, of which the store makes the object when it is told to
+//! (<https://docs.aws.amazon.com/AmazonS3/latest/userguide/mpuoverview.html>); before that nobody sees them, and an upload that fails is
+//! aborted. Parts are read from the file while they are sent, so that memory does not grow with them.
+
+use std::fs::File;
+use std::hash::{BuildHasher as _, Hasher as _, RandomState};
+use std::io::{self, Read, Seek as _, SeekFrom};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use fantex_base::{Error, Result, files};
+use rusty_s3::Method;
+use ureq::http::{self, HeaderValue};
+use ureq::{Body, SendBody};
+
+use crate::read::http::client_error;
+use crate::read::object::StoredObject;
+use crate::read::ranges::{server_error, status_error};
+use crate::read::{RetryPolicy, is_transient};
+
+/// An object in a store, to be written or removed.
+#[derive(Debug)]
+pub struct ObjectTarget {
+    location: PathBuf,
+    object: StoredObject,
+    agent: ureq::Agent,
+}
+
+/// What an object that is written may take the place of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Replace {
+    /// Of none.
+    Nothing,
+    /// Of one with this [version](ObjectTarget::version).
+    Version(String),
+    /// Of any.
+    Anything,
+}
+
+/// Bytes of a part, unless there would be too many; a file of no more is one request. Stores want at least 5 MiB.
+const PART_BYTES: u64 = 8 << 20;
+
+/// Stores take 10 000.
+const MAX_PARTS: u64 = 9_000;
+
+/// Parts under way at once.
+const CONNECTIONS: usize = 4;
+
+/// Requests are tried again for about 25 s.
+const RETRIES: RetryPolicy = RetryPolicy { retries: 7, first_pause: Duration::from_millis(200) };
+
+/// Time for a request, beside what its bytes take at [`MIN_BYTES_PER_SECOND`]. Large objects are put together within it.
+const REQUEST_TIME: Duration = Duration::from_secs(180);
+
+const MIN_BYTES_PER_SECOND: u64 = 70_000;
+
+/// Largest answer that is read: one says why a request failed.
+const MAX_ANSWER_BYTES: u64 = 1 << 20;
+
+/// By this header of its own an upload knows its object again.
+const MARK: &str = "x-amz-meta-fantex-upload";
+
+/// What a store said.
+#[derive(Debug)]
+struct Answer {
+    tag: Option<String>,
+    mark: Option<String>,
+    body: String,
+}
+
+/// Why it did not do what was asked.
+#[derive(Debug)]
+struct Refusal {
+    /// 0 without an answer.
+    status: u16,
+    error: io::Error,
+}
+
+impl From<io::Error> for Refusal {
+    fn from(error: io::Error) -> Self {
+        Self { status: 0, error }
+    }
+}
+
+impl Refusal {
+    /// Of what the caller ends.
+    fn cancelled() -> Self {
+        io::Error::new(io::ErrorKind::Interrupted, "it was ended").into()
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.status == 0 && self.error.kind() == io::ErrorKind::Interrupted
+    }
+
+    /// Whether the object is not what the request expected: another one was there, or came meanwhile.
+    fn is_of_other(&self) -> bool {
+        matches!(self.status, 409 | 412)
+    }
+
+    /// Whether the same request may well succeed a moment later.
+    fn may_pass(&self) -> bool {
+        !matches!(self.status, 409 | 412 | 501) && !self.is_cancelled() && is_transient(&self.error)
+    }
+}
+
+/// A request. Query and headers are sorted by name; the headers are signed.
+#[derive(Clone, Copy)]
+struct Request<'a> {
+    method: Method,
+    query: &'a [(&'a str, &'a str)],
+    headers: &'a [(&'a str, &'a str)],
+}
+
+/// What a request brings.
+trait Content {
+    /// The number of bytes, and the bytes from the first on; none for a request without a body.
+    fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>>;
+}
+
+struct NoBody;
+
+impl Content for NoBody {
+    fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>> {
+        Ok(None)
+    }
+}
+
+/// A short body.
+struct Text(io::Cursor<String>);
+
+impl Text {
+    fn new(text: String) -> Self {
+        Self(io::Cursor::new(text))
+    }
+}
+
+impl Content for Text {
+    fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>> {
+        self.0.set_position(0);
+        Ok(Some((self.0.get_ref().len() as u64, &mut self.0)))
+    }
+}
+
+/// A run of a file's bytes.
+struct Section<'a> {
+    file: File,
+    start: u64,
+    length: u64,
+    /// Bytes that are not sent yet.
+    left: u64,
+    upload: &'a Upload<'a>,
+}
+
+impl Content for Section<'_> {
+    fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>> {
+        // What was sent in vain.
+        self.upload.sent.fetch_sub(self.length - self.left, Relaxed);
+        self.file.seek(SeekFrom::Start(self.start))?;
+        self.left = self.length;
+        Ok(Some((self.length, self)))
+    }
+}
+
+impl Read for Section<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.upload.is_ended() {
+            return Err(io::Error::other("the upload was ended"));
+        }
+        let most = bytes.len().min(usize::try_from(self.left).unwrap_or(usize::MAX));
+        let count = self.file.read(&mut bytes[..most])?;
+        if count == 0 && self.left > 0 {
+            let message = "the file became shorter while it was sent";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+        }
+        self.left -= count as u64;
+        self.upload.sent.fetch_add(count as u64, Relaxed);
+        Ok(count)
+    }
+}
+
+/// What the threads of an upload share.
+struct Upload<'a> {
+    path: &'a Path,
+    length: u64,
+    sent: AtomicU64,
+    /// Somebody wants no more, or a part has failed.
+    stops: AtomicBool,
+    watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
+}
+
+impl Upload<'_> {
+    /// Reports; whether to stop.
+    fn is_ended(&self) -> bool {
+        if (self.watch)(self.sent.load(Relaxed), self.length).is_break() {
+            self.stops.store(true, Relaxed);
+        }
+        self.stops.load(Relaxed)
+    }
+
+    fn section(&self, start: u64, length: u64) -> io::Result<Section<'_>> {
+        let file = File::open(self.path)?;
+        Ok(Section { file, start, length, left: length, upload: self })
+    }
+}
+
+impl ObjectTarget {
+    /// The object at `s3://BUCKET/KEY` or `gs://BUCKET/KEY`, with the keys and at the endpoint that the variables `AWS_...` name. Sends nothing yet.
+    ///
+    /// # Errors
+    /// The address names no object, or no store that is written to.
+    pub fn at(location: &Path) -> Result<Self> {
+        let refused = |why: String| Error::invalid(format!("cannot write {}: {why}", location.display()));
+        let text = location.to_str().ok_or_else(|| refused("the address is not UTF-8".to_owned()))?;
+        let object = StoredObject::at(text).map_err(|error| refused(error.to_string()))?;
+        let object = object.ok_or_else(|| {
+            refused("only s3:// and gs:// addresses are written to; give one of these, or a path".to_owned())
+        })?;
+        if object.key.ends_with('/') {
+            return Err(refused("it names a folder; give the name of an object, too".to_owned()));
+        }
+        let config = ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .accept_encoding("identity")
+            .max_idle_connections(CONNECTIONS)
+            .max_idle_connections_per_host(CONNECTIONS)
+            .timeout_connect(Some(Duration::from_secs(10)))
+            .max_redirects(0)
+            .max_redirects_will_error(false)
+            .build();
+        Ok(Self { location: location.to_owned(), object, agent: config.new_agent() })
+    }
+
+    /// The address.
+    pub fn location(&self) -> &Path {
+        &self.location
+    }
+
+    /// What tells the object from others that were or will be there, such as a checksum; empty where the store does not tell. None where there is
+    /// no object.
+    ///
+    /// # Errors
+    /// The store does not answer, or does not say.
+    pub fn version(&self) -> Result<Option<String>> {
+        let found = self.head().map_err(|refusal| self.failed(refusal))?;
+        Ok(found.map(|answer| answer.tag.unwrap_or_default()))
+    }
+
+    /// Refuses, before any work is done, what could not be written at its end.
+    ///
+    /// # Errors
+    /// The object is there, unless it may be replaced (`force`); the store does not answer, has no such bucket, or does not let these keys write.
+    pub fn check(&self, force: bool) -> Result<()> {
+        match self.head() {
+            Ok(Some(_)) if !force => return Err(files::exists(&self.location)),
+            // Who may write need not be allowed to look.
+            Err(refusal) if refusal.status != 403 => return Err(self.failed(refusal)),
+            _ => {}
+        }
+        let begun = self.begin(&[]).map(|id| self.abort(&id));
+        begun.map_err(|refusal| self.failed(refusal))
+    }
+
+    /// Makes a local file the object. `watch` is told often, from several threads, how many bytes of how many are sent, and may end it.
+    ///
+    /// # Errors
+    /// An object is there that may not be replaced ([`AlreadyExists`](fantex_base::ErrorKind::AlreadyExists), or
+    /// [`Conflict`](fantex_base::ErrorKind::Conflict) where it has another version); the file cannot be read; the store refuses; it was ended. Then there
+    /// is no new object.
+    pub fn put(
+        &self,
+        path: &Path,
+        replace: &Replace,
+        watch: &(dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
+    ) -> Result<()> {
+        let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
+        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
+        let upload = Upload { path, length, sent, stops, watch };
+        let mark = format!("{:016x}", RandomState::new().build_hasher().finish());
+        let put = match length {
+            0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
+            _ => self.put_in_parts(&upload, replace, &mark),
+        };
+        put.map_err(|refusal| match replace {
+            _ if refusal.is_cancelled() => {
+                Error::cancelled(format!("writing {} was ended", self.location.display()))
+            }
+            Replace::Nothing if refusal.is_of_other() => files::exists(&self.location),
+            Replace::Version(_) if refusal.is_of_other() => {
+                let location = self.location.display();
+                Error::conflict(format!(
+                    "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
+                ))
+            }
+            _ => self.failed(refusal),
+        })
+    }
+
+    /// Removes the object, if it is there.
+    ///
+    /// # Errors
+    /// The store does not answer or refuses.
+    pub fn remove(&self) -> Result<()> {
+        let request = Request { method: Method::Delete, query: &[], headers: &[] };
+        match self.ask(request, &mut NoBody) {
+            Err(refusal) if refusal.status != 404 => Err(self.failed(refusal)),
+            _ => Ok(()),
+        }
+    }
+
+    fn failed(&self, refusal: Refusal) -> Error {
+        let Refusal { status, error } = refusal;
+        let advised = match status {
+            401 | 403 => server_error(error.kind(), format!("{error}; {}", self.object.advice("write"))),
+            // The bucket of another region.
+            300..=399 => {
+                server_error(error.kind(), format!("{error}; check AWS_REGION and AWS_ENDPOINT_URL"))
+            }
+            _ => error,
+        };
+        Error::writing(&self.location, advised)
+    }
+
+    /// What the store says of the object; none where there is none.
+    fn head(&self) -> Result<Option<Answer>, Refusal> {
+        let request = Request { method: Method::Head, query: &[], headers: &[] };
+        match self.ask(request, &mut NoBody) {
+            Ok(answer) => Ok(Some(answer)),
+            Err(refusal) if refusal.status == 404 => Ok(None),
+            Err(refusal) => Err(refusal),
+        }
+    }
+
+    fn put_at_once(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
+        let mut content = upload.section(0, upload.length)?;
+        self.publish(replace, mark, &mut |condition| {
+            // Sorted: "if-..." comes before "x-...".
+            let headers: Vec<_> = condition.into_iter().chain([(MARK, mark)]).collect();
+            let request = Request { method: Method::Put, query: &[], headers: &headers };
+            self.ask_watched(request, &mut content, Some(upload))
+        })
+    }
+
+    fn put_in_parts(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
+        let id = self.begin(&[(MARK, mark)])?;
+        let done = self.put_parts(upload, &id).and_then(|tags| {
+            let mut content = Text::new(list_of_parts(&tags));
+            self.publish(replace, mark, &mut |condition| {
+                let headers: Vec<_> = condition.into_iter().collect();
+                let query = [("uploadId", id.as_str())];
+                let request = Request { method: Method::Post, query: &query, headers: &headers };
+                self.ask_watched(request, &mut content, Some(upload))
+            })
+        });
+        if done.is_err() {
+            self.abort(&id);
+        }
+        done
+    }
+
+    /// Begins an upload in parts; gives its name.
+    fn begin(&self, headers: &[(&str, &str)]) -> Result<String, Refusal> {
+        let request = Request { method: Method::Post, query: &[("uploads", "1")], headers };
+        let answer = self.ask(request, &mut Text::new(String::new()))?;
+        element(&answer.body, "UploadId").ok_or_else(|| {
+            let message = "the store answered something else than the name of an upload";
+            server_error(io::ErrorKind::InvalidData, message).into()
+        })
+    }
+
+    /// Drops the parts of an upload, as far as the store does that. What it keeps nobody sees.
+    fn abort(&self, id: &str) {
+        let query = [("uploadId", id)];
+        let request = Request { method: Method::Delete, query: &query, headers: &[] };
+        drop(self.ask(request, &mut NoBody));
+    }
+
+    /// Sends all parts; gives their tags, in order.
+    fn put_parts(&self, upload: &Upload<'_>, id: &str) -> Result<Vec<String>, Refusal> {
+        let part_bytes = part_bytes(upload.length);
+        let count = upload.length.div_ceil(part_bytes) as usize;
+        let (next, tags) = (AtomicUsize::new(0), Mutex::new(vec![String::new(); count]));
+        let failure: Mutex<Option<Refusal>> = Mutex::new(None);
+        let work = || {
+            while !upload.stops.load(Relaxed) {
+                let number = next.fetch_add(1, Relaxed);
+                if number >= count {
+                    return;
+                }
+                let start = number as u64 * part_bytes;
+                match self.put_part(upload, id, number + 1, start, part_bytes.min(upload.length - start)) {
+                    Ok(tag) => locked(&tags)[number] = tag,
+                    Err(refusal) => {
+                        locked(&failure).get_or_insert(refusal);
+                        upload.stops.store(true, Relaxed);
+                    }
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..CONNECTIONS.min(count) {
+                // Where the system refuses a thread, the others do its work.
+                drop(std::thread::Builder::new().name("fan-upload".into()).spawn_scoped(scope, &work));
+            }
+            work();
+        });
+        match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(refusal) => Err(refusal),
+            None if upload.is_ended() => Err(Refusal::cancelled()),
+            None => Ok(tags.into_inner().unwrap_or_else(PoisonError::into_inner)),
+        }
+    }
+
+    /// Sends a part, counted from 1; gives its tag.
+    fn put_part(
+        &self,
+        upload: &Upload<'_>,
+        id: &str,
+        number: usize,
+        start: u64,
+        length: u64,
+    ) -> Result<String, Refusal> {
+        let number = number.to_string();
+        let query = [("partNumber", number.as_str()), ("uploadId", id)];
+        let request = Request { method: Method::Put, query: &query, headers: &[] };
+        let answer = self.ask_watched(request, &mut upload.section(start, length)?, Some(upload))?;
+        answer.tag.ok_or_else(|| {
+            server_error(io::ErrorKind::InvalidData, "the store took a part and gave no tag for it").into()
+        })
+    }
+
+    /// Sends the request that makes the object, on the condition that is to hold.
+    fn publish<'a>(
+        &self,
+        replace: &'a Replace,
+        mark: &'a str,
+        send: &mut dyn FnMut(Option<(&'a str, &'a str)>) -> Result<Answer, Refusal>,
+    ) -> Result<(), Refusal> {
+        let condition = match replace {
+            Replace::Nothing => Some(("if-none-match", "*")),
+            Replace::Version(version) if !version.is_empty() => Some(("if-match", version.as_str())),
+            Replace::Version(_) | Replace::Anything => None,
+        };
+        let condition = condition.filter(|_| self.object.has_conditional_writes);
+        // Not all stores look at the condition.
+        self.check_replaced(replace)?;
+        let mut done = send(condition);
+        if condition.is_some() && done.as_ref().is_err_and(|refusal| refusal.status == 501) {
+            self.check_replaced(replace)?;
+            done = send(None);
+        }
+        match done {
+            Ok(_) => Ok(()),
+            // The answer to an earlier attempt may have been lost.
+            Err(_) if matches!(self.head(), Ok(Some(there)) if there.mark.as_deref() == Some(mark)) => Ok(()),
+            Err(refusal) => Err(refusal),
+        }
+    }
+
+    /// Looks whether what would be replaced may be.
+    fn check_replaced(&self, replace: &Replace) -> Result<(), Refusal> {
+        if *replace == Replace::Anything {
+            return Ok(());
+        }
+        let may_be_replaced = match (replace, self.head()) {
+            (Replace::Version(version), Ok(Some(there))) => {
+                version.is_empty() || there.tag.as_ref() == Some(version)
+            }
+            (_, Ok(there)) => *replace == Replace::Nothing && there.is_none(),
+            // Who may write need not be allowed to look.
+            (_, Err(refusal)) if refusal.status == 403 => true,
+            (_, Err(refusal)) => return Err(refusal),
+        };
+        if may_be_replaced { Ok(()) } else { Err(refusal_of(412, None)) }
+    }
+
+    fn ask(&self, request: Request<'_>, content: &mut dyn Content) -> Result<Answer, Refusal> {
+        self.ask_watched(request, content, None)
+    }
+
+    /// Sends a request, again where that may help, unless the upload is ended.
+    fn ask_watched(
+        &self,
+        request: Request<'_>,
+        content: &mut dyn Content,
+        upload: Option<&Upload<'_>>,
+    ) -> Result<Answer, Refusal> {
+        let is_ended = || upload.is_some_and(Upload::is_ended);
+        for attempt in 0.. {
+            if is_ended() {
+                return Err(Refusal::cancelled());
+            }
+            match self.ask_once(request, content) {
+                Err(_) if is_ended() => return Err(Refusal::cancelled()),
+                Err(refusal) if attempt < RETRIES.retries && refusal.may_pass() => {
+                    std::thread::sleep(RETRIES.pause(attempt));
+                }
+                result => return result,
+            }
+        }
+        Err(Refusal::cancelled())
+    }
+
+    fn ask_once(&self, request: Request<'_>, content: &mut dyn Content) -> Result<Answer, Refusal> {
+        let Request { method, query, headers } = request;
+        let url = self.object.signed(method, query, headers);
+        let mut builder = http::Request::builder().method(method.to_str()).uri(url);
+        for (name, value) in headers {
+            builder = builder.header(*name, *value);
+        }
+        let mut response = match content.begin()? {
+            Some((length, bytes)) => {
+                let builder = builder.header(http::header::CONTENT_LENGTH, length);
+                self.run(builder.body(SendBody::from_reader(bytes)), length)?
+            }
+            None => self.run(builder.body(SendBody::none()), 0)?,
+        };
+        let text = |name: &str| {
+            let value: Option<&HeaderValue> = response.headers().get(name);
+            value.and_then(|value| value.to_str().ok()).map(str::to_owned)
+        };
+        let (tag, mark, status) = (text("etag"), text(MARK), response.status().as_u16());
+        let body = response.body_mut().with_config().limit(MAX_ANSWER_BYTES).lossy_utf8(true);
+        let body = body.read_to_string().map_err(client_error)?;
+        // Stores that begin to answer before they are done say in the body that they failed.
+        let code = if body.contains("<Error>") { element(&body, "Code") } else { None };
+        match (status, code) {
+            (200..=299, None) => Ok(Answer { tag, mark, body }),
+            (200..=299, Some(code)) => Err(refusal_of(500, Some(&code))),
+            (status, code) => Err(refusal_of(status, code.as_deref())),
+        }
+    }
+
+    /// Sends a request with a body of so many bytes.
+    fn run(
+        &self,
+        request: Result<http::Request<SendBody<'_>>, http::Error>,
+        length: u64,
+    ) -> io::Result<http::Response<Body>> {
+        let request = request.map_err(|error| client_error(error.into()))?;
+        let time = REQUEST_TIME + Duration::from_secs(length / MIN_BYTES_PER_SECOND);
+        let request = self.agent.configure_request(request).timeout_global(Some(time)).build();
+        self.agent.run(request).map_err(client_error)
+    }
+}
+
+/// The refusal of an answer, with the store's word for it.
+fn refusal_of(status: u16, code: Option<&str>) -> Refusal {
+    let error = status_error(status);
+    let kind = match (status, code) {
+        // The body came too slowly.
+        (400, Some("RequestTimeout")) => io::ErrorKind::TimedOut,
+        _ => error.kind(),
+    };
+    let sentence = code.map_or_else(|| error.to_string(), |code| format!("{error} ({code})"));
+    Refusal { status, error: server_error(kind, sentence) }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Bytes of each part but the last, whole mebibytes.
+fn part_bytes(length: u64) -> u64 {
+    length.div_ceil(MAX_PARTS).next_multiple_of(1 << 20).max(PART_BYTES)
+}
+
+/// The text of the first element of a name in a short XML document.
+fn element(document: &str, name: &str) -> Option<String> {
+    let (_, rest) = document.split_once(&format!("<{name}>"))?;
+    let (text, _) = rest.split_once(&format!("</{name}>"))?;
+    let text = text.trim().replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">");
+    Some(text.replace("&amp;", "&"))
+}
+
+/// The parts that become an object, by their tags.
+fn list_of_parts(tags: &[String]) -> String {
+    let escaped = |tag: &String| tag.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    let part = |(number, tag): (usize, &String)| {
+        format!("<Part><PartNumber>{}</PartNumber><ETag>{}</ETag></Part>", number + 1, escaped(tag))
+    };
+    let parts: String = tags.iter().enumerate().map(part).collect();
+    format!("<CompleteMultipartUpload>{parts}</CompleteMultipartUpload>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_few_enough_and_large_enough() {
+        for length in [PART_BYTES + 1, 50 << 30, 5 << 40] {
+            let part = part_bytes(length);
+            assert!(length.div_ceil(part) <= 10_000, "{length}");
+            assert!((5 << 20..=5 << 30).contains(&part), "{length}");
+        }
+        assert_eq!(part_bytes(1 << 30), PART_BYTES);
+    }
+
+    #[test]
+    fn answers_are_understood() {
+        let begun = "<?xml version=\"1.0\"?>\n<InitiateMultipartUploadResult xmlns=\"http://s3.amazonaws.com/doc/2006-03-01/\">\
+                     <Bucket>b</Bucket><UploadId> a&amp;b </UploadId></InitiateMultipartUploadResult>";
+        assert_eq!(element(begun, "UploadId").as_deref(), Some("a&b"));
+        assert_eq!(element(begun, "Code"), None);
+        assert_eq!(element("<UploadId>a", "UploadId"), None);
+        let list = list_of_parts(&["\"1\"".to_owned(), "<&>".to_owned()]);
+        assert!(list.contains("<PartNumber>1</PartNumber><ETag>\"1\"</ETag>"), "{list}");
+        assert!(list.contains("<PartNumber>2</PartNumber><ETag>&lt;&amp;&gt;</ETag>"), "{list}");
+        let said = refusal_of(403, Some("SignatureDoesNotMatch")).error.to_string();
+        assert_eq!(said, "the server answered with status 403 Forbidden (SignatureDoesNotMatch)");
+    }
+
+    #[test]
+    fn what_may_pass_is_tried_again() {
+        for (status, code, passes) in [
+            (500, Some("InternalError"), true),
+            (503, Some("SlowDown"), true),
+            (400, Some("RequestTimeout"), true),
+            (400, Some("InvalidPart"), false),
+            (403, None, false),
+            (404, Some("NoSuchUpload"), false),
+            (412, None, false),
+            (501, Some("NotImplemented"), false),
+        ] {
+            assert_eq!(refusal_of(status, code).may_pass(), passes, "{status}");
+        }
+        assert!(!Refusal::cancelled().may_pass());
+    }
+
+    #[test]
+    fn addresses_that_nothing_is_written_to_are_refused() {
+        for (place, words) in [
+            ("https://a.org/b.fan", "only s3:// and gs://"),
+            ("az://bucket/b.fan", "only s3:// and gs://"),
+            ("s3://bucket", "BUCKET/KEY"),
+            ("s3://bucket/folder/", "names a folder"),
+        ] {
+            let error = ObjectTarget::at(Path::new(place)).unwrap_err();
+            assert_eq!(error.kind(), fantex_base::ErrorKind::InvalidArgument);
+            let sentence = error.to_string();
+            assert!(sentence.contains(words) && sentence.contains(place), "{sentence}");
+        }
+    }
+}
