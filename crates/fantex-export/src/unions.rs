@@ -59,7 +59,7 @@ const STRAINED: f64 = 0.01;
 const ROUNDS: [usize; 3] = [6, 4, 10];
 
 /// One in so many pieces is in a union that is tried at once with others. With more the cheapest no longer go first.
-const PIECES_PER_TRIAL: usize = 64;
+const PIECES_PER_TRIAL: usize = 256;
 
 /// Cells in which overlaps are looked for, per triangle.
 const CELLS_PER_TRIANGLE: f64 = 2.0;

@@ -260,7 +260,7 @@ fn an_upload_that_fails_leaves_no_object() {
     store.faults("lost=1");
     put("lost.fan");
     store.faults("lost=1");
-    store.json(&["plan", model, "-o", "s3://scans/lost.plan", "--texels", "64k"]);
+    store.json(&[&["plan", model, "-o", "s3://scans/lost.plan"][..], &options].concat());
 
     // What does not pass leaves nothing, and can be done again.
     store.faults("refused=1");

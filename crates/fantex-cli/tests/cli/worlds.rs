@@ -335,7 +335,7 @@ fn a_world_is_exported_as_one_model_without_cracks() {
     let pictures = usd["sizes"].as_array().unwrap().len() * usd["channels"].as_array().unwrap().len();
     assert_eq!(usd["files"].as_array().unwrap().len(), pictures + 2 * sectors as usize + 1, "{usd}");
     let text = std::fs::read_to_string(place("fans.usda")).unwrap();
-    assert_eq!(text.matches("prepend references = @./fans-sector-").count() as u64, sectors, "{text}");
+    assert_eq!(text.matches("prepend references = @@@./fans-sector-").count() as u64, sectors, "{text}");
     let fans = json(&[&"export", &index, &"-o", &place("fans.glb"), &"--fans"]);
     assert_eq!((&fans["triangles"], &fans["objects"]), (&whole["triangles"], &sectors.into()));
 
