@@ -113,7 +113,8 @@ impl ImageSurface<'_> {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: opacity(material.alpha, base.w, hit, |there| {
-                let texel = textures.base_color.as_ref().map(|layer| self.texel(layer, &Hit { at: there, ..*hit }));
+                let texel =
+                    textures.base_color.as_ref().map(|layer| self.texel(layer, &Hit { at: there, ..*hit }));
                 base_color(material, color_at(there), or_white(texel)).w
             }),
             normal: if hit.front { normal } else { -normal },

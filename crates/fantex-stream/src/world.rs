@@ -439,9 +439,18 @@ mod tests {
         for (asset, path) in [("a.fan", "a.fan"), ("./b//c.fan", "b/c.fan"), ("b/../c.fan", "c.fan")] {
             assert_eq!(below(asset).as_deref(), Some(path), "{asset}");
         }
-        for asset in
-            ["../a.fan", "b/../../a.fan", "/etc/a.fan", "https://a.b/c.fan", "s3://a/b.fan", ".", "b/..", r"..\a.fan", r"C:\a.fan", "C:a.fan"]
-        {
+        for asset in [
+            "../a.fan",
+            "b/../../a.fan",
+            "/etc/a.fan",
+            "https://a.b/c.fan",
+            "s3://a/b.fan",
+            ".",
+            "b/..",
+            r"..\a.fan",
+            r"C:\a.fan",
+            "C:a.fan",
+        ] {
             assert_eq!(below(asset), None, "{asset}");
         }
     }

@@ -87,7 +87,11 @@ fn a_scan_is_baked_onto_fewer_triangles() {
     let [plain, baked] = ["coarse.glb", "coarse.fan"].map(psnr);
     assert!(baked > plain + 1.0, "{baked} dB with normals, {plain} without");
     fails(1, &["exists already"], &[&"simplify", &fine, &"-o", &place("coarse.glb"), &"--triangles", &"3k"]);
-    fails(2, &["coarse.stl names no format", ".ply, .obj or .glb"], &[&"simplify", &fine, &"-o", &place("coarse.stl"), &"--triangles", &"3k"]);
+    fails(
+        2,
+        &["coarse.stl names no format", ".ply, .obj or .glb"],
+        &[&"simplify", &fine, &"-o", &place("coarse.stl"), &"--triangles", &"3k"],
+    );
 }
 
 #[test]

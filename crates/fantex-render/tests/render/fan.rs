@@ -282,7 +282,8 @@ fn edges_of_cut_outs_are_as_smooth_as_those_of_triangles() {
             fan_surface(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(Filter::Bilinear));
         for surface in [&by_uv as &dyn Surface, &by_fan] {
             let seen = rendering(&mesh, surface, &camera, &options(Shading::BaseColor)).picture;
-            let differences: Vec<f32> = seen.rgba.iter().zip(&truth).map(|(p, share)| (p[3] - share).abs()).collect();
+            let differences: Vec<f32> =
+                seen.rgba.iter().zip(&truth).map(|(p, share)| (p[3] - share).abs()).collect();
             let largest = differences.iter().copied().fold(0.0, f32::max);
             // A ramp is as wide as the sum of its changes along both sides, where the edge of an area curves off.
             assert!(largest < 0.15, "{largest}");
