@@ -41,9 +41,8 @@ pub fn export_models(
         return Err(Error::unsupported(message));
     }
     let mut file = ModelFile::new(output, Some(&stem_of(output)), options)?;
-    let mut add =
-        |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
-    let mut summary = add_all(objects, open, progress, &mut add)?;
+    let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
+    let mut summary = add_all(objects, open, progress, add)?;
     summary.files = file.finish()?;
     Ok(summary)
 }
@@ -61,9 +60,8 @@ pub fn export_all_fans(
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
     let mut file = FanFile::new(output, Some(&stem_of(output)), options)?;
-    let mut add =
-        |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
-    let mut summary = add_all(objects, open, progress, &mut add)?;
+    let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
+    let mut summary = add_all(objects, open, progress, add)?;
     summary.files = file.finish()?;
     Ok(summary)
 }
@@ -72,7 +70,7 @@ fn add_all(
     objects: &[ExportObject],
     open: &mut dyn FnMut(usize) -> Result<Arc<Asset>>,
     progress: &dyn Progress,
-    add: &mut dyn FnMut(&Arc<Asset>, &str, &dyn Progress) -> Result<ExportSummary>,
+    mut add: impl FnMut(&Arc<Asset>, &str, &dyn Progress) -> Result<ExportSummary>,
 ) -> Result<ExportSummary> {
     let total = objects.iter().fold(0u64, |sum, object| sum.saturating_add(object.texels));
     let mut before = 0u64;

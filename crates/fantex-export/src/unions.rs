@@ -108,7 +108,7 @@ struct Union {
     region: Vec<u32>,
     flat: Vec<[Vec2; 3]>,
     /// How many more triangles each cell of the larger piece has then.
-    cells: FxHashMap<IVec2, i32>,
+    cells: Vec<(IVec2, i32)>,
     /// Strain of both beyond what they had apart.
     gained: f64,
     low: Vec2,
@@ -501,7 +501,7 @@ impl<'a> Uniter<'a> {
 
     /// How many more triangles every cell of a piece has once those `near` of its own lie elsewhere: `flat` has all that move or come. `None`
     /// where two lie on each other.
-    fn new_cells(&self, large: u32, near: &[u32], flat: &[[Vec2; 3]]) -> Option<FxHashMap<IVec2, i32>> {
+    fn new_cells(&self, large: u32, near: &[u32], flat: &[[Vec2; 3]]) -> Option<Vec<(IVec2, i32)>> {
         let taken = &self.pieces[large as usize].cells;
         let mut changes: FxHashMap<IVec2, i32> = FxHashMap::default();
         for &t in near {
@@ -518,7 +518,7 @@ impl<'a> Uniter<'a> {
                 return None;
             }
         }
-        Some(changes)
+        Some(changes.into_iter().collect())
     }
 
     /// Makes two pieces one, and returns it.

@@ -404,7 +404,7 @@ impl ObjectTarget {
         std::thread::scope(|scope| {
             for _ in 1..CONNECTIONS.min(count) {
                 // Where the system refuses a thread, the others do its work.
-                drop(std::thread::Builder::new().name("fan-upload".into()).spawn_scoped(scope, &work));
+                drop(std::thread::Builder::new().name("fan-upload".into()).spawn_scoped(scope, work));
             }
             work();
         });
