@@ -31,7 +31,7 @@ pub(crate) fn opacity(mode: AlphaMode, alpha: f32, hit: &Hit, alpha_at: impl Fn(
     }
 }
 
-/// Alpha that is so near to 0 or 1 lies inside, where no slope is asked for.
+/// Alpha that is so near to 0 or 1, half a step of 8 bits, lies inside, where no slope is asked for.
 const INSIDE: f32 = 0.5 / 255.0;
 
 /// The share of the pixel whose alpha reaches the threshold, were alpha a ramp as steep as it is here along both sides of the pixel. All or

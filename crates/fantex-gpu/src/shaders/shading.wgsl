@@ -39,6 +39,9 @@ struct MaterialSample {
     unlit: bool,
 }
 
+// Alpha that is so near to 0 or 1, half a step of 8 bits, lies inside: there no slope is asked for.
+const INSIDE: f32 = 0.0019608;
+
 // What a cut-out leaves of a pixel.
 struct CutOut {
     @location(0) light: vec4<f32>,
@@ -49,7 +52,7 @@ struct CutOut {
 // those of triangles. The places of samples are those of Direct3D's and Vulkan's standard.
 fn cut_out_samples(alpha: f32, threshold: f32) -> u32 {
     // Inside, beside a triangle's edge, the slope may be that of texels beyond, which are empty.
-    let is_inside = alpha <= 0.002 || alpha >= 0.998;
+    let is_inside = alpha <= INSIDE || alpha >= 1.0 - INSIDE;
     let slope = select(vec2<f32>(dpdx(alpha), dpdy(alpha)), vec2<f32>(0.0), SAMPLES == 1u || is_inside);
     let ramp = vec4<f32>(alpha) + slope.x * vec4<f32>(-0.125, 0.375, -0.375, 0.125)
         + slope.y * vec4<f32>(-0.375, -0.125, 0.125, 0.375);
