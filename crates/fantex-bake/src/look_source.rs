@@ -69,15 +69,12 @@ impl<'a> LookSource<'a> {
     /// # Errors
     /// An image that is used cannot be read.
     pub fn decoded(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
-        load_material_textures(mesh).map_err(|error| {
-            let cause = std::error::Error::source(&error).and_then(|cause| cause.downcast_ref::<Error>());
-            match cause.map(Error::kind) {
-                Some(ErrorKind::NotFound) => {
-                    let sentence = format!("{error}; put the file there, or bake another source (--source)");
-                    Error::new(error.kind(), sentence).with_source(error)
-                }
-                _ => error,
+        load_material_textures(mesh).map_err(|error| match (error.kind(), error.path()) {
+            (kind @ ErrorKind::NotFound, Some(path)) => {
+                let sentence = format!("{error}, or bake another source (--source)");
+                Error::new(kind, sentence).with_path(path).with_source(error.clone())
             }
+            _ => error,
         })
     }
 

@@ -381,11 +381,14 @@ fn images_that_cannot_be_read_are_named_with_what_wants_them() {
     };
     let message = |materials: [Material; 2]| {
         let mesh = two_materials(materials, images.clone());
-        LookSource::of_model(&mesh).unwrap_err().to_string()
+        let error = LookSource::of_model(&mesh).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::NotFound);
+        assert_eq!(error.path(), Some(folder.path().join("gone.png").as_path()));
+        error.to_string()
     };
     let text = message([Material::default(), named.clone()]);
     assert!(text.starts_with("the normal map of material \"wood\" (line 3 of a.mtl): cannot read"), "{text}");
-    assert!(text.contains("gone.png"), "{text}");
+    assert!(text.contains("gone.png") && text.ends_with("or bake another source (--source)"), "{text}");
     let nameless = Material { name: String::new(), place: String::new(), ..named };
     let text = message([Material::default(), nameless]);
     assert!(text.starts_with("the normal map of material 1: "), "{text}");

@@ -255,6 +255,7 @@ fn a_missing_image_is_an_error_that_names_it() {
     mesh.materials[0].base_color_texture = Some(texture());
     let error = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap_err().to_string();
     assert!(error.contains("picture.png"), "{error}");
+    assert!(error.ends_with("put the file there, or correct its name in the model"), "{error}");
 }
 
 // Pictures against goldens.

@@ -14,7 +14,7 @@ mod packed;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, corner_tangents, interpolate,
 };
@@ -131,11 +131,24 @@ fn label(index: usize, Material { name, place, .. }: &Material) -> String {
     }
 }
 
+/// What kept an image from being read, with the channel and the material that want it, and what to do where its file is missing.
+fn unreadable(channel: &str, label: &str, cause: Error) -> Error {
+    let advice = match cause.kind() {
+        ErrorKind::NotFound => "; put the file there, or correct its name in the model",
+        _ => "",
+    };
+    let mut error = Error::new(cause.kind(), format!("the {channel} of {label}: {cause}{advice}"));
+    if let Some(path) = cause.path() {
+        error = error.with_path(path);
+    }
+    error.with_source(cause)
+}
+
 /// Reads the images of all textures of a mesh's materials that are `usable`, each once per way of use, in parallel.
 ///
 /// # Errors
 /// An image that is used cannot be read; where several cannot, the one with the lowest index. The material and the channel in the
-/// message are the first ones that use it so.
+/// message are the first ones that use it so. Kind and path are those of what failed.
 pub fn read_used_images<T: Send>(
     mesh: &Mesh,
     usable: impl Fn(&TextureRef) -> bool,
@@ -154,10 +167,7 @@ pub fn read_used_images<T: Send>(
     let loaded: Vec<_> = wanted
         .into_par_iter()
         .map(|(_, (used, index, channel))| {
-            let failed = |cause: Error| {
-                let label = label(index, &mesh.materials[index]);
-                Error::malformed(format!("the {channel} of {label}: {cause}")).with_source(cause)
-            };
+            let failed = |cause| unreadable(channel, &label(index, &mesh.materials[index]), cause);
             Ok((used, read(&mesh.images[used.image], used).map_err(failed)?))
         })
         .collect();
