@@ -42,6 +42,29 @@ impl<'a> ImageSource<'a> {
         self.materials.iter().any(|m| m.layers().next().is_some())
     }
 
+    /// How many materials have an image whose texels are to appear as squares, more than one of them on a triangle. (Of a palette each
+    /// triangle shows one.)
+    pub(crate) fn square_texel_materials(&self) -> usize {
+        let mut shows_squares = vec![false; self.materials.len()];
+        for triangle in 0..self.mesh.triangles.len() {
+            let material = self.mesh.material_of(triangle);
+            let crosses = |layer: &TextureLayer| layer.nearest && self.crosses_texels(layer, triangle);
+            shows_squares[material] =
+                shows_squares[material] || self.materials[material].layers().any(crosses);
+        }
+        shows_squares.into_iter().filter(|&shows| shows).count()
+    }
+
+    /// Whether an edge between texels of a layer may lie within a triangle.
+    fn crosses_texels(&self, layer: &TextureLayer, triangle: usize) -> bool {
+        let size = layer.texture.size();
+        let [a, b, c] =
+            layer.corner_uv(self.mesh, triangle).map(|uv| uv * Vec2::from(size.map(|n| n as f32)));
+        let first = a.min(b).min(c) + ON_EDGE;
+        let last = a.max(b).max(c) - ON_EDGE;
+        size != [1, 1] && first.floor().cmplt(last.floor()).any()
+    }
+
     /// Texels of the finest texture per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without
     /// texture, with degenerate coordinates, or too slender to show any take the mean of the others, by area.
     pub(crate) fn density(&self) -> Vec<f32> {
@@ -92,6 +115,9 @@ impl<'a> ImageSource<'a> {
 
 /// Texels per mesh unit where no image says.
 pub(crate) const NO_IMAGE_DENSITY: f32 = 256.0;
+
+/// What lies so near to an edge between texels lies on it, in texels.
+const ON_EDGE: f32 = 0.01;
 
 /// Height of a triangle as a share of its longest side below which it shows no texture: the pole of a sphere whose vertices lie
 /// beside each other by rounding errors has such triangles, with whole stripes of the image on them.

@@ -99,6 +99,15 @@ impl<'a> LookSource<'a> {
         }
     }
 
+    /// How many of the model's materials have an image whose texels are to appear as squares when magnified, and show more than one of
+    /// them on a triangle; 0 for looks. A bake takes means of squares, but what is read from it is blended between its texels.
+    pub fn square_texel_materials(&self) -> usize {
+        match &self.0 {
+            Materials::Images(source) => source.square_texel_materials(),
+            Materials::Textures(_) => 0,
+        }
+    }
+
     /// Texels of the finest image per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without image,
     /// with degenerate coordinates, or too slender to show any take the mean of the others, by area; where nothing has an image,
     /// as in looks, it is 256.

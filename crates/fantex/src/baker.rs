@@ -14,7 +14,7 @@ use fantex_bake::{
     Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
     bake_part, plan_bake,
 };
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted, grouped};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
@@ -241,6 +241,9 @@ impl<'a> Baker<'a> {
     /// More texels than this, which nobody asked for, are worth a note.
     const MANY_TEXELS: u64 = 64_000_000;
 
+    /// Texels for each of an image's whose texels are to appear as squares: edges a quarter as wide as a square look crisp.
+    const CRISP_TEXELS: f64 = 16.0;
+
     /// A baker for a mesh.
     pub fn new(mesh: &'a Mesh) -> Self {
         Self {
@@ -437,12 +440,33 @@ impl<'a> Baker<'a> {
             _ => 0.0,
         };
         // Before the mesh is cut and covered, which takes its time.
+        let squares = match (&density, goal) {
+            (Some(density), Goal::Asset(_) | Goal::Plan(..)) => self.note_of_squares(&source, density),
+            _ => None,
+        };
         let dense = self.note_of_many(texels as u64);
         let mut baked = self.textured(model, source, density, textures, goal)?;
-        if let Some(note) = dense {
-            baked.notes.insert(0, note);
-        }
+        baked.notes.splice(0..0, squares.into_iter().chain(dense));
         Ok(baked)
+    }
+
+    /// Says that texels which are to appear as squares are blended, unless there are enough to hide it.
+    fn note_of_squares(&self, source: &LookSource<'_>, density: &[f32]) -> Option<String> {
+        let own = budget_texels(self.mesh, &TexelBudget::PerTriangle(density.to_vec()));
+        let asked = budget_texels(self.mesh, &self.nominal_budget(self.mesh, Some(density)));
+        // Whoever gives a rounded number has heard the note.
+        let materials =
+            if asked < 0.5 * Self::CRISP_TEXELS * own { source.square_texel_materials() } else { 0 };
+        let note = format!(
+            "the textures of {} are to appear as squares (nearest filtering), but what is baked is blended between texels: edges of squares \
+             are as soft as a texel is wide; about {} texels, {} for each of the textures', make them crisp",
+            counted(materials, "material"),
+            grouped(rounded(Self::CRISP_TEXELS * own), ' '),
+            Self::CRISP_TEXELS
+        );
+        let note = Some(note).filter(|_| materials > 0);
+        note.iter().for_each(|note| self.progress.0.note(note));
+        note
     }
 
     /// Says that a number of texels, which nobody asked for, is large, if it is.
@@ -562,13 +586,17 @@ impl<'a> Baker<'a> {
         cuts: LongestEdge,
         own_density: Option<&[f32]>,
     ) -> Cow<'m, fantex_mesh::Mesh> {
-        let budget = match (self.budget, own_density) {
+        cuts.refined(mesh, &self.nominal_budget(mesh, own_density), self.tile)
+    }
+
+    /// How many texels a mesh gets, about. `own_density` as in [`bake`](Self::bake).
+    fn nominal_budget(&self, mesh: &fantex_mesh::Mesh, own_density: Option<&[f32]>) -> TexelBudget {
+        match (self.budget, own_density) {
             (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density.to_vec()),
             (Budget::Default | Budget::Matching, None) => TexelBudget::Total(Self::DEFAULT_TEXELS),
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
             (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
-        };
-        cuts.refined(mesh, &budget, self.tile)
+        }
     }
 
     /// Bakes another model's look and shape.
@@ -675,6 +703,12 @@ impl fantex_bake::Source for FunctionSource<'_> {
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = (self.0)(point);
     }
+}
+
+/// A count to two digits, not less than it.
+fn rounded(count: f64) -> u64 {
+    let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
+    (unit * (count / unit).ceil()) as u64
 }
 
 /// Both halves of a seed count.

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use fantex::{Baker, Mesh, NoProgress, Progress};
+use fantex_mesh::{LoadOptions, load};
 use fantex_texture::{ColorSpace, Image, Samples};
+use glam::{Mat3, Vec2};
 
 /// Texels along a side of the texture.
 const SIDE: u32 = 64;
@@ -80,4 +82,29 @@ fn a_texture_that_is_not_there_has_a_way_on() {
     let message = error.to_string();
     assert!(message.contains("color.png") && message.contains("put the file there"), "{message}");
     assert!(message.contains("--source"), "{message}");
+}
+
+/// Texels of 64 x 64 on two triangles, as a glTF's sampler may ask for them.
+#[test]
+fn textures_of_squares_are_told_of_unless_there_are_texels_enough() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = tiled(folder.path(), 1);
+    let notes = |nearest: bool, shown: f32, texels: u64| {
+        let mut model = load(&path, &LoadOptions::default()).unwrap();
+        for texture in model.materials.iter_mut().filter_map(|material| material.base_color_texture.as_mut())
+        {
+            texture.nearest = nearest;
+            texture.uv_transform = Mat3::from_scale(Vec2::splat(shown));
+        }
+        let mesh = Mesh::from_model(model, &path).unwrap();
+        let baker = Baker::new(&mesh).texels(texels).overwrite(true);
+        baker.write_plan(folder.path().join("square.fan"), b"").unwrap().notes
+    };
+    let is_told = |notes: &[String]| notes.iter().any(|note| note.contains("are to appear as squares"));
+    let told = notes(true, 1.0, 4096);
+    assert!(is_told(&told) && told.iter().any(|note| note.contains("about 66 000 texels")), "{told:?}");
+    assert!(!is_told(&notes(false, 1.0, 4096)));
+    assert!(!is_told(&notes(true, 1.0, 66_000)));
+    // Half of one texel, as of a palette.
+    assert!(!is_told(&notes(true, 0.5 / SIDE as f32, 1)));
 }
