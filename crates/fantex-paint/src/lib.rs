@@ -81,7 +81,7 @@ pub use log::StrokeLog;
 pub use mask_source::{MaskMeasure, MaskSource};
 pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use painter::{PaintOptions, Painter, StrokeSummary};
-pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};
+pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text, note_of_missing};
 pub use projection::{Lens, PicturePlace, Projection, ProjectionView, Sight};
 pub use region::{Region, RegionTriangle};
 pub use relief::HEIGHT_RANGE;

@@ -1,5 +1,6 @@
 //! Pictures that are laid onto the surface: decals, texts, slides of a projection.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
@@ -270,6 +271,25 @@ pub struct TextPicture {
     pub picture: Picture,
     /// Length of the picture's longer side in distances of lines.
     pub lines: f32,
+    /// Characters that the font lacks, each once, in the order of the text: its sign for missing ones stands in their places. See
+    /// [`note_of_missing`].
+    pub missing: String,
+}
+
+/// Characters that a [`note_of_missing`] lists.
+const LISTED: usize = 8;
+
+/// A sentence on characters that a font lacks; none where it lacks none.
+pub fn note_of_missing(characters: &str) -> Option<String> {
+    let quoted = |character: char| format!("'{}'", character.escape_debug());
+    let listed: Vec<String> = characters.chars().take(LISTED).map(quoted).collect();
+    let more = match characters.chars().count() - listed.len() {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let sentence =
+        format!("the font lacks {}{more}: its sign for missing characters is drawn", listed.join(", "));
+    Some(sentence).filter(|_| !listed.is_empty())
 }
 
 /// A line of a text: its glyphs with their places from the line's left end, and its width.
@@ -333,7 +353,10 @@ fn draw(text: &str, font: &[u8]) -> Result<TextPicture> {
         return Err(Error::invalid("the text has no visible characters in this font"));
     }
     let lines = extent[0].max(extent[1]) as f32 / texels;
-    Ok(TextPicture { picture: Picture::from_coverage(extent, &coverage)?, lines })
+    let mut known = HashSet::new();
+    let characters = text.lines().flat_map(str::chars);
+    let missing = characters.filter(|&c| font.glyph_id(c).0 == 0 && known.insert(c)).collect();
+    Ok(TextPicture { picture: Picture::from_coverage(extent, &coverage)?, lines, missing })
 }
 
 /// The scale at which lines are so many texels apart.
@@ -423,6 +446,18 @@ mod tests {
             assert!((picture.at(Vec2::ZERO, width).w - 1.0).abs() < 1e-6, "{width}");
         }
         assert_eq!(picture.at(Vec2::new(0.0, 0.8), 0.0).w, 0.0, "above a wide picture there is nothing");
+    }
+
+    #[test]
+    fn characters_that_the_font_lacks_are_named() {
+        let missing = |text: &str| draw_text(text, DEFAULT_FONT).unwrap().missing;
+        assert_eq!(missing("Gr\u{fc}\u{df}e\n\u{416}"), "");
+        assert_eq!(missing("b\u{6f22}a\u{5b57}\n\u{6f22}"), "\u{6f22}\u{5b57}");
+        assert_eq!(note_of_missing(""), None);
+        let note = note_of_missing("\u{6f22}\u{5b57}").unwrap();
+        assert!(note.starts_with("the font lacks '\u{6f22}', '\u{5b57}': "), "{note}");
+        let note = note_of_missing("0123456789").unwrap();
+        assert!(note.contains("'6', '7' and 2 more:"), "{note}");
     }
 
     #[test]

@@ -16,6 +16,7 @@
 //! }
 //! ```
 
+use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,7 +41,7 @@ use crate::{
 // Applying a stroke file.
 
 /// What a replay did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReplaySummary {
     /// Strokes and fills.
     pub strokes: usize,
@@ -52,6 +53,8 @@ pub struct ReplaySummary {
     pub missed_samples: usize,
     /// Strokes of a log that could not be recorded and so are missing.
     pub unrecorded: usize,
+    /// Characters of texts that their fonts lack, each once.
+    pub missing_characters: String,
 }
 
 impl StrokeFile {
@@ -88,9 +91,12 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
     painter.add_channels(&kinds)?;
     // All are checked before the first one is applied.
     let mut prepared = Vec::with_capacity(file.strokes.len());
+    let mut known = HashSet::new();
     for (index, settings) in file.strokes.iter().enumerate() {
         let preparation = Preparation { painter, stroke: index, settings, folder };
-        prepared.push((settings, preparation.run(&mut summary.missed_samples)?));
+        let stroke = preparation.run(&mut summary.missed_samples)?;
+        summary.missing_characters.extend(stroke.missing.chars().filter(|&c| known.insert(c)));
+        prepared.push((settings, stroke));
     }
     for (settings, prepared) in prepared {
         if settings.unrecorded {
@@ -115,7 +121,7 @@ fn apply(
         painter.set_layers(&settings.label, layers.clone(), &settings.layer_moves)?;
         return Ok(StrokeSummary::default());
     }
-    let Prepared { paint, stroke, decals, dabs, fill } = prepared;
+    let Prepared { paint, stroke, decals, dabs, fill, .. } = prepared;
     let target = target_of(painter, settings, fill)?;
     if paint.channels.is_empty() {
         return Ok(StrokeSummary::default());
@@ -223,6 +229,8 @@ pub(crate) struct Prepared {
     pub(crate) dabs: Vec<Dab>,
     /// Of the layer that it makes or changes.
     pub(crate) fill: Option<GraphFill>,
+    /// Characters that the font of its text lacks.
+    missing: String,
 }
 
 impl Preparation<'_> {
@@ -232,7 +240,8 @@ impl Preparation<'_> {
         let dabs = self.dabs(stroke.stamp.as_ref())?;
         let first = stroke.samples.first().map(|sample| sample.point).or(dabs.first().map(|dab| dab.center));
         let paint = self.paint(&stroke, first)?;
-        let decals = self.decals(&stroke)?;
+        let mut missing = String::new();
+        let decals = self.decals(&stroke, &mut missing)?;
         let layer = self.settings.layer.as_ref();
         if layer.is_some_and(|layer| layer.fill.is_some() && layer.group.is_some()) {
             let sentence =
@@ -241,7 +250,7 @@ impl Preparation<'_> {
         }
         let fill = layer.and_then(|layer| layer.fill.as_ref());
         let fill = fill.map(|fill| self.fill_layer(fill)).transpose()?;
-        Ok(Prepared { paint, stroke, decals, dabs, fill })
+        Ok(Prepared { paint, stroke, decals, dabs, fill, missing })
     }
 
     /// Names the stroke in an error.
@@ -386,7 +395,8 @@ impl Preparation<'_> {
         })
     }
 
-    fn decals(&self, drawn: &Stroke) -> Result<Vec<Decal>> {
+    /// `missing`: gets the characters that the font of a text lacks.
+    fn decals(&self, drawn: &Stroke, missing: &mut String) -> Result<Vec<Decal>> {
         let (shape, size, angle, mirrored) = if let Some(decal) = &self.settings.decal {
             let shape = self.decal_shape(decal.shape.as_deref())?;
             (shape, self.mesh_length(decal.size)?, decal.angle, decal.mirrored)
@@ -395,6 +405,7 @@ impl Preparation<'_> {
             let font = font.transpose()?;
             let drawn = draw_text(&text.text, font.as_deref().unwrap_or(DEFAULT_FONT));
             let drawn = drawn.map_err(|error| self.of_stroke(error))?;
+            *missing = drawn.missing;
             (drawn.picture, self.mesh_length(text.size)? * drawn.lines, text.angle, text.mirrored)
         } else {
             return Ok(Vec::new());

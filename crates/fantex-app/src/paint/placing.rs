@@ -164,7 +164,10 @@ impl Painting {
             placing.is_stale = true;
             if is_other {
                 match sticker_shape(settings) {
-                    Ok(shape) => placing.shape = shape,
+                    Ok(shape) => {
+                        shape.note.iter().for_each(|note| notices.warning(note));
+                        placing.shape = shape;
+                    }
                     // A text that is being written may be empty.
                     Err(_) if settings.sticker == StickerKind::Text => placing.is_stale = false,
                     Err(error) => {
@@ -195,6 +198,7 @@ impl Painting {
             Ok(shape) => shape,
             Err(reason) => return notices.warning(reason),
         };
+        shape.note.iter().for_each(|note| notices.warning(note));
         let world = self.world_size(settings, view, point);
         let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
         let middle = view.project(world_position(&self.surface, point)).unwrap_or(at);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use fantex::base::{Error, Result, input};
 use fantex::glam::{Vec2, Vec3, Vec4};
-use fantex::paint::{DEFAULT_FONT, LookSettings, Picture, Surface, TextureGraph, draw_text};
+use fantex::paint::{DEFAULT_FONT, LookSettings, Picture, Surface, TextureGraph, draw_text, note_of_missing};
 use fantex::texture::{ColorSpace, Filtering, Image, SOLID_NAMES, Samples, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 
@@ -164,17 +164,19 @@ pub(crate) struct StickerShape {
     pub(crate) picture: Arc<Picture>,
     /// Length of its longer side in distances of a text's lines; 1 of a picture.
     pub(crate) lines: f32,
+    /// What the user should know of it.
+    pub(crate) note: Option<String>,
 }
 
 /// The text or picture that is chosen, drawn or read.
 pub(crate) fn sticker_shape(settings: &PaintSettings) -> Result<StickerShape> {
-    let (picture, lines) = match settings.sticker {
+    let (picture, lines, note) = match settings.sticker {
         StickerKind::Text if settings.text.trim().is_empty() => {
             return Err(Error::invalid("There is no text: write one in the panel at the left."));
         }
         StickerKind::Text => {
             let text = draw_text(&settings.text, DEFAULT_FONT)?;
-            (text.picture, text.lines)
+            (text.picture, text.lines, note_of_missing(&text.missing))
         }
         StickerKind::Picture => {
             let path = settings
@@ -186,8 +188,8 @@ pub(crate) fn sticker_shape(settings: &PaintSettings) -> Result<StickerShape> {
             let is_color =
                 settings.picture_use == PictureUse::Color || matches!(image.samples, Samples::F32(_));
             let image = if is_color { image } else { Image { space: ColorSpace::Linear, ..image } };
-            (Picture::new(&image)?, 1.0)
+            (Picture::new(&image)?, 1.0, None)
         }
     };
-    Ok(StickerShape { picture: Arc::new(picture), lines })
+    Ok(StickerShape { picture: Arc::new(picture), lines, note })
 }

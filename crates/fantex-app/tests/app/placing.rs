@@ -110,6 +110,21 @@ fn what_is_not_applied_is_not_saved() {
 }
 
 #[test]
+fn characters_that_the_font_lacks_are_told_of() {
+    let mut studio = with_sticker();
+    let told = |studio: &Studio, words: &str| studio.notices.log().any(|text| text.contains(words));
+    click(&mut studio, 0.5, 0.85);
+    assert!(!told(&studio, "the font lacks"));
+    studio.settings.text = "H\u{6f22}".into();
+    follow(&mut studio);
+    assert!(told(&studio, "the font lacks '\u{6f22}':"), "a text that is changed");
+    studio.painting.drop_placing();
+    studio.settings.text = "\u{5b57}".into();
+    click(&mut studio, 0.5, 0.85);
+    assert!(told(&studio, "the font lacks '\u{5b57}':"), "a text that is placed");
+}
+
+#[test]
 fn handles_are_measured_in_points() {
     let mut studio = with_sticker();
     click(&mut studio, 0.5, 0.85);

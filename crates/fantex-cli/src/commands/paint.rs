@@ -10,7 +10,7 @@ use clap::Args;
 use fantex::base::files::{persist, temporary_file};
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
-use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
 use fantex::store::ChannelKind;
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
@@ -149,6 +149,8 @@ struct PaintInfo {
     pages: usize,
     missed_samples: usize,
     unrecorded: usize,
+    /// Characters of texts that their fonts lack.
+    missing_characters: String,
     generation: u64,
     bytes: u64,
     seconds: f64,
@@ -245,6 +247,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     painter.remove_channels(&args.remove_channel)?;
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
+    note_of_missing(&summary.missing_characters).iter().for_each(|note| context.note(note));
     let _deferral = context.defer_interrupt();
     let committed = painter.commit()?;
     Ok(PaintInfo {
@@ -254,6 +257,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         pages: summary.pages,
         missed_samples: summary.missed_samples,
         unrecorded: summary.unrecorded,
+        missing_characters: summary.missing_characters,
         generation: committed.generation,
         bytes: committed.file_bytes,
         seconds: 0.0,

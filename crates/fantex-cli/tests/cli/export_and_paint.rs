@@ -218,6 +218,23 @@ fn strokes_are_replayed_and_the_result_is_certified() {
 }
 
 #[test]
+fn characters_that_a_font_lacks_are_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    let strokes = r#"{ "version": 1, "strokes": [{ "text": { "text": "a\u6f22\u5b57\u6f22", "size": { "world": 0.2 } },
+        "channels": [{ "kind": "base_color", "color": { "srgb": [0, 0, 0] } }],
+        "samples": [{ "at": { "position": [0.5, 0.5, 0.5] } }] }] }"#;
+    std::fs::write(at("strokes.json"), strokes).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let output = succeeds(&[&"--json", &"paint", &at("a.fan"), &"--replay", &at("strokes.json")]);
+    let note = "the font lacks '\u{6f22}', '\u{5b57}':";
+    assert!(stderr(&output).contains(note), "{}", stderr(&output));
+    let done: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(done["missing_characters"], "\u{6f22}\u{5b57}");
+}
+
+#[test]
 fn the_example_of_the_documentation_is_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
