@@ -1,10 +1,12 @@
 //! Files that appear whole or not at all: written under a temporary name in their own folder, then renamed.
 
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
+use std::ops::Bound;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tempfile::{Builder, NamedTempFile, TempPath};
 
@@ -24,7 +26,7 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let mut builder = Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    remove_stale(folder_of(path));
+    sweep(folder_of(path));
     let file = builder.prefix(PREFIX).suffix(suffix).tempfile_in(folder_of(path))?;
     let same = file.as_file().try_clone()?;
     // Where there are no locks, others leave it alone for a while only.
@@ -39,30 +41,79 @@ const PREFIX: &str = ".fantex-";
 /// A temporary file that nobody has locked for so long was left by a process that was killed.
 const STALE_AFTER: Duration = Duration::from_secs(60);
 
-/// Files of this process that shall not outlive it. They are kept open and locked, so that others see that they are in use.
-static TEMPORARIES: Mutex<Vec<(PathBuf, File)>> = Mutex::new(Vec::new());
+/// Files of this process that shall not outlive it.
+#[derive(Debug)]
+struct Temporaries {
+    /// Kept open and locked, so that others see that they are in use.
+    files: BTreeMap<PathBuf, File>,
+    /// The last one that was looked for.
+    looked_for: Option<PathBuf>,
+}
 
-fn temporaries() -> MutexGuard<'static, Vec<(PathBuf, File)>> {
+static TEMPORARIES: Mutex<Temporaries> = Mutex::new(Temporaries { files: BTreeMap::new(), looked_for: None });
+
+/// Files that are looked for whenever one is added, in turn: all of them would make time grow with the square of their number.
+const LOOKED_FOR_AT_ONCE: usize = 4;
+
+impl Temporaries {
+    fn add(&mut self, path: &Path, file: File) {
+        self.forget_gone();
+        self.files.insert(path.to_owned(), file);
+    }
+
+    /// Closes those of the next files that are gone.
+    fn forget_gone(&mut self) {
+        let after: Bound<PathBuf> = self.looked_for.take().map_or(Bound::Unbounded, Bound::Excluded);
+        let following = self.files.range::<PathBuf, _>((after, Bound::Unbounded)).chain(&self.files);
+        let count = LOOKED_FOR_AT_ONCE.min(self.files.len());
+        let next: Vec<PathBuf> = following.take(count).map(|(path, _)| path.clone()).collect();
+        self.looked_for = next.last().cloned();
+        for path in next.iter().filter(|path| !path.exists()) {
+            self.files.remove(path);
+        }
+    }
+}
+
+fn temporaries() -> MutexGuard<'static, Temporaries> {
     TEMPORARIES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Keeps a file open, and marks it for [`remove_temporaries`], until it is [forgotten](forget) or gone.
 pub fn remember(path: &Path, file: File) {
-    let mut files = temporaries();
-    files.retain(|(path, _)| path.exists());
-    files.push((path.to_owned(), file));
+    temporaries().add(path, file);
 }
 
 /// A file that stays, or has gone.
 pub fn forget(path: &Path) {
-    temporaries().retain(|(known, _)| known != path);
+    temporaries().files.remove(path);
 }
 
 /// Removes all temporary files and locks of this process, which is about to end without unwinding.
 pub fn remove_temporaries() {
-    for (path, _) in temporaries().drain(..) {
-        std::fs::remove_file(path).unwrap_or_default();
+    let files = std::mem::take(&mut temporaries().files);
+    files.into_keys().for_each(|path| std::fs::remove_file(path).unwrap_or_default());
+}
+
+/// Folders that were looked through for what killed processes have left, and when: the last ones.
+static SWEPT: Mutex<VecDeque<(PathBuf, Instant)>> = Mutex::new(VecDeque::new());
+
+/// Folders of which that is known.
+const MAX_SWEPT: usize = 16;
+
+/// Removes what killed processes have left in a folder, unless that was done within the last minute: whoever writes many files looks
+/// through their folder once.
+fn sweep(folder: &Path) {
+    let mut swept = SWEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    swept.retain(|(_, at)| at.elapsed() < STALE_AFTER);
+    if swept.iter().any(|(known, _)| known == folder) {
+        return;
     }
+    swept.push_back((folder.to_owned(), Instant::now()));
+    if swept.len() > MAX_SWEPT {
+        swept.pop_front();
+    }
+    drop(swept);
+    remove_stale(folder);
 }
 
 /// Removes temporary files in a folder whose process was killed, as far as that is possible.
@@ -156,4 +207,46 @@ pub fn write_whole(
 pub fn exists(path: &Path) -> Error {
     let sentence = format!("{} exists already; use --force to overwrite it", path.display());
     Error::already_exists(sentence).with_path(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_that_are_gone_are_forgotten_and_others_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let [there, gone] = ["there", "gone"].map(|name| folder.path().join(name));
+        let mut known = Temporaries { files: BTreeMap::new(), looked_for: None };
+        for number in 0..100 {
+            let path = there.with_extension(number.to_string());
+            known.add(&path, File::create(&path).unwrap());
+            known.add(
+                &gone.with_extension(number.to_string()),
+                File::create(folder.path().join("x")).unwrap(),
+            );
+        }
+        (0..known.files.len()).for_each(|_| known.forget_gone());
+        assert!(known.files.len() == 100 && known.files.keys().all(|path| path.exists()));
+    }
+
+    #[test]
+    fn a_folder_is_looked_through_once_for_many_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let leave = |name: &str| {
+            let path = folder.path().join(name);
+            let file = File::create(&path).unwrap();
+            file.set_modified(std::time::SystemTime::now() - 2 * STALE_AFTER).unwrap();
+            path
+        };
+        let first = leave(".fantex-first");
+        drop(temporary_file(&folder.path().join("a"), "").unwrap());
+        assert!(!first.exists());
+        let second = leave(".fantex-second");
+        drop(temporary_file(&folder.path().join("b"), "").unwrap());
+        assert!(second.exists());
+        // As another process would.
+        remove_stale(folder.path());
+        assert!(!second.exists());
+    }
 }
