@@ -152,8 +152,8 @@ impl Split {
         format!("{name}.{WORLD_EXTENSION}")
     }
 
-    /// Whether a file has a name that sectors or coarse assets have; such files of a world go when another takes its place.
-    pub fn names(file: &str) -> bool {
+    /// Whether a file name is that of a sector or of a coarse asset; such files of a world go when another takes its place.
+    pub fn is_asset_name(file: &str) -> bool {
         let prefixes = [SECTOR_PREFIX, COARSE_PREFIX];
         let rest = prefixes.iter().find_map(|prefix| file.strip_prefix(prefix));
         let number = rest.and_then(|rest| rest.strip_suffix(".fan"));
@@ -274,7 +274,9 @@ impl Output {
             )));
         }
         output.replaced.extend(index.exists().then(|| index.to_owned()));
-        output.replaced.extend(names.iter().filter(|name| Split::names(name)).map(|name| folder.join(name)));
+        output
+            .replaced
+            .extend(names.iter().filter(|name| Split::is_asset_name(name)).map(|name| folder.join(name)));
         output.replaced.iter().try_for_each(|path| input::check_output(path))?;
         let unfinished = tempfile::Builder::new().prefix(".fantex-").tempdir_in(folder);
         output.unfinished = Some(unfinished.map_err(writing)?);

@@ -189,7 +189,7 @@ impl Prefix {
         }
         // One that cannot be read is replaced all the same.
         let world = World::open(self.place(&self.index)).unwrap_or_default();
-        Ok(world.assets().filter(|name| Split::names(name)).map(str::to_owned).collect())
+        Ok(world.assets().filter(|name| Split::is_asset_name(name)).map(str::to_owned).collect())
     }
 
     /// Writes files of a folder, in this order; `done` are those that are there.
