@@ -1,4 +1,7 @@
 //! Files that appear whole or not at all: written under a temporary name in their own folder, then renamed.
+//!
+//! A process that is killed leaves what it had under temporary names. Locks tell it from what others write: the next one that writes into
+//! the folder removes it.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{File, OpenOptions};
@@ -8,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use tempfile::{Builder, NamedTempFile, TempPath};
+use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
 
 use crate::{Error, Result, input};
 
@@ -35,16 +38,53 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     Ok(file)
 }
 
-/// What the names of temporary files begin with.
+/// A folder in another one, for files that belong together, which goes away with the value and all that is in it.
+#[derive(Debug)]
+pub struct TemporaryFolder(TempDir);
+
+impl TemporaryFolder {
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+impl Drop for TemporaryFolder {
+    fn drop(&mut self) {
+        forget(self.path());
+    }
+}
+
+/// A new folder in another one.
+///
+/// # Errors
+/// The system's.
+pub fn temporary_folder(folder: &Path) -> io::Result<TemporaryFolder> {
+    sweep(folder);
+    let made = Builder::new().prefix(PREFIX).tempdir_in(folder)?;
+    let [unnamed, path] = ["new", FOLDER_LOCK].map(|name| made.path().join(name));
+    let lock = File::create(&unnamed)?;
+    // Where there are no locks, nobody else can take it either.
+    lock.try_lock_shared().unwrap_or_default();
+    // A lock by this name that is free was held by a process that is gone.
+    std::fs::rename(unnamed, path)?;
+    remember(made.path(), lock);
+    Ok(TemporaryFolder(made))
+}
+
+/// What the names of temporary files and folders begin with.
 const PREFIX: &str = ".fantex-";
+
+/// The file in a temporary folder that is locked as long as the folder is in use.
+const FOLDER_LOCK: &str = ".fantex-lock";
 
 /// A temporary file that nobody has locked for so long was left by a process that was killed.
 const STALE_AFTER: Duration = Duration::from_secs(60);
 
-/// Files of this process that shall not outlive it.
+/// Files and folders of this process that shall not outlive it.
 #[derive(Debug)]
 struct Temporaries {
-    /// Kept open and locked, so that others see that they are in use.
+    /// Kept open and locked, so that others see that they are in use; of a folder the file that says so.
     files: BTreeMap<PathBuf, File>,
     /// The last one that was looked for.
     looked_for: Option<PathBuf>,
@@ -88,10 +128,13 @@ pub fn forget(path: &Path) {
     temporaries().files.remove(path);
 }
 
-/// Removes all temporary files and locks of this process, which is about to end without unwinding.
+/// Removes all temporary files, folders and locks of this process, which is about to end without unwinding.
 pub fn remove_temporaries() {
     let files = std::mem::take(&mut temporaries().files);
-    files.into_keys().for_each(|path| std::fs::remove_file(path).unwrap_or_default());
+    for path in files.into_keys() {
+        let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
+        removed.unwrap_or_default();
+    }
 }
 
 /// Folders that were looked through for what killed processes have left, and when: the last ones.
@@ -113,23 +156,33 @@ fn sweep(folder: &Path) {
         swept.pop_front();
     }
     drop(swept);
-    remove_stale(folder);
+    remove_leftovers(folder);
 }
 
-/// Removes temporary files in a folder whose process was killed, as far as that is possible.
-fn remove_stale(folder: &Path) {
+/// Removes temporary files and folders in a folder whose process was killed, as far as that is possible.
+pub fn remove_leftovers(folder: &Path) {
     let Ok(entries) = folder.read_dir() else { return };
     let is_ours = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(PREFIX));
     for path in entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_ours) {
-        let is_old = |found: &std::fs::Metadata| {
-            found.is_file()
-                && found.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE_AFTER))
-        };
-        if path.symlink_metadata().is_ok_and(|found| is_old(&found))
-            && File::open(&path).is_ok_and(|file| file.try_lock().is_ok())
-        {
+        let Ok(found) = path.symlink_metadata() else { continue };
+        let is_old = found.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE_AFTER));
+        if found.is_dir() {
+            remove_left_folder(&path, is_old);
+        } else if found.is_file() && is_old && File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
             std::fs::remove_file(path).unwrap_or_default();
         }
+    }
+}
+
+/// Removes a temporary folder whose lock is free, or that has been without one for so long that its process was killed when it made it.
+fn remove_left_folder(path: &Path, is_old: bool) {
+    match File::open(path.join(FOLDER_LOCK)) {
+        Ok(lock) if lock.try_lock().is_ok() => std::fs::remove_dir_all(path).unwrap_or_default(),
+        // Not one that has something in it: others may give their folders such names.
+        Err(error) if error.kind() == io::ErrorKind::NotFound && is_old => {
+            std::fs::remove_dir(path).unwrap_or_default();
+        }
+        _ => {}
     }
 }
 
@@ -246,7 +299,32 @@ mod tests {
         drop(temporary_file(&folder.path().join("b"), "").unwrap());
         assert!(second.exists());
         // As another process would.
-        remove_stale(folder.path());
+        remove_leftovers(folder.path());
         assert!(!second.exists());
+    }
+
+    #[test]
+    fn folders_go_once_their_lock_is_free() {
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        let used = temporary_folder(parent.path()).unwrap();
+        std::fs::write(used.path().join("a"), "a").unwrap();
+        for name in [".fantex-left", ".fantex-other", "left"] {
+            std::fs::create_dir(at(name)).unwrap();
+            std::fs::write(at(name).join("a"), "a").unwrap();
+        }
+        for name in [".fantex-left", "left"] {
+            std::fs::write(at(name).join(FOLDER_LOCK), "").unwrap();
+        }
+        std::fs::create_dir(at(".fantex-young")).unwrap();
+        remove_leftovers(parent.path());
+        assert!(!at(".fantex-left").exists());
+        for name in [".fantex-other", "left", ".fantex-young"] {
+            assert!(at(name).exists(), "{name}");
+        }
+        assert!(used.path().join("a").exists());
+        let path = used.path().to_owned();
+        drop(used);
+        assert!(!path.exists() && !temporaries().files.contains_key(&path));
     }
 }

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::files::sync_folder;
+use fantex_base::files::{TemporaryFolder, remove_leftovers, sync_folder, temporary_folder};
 use fantex_base::{Error, Result, UnionFind, input};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Edges, Mesh, corners_of, morton, shading_normals};
@@ -26,7 +26,6 @@ use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
 use fantex_stream::url_of;
 use glam::Vec3;
 use rayon::prelude::*;
-use tempfile::TempDir;
 
 use crate::coarse::{FinerSurface, Place, place};
 use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldObject};
@@ -241,7 +240,7 @@ fn add_coarse(
 struct Output {
     folder: PathBuf,
     was_made: bool,
-    unfinished: Option<TempDir>,
+    unfinished: Option<TemporaryFolder>,
     /// Sectors, coarse assets and the index of a world that is there.
     replaced: Vec<PathBuf>,
     /// Names of sectors and coarse assets.
@@ -262,6 +261,7 @@ impl Output {
             replaced: Vec::new(),
             written: Vec::new(),
         };
+        remove_leftovers(folder);
         let names: Vec<String> = std::fs::read_dir(folder)
             .and_then(|entries| {
                 entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
@@ -274,18 +274,16 @@ impl Output {
             )));
         }
         output.replaced.extend(index.exists().then(|| index.to_owned()));
-        output
-            .replaced
-            .extend(names.iter().filter(|name| Split::is_asset_name(name)).map(|name| folder.join(name)));
+        let assets = names.iter().filter(|name| Split::is_asset_name(name));
+        output.replaced.extend(assets.map(|name| folder.join(name)));
         output.replaced.iter().try_for_each(|path| input::check_output(path))?;
-        let unfinished = tempfile::Builder::new().prefix(".fantex-").tempdir_in(folder);
-        output.unfinished = Some(unfinished.map_err(writing)?);
+        output.unfinished = Some(temporary_folder(folder).map_err(writing)?);
         Ok(output)
     }
 
     /// Where a file is until all are there.
     fn unfinished(&self, name: impl AsRef<Path>) -> PathBuf {
-        self.unfinished.as_ref().map_or(&*self.folder, TempDir::path).join(name)
+        self.unfinished.as_ref().map_or(&*self.folder, TemporaryFolder::path).join(name)
     }
 
     /// The path of a file that is written now.

@@ -67,6 +67,14 @@ fn an_asset_is_split_and_verified() {
         );
     }
 
+    // As a process leaves it that is killed.
+    let left = folder.path().join("third/.fantex-left");
+    std::fs::create_dir_all(&left).unwrap();
+    write(&left, ".fantex-lock", "");
+    write(&left, "sector-0001.fan", "unfinished");
+    succeeds(&[&"split", &asset, &"-o", &folder.path().join("third"), &"--triangles", &"8k"]);
+    assert_eq!(files(&folder.path().join("third")), expected);
+
     fails(1, &["is not empty", "--force"], &split);
     succeeds(&[&split[..], &[&"--force", &"--no-previews"]].concat());
     assert_eq!(json(&[&"info", &index])["previews"], 0);
