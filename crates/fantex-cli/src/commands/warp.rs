@@ -1,7 +1,7 @@
 //! `fantex warp`: an image through a map of the plane.
 
-use std::ffi::OsString;
-use std::path::PathBuf;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
@@ -94,13 +94,11 @@ const SPREADS: Choices<Spread, 2> = [
     ("bilinear", "Over the four pixels around its centre", Spread::Bilinear),
 ];
 
-fn point(text: &str) -> Result<DVec2> {
-    let parse = || {
-        let (x, y) = text.split_once(',')?;
-        let point = DVec2::new(x.trim().parse().ok()?, y.trim().parse().ok()?);
-        point.is_finite().then_some(point)
-    };
-    parse().ok_or_else(|| Error::invalid("expected a pixel such as 120,40"))
+/// A pixel, `X,Y`.
+fn point(text: &str) -> Option<DVec2> {
+    let (x, y) = text.split_once(',')?;
+    let point = DVec2::new(x.trim().parse().ok()?, y.trim().parse().ok()?);
+    point.is_finite().then_some(point)
 }
 
 /// Three or four pixels.
@@ -108,7 +106,11 @@ fn point(text: &str) -> Result<DVec2> {
 struct Corners(Vec<DVec2>);
 
 fn corners(text: &str) -> Result<Corners> {
-    let corners: Vec<DVec2> = text.split_whitespace().map(point).collect::<Result<_>>()?;
+    let corner = |(number, text): (u32, &str)| {
+        let sentence = || format!("corner {number} is '{text}', and a pixel such as 120,40 is expected");
+        point(text).ok_or_else(|| Error::invalid(sentence()))
+    };
+    let corners: Vec<DVec2> = (1..).zip(text.split_whitespace()).map(corner).collect::<Result<_>>()?;
     match corners.len() {
         3 | 4 => Ok(Corners(corners)),
         _ => Err(Error::invalid("expected three or four pixels such as 0,0 120,0 0,40")),
@@ -118,20 +120,33 @@ fn corners(text: &str) -> Result<Corners> {
 /// Makes one argument of `--corners` and the pixels after it. As arguments of their own they could not have a hyphen before them, unless options
 /// after three of them were taken for the fourth.
 pub(crate) fn join_corners(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
-    let is_corner = |argument: &OsString| argument.to_str().is_some_and(|text| point(text).is_ok());
     let mut arguments = arguments.peekable();
     let mut joined = Vec::new();
     while let Some(mut argument) = arguments.next() {
         if argument == "--corners" {
-            for separator in ["=", " ", " ", " "] {
-                let Some(corner) = arguments.next_if(is_corner) else { break };
+            let (mut count, mut separator) = (0, "=");
+            while count < 4
+                && let Some(corner) = arguments.next_if(|next| is_corner(next, count))
+            {
+                count += corner.to_string_lossy().split_whitespace().count();
                 argument.push(separator);
                 argument.push(corner);
+                separator = " ";
             }
         }
         joined.push(argument);
     }
     joined
+}
+
+/// Whether an argument is meant as a corner that comes after so many: fewer than three never are all, and after three the image may come. So
+/// that a wrong one is named, it need not be right.
+fn is_corner(argument: &OsStr, count: usize) -> bool {
+    let Some(text) = argument.to_str() else { return false };
+    let begins_number = |rest: &str| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+    let is_option = text.strip_prefix('-').is_some_and(|rest| !begins_number(rest));
+    let has_number = || text.split([',', ';']).any(|part| part.trim().parse::<f64>().is_ok());
+    !is_option && (count < 3 || point(text).is_some() || has_number() && !Path::new(text).exists())
 }
 
 #[derive(Debug, Serialize)]
@@ -222,5 +237,14 @@ mod tests {
         assert!(sentence("x,y").contains("a pixel such as 120,40"));
         assert!(sentence("").contains("a value is required"));
         assert!(sentence("1,2 3,4 5,6 7,8 9,10").contains("unexpected argument '9,10'"));
+        assert!(sentence("1,2 3;4 5,6 7,8").contains("corner 2 is '3;4'"));
+        assert!(sentence("1,2 3,4 b.png").contains("corner 3 is 'b.png'"));
+        assert!(sentence("1,2 3,4 5,6 7,8o").contains("corner 4 is '7,8o'"));
+    }
+
+    #[test]
+    fn corners_may_be_one_argument() {
+        let arguments = ["--corners", "0,0 1,0 0,1", "a.png"].map(OsString::from);
+        assert_eq!(join_corners(arguments.into_iter()), ["--corners=0,0 1,0 0,1", "a.png"]);
     }
 }
