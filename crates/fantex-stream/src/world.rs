@@ -14,6 +14,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::json_problem::json_problem;
 use crate::{SurfaceSamples, ViewObject, ViewPreview, WorldCoarse, url_of};
 
 /// The extension of a world's file name.
@@ -115,7 +116,8 @@ impl World {
     pub fn parse(place: &Path, bytes: &[u8]) -> Result<Self> {
         let file = serde_json::from_slice::<WorldFile>(bytes);
         let WorldFile { format, version, objects, coarse } = file.map_err(|error| {
-            Error::malformed(format!("{} is no world: {error}", place.display())).with_path(place)
+            let problem = json_problem(&error).context(format_args!("{} is no world", place.display()));
+            problem.with_path(place).with_source(error)
         })?;
         let wrong = |what: String| Error::malformed(format!("{}: {what}", place.display())).with_path(place);
         let [plain, with_coarse] = VERSIONS;
@@ -464,7 +466,8 @@ mod tests {
             let error = World::open(&path).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
-        refused("", "is no world");
+        refused("", "is no world: line 1, column 0: the file ends too early");
+        refused("{\n\"objects\": [{\"asset\": 3}]}", "line 2, column 23: expected a text, found 3");
         refused(r#"{"format": "fantex world", "version": 3, "objects": []}"#, "of version 3");
         let coarse = r#"{"asset": "c.fan", "bytes": 1, "triangles": 1, "texels": 1, "low": [0, 0, 0], "high": [1, 1, 1],
             "detail": 1, "parts": ["b.fan"]}"#;

@@ -1,0 +1,133 @@
+//! What is wrong with a JSON file, in words. What reads it is derived, and speaks of fields, structures and types of the program.
+
+use fantex_base::{Error, Place};
+use serde_json::error::Category;
+
+/// The problem with its place: `line 3, column 12: the key 'asset' is missing`.
+pub(crate) fn json_problem(error: &serde_json::Error) -> Error {
+    let (line, column) = (error.line(), error.column());
+    let said = error.to_string();
+    let said = said.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&said);
+    let words = match error.classify() {
+        Category::Eof => "the file ends too early".to_owned(),
+        Category::Syntax => of_syntax(said).to_owned(),
+        Category::Data | Category::Io => of_data(said).unwrap_or_else(|| said.to_owned()),
+    };
+    Error::malformed(format!("line {line}, column {column}: {words}")).with_place(Place::Line(line as u64))
+}
+
+fn of_syntax(said: &str) -> &'static str {
+    match said {
+        "expected `:`" => "a key is followed by ':'",
+        "expected `,` or `]`" => "expected ',' or ']'",
+        "expected `,` or `}`" => "expected ',' or '}'",
+        "expected `\"`" | "key must be a string" => "expected a key in quotation marks",
+        "trailing comma" => "nothing follows this comma",
+        "trailing characters" => "there is more than belongs here",
+        "number out of range" => "this number is too large",
+        "recursion limit exceeded" => "too much is nested here",
+        _ => "this is no JSON",
+    }
+}
+
+/// None for what is not known.
+fn of_data(said: &str) -> Option<String> {
+    let name = |quoted: &str| quoted.trim_matches('`').to_owned();
+    if let Some(key) = said.strip_prefix("missing field ") {
+        return Some(format!("the key '{}' is missing", name(key)));
+    }
+    if let Some(key) = said.strip_prefix("duplicate field ") {
+        return Some(format!("the key '{}' is there twice", name(key)));
+    }
+    if let Some(rest) = said.strip_prefix("unknown field ") {
+        let (key, allowed) = rest.rsplit_once(", expected ")?;
+        let allowed: Vec<&str> = allowed.split('`').skip(1).step_by(2).collect();
+        return Some(format!("there is no key '{}' here; allowed are {}", name(key), allowed.join(", ")));
+    }
+    let (found, expected) = said.strip_prefix("invalid ")?.rsplit_once(", expected ")?;
+    Some(format!("expected {}, found {}", expected_in_words(expected), found_in_words(found)))
+}
+
+/// Of what is said as `type: string "a"`, ``value: integer `-1` `` or `length 2`.
+fn found_in_words(found: &str) -> &str {
+    if let Some(count) = found.strip_prefix("length ") {
+        return count;
+    }
+    match found.split_once(": ").map_or(found, |(_, found)| found) {
+        "map" => KEYS,
+        "sequence" => "a list",
+        text if text.starts_with("string ") => "a text",
+        // Numbers and truth values are quoted.
+        other => other.split('`').nth(1).unwrap_or(other),
+    }
+}
+
+/// What is written in braces.
+const KEYS: &str = "keys and values in braces";
+
+fn expected_in_words(expected: &str) -> &str {
+    match expected {
+        "u64" | "u32" => "a whole number from 0",
+        "f64" => "a number",
+        "a string" => "a text",
+        "a sequence" => "a list",
+        "an array of length 3" => "three numbers",
+        expected if expected.starts_with("struct ") => KEYS,
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "nothing is read from it")]
+    struct Part {
+        name: String,
+        corner: [f64; 3],
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "nothing is read from it")]
+    struct Whole {
+        version: u32,
+        parts: Vec<Part>,
+        part: Option<Part>,
+    }
+
+    #[test]
+    fn problems_are_said_in_words_with_their_place() {
+        for (text, expected) in [
+            ("", "line 1, column 0: the file ends too early"),
+            ("{\"version\": 1,\n", "line 2, column 0: the file ends too early"),
+            ("{\"version\": 1}", "line 1, column 14: the key 'parts' is missing"),
+            ("{\"version\": 1, \"version\": 1}", ": the key 'version' is there twice"),
+            ("{\"versoin\": 1}", ": there is no key 'versoin' here; allowed are version, parts, part"),
+            ("{\"version\": -1}", ": expected a whole number from 0, found -1"),
+            ("{\"version\": \"1\"}", ": expected a whole number from 0, found a text"),
+            ("{\"version\": 1, \"parts\": {}}", ": expected a list, found keys and values in braces"),
+            ("{\"version\": 1, \"parts\": [7]}", ": expected keys and values in braces, found 7"),
+            ("{\"version\": 1, \"part\": []}", ": expected "),
+            ("{\"part\": {\"name\": null}}", ": expected a text, found null"),
+            ("{\"part\": {\"corner\": [0, 0]}}", ": expected three numbers, found 2"),
+            ("{\"part\": {\"corner\": [0, 0, true]}}", ": expected a number, found true"),
+            ("{\"part\": {\"corner\": [0, 0, 0, 0]}}", ": there is more than belongs here"),
+            ("{\"version\" 1}", ": a key is followed by ':'"),
+            ("{\"version\": 1 \"parts\": []}", ": expected ',' or '}'"),
+            ("{version: 1}", ": expected a key in quotation marks"),
+            ("\u{1}", ": this is no JSON"),
+        ] {
+            let error = json_problem(&serde_json::from_str::<Whole>(text).unwrap_err());
+            let sentence = error.to_string();
+            assert!(sentence.contains(expected), "{text:?}: {sentence}");
+            let is_ours =
+                ["field", "struct", "u32", "f64", "sequence", "`"].iter().all(|w| !sentence.contains(w));
+            assert!(is_ours && matches!(error.place(), Some(Place::Line(_))), "{text:?}: {sentence}");
+        }
+    }
+}
