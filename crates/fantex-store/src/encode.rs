@@ -19,6 +19,7 @@ use intel_tex_2::{RSurface, RgSurface, RgbaSurface, bc1, bc4, bc5, bc7};
 use crate::TexelFormat;
 use crate::layout::is_block_extent;
 
+mod constant;
 mod selectors;
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
@@ -94,7 +95,7 @@ fn unorm8_from_f32(x: f32) -> u8 {
 
 /// Encodes one page. `extent`: columns and rows, multiples of 4 (up to [`PAGE`](crate::PAGE) where the result is to be
 /// stored). R formats take red, RG formats red and green, [`TexelFormat::Bc1`] alpha below 128/255 as "transparent".
-/// An opaque [`TexelFormat::Bc7`] page may decode to an alpha of 254/255. Thread-safe, deterministic on a given kind of processor; a page's bytes depend on its texels only.
+/// An opaque [`TexelFormat::Bc7`] page may decode to an alpha of 254/255; blocks of one colour are exact. Thread-safe, deterministic on a given kind of processor; a page's bytes depend on its texels only.
 ///
 /// # Errors
 /// The extent is not one of whole 4x4 blocks, or the number of texels does not match it.
@@ -251,9 +252,10 @@ fn encode_rows(format: TexelFormat, quality: Quality, alpha: bool, rows: &[Block
         });
         let (strip, after) = rest.split_at(fitting.count().max(1));
         let mut encoded = encode_strip(format, quality, alpha, strip);
+        let blocks = || strip.iter().flat_map(|row| blocks_of_row(row));
+        constant::replace(format, &mut encoded, blocks());
         if format == TexelFormat::Bc7 {
-            let blocks = strip.iter().flat_map(|row| blocks_of_row(row));
-            selectors::prefer_cheap(alpha, &mut encoded, blocks);
+            selectors::prefer_cheap(alpha, &mut encoded, blocks());
         }
         bytes.extend(encoded);
         rest = after;
