@@ -102,6 +102,12 @@ const MAX_PADDING: u32 = 16;
 /// A share of the wanted density that nobody misses.
 const NEARLY: f32 = 0.95;
 
+/// Blocks that take more than this share of a picture hardly find places in it.
+const MAX_TAKEN_SHARE: f64 = 0.75;
+
+/// Where blocks have more texels than this for each one of a chart, charts are needles, and consist of padding.
+const MAX_TEXELS_PER_TEXEL: f64 = 8.0;
+
 /// Cuts the mesh into charts and packs them.
 ///
 /// # Errors
@@ -119,28 +125,7 @@ pub(crate) fn atlas(
     }
     let packed = match request.side {
         Some(side) => densest(&charts, side, request, progress),
-        None => {
-            let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
-            let texels = (0.5 * area).sqrt() * request.texels_per_unit;
-            let least = request.largest_side.min(MIN_SIDE);
-            let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
-            // A side that leaves less padding is not taken, unless no larger one may be.
-            while side < request.largest_side
-                && request.padding.is_none()
-                && padding(charts.len(), side, request) < MIN_PADDING
-            {
-                side *= 2;
-            }
-            loop {
-                let packed = densest(&charts, side, request, progress);
-                let is_good = |p: &Packed| p.density >= NEARLY * request.texels_per_unit;
-                let is_last = side >= request.largest_side || progress.is_cancelled();
-                if is_last || packed.as_ref().is_some_and(is_good) {
-                    break packed;
-                }
-                side *= 2;
-            }
-        }
+        None => smallest(&charts, request, progress),
     };
     if progress.is_cancelled() {
         return Err(cancelled());
@@ -164,21 +149,61 @@ struct Packed {
     masks: Vec<Mask>,
 }
 
-/// The padding for a number of charts: what the levels ask for, less where charts would consist of padding mostly.
-fn padding(charts: usize, side: u32, request: &AtlasRequest) -> u32 {
-    let mut padding = request.padding.unwrap_or((side / MIN_LEVEL_SIDE).clamp(2, MAX_PADDING)).min(side / 4);
-    while request.padding.is_none()
-        && padding > 1
-        && charts as f64 * f64::from(3 * padding).powi(2) > 0.25 * f64::from(side).powi(2)
-    {
+/// The padding for charts: what the levels ask for, less where charts would consist of padding mostly.
+fn padding(charts: &[Chart], side: u32, request: &AtlasRequest) -> u32 {
+    if let Some(padding) = request.padding {
+        return padding.min(side / 4).max(1);
+    }
+    let (texels, density) = (f64::from(side).powi(2), request.texels_per_unit);
+    let mut padding = (side / MIN_LEVEL_SIDE).clamp(2, MAX_PADDING).min(side / 4);
+    while padding > 1 && charts.len() as f64 * f64::from(3 * padding).powi(2) > 0.25 * texels {
+        padding /= 2;
+    }
+    // Needles have it along their whole length. A larger side, with more of it, has no more room for them.
+    let own = charts.iter().map(flat_area).sum::<f64>() * f64::from(density).powi(2);
+    let is_too_much = |padding: u32| {
+        let taken: f64 = charts.iter().map(|chart| taken_texels(chart, padding, density)).sum();
+        taken > MAX_TAKEN_SHARE * texels && taken > MAX_TEXELS_PER_TEXEL * own
+    };
+    while padding > MIN_PADDING && is_too_much(padding) {
         padding /= 2;
     }
     padding.max(1)
 }
 
+/// Texels of the blocks that a chart's rectangle takes.
+fn taken_texels(chart: &Chart, block: u32, density: f32) -> f64 {
+    let blocks = (chart.extent * (density / block as f32) + 1.0).ceil().as_dvec2();
+    blocks.element_product() * f64::from(block).powi(2)
+}
+
+/// The charts in the smallest picture in which they have nearly the wanted density, or in the largest; none where they do not fit.
+fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
+    let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
+    let texels = (0.5 * area).sqrt() * request.texels_per_unit;
+    let least = request.largest_side.min(MIN_SIDE);
+    let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
+    // A side that leaves less padding is not taken, unless no larger one may be.
+    while side < request.largest_side
+        && request.padding.is_none()
+        && padding(charts, side, request) < MIN_PADDING
+    {
+        side *= 2;
+    }
+    loop {
+        let packed = densest(charts, side, request, progress);
+        let is_good = |p: &Packed| p.density >= NEARLY * request.texels_per_unit;
+        let is_last = side >= request.largest_side || progress.is_cancelled();
+        if is_last || packed.as_ref().is_some_and(is_good) {
+            return packed;
+        }
+        side *= 2;
+    }
+}
+
 /// The largest density at which the charts fit a side, to about two percent; any or none once it is cancelled.
 fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
-    let block = padding(charts.len(), side, request);
+    let block = padding(charts, side, request);
     let at = |density: f32| try_density(charts, side, block, density, progress);
     let longest = charts.iter().map(|c| c.extent.max_element()).fold(f32::MIN_POSITIVE, f32::max);
     // The longest chart fills the side, or all of them fill the picture; nothing larger can fit.
@@ -528,6 +553,32 @@ mod tests {
         assert!(packed.density > 10.0, "{}", packed.density);
         let tries = asked.0.into_inner() as f32 / count as f32;
         assert!(tries <= 12.0, "{tries} densities were tried");
+    }
+
+    /// Needles take padding along their whole length: it does not grow with the picture, which would be nearly empty.
+    #[test]
+    fn thousands_of_needles_take_a_picture_of_moderate_size() {
+        let mut mesh = Mesh::default();
+        let count = 4_000;
+        for i in 0..count {
+            let at = Vec3::new(3.0 * i as f32, 0.0, 0.0);
+            mesh.positions.extend([at, at + Vec3::X, at + 1e-4 * Vec3::Y]);
+            mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
+        }
+        let charts: Vec<Chart> = (0..count).map(|t| Chart::projected(&mesh, vec![t], Vec3::Z)).collect();
+        let request = AtlasRequest { texels_per_unit: 150.0, side: None, largest_side: 8192, padding: None };
+        let packed = smallest(&charts, &request, &Asked::default()).unwrap();
+        assert_eq!((packed.side, packed.block), (2048, 2));
+        assert!(packed.density >= NEARLY * 150.0, "{}", packed.density);
+        // Squares of as many texels keep theirs.
+        let square = |i: u32| {
+            let at = Vec3::new(3.0 * i as f32, 0.0, 0.0);
+            [at, at + Vec3::X, at + Vec3::Y]
+        };
+        let mut mesh = Mesh { positions: (0..100).flat_map(square).collect(), ..Mesh::default() };
+        mesh.triangles.extend((0..100).map(|i| [0, 1, 2].map(|k| 3 * i + k)));
+        let charts: Vec<Chart> = (0..100).map(|t| Chart::projected(&mesh, vec![t], Vec3::Z)).collect();
+        assert_eq!(padding(&charts, 2048, &request), 16);
     }
 
     /// Half of a disc of many narrow triangles: the other half touches it at the centre, but two triangles continue it.

@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
-use crate::text::{Choices, counted, megabytes, one_of};
+use crate::text::{Choices, counted, grouped, megabytes, one_of};
 
 /// Export an asset or a world for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
@@ -320,6 +320,18 @@ fn channel_file(output: &Path, kind: ChannelMap, count: usize) -> PathBuf {
     output.with_file_name(format!("{stem}-{}.{extension}", kind.name()))
 }
 
+/// Where fewer of the texels of an own packing lie on the surface, its pieces are narrow.
+const NARROW_SHARE: f64 = 0.05;
+
+/// A share in percent, in as many digits as matter.
+fn percent(share: f64) -> String {
+    match 100.0 * share {
+        percent if percent >= 9.95 => format!("{percent:.0}"),
+        percent if percent >= 0.05 => format!("{percent:.1}"),
+        _ => "less than 0.1".to_owned(),
+    }
+}
+
 /// Notes on what the result lacks.
 fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
     let output = args.output.display();
@@ -328,6 +340,14 @@ fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
         let side = summary.sizes.as_flattened().iter().max().copied().unwrap_or(0);
         context.note(format!(
             "{output}: {side} texels a side hold {percent:.0} % of the asset's density; give a larger --size for all of it"
+        ));
+    }
+    if summary.charts > 0 && summary.used_share < NARROW_SHARE && !args.fans {
+        context.note(format!(
+            "{output}: {} % of the texels lie on the surface: its pieces ({}) are long and narrow, and what keeps them apart takes the rest; \
+             give a smaller --size if that is too much",
+            percent(summary.used_share),
+            grouped(summary.charts as u64)
         ));
     }
     if summary.overlapping_share > 1e-3 {
@@ -407,10 +427,10 @@ fn text(info: &ExportInfo) -> String {
     let objects =
         info.objects.map_or_else(String::new, |count| format!("{}, ", counted(count as u64, "object")));
     let mut text = format!(
-        "{}: {objects}{} texels ({:.0} % used; {pieces}), {}, {} in {}, {:.1} s\n",
+        "{}: {objects}{} texels ({} % used; {pieces}), {}, {} in {}, {:.1} s\n",
         info.output.display(),
         sizes(&info.extents),
-        100.0 * info.used_share,
+        percent(info.used_share),
         counted(info.triangles, "triangle"),
         megabytes(bytes),
         counted(info.files.len() as u64, "file"),
@@ -436,4 +456,15 @@ fn sizes(extents: &[[u32; 2]]) -> String {
 
 fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_shares_are_not_nothing() {
+        let told = [0.714, 0.0994, 0.014, 0.0004, 0.0].map(percent);
+        assert_eq!(told, ["71", "9.9", "1.4", "less than 0.1", "less than 0.1"]);
+    }
 }
