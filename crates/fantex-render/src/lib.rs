@@ -38,6 +38,7 @@ pub use fantex_scene::{
 };
 pub use hit::Hit;
 pub use look_surface::LookSurface;
+pub use primitive::DRAWN_TRIANGLE_BYTES;
 pub use raster::MAX_SAMPLES;
 pub use reflection::{
     CaptureOptions, ObjectReflection, ReflectingSurface, capture_environment, capture_with, cube_cameras,

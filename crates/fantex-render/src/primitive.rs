@@ -229,6 +229,11 @@ impl ScreenVertex {
     }
 }
 
+/// Memory that drawing takes for a triangle that is in the picture, bytes: half a vertex on the screen (as closed meshes have), a primitive in
+/// a list that grows by doubling, and its number in a tile.
+pub const DRAWN_TRIANGLE_BYTES: u64 =
+    (size_of::<ScreenVertex>() / 2 + 2 * size_of::<Primitive>() + size_of::<u32>()) as u64;
+
 /// Points up to here need no clipping, in pixels from the picture's corner: well inside the guard band.
 const PLAIN: f64 = 0.25 * GUARD_BAND;
 

@@ -4,11 +4,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::Result;
+use fantex_cover::UnfoldedCorner;
 use fantex_mesh::{Mesh, SurfacePoint, WorldFromMesh};
-use fantex_render::{Coverage, FanSurface, FilterOptions, Hit, Shaded, SmoothPoint, Surface};
+use fantex_render::{
+    Coverage, DRAWN_TRIANGLE_BYTES, FanSurface, FilterOptions, Hit, Shaded, SmoothPoint, Surface,
+};
 use fantex_scene::Camera;
 use fantex_store::{Damage, PageCache};
 use fantex_stream::{ObjectDetail, StreamView, ViewObject, choose_objects, open_asset};
+use glam::{Vec2, Vec3};
 
 use crate::World;
 use crate::joined::{FirstTriangles, JoinedMesh};
@@ -36,6 +40,30 @@ struct SceneObject {
 /// Decoded texels of an object get at least so much memory, bytes.
 const LEAST_CACHE: u64 = 4 << 20;
 
+/// Memory that a triangle of a whole object takes, bytes. What streaming and graphics cards need besides, which the index's own number counts,
+/// is not there. Tables of groups and pages are small beside it.
+const TRIANGLE_BYTES: u64 = {
+    // Half a vertex, as closed meshes have.
+    let geometry = size_of::<[u32; 3]>() + size_of::<Vec3>() / 2;
+    let normals = 3 * size_of::<Vec3>();
+    let mesh = geometry + normals + 3 * size_of::<Vec2>() + size_of::<u32>();
+    // The groups at the corners; one of them is unfolded.
+    let cover = size_of::<[u32; 3]>() + size_of::<UnfoldedCorner>();
+    let surface = normals + size_of::<bool>();
+    // It grows by doubling.
+    let joined = 2 * geometry;
+    (mesh + cover + surface + joined) as u64 + DRAWN_TRIANGLE_BYTES
+};
+
+/// The objects and the coarse assets, with the memory that they take here.
+fn view_objects(world: &World, space: &WorldFromMesh) -> Result<Vec<ViewObject>> {
+    let mut shapes = world.view_objects(space)?;
+    for (shape, object) in shapes.iter_mut().zip(&world.objects) {
+        shape.whole_bytes = object.triangles.saturating_mul(TRIANGLE_BYTES);
+    }
+    Ok(shapes)
+}
+
 impl WorldScene {
     /// Opens what a picture of `size` pixels needs of a world that was read at `index`, a path or an address. Meshes take about half of
     /// `memory_bytes` at most, decoded texels the other half.
@@ -51,7 +79,7 @@ impl WorldScene {
         memory_bytes: u64,
     ) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let (view, shapes) = (stream_view(camera, size, &space), world.view_objects(&space)?);
+        let (view, shapes) = (stream_view(camera, size, &space), view_objects(world, &space)?);
         let choice = choose_objects(&shapes, &view, memory_bytes / 2, &[]);
         let wanted = choose_objects(&shapes, &view, u64::MAX, &[]);
         let drawn: Vec<(usize, ObjectDetail)> = choice.drawn(&shapes).collect();
@@ -191,5 +219,32 @@ impl Surface for WorldSurface {
     fn is_double_sided(&self, triangle: usize) -> bool {
         let (part, triangle) = self.locate(triangle);
         part.surface.is_double_sided(triangle)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_stream::WorldObject;
+
+    use super::*;
+
+    /// Less than in a viewer, where textures and buffers of the graphics card are counted, too.
+    #[test]
+    fn whole_objects_take_what_the_renderer_needs() {
+        let object = WorldObject {
+            asset: "a.fan".into(),
+            bytes: 1,
+            triangles: 1000,
+            texels: 1000,
+            low: [0.0; 3],
+            high: [1.0; 3],
+            preview: None,
+        };
+        let world = World { objects: vec![object], ..World::default() };
+        let space = world.space().unwrap();
+        let [here, in_viewer] =
+            [view_objects(&world, &space), world.view_objects(&space)].map(|all| all.unwrap()[0].whole_bytes);
+        assert_eq!(here, 1000 * TRIANGLE_BYTES);
+        assert!((200..400).contains(&TRIANGLE_BYTES) && here < in_viewer, "{here} {in_viewer}");
     }
 }
