@@ -169,13 +169,11 @@ fn parts_of(endpoint: &str) -> io::Result<(String, String, String)> {
     };
     let uri: Uri = endpoint.parse().map_err(|error: InvalidUri| wrong(&error.to_string()))?;
     let (Some(scheme @ ("http" | "https")), Some(host)) = (uri.scheme_str(), uri.authority()) else {
-        return Err(wrong("it begins with http:// or https://"));
+        return Err(wrong("one begins with http:// or https://"));
     };
     let base = uri.path().trim_end_matches('/');
-    let account = match base.split('/').nth(1) {
-        Some(account) => account,
-        None => host.host().split('.').next().unwrap_or_default(),
-    };
+    let by_host = || host.host().split('.').next();
+    let account = base.split('/').nth(1).or_else(by_host).unwrap_or_default();
     Ok((format!("{scheme}://{host}"), base.to_owned(), account.to_owned()))
 }
 
