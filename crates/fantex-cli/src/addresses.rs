@@ -27,7 +27,8 @@ pub(crate) fn is_address(place: &Path) -> bool {
 
 /// Whether a place names an object in a store that can be written.
 pub(crate) fn is_object(place: &Path) -> bool {
-    scheme(place).is_some_and(|scheme| ["s3", "gs"].iter().any(|known| scheme.eq_ignore_ascii_case(known)))
+    scheme(place)
+        .is_some_and(|scheme| ["s3", "gs", "az"].iter().any(|known| scheme.eq_ignore_ascii_case(known)))
 }
 
 /// What stands before `://`.
@@ -159,7 +160,11 @@ mod tests {
         for place in ["a/b", "/a/b", "C:\\a", "a:b", "://a", "a b://c"] {
             assert!(!is_address(Path::new(place)), "{place}");
         }
-        assert!(is_object(Path::new("S3://a/b")) && !is_object(Path::new("https://a.org/b")));
+        for (place, is_it) in
+            [("S3://a/b", true), ("az://a/b", true), ("https://a.org/b", false), ("a/b", false)]
+        {
+            assert_eq!(is_object(Path::new(place)), is_it, "{place}");
+        }
     }
 
     #[cfg(unix)]

@@ -1,8 +1,10 @@
 //! Objects that are written to stores: whole or not at all.
 //!
-//! A small file is one request. A larger one goes in parts, several under way, of which the store makes the object when it is told to
-//! (<https://docs.aws.amazon.com/AmazonS3/latest/userguide/mpuoverview.html>); before that nobody sees them, and an upload that fails is
-//! aborted. Parts are read from the file while they are sent, so that memory does not grow with them.
+//! A small file is one request. A larger one goes in parts, several under way, of which the store makes the object when it is told to; before
+//! that nobody sees them. In stores that speak S3 (<https://docs.aws.amazon.com/AmazonS3/latest/userguide/mpuoverview.html>) an upload that fails
+//! is aborted. Azure's (<https://learn.microsoft.com/rest/api/storageservices/put-block-list>) knows parts, its blocks, of a blob, not of an
+//! upload: they are named after their upload, and the store drops them after a week. Parts are read from the file while they are sent, so that
+//! memory does not grow with them.
 
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
@@ -13,13 +15,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use fantex_base::{Error, Result, files};
 use rusty_s3::Method;
 use ureq::http::{self, HeaderValue};
 use ureq::{Body, SendBody};
 
 use crate::read::http::client_error;
-use crate::read::object::StoredObject;
+use crate::read::object::{SignedRequest, Store, StoredObject};
 use crate::read::ranges::{server_error, status_error};
 use crate::read::{RetryPolicy, is_transient};
 
@@ -62,9 +66,6 @@ const MIN_BYTES_PER_SECOND: u64 = 70_000;
 /// Largest answer that is read: one says why a request failed.
 const MAX_ANSWER_BYTES: u64 = 1 << 20;
 
-/// By this header of its own an upload knows its object again.
-const MARK: &str = "x-amz-meta-fantex-upload";
-
 /// What a store said.
 #[derive(Debug)]
 struct Answer {
@@ -78,14 +79,23 @@ struct Answer {
 struct Refusal {
     /// 0 without an answer.
     status: u16,
+    /// The store's word for it.
+    code: Option<String>,
     error: io::Error,
 }
 
 impl From<io::Error> for Refusal {
     fn from(error: io::Error) -> Self {
-        Self { status: 0, error }
+        Self { status: 0, code: None, error }
     }
 }
+
+/// What the codes begin with by which Azure's store refuses for other reasons, with the status of a condition that does not hold: a lease, a
+/// policy, a container that is being deleted, a blob of another type, no public access.
+const OTHER_CONFLICTS: [&str; 5] = ["Lease", "BlobImmutable", "Container", "InvalidBlobType", "PublicAccess"];
+
+/// Azure's code for a list of blocks some of which are not there: the end of one upload drops the blocks of all others to the same name.
+const LOST_PARTS: &str = "InvalidBlockList";
 
 impl Refusal {
     /// Of what the caller ends.
@@ -99,7 +109,13 @@ impl Refusal {
 
     /// Whether the object is not what the request expected: another one was there, or came meanwhile.
     fn is_of_other(&self) -> bool {
-        matches!(self.status, 409 | 412)
+        let code = self.code.as_deref().unwrap_or_default();
+        matches!(self.status, 409 | 412) && !OTHER_CONFLICTS.iter().any(|start| code.starts_with(start))
+    }
+
+    /// Whether parts are gone that were there.
+    fn is_of_lost_parts(&self) -> bool {
+        self.code.as_deref() == Some(LOST_PARTS)
     }
 
     /// Whether the same request may well succeed a moment later.
@@ -209,7 +225,8 @@ impl Upload<'_> {
 }
 
 impl ObjectTarget {
-    /// The object at `s3://BUCKET/KEY` or `gs://BUCKET/KEY`, with the keys and at the endpoint that the variables `AWS_...` name. Sends nothing yet.
+    /// The object at `s3://BUCKET/KEY`, `gs://BUCKET/KEY` or `az://CONTAINER/BLOB`, with the keys and at the endpoint that the variables `AWS_...`
+    /// or `AZURE_...` name. Sends nothing yet.
     ///
     /// # Errors
     /// The address names no object, or no store that is written to.
@@ -218,7 +235,10 @@ impl ObjectTarget {
         let text = location.to_str().ok_or_else(|| refused("the address is not UTF-8".to_owned()))?;
         let object = StoredObject::at(text).map_err(|error| refused(error.to_string()))?;
         let object = object.ok_or_else(|| {
-            refused("only s3:// and gs:// addresses are written to; give one of these, or a path".to_owned())
+            refused(
+                "only s3://, gs:// and az:// addresses are written to; give one of these, or a path"
+                    .to_owned(),
+            )
         })?;
         if object.key.ends_with('/') {
             return Err(refused("it names a folder; give the name of an object, too".to_owned()));
@@ -261,8 +281,7 @@ impl ObjectTarget {
             Err(refusal) if refusal.status != 403 => return Err(self.failed(refusal)),
             _ => {}
         }
-        let begun = self.begin(&[]).map(|id| self.abort(&id));
-        begun.map_err(|refusal| self.failed(refusal))
+        self.try_to_write().map_err(|refusal| self.failed(refusal))
     }
 
     /// Makes a local file the object. `watch` is told often, from several threads, how many bytes of how many are sent, and may end it.
@@ -280,7 +299,7 @@ impl ObjectTarget {
         let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
         let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
         let upload = Upload { path, length, sent, stops, watch };
-        let mark = format!("{:016x}", RandomState::new().build_hasher().finish());
+        let mark = new_mark();
         let put = match length {
             0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
             _ => self.put_in_parts(&upload, replace, &mark),
@@ -313,16 +332,41 @@ impl ObjectTarget {
     }
 
     fn failed(&self, refusal: Refusal) -> Error {
-        let Refusal { status, error } = refusal;
-        let advised = match status {
-            401 | 403 => server_error(error.kind(), format!("{error}; {}", self.object.advice("write"))),
+        let Refusal { status, code, error } = refusal;
+        let advised = |advice: &str| server_error(error.kind(), format!("{error}; {advice}"));
+        let advised = match (status, code.as_deref()) {
+            _ if self.object.may_lack_rights(status) => advised(&self.object.advice("write")),
             // The bucket of another region.
-            300..=399 => {
-                server_error(error.kind(), format!("{error}; check AWS_REGION and AWS_ENDPOINT_URL"))
+            (300..=399, _) => advised("check AWS_REGION and AWS_ENDPOINT_URL"),
+            (_, Some(LOST_PARTS)) => {
+                advised("another upload to it has ended meanwhile; run the command again")
             }
-            _ => error,
+            // Its blocks have names of another length.
+            (_, Some("InvalidBlobOrBlock")) => {
+                advised("another program has begun to write it, which counts until that ends, or for a week")
+            }
+            _ => return Error::writing(&self.location, error),
         };
         Error::writing(&self.location, advised)
+    }
+
+    /// The header of its own by which an upload knows its object again.
+    fn mark_name(&self) -> &'static str {
+        match self.object.store {
+            Store::S3(_) => "x-amz-meta-fantex-upload",
+            // A letter or `_`, then letters, digits and `_`.
+            Store::Azure(_) => "x-ms-meta-fantexupload",
+        }
+    }
+
+    /// Begins what does not become an object.
+    fn try_to_write(&self) -> Result<(), Refusal> {
+        let id = self.begin(&new_mark())?;
+        match self.object.store {
+            Store::S3(_) => self.abort(&id),
+            Store::Azure(_) => drop(self.put_part(&id, 1, &mut Text::new("0".to_owned()), None)?),
+        }
+        Ok(())
     }
 
     /// What the store says of the object; none where there is none.
@@ -338,21 +382,33 @@ impl ObjectTarget {
     fn put_at_once(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
         let mut content = upload.section(0, upload.length)?;
         self.publish(replace, mark, &mut |condition| {
+            let kind = match self.object.store {
+                Store::S3(_) => None,
+                Store::Azure(_) => Some(("x-ms-blob-type", "BlockBlob")),
+            };
             // Sorted: "if-..." comes before "x-...".
-            let headers: Vec<_> = condition.into_iter().chain([(MARK, mark)]).collect();
+            let headers: Vec<_> =
+                condition.into_iter().chain(kind).chain([(self.mark_name(), mark)]).collect();
             let request = Request { method: Method::Put, query: &[], headers: &headers };
             self.ask_watched(request, &mut content, Some(upload))
         })
     }
 
     fn put_in_parts(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
-        let id = self.begin(&[(MARK, mark)])?;
+        let id = self.begin(mark)?;
         let done = self.put_parts(upload, &id).and_then(|tags| {
-            let mut content = Text::new(list_of_parts(&tags));
+            let (method, query, own, list) = match self.object.store {
+                Store::S3(_) => (Method::Post, [("uploadId", id.as_str())], None, list_of_parts(&tags)),
+                // The blob's own headers come with the list.
+                Store::Azure(_) => {
+                    let own = Some((self.mark_name(), mark));
+                    (Method::Put, [("comp", "blocklist")], own, list_of_blocks(&tags))
+                }
+            };
+            let mut content = Text::new(list);
             self.publish(replace, mark, &mut |condition| {
-                let headers: Vec<_> = condition.into_iter().collect();
-                let query = [("uploadId", id.as_str())];
-                let request = Request { method: Method::Post, query: &query, headers: &headers };
+                let headers: Vec<_> = condition.into_iter().chain(own).collect();
+                let request = Request { method, query: &query, headers: &headers };
                 self.ask_watched(request, &mut content, Some(upload))
             })
         });
@@ -363,8 +419,12 @@ impl ObjectTarget {
     }
 
     /// Begins an upload in parts; gives its name.
-    fn begin(&self, headers: &[(&str, &str)]) -> Result<String, Refusal> {
-        let request = Request { method: Method::Post, query: &[("uploads", "1")], headers };
+    fn begin(&self, mark: &str) -> Result<String, Refusal> {
+        if let Store::Azure(_) = self.object.store {
+            return Ok(mark.to_owned());
+        }
+        let headers = [(self.mark_name(), mark)];
+        let request = Request { method: Method::Post, query: &[("uploads", "1")], headers: &headers };
         let answer = self.ask(request, &mut Text::new(String::new()))?;
         element(&answer.body, "UploadId").ok_or_else(|| {
             let message = "the store answered something else than the name of an upload";
@@ -374,12 +434,15 @@ impl ObjectTarget {
 
     /// Drops the parts of an upload, as far as the store does that. What it keeps nobody sees.
     fn abort(&self, id: &str) {
+        if let Store::Azure(_) = self.object.store {
+            return;
+        }
         let query = [("uploadId", id)];
         let request = Request { method: Method::Delete, query: &query, headers: &[] };
         drop(self.ask(request, &mut NoBody));
     }
 
-    /// Sends all parts; gives their tags, in order.
+    /// Sends all parts; gives what names them in the list of parts, in order.
     fn put_parts(&self, upload: &Upload<'_>, id: &str) -> Result<Vec<String>, Refusal> {
         let part_bytes = part_bytes(upload.length);
         let count = upload.length.div_ceil(part_bytes) as usize;
@@ -392,7 +455,9 @@ impl ObjectTarget {
                     return;
                 }
                 let start = number as u64 * part_bytes;
-                match self.put_part(upload, id, number + 1, start, part_bytes.min(upload.length - start)) {
+                let section = upload.section(start, part_bytes.min(upload.length - start));
+                let put = section.map_err(Refusal::from);
+                match put.and_then(|mut part| self.put_part(id, number + 1, &mut part, Some(upload))) {
                     Ok(tag) => locked(&tags)[number] = tag,
                     Err(refusal) => {
                         locked(&failure).get_or_insert(refusal);
@@ -415,20 +480,23 @@ impl ObjectTarget {
         }
     }
 
-    /// Sends a part, counted from 1; gives its tag.
+    /// Sends a part, counted from 1; gives what names it in the list of parts: its tag, or the name of the block.
     fn put_part(
         &self,
-        upload: &Upload<'_>,
         id: &str,
         number: usize,
-        start: u64,
-        length: u64,
+        content: &mut dyn Content,
+        upload: Option<&Upload<'_>>,
     ) -> Result<String, Refusal> {
-        let number = number.to_string();
-        let query = [("partNumber", number.as_str()), ("uploadId", id)];
+        let (number, block) = (number.to_string(), name_of_block(id, number));
+        let (query, has_tag) = match self.object.store {
+            Store::S3(_) => ([("partNumber", number.as_str()), ("uploadId", id)], true),
+            Store::Azure(_) => ([("blockid", block.as_str()), ("comp", "block")], false),
+        };
         let request = Request { method: Method::Put, query: &query, headers: &[] };
-        let answer = self.ask_watched(request, &mut upload.section(start, length)?, Some(upload))?;
-        answer.tag.ok_or_else(|| {
+        let answer = self.ask_watched(request, content, upload)?;
+        let name = if has_tag { answer.tag } else { Some(block) };
+        name.ok_or_else(|| {
             server_error(io::ErrorKind::InvalidData, "the store took a part and gave no tag for it").into()
         })
     }
@@ -445,7 +513,7 @@ impl ObjectTarget {
             Replace::Version(version) if !version.is_empty() => Some(("if-match", version.as_str())),
             Replace::Version(_) | Replace::Anything => None,
         };
-        let condition = condition.filter(|_| self.object.has_conditional_writes);
+        let condition = condition.filter(|_| self.object.has_conditional_writes());
         // Not all stores look at the condition.
         self.check_replaced(replace)?;
         let mut done = send(condition);
@@ -457,6 +525,8 @@ impl ObjectTarget {
             Ok(_) => Ok(()),
             // The answer to an earlier attempt may have been lost.
             Err(_) if matches!(self.head(), Ok(Some(there)) if there.mark.as_deref() == Some(mark)) => Ok(()),
+            // Somebody else was faster.
+            Err(refusal) if refusal.is_of_lost_parts() => self.check_replaced(replace).and(Err(refusal)),
             Err(refusal) => Err(refusal),
         }
     }
@@ -507,12 +577,17 @@ impl ObjectTarget {
 
     fn ask_once(&self, request: Request<'_>, content: &mut dyn Content) -> Result<Answer, Refusal> {
         let Request { method, query, headers } = request;
-        let url = self.object.signed(method, query, headers);
+        let body = content.begin()?;
+        let length = body.as_ref().map_or(0, |(length, _)| *length);
+        let SignedRequest { url, headers: own } = self.object.signed(method, query, headers, length);
         let mut builder = http::Request::builder().method(method.to_str()).uri(url);
         for (name, value) in headers {
             builder = builder.header(*name, *value);
         }
-        let mut response = match content.begin()? {
+        for (name, value) in &own {
+            builder = builder.header(*name, value.as_str());
+        }
+        let mut response = match body {
             Some((length, bytes)) => {
                 let builder = builder.header(http::header::CONTENT_LENGTH, length);
                 self.run(builder.body(SendBody::from_reader(bytes)), length)?
@@ -523,11 +598,13 @@ impl ObjectTarget {
             let value: Option<&HeaderValue> = response.headers().get(name);
             value.and_then(|value| value.to_str().ok()).map(str::to_owned)
         };
-        let (tag, mark, status) = (text("etag"), text(MARK), response.status().as_u16());
+        let (tag, mark, status) = (text("etag"), text(self.mark_name()), response.status().as_u16());
+        // Azure's; there without a body, too.
+        let code = text("x-ms-error-code");
         let body = response.body_mut().with_config().limit(MAX_ANSWER_BYTES).lossy_utf8(true);
         let body = body.read_to_string().map_err(client_error)?;
         // Stores that begin to answer before they are done say in the body that they failed.
-        let code = if body.contains("<Error>") { element(&body, "Code") } else { None };
+        let code = code.or_else(|| element(&body, "Code").filter(|_| body.contains("<Error>")));
         match (status, code) {
             (200..=299, None) => Ok(Answer { tag, mark, body }),
             (200..=299, Some(code)) => Err(refusal_of(500, Some(&code))),
@@ -557,7 +634,17 @@ fn refusal_of(status: u16, code: Option<&str>) -> Refusal {
         _ => error.kind(),
     };
     let sentence = code.map_or_else(|| error.to_string(), |code| format!("{error} ({code})"));
-    Refusal { status, error: server_error(kind, sentence) }
+    Refusal { status, code: code.map(str::to_owned), error: server_error(kind, sentence) }
+}
+
+/// What no other upload is marked with.
+fn new_mark() -> String {
+    format!("{:016x}", RandomState::new().build_hasher().finish())
+}
+
+/// The name of an upload's block: Base64 of at most 64 bytes, as long as the names of all others.
+fn name_of_block(id: &str, number: usize) -> String {
+    STANDARD.encode(format!("{id}{number:05}"))
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -587,6 +674,12 @@ fn list_of_parts(tags: &[String]) -> String {
     format!("<CompleteMultipartUpload>{parts}</CompleteMultipartUpload>")
 }
 
+/// The blocks that become a blob.
+fn list_of_blocks(names: &[String]) -> String {
+    let blocks: String = names.iter().map(|name| format!("<Latest>{name}</Latest>")).collect();
+    format!("<?xml version=\"1.0\" encoding=\"utf-8\"?><BlockList>{blocks}</BlockList>")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -611,6 +704,12 @@ mod tests {
         let list = list_of_parts(&["\"1\"".to_owned(), "<&>".to_owned()]);
         assert!(list.contains("<PartNumber>1</PartNumber><ETag>\"1\"</ETag>"), "{list}");
         assert!(list.contains("<PartNumber>2</PartNumber><ETag>&lt;&amp;&gt;</ETag>"), "{list}");
+        let names = [1, 9_000].map(|number| name_of_block("0123456789abcdef", number));
+        assert_eq!(names, ["MDEyMzQ1Njc4OWFiY2RlZjAwMDAx", "MDEyMzQ1Njc4OWFiY2RlZjA5MDAw"]);
+        let list = list_of_blocks(&names);
+        let blocks =
+            "<Latest>MDEyMzQ1Njc4OWFiY2RlZjAwMDAx</Latest><Latest>MDEyMzQ1Njc4OWFiY2RlZjA5MDAw</Latest>";
+        assert!(list.ends_with(&format!("<BlockList>{blocks}</BlockList>")), "{list}");
         let said = refusal_of(403, Some("SignatureDoesNotMatch")).error.to_string();
         assert_eq!(said, "the server answered with status 403 Forbidden (SignatureDoesNotMatch)");
     }
@@ -630,14 +729,26 @@ mod tests {
             assert_eq!(refusal_of(status, code).may_pass(), passes, "{status}");
         }
         assert!(!Refusal::cancelled().may_pass());
+        for (status, code, is_of_other) in [
+            (409, Some("BlobAlreadyExists"), true),
+            (412, Some("ConditionNotMet"), true),
+            (412, Some("PreconditionFailed"), true),
+            (412, None, true),
+            (412, Some("LeaseIdMissing"), false),
+            (409, Some("BlobImmutableDueToPolicy"), false),
+            (400, Some("InvalidBlockList"), false),
+        ] {
+            assert_eq!(refusal_of(status, code).is_of_other(), is_of_other, "{code:?}");
+        }
     }
 
     #[test]
     fn addresses_that_nothing_is_written_to_are_refused() {
         for (place, words) in [
-            ("https://a.org/b.fan", "only s3:// and gs://"),
-            ("az://bucket/b.fan", "only s3:// and gs://"),
+            ("https://a.org/b.fan", "only s3://, gs:// and az://"),
+            ("abfs://bucket/b.fan", "only s3://, gs:// and az://"),
             ("s3://bucket", "BUCKET/KEY"),
+            ("az://container", "CONTAINER/BLOB"),
             ("s3://bucket/folder/", "names a folder"),
         ] {
             let error = ObjectTarget::at(Path::new(place)).unwrap_err();

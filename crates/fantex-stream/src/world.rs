@@ -447,6 +447,7 @@ mod tests {
             "/etc/a.fan",
             "https://a.b/c.fan",
             "s3://a/b.fan",
+            "az://a/b.fan",
             ".",
             "b/..",
             r"..\a.fan",

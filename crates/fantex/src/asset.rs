@@ -72,7 +72,7 @@ pub struct Asset {
 }
 
 impl Asset {
-    /// Opens a file, or with the feature `http` an `http://`, `https://`, `s3://` or `gs://` address.
+    /// Opens a file, or with the feature `http` an `http://`, `https://`, `s3://`, `gs://` or `az://` address.
     ///
     /// # Errors
     /// It cannot be read, is no asset, or is damaged.

@@ -541,7 +541,7 @@ Example:
 F1 shows keys and mouse."
 )]
 pub struct Arguments {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3:// or gs:// address) or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3://, gs:// or az:// address) or a look (.toml)
     pub file: Option<String>,
     /// Paint on it: a model becomes an asset beside it first
     #[arg(long)]

@@ -7,6 +7,7 @@ mod readers;
 mod streaming;
 mod tasks;
 
+use fantex::{Preview, PreviewOptions};
 use fantex_base::Error;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -70,6 +71,12 @@ pub(crate) fn bake_torus(path: &Path, format: BakeFormat, texels: u64) {
     let cover = build_cover(&mesh, &CoverOptions { tile: 320, budget, ..CoverOptions::default() }).unwrap().0;
     let options = BakeOptions { format, ..BakeOptions::default() };
     bake(&mesh, &cover, &Rough, path, &options, &NoProgress).unwrap();
+}
+
+/// A preview in it, of so few triangles and texels that the asset is many times as long.
+pub(crate) fn with_preview(baked: &Baked) -> Preview {
+    let options = PreviewOptions { triangles: 300, texels: 5_000, ..PreviewOptions::default() };
+    Preview::add_to(&baked.path, &options).unwrap()
 }
 
 pub(crate) fn all_parcels(asset: &Asset) -> Vec<Parcel> {

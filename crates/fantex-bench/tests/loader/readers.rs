@@ -11,14 +11,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
-use fantex_store::{ByteSource, io_cause};
+use fantex_store::{ByteSource, group_pages, io_cause};
 use fantex_stream::read::{
     FileReadOptions, HttpSource, QueuedReader, ReadRequest, ReaderKind, RetryPolicy, http_reader,
     open_file_reader, ring_reader, threaded_reader,
 };
-use fantex_stream::{ClusterLoader, ClusterLoaderOptions, open_asset};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, open_asset, open_preview};
 
-use crate::{Baked, all_parcels, baked, check_all, load};
+use crate::{Baked, all_parcels, baked, check_all, load, with_preview};
 
 /// A file of repeatable bytes, of a length that is a multiple of nothing.
 fn some_file(folder: &Path) -> (std::path::PathBuf, Vec<u8>) {
@@ -175,6 +175,9 @@ fn two_requests_open_an_asset_and_few_more_bring_its_pages() {
     assert_eq!(ranges.len(), 2, "{ranges:?}");
     assert_eq!(ranges[0], (0, 8191));
     assert_eq!(ranges[1].0, 8192);
+    // Four sections, each of which begins at a multiple of 8.
+    let sections = ranges[1].1 + 1 - 8192;
+    assert!((0..32).contains(&(sections - asset.head_bytes())), "{sections} of {}", asset.head_bytes());
     assert!(asset.mesh() == baked.asset.mesh() && asset.cover() == baked.asset.cover());
     let mut loader = ClusterLoader::open(Arc::clone(&asset), &quick()).unwrap();
     assert_eq!(loader.reader_info().kind, ReaderKind::Http);
@@ -182,6 +185,42 @@ fn two_requests_open_an_asset_and_few_more_bring_its_pages() {
     let counts = loader.statistics();
     assert_eq!(server.ranges().len() as u64, 2 + counts.reads);
     assert!(counts.reads < counts.clusters_read, "{counts:?}");
+}
+
+/// See "What is read, in which order" in docs/format.md.
+#[test]
+fn the_first_request_tells_where_everything_is() {
+    let baked = baked(BakeFormat::Bc7);
+    let preview_bytes = with_preview(&baked).bytes.len() as u64;
+    let server = Server::start(std::fs::read(&baked.path).unwrap(), Manner::Ranges);
+    let url = server.url();
+    let length = |(first, last): (u64, u64)| last + 1 - first;
+
+    // The header, which names the list of attachments; the list, which names the preview; the preview.
+    let preview = open_preview(Path::new(&url)).unwrap().unwrap();
+    for (index, group) in preview.cover().groups.iter().enumerate() {
+        for page in group_pages(index as u32, group) {
+            preview.read_page(0, page).unwrap();
+        }
+    }
+    let ranges = server.ranges();
+    assert_eq!(ranges.len(), 3, "{ranges:?}");
+    assert_eq!(ranges[0], (0, 8191));
+    let [list, stored] = [length(ranges[1]), length(ranges[2])];
+    assert!(list < 200, "a list of one attachment: {list}");
+    // It is packed already.
+    assert!(stored < preview_bytes + preview_bytes / 100 + 200, "{stored} of {preview_bytes}");
+
+    // The header, sections as they lie together, the list. A commit has written directory and list anew.
+    let asset = open_asset(Path::new(&url)).unwrap();
+    let ranges = server.ranges().split_off(3);
+    assert_eq!(ranges[0], (0, 8191));
+    assert_eq!(ranges[1].0, 8192);
+    assert_eq!(length(*ranges.last().unwrap()), list);
+    assert!((3..=4).contains(&ranges.len()), "{ranges:?}");
+    let bytes: u64 = ranges.into_iter().map(length).sum();
+    let most = 8192 + asset.head_bytes() + list + (64 << 10);
+    assert!(bytes <= most && most < baked.asset.file_bytes() / 2, "{bytes}, {most}");
 }
 
 #[test]

@@ -11,11 +11,13 @@ use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
-use fantex_stream::read::{Fetched, ReadRequest, ReaderInfo, ReaderKind, RetryPolicy, Task, task_reader};
+use fantex_stream::read::{
+    Fetched, FetchedFile, ReadRequest, ReaderInfo, ReaderKind, RetryPolicy, Task, task_reader,
+};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader, ParcelTexels, open_fetched};
 use ruzstd::decoding::FrameDecoder;
 
-use crate::{Baked, all_parcels, baked, expected};
+use crate::{Baked, all_parcels, baked, expected, with_preview};
 
 const INFO: ReaderInfo = ReaderInfo { kind: ReaderKind::Http, direct: false, depth: 6 };
 
@@ -129,6 +131,35 @@ fn an_asset_is_opened_and_loaded_without_a_thread() {
     drop(loader);
     tasks.turn();
     assert!(tasks.0.borrow().is_empty(), "lanes end with their reader");
+}
+
+/// See "What is read, in which order" in docs/format.md.
+#[test]
+fn a_page_asks_for_64_kib_first_then_for_the_preview_then_for_the_rest() {
+    let baked = baked(BakeFormat::Bc7);
+    let preview_bytes = with_preview(&baked).bytes.len() as u64;
+    let file = std::fs::read(&baked.path).unwrap();
+    let fetches = RefCell::new(Vec::new());
+    let lengths =
+        || fetches.borrow().iter().map(|range: &Range<u64>| range.end - range.start).collect::<Vec<_>>();
+    let start = run_to_end(FetchedFile::start("http://a.org/torus.fan", async |range: Range<u64>| {
+        fetches.borrow_mut().push(range.clone());
+        Ok(Fetched { bytes: part(&file, range).to_vec(), total: Some(file.len() as u64) })
+    }));
+    let start = start.unwrap();
+    assert_eq!(lengths(), [64 << 10]);
+    let preview = run_to_end(start.preview()).unwrap().unwrap();
+    assert!(preview.mesh().triangles.len() < baked.asset.mesh().triangles.len() / 2);
+    let seen = lengths();
+    assert!(
+        seen.len() <= 3 && seen[1..].iter().sum::<u64>() < preview_bytes + preview_bytes / 100 + 400,
+        "{seen:?}"
+    );
+    let asset = run_to_end(start.asset()).unwrap();
+    let all = lengths();
+    let rest = &all[seen.len()..];
+    // Sections as they lie together, but for what is there already.
+    assert!(rest.len() <= 2 && rest.iter().sum::<u64>() <= asset.head_bytes() + (64 << 10), "{rest:?}");
 }
 
 /// In WebAssembly `fantex_base::zstandard` calls the decoder that is called here.

@@ -54,7 +54,7 @@ pub(crate) struct BakeArgs {
 pub(crate) struct JobArgs {
     /// A model (.glb .gltf .obj .ply .stl), or with --source or --look an asset (.fan), whose mesh is taken
     model: PathBuf,
-    /// The file to write, also at an s3:// or gs:// address
+    /// The file to write, also at an s3://, gs:// or az:// address
     #[arg(short, long, value_name = "ASSET")]
     pub(crate) output: PathBuf,
     /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],

@@ -45,7 +45,7 @@ A world becomes one model: a node for each of its assets, with pictures of its o
 A page (--web) is a folder for any web server that sends ranges of files; browsers show it by WebGPU.
 Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
 pub(crate) struct ExportArgs {
-    /// An asset (.fan) or a world (.fanworld), also at an https://, s3:// or gs:// address
+    /// An asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address
     asset: PathBuf,
     /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder; with --web a folder
     #[arg(short, long, value_name = "FILE")]

@@ -33,7 +33,7 @@ Example:
 
 With --look, the model's own materials are printed as a look, which 'fantex render' and 'fantex bake --look' take.")]
 pub(crate) struct InfoArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), also at an https://, s3:// or gs:// address, or a look (.toml)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address, or a look (.toml)
     file: PathBuf,
     /// Print the model's own materials as a look
     #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture"])]

@@ -141,12 +141,12 @@ Example:
 
 Parts may come in any order. What is missing, damaged, there twice or of another plan is named, and nothing is written.")]
 pub(crate) struct MergeArgs {
-    /// The plan, also at an https://, s3:// or gs:// address
+    /// The plan, also at an https://, s3://, gs:// or az:// address
     plan: PathBuf,
     /// All its parts, also at addresses
     #[arg(required = true)]
     parts: Vec<PathBuf>,
-    /// The asset to write, also at an s3:// or gs:// address
+    /// The asset to write, also at an s3://, gs:// or az:// address
     #[arg(short, long, value_name = "ASSET", required_unless_present = "check")]
     output: Option<PathBuf>,
     /// Only look whether all is there and whole

@@ -25,7 +25,7 @@ A preview is a coarse mesh with the look and the normals of the fine one, in som
 after a fraction of a second, whatever the size of the asset, and exchanges it for the asset itself as soon as that is there.
 'fantex export --web' gives one to large assets. What is painted later is not in it; call the command again.")]
 pub(crate) struct PreviewArgs {
-    /// The asset, which is changed in place; one at an s3:// or gs:// address is fetched, changed here, and put back whole
+    /// The asset, which is changed in place; one at an s3://, gs:// or az:// address is fetched, changed here, and put back whole
     asset: PathBuf,
     /// Triangles of the coarse mesh, about
     #[arg(long, value_name = "N", conflicts_with = "remove")]

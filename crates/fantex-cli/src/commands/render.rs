@@ -42,7 +42,7 @@ Example:
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3:// or gs:// address, or
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3://, gs:// or az:// address, or
     /// a look (.toml)
     file: PathBuf,
     /// A look (.toml) for the model: materials, lamps, surroundings, camera

@@ -29,9 +29,9 @@ whole shows, to the last bit: tiles are copied, those at borders into each secto
 shown far away, keep their borders, so that nothing shows through between them. More than 16 sectors also get coarse assets,
 coarse-0001.fan and so on, each of which is shown from still farther away in the place of up to 16. See docs/worlds.md.")]
 pub(crate) struct SplitArgs {
-    /// The asset (.fan, also at an https://, s3:// or gs:// address), which stays as it is
+    /// The asset (.fan, also at an https://, s3://, gs:// or az:// address), which stays as it is
     asset: PathBuf,
-    /// The folder to write into; it is made where there is none. Also at an s3:// or gs:// address
+    /// The folder to write into; it is made where there is none. Also at an s3://, gs:// or az:// address
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Triangles of a sector, about

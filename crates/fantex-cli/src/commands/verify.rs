@@ -26,7 +26,7 @@ Checked are both headers, every stored cluster and attachment against its checks
 edge, in all channels, at every level and at mixed levels. Not checked is what the texels show: docs/format.md says more. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree
 where they meet.")]
 pub(crate) struct VerifyArgs {
-    /// An asset (.fan) or a world (.fanworld), also at an https://, s3:// or gs:// address
+    /// An asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address
     asset: PathBuf,
 }
 

@@ -23,7 +23,7 @@ Example:
 
 Everything after 'view' goes to the viewer; 'fantex view -- --help' lists its options.")]
 pub(crate) struct ViewArgs {
-    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3:// or gs:// address, or
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3://, gs:// or az:// address, or
     /// a look (.toml), and options of the viewer
     #[arg(value_name = "FILE", trailing_var_arg = true, allow_hyphen_values = true)]
     pub(crate) arguments: Vec<OsString>,

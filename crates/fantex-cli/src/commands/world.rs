@@ -31,9 +31,9 @@ Example:
 Assets stay where they are, below the folder of the index or at an address; an index at an address names such at addresses. One that is in the index already is read again. Viewers
 show assets near the eye whole, others by their previews. 'fantex split' makes a world of one large asset. See docs/worlds.md.")]
 pub(crate) struct WorldArgs {
-    /// The index (.fanworld), also at an s3:// or gs:// address
+    /// The index (.fanworld), also at an s3://, gs:// or az:// address
     index: PathBuf,
-    /// Assets to add or to read again (.fan, also at an https://, s3:// or gs:// address)
+    /// Assets to add or to read again (.fan, also at an https://, s3://, gs:// or az:// address)
     #[arg(required_unless_present_any = ["remove", "make_previews"])]
     assets: Vec<PathBuf>,
     /// Take an asset out of the index; its file stays

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
+mod azure;
 mod bad_input;
 mod export_and_paint;
 mod hostile;

@@ -371,5 +371,5 @@ _builtin_open = open
 
 
 def open(place: Union[str, os.PathLike], *, memory: float = 256 * MIB) -> Asset:
-    """Opens an asset: a path, or an ``https://``, ``s3://`` or ``gs://`` address. Decoded tiles take at most ``memory`` bytes."""
+    """Opens an asset: a path, or an ``https://``, ``s3://``, ``gs://`` or ``az://`` address. Decoded tiles take at most ``memory`` bytes."""
     return Asset(place, memory=memory)

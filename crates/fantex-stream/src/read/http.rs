@@ -11,7 +11,7 @@ use ureq::Body;
 use ureq::http::{HeaderValue, Response, header};
 
 use super::file::start_threads;
-use super::object::StoredObject;
+use super::object::{SignedRequest, StoredObject};
 use super::ranges::{Answered, RangeAnswer, ended_early, other_range, server_error};
 use super::{LaneReader, MAX_READ_BYTES, ReadBuffer, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
 
@@ -57,8 +57,9 @@ pub(crate) fn client_error(error: ureq::Error) -> io::Error {
 }
 
 impl HttpSource {
-    /// A file at a URL (`http://`, `https://`, `s3://bucket/key`, `gs://bucket/key`), read over at most `connections` at a time. A request
-    /// ends after a minute. Sends nothing yet. Object stores are asked with the keys and at the endpoint that the variables `AWS_...` name.
+    /// A file at a URL (`http://`, `https://`, `s3://bucket/key`, `gs://bucket/key`, `az://container/blob`), read over at most `connections` at
+    /// a time. A request ends after a minute. Sends nothing yet. Object stores are asked with the keys and at the endpoint that the variables
+    /// `AWS_...` and `AZURE_...` name.
     pub fn new(url: &str, connections: usize) -> Self {
         Self::with_request_time(url, connections, MAX_REQUEST_TIME)
     }
@@ -95,15 +96,19 @@ impl HttpSource {
 
     /// The answer to a request for a range, behind all redirects. A range of another version of the file is not asked for.
     fn request(&self, range: &str) -> io::Result<Response<Body>> {
-        let mut url = match &self.object {
-            Ok(Some(object)) => object.url(),
-            Ok(None) => self.url.clone(),
+        let (SignedRequest { mut url, mut headers }, knows_if_range) = match &self.object {
+            Ok(Some(object)) => (object.reading(range), object.knows_if_range()),
+            Ok(None) => (SignedRequest { url: self.url.clone(), headers: Vec::new() }, true),
             Err(error) => return Err(server_error(error.kind(), error.to_string())),
         };
         for _ in 0..=MAX_REDIRECTS {
             let mut request = self.agent.get(&url).header(header::RANGE, range);
+            for (name, value) in &headers {
+                request = request.header(*name, value.as_str());
+            }
             // Weak tags are not for ranges.
             if let Some(Some(version)) = self.version.get()
+                && knows_if_range
                 && !version.starts_with("W/")
             {
                 request = request.header(header::IF_RANGE, version);
@@ -111,7 +116,11 @@ impl HttpSource {
             let response = request.call().map_err(client_error)?;
             let target = response.headers().get(header::LOCATION).and_then(|target| target.to_str().ok());
             match target.filter(|_| matches!(response.status().as_u16(), 301 | 302 | 303 | 307 | 308)) {
-                Some(target) => url = redirected(&url, target)?,
+                Some(target) => {
+                    url = redirected(&url, target)?;
+                    // They prove to one server who asks.
+                    headers.clear();
+                }
                 None => return Ok(response),
             }
         }
@@ -177,7 +186,8 @@ impl HttpSource {
         };
         let known = self.version.get().and_then(Option::as_deref);
         let checked = answer.check(offset, bytes.len(), known);
-        let Answered { length: expected, total } = checked.map_err(|error| self.advised(error))?;
+        let Answered { length: expected, total } =
+            checked.map_err(|error| self.advised(error, answer.status))?;
         if let Some(total) = total {
             self.length.get_or_init(|| total);
         }
@@ -195,9 +205,9 @@ impl HttpSource {
 
 impl HttpSource {
     /// What a server refuses, with what may be done about it.
-    fn advised(&self, error: io::Error) -> io::Error {
-        match (&self.object, error.kind()) {
-            (Ok(Some(object)), io::ErrorKind::PermissionDenied) => {
+    fn advised(&self, error: io::Error, status: u16) -> io::Error {
+        match &self.object {
+            Ok(Some(object)) if object.may_lack_rights(status) => {
                 server_error(error.kind(), format!("{error}; {}", object.advice("read")))
             }
             _ => error,

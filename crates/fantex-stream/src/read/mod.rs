@@ -19,6 +19,8 @@
 //! `open_file_reader` chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
 //! file system takes it, else buffered.
 
+#[cfg(feature = "http")]
+mod azure;
 #[cfg(target_arch = "wasm32")]
 mod browser;
 mod buffer;
@@ -30,6 +32,8 @@ pub(crate) mod http;
 #[cfg(feature = "http")]
 pub(crate) mod object;
 pub(crate) mod ranges;
+#[cfg(feature = "http")]
+mod s3;
 mod task;
 
 use std::collections::VecDeque;
@@ -178,11 +182,11 @@ pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Bo
 pub fn url_of(location: &Path) -> Option<&str> {
     let text = location.to_str()?;
     let scheme = text.split_once("://")?.0.to_ascii_lowercase();
-    matches!(scheme.as_str(), "http" | "https" | "s3" | "gs").then_some(text)
+    matches!(scheme.as_str(), "http" | "https" | "s3" | "gs" | "az").then_some(text)
 }
 
-/// Opens an asset at a path or at a URL: `http://` or `https://`, from any server that supports range requests, `s3://bucket/key` or
-/// `gs://bucket/key`.
+/// Opens an asset at a path or at a URL: `http://` or `https://`, from any server that supports range requests, `s3://bucket/key`,
+/// `gs://bucket/key` or `az://container/blob`.
 ///
 /// # Errors
 /// It cannot be read, is no asset, or is damaged; or it is at a URL, and this crate was built without the feature `http`.

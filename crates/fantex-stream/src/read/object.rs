@@ -1,41 +1,40 @@
-//! Objects in object stores: `s3://bucket/key` in those that speak Amazon's S3, `gs://bucket/key` in Google's, which does, too.
-//!
-//! The variables are those of Amazon's own programs: `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_SESSION_TOKEN`, `AWS_REGION` (or
-//! `AWS_DEFAULT_REGION`), and `AWS_ENDPOINT_URL_S3` (or `AWS_ENDPOINT_URL`) for stores of others. Without a key, objects are read as
-//! everybody may.
+//! Objects in object stores: `s3://bucket/key` in those that speak Amazon's S3, `gs://bucket/key` in Google's, which does, too, and
+//! `az://container/blob` in Azure's Blob Storage.
 
 use std::io;
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
-use jiff::Timestamp;
-use rusty_s3::signing::sign;
-use rusty_s3::{Bucket, Credentials, Method, UrlStyle};
+use rusty_s3::{Credentials, Method};
 
-/// How long a signed URL holds.
-const SIGNED_TIME: Duration = Duration::from_hours(1);
-
-/// Signed URLs are used for so long; then they are signed anew.
-const USED_TIME: Duration = Duration::from_mins(30);
-
-const GOOGLE: &str = "https://storage.googleapis.com";
+use super::azure::AzureBlob;
+use super::s3::S3Object;
 
 /// An object, and who asks for it.
 #[derive(Debug)]
 pub(crate) struct StoredObject {
-    bucket: Bucket,
     pub(crate) key: String,
-    /// Whether writing may depend on what is there by the headers of Amazon's store. (Google's knows them for reading only.)
-    pub(crate) has_conditional_writes: bool,
-    credentials: Option<Credentials>,
-    signed: Mutex<Option<(Instant, String)>>,
+    pub(crate) store: Store,
+}
+
+/// What holds an object, by the protocol that it speaks.
+#[derive(Debug)]
+pub(crate) enum Store {
+    S3(Box<S3Object>),
+    Azure(Box<AzureBlob>),
+}
+
+/// A request as it is sent.
+#[derive(Debug)]
+pub(crate) struct SignedRequest {
+    pub(crate) url: String,
+    /// Headers beside those that it was made with.
+    pub(crate) headers: Vec<(&'static str, String)>,
 }
 
 impl StoredObject {
     /// The object at a location, by the process' environment; none where the location names no object store.
     ///
     /// # Errors
-    /// Bucket or key is missing, or the endpoint is no URL.
+    /// Bucket or key is missing, the endpoint is no URL, or the variables name no account.
     pub(crate) fn at(location: &str) -> io::Result<Option<Self>> {
         Self::with_variables(location, |name| std::env::var(name).ok(), Credentials::from_env())
     }
@@ -46,86 +45,80 @@ impl StoredObject {
         credentials: Option<Credentials>,
     ) -> io::Result<Option<Self>> {
         let Some((scheme, rest)) = location.split_once("://") else { return Ok(None) };
-        let is_google = match scheme.to_ascii_lowercase().as_str() {
-            "s3" => false,
-            "gs" => true,
+        let scheme = scheme.to_ascii_lowercase();
+        let parts = match scheme.as_str() {
+            "s3" | "gs" => "BUCKET/KEY",
+            "az" => "CONTAINER/BLOB",
             _ => return Ok(None),
         };
         let refused = |why: String| io::Error::new(io::ErrorKind::InvalidInput, why);
         let (name, key) = rest
             .split_once('/')
             .filter(|(name, key)| !name.is_empty() && !key.is_empty())
-            .ok_or_else(|| refused(format!("an object is named {scheme}://BUCKET/KEY")))?;
+            .ok_or_else(|| refused(format!("an object is named {scheme}://{parts}")))?;
         // In an address they would lead elsewhere.
         if key.split('/').any(|name| matches!(name, "." | "..")) {
             return Err(refused("the names in an object's key are neither '.' nor '..'".to_owned()));
         }
-        let first = |names: [&str; 2]| {
-            names.into_iter().find_map(|name| variable(name).filter(|value| !value.is_empty()))
+        let store = match scheme.as_str() {
+            "az" => Store::Azure(Box::new(AzureBlob::new((name, key), variable)?)),
+            scheme => Store::S3(Box::new(S3Object::new((name, key), scheme == "gs", variable, credentials)?)),
         };
-        let region = first(["AWS_REGION", "AWS_DEFAULT_REGION"]);
-        let region = region.unwrap_or_else(|| if is_google { "auto" } else { "us-east-1" }.to_owned());
-        let given = first(["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"]);
-        // Elsewhere names of buckets may be no names of hosts, and certificates hold for no dots in them.
-        let by_path = is_google || given.is_some() || name.contains('.');
-        let style = if by_path { UrlStyle::Path } else { UrlStyle::VirtualHost };
-        let endpoint = given.unwrap_or_else(|| match is_google {
-            true => GOOGLE.to_owned(),
-            false => format!("https://s3.{region}.amazonaws.com"),
-        });
-        let wrong = |error: &dyn std::fmt::Display| {
-            refused(format!("{endpoint} is no endpoint of an object store ({error}); see AWS_ENDPOINT_URL"))
-        };
-        let url = endpoint.parse().map_err(|error| wrong(&error))?;
-        let bucket =
-            Bucket::new(url, style, name.to_owned(), region.clone()).map_err(|error| wrong(&error))?;
-        Ok(Some(Self {
-            bucket,
-            key: key.to_owned(),
-            has_conditional_writes: !is_google,
-            credentials,
-            signed: Mutex::default(),
-        }))
+        Ok(Some(Self { key: key.to_owned(), store }))
     }
 
-    /// Where the object is read now.
-    pub(crate) fn url(&self) -> String {
-        let mut signed = self.signed.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*signed {
-            Some((since, url)) if since.elapsed() < USED_TIME => url.clone(),
-            _ => {
-                let url = self.signed(Method::Get, &[], &[]);
-                *signed = Some((Instant::now(), url.clone()));
-                url
-            }
+    /// The request for the bytes of a range, which is the header `Range`.
+    pub(crate) fn reading(&self, range: &str) -> SignedRequest {
+        match &self.store {
+            Store::S3(object) => SignedRequest { url: object.url(), headers: Vec::new() },
+            Store::Azure(blob) => blob.signed(Method::Get, &[], &[("range", range)], 0),
         }
     }
 
-    /// The address of a request that is made now. Query and headers are sorted by name, names of headers in lower case; the headers come with
-    /// the request.
-    pub(crate) fn signed(&self, method: Method, query: &[(&str, &str)], headers: &[(&str, &str)]) -> String {
-        let mut url = self.bucket.object_url(&self.key);
-        let Some(credentials) = &self.credentials else {
-            if !query.is_empty() {
-                url.query_pairs_mut().extend_pairs(query);
+    /// A request that is made now, with a body of so many bytes. Query and headers are sorted by name, names of headers in lower case.
+    pub(crate) fn signed(
+        &self,
+        method: Method,
+        query: &[(&str, &str)],
+        headers: &[(&str, &str)],
+        length: u64,
+    ) -> SignedRequest {
+        match &self.store {
+            Store::S3(object) => {
+                SignedRequest { url: object.signed(method, query, headers), headers: Vec::new() }
             }
-            return url.into();
-        };
-        let (now, expires) = (Timestamp::now(), SIGNED_TIME.as_secs());
-        let (key, secret, token) = (credentials.key(), credentials.secret(), credentials.token());
-        let (query, headers) = (query.iter().copied(), headers.iter().copied());
-        sign(&now, method, url, key, secret, token, self.bucket.region(), expires, query, headers).into()
+            Store::Azure(blob) => blob.signed(method, query, headers, length),
+        }
+    }
+
+    /// Whether a part of an object is asked for of one version by the header `If-Range`. (Azure's store has no such header; its answers name
+    /// their versions.)
+    pub(crate) fn knows_if_range(&self) -> bool {
+        matches!(self.store, Store::S3(_))
+    }
+
+    /// Whether writing may depend on what is there by the headers `If-Match` and `If-None-Match`.
+    pub(crate) fn has_conditional_writes(&self) -> bool {
+        match &self.store {
+            Store::S3(object) => object.has_conditional_writes,
+            Store::Azure(_) => true,
+        }
+    }
+
+    /// Whether a refusal with this status may be for want of rights.
+    pub(crate) fn may_lack_rights(&self, status: u16) -> bool {
+        match &self.store {
+            // What strangers may not see they are told is not there, or in conflict with the account's settings.
+            Store::Azure(blob) if blob.is_asked_by_strangers() => matches!(status, 401 | 403 | 404 | 409),
+            _ => matches!(status, 401 | 403),
+        }
     }
 
     /// What to do where the store does not let somebody `read` or `write`.
     pub(crate) fn advice(&self, verb: &str) -> String {
-        match self.credentials {
-            Some(_) => format!(
-                "check AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and what they may {verb}"
-            ),
-            None => {
-                format!("set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, as not everybody may {verb} it")
-            }
+        match &self.store {
+            Store::S3(object) => object.advice(verb),
+            Store::Azure(blob) => blob.advice(verb),
         }
     }
 }
@@ -163,16 +156,18 @@ mod tests {
             ),
             ("gs://scans/a.fan", &[], "https://storage.googleapis.com/scans/a.fan"),
         ] {
-            assert_eq!(object(location, variables, false).url(), url);
-            let signed = object(location, variables, true).url();
+            let of = |has_key| object(location, variables, has_key).reading("bytes=0-1");
+            assert_eq!(of(false).url, url);
+            let SignedRequest { url: signed, headers } = of(true);
             assert!(
                 signed.starts_with(&format!("{url}?")) && signed.contains("X-Amz-Signature="),
                 "{signed}"
             );
             assert!(signed.contains("X-Amz-Credential=ID%2F") && !signed.contains("SECRET"), "{signed}");
+            assert!(headers.is_empty());
         }
         let object = object("s3://scans/a.fan", &[], true);
-        assert_eq!(object.url(), object.url(), "signed once");
+        assert_eq!(object.reading("bytes=0-1").url, object.reading("bytes=2-3").url, "signed once");
     }
 
     #[test]
@@ -180,11 +175,17 @@ mod tests {
         let none = |location: &str| StoredObject::with_variables(location, |_| None, None);
         assert!(none("https://a.org/b.fan").unwrap().is_none());
         assert!(none("b.fan").unwrap().is_none());
-        for location in ["s3://", "s3://bucket", "s3:///key", "gs://bucket/"] {
+        for (location, words) in [
+            ("s3://", "s3://BUCKET/KEY"),
+            ("s3://bucket", "s3://BUCKET/KEY"),
+            ("s3:///key", "s3://BUCKET/KEY"),
+            ("gs://bucket/", "gs://BUCKET/KEY"),
+            ("az://container", "az://CONTAINER/BLOB"),
+        ] {
             let sentence = none(location).unwrap_err().to_string();
-            assert!(sentence.contains("BUCKET/KEY"), "{sentence}");
+            assert!(sentence.contains(words), "{sentence}");
         }
-        for location in ["s3://bucket/../other/key", "s3://bucket/a/./b"] {
+        for location in ["s3://bucket/../other/key", "s3://bucket/a/./b", "az://container/../other"] {
             let sentence = none(location).unwrap_err().to_string();
             assert!(sentence.contains("neither '.' nor '..'"), "{sentence}");
         }
