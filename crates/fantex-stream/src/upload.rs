@@ -23,6 +23,11 @@ use crate::read::object::StoredObject;
 use crate::read::ranges::{server_error, status_error};
 use crate::read::{RetryPolicy, is_transient};
 
+pub use self::assemble::{Assembled, SharedRun};
+
+mod assemble;
+mod pieces;
+
 /// An object in a store, to be written or removed.
 #[derive(Debug)]
 pub struct ObjectTarget {
@@ -70,6 +75,7 @@ const MARK: &str = "x-amz-meta-fantex-upload";
 struct Answer {
     tag: Option<String>,
     mark: Option<String>,
+    length: Option<u64>,
     body: String,
 }
 
@@ -280,24 +286,12 @@ impl ObjectTarget {
         let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
         let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
         let upload = Upload { path, length, sent, stops, watch };
-        let mark = format!("{:016x}", RandomState::new().build_hasher().finish());
+        let mark = new_mark();
         let put = match length {
             0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
             _ => self.put_in_parts(&upload, replace, &mark),
         };
-        put.map_err(|refusal| match replace {
-            _ if refusal.is_cancelled() => {
-                Error::cancelled(format!("writing {} was ended", self.location.display()))
-            }
-            Replace::Nothing if refusal.is_of_other() => files::exists(&self.location),
-            Replace::Version(_) if refusal.is_of_other() => {
-                let location = self.location.display();
-                Error::conflict(format!(
-                    "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
-                ))
-            }
-            _ => self.failed(refusal),
-        })
+        put.map_err(|refusal| self.refused(replace, refusal))
     }
 
     /// Removes the object, if it is there.
@@ -309,6 +303,23 @@ impl ObjectTarget {
         match self.ask(request, &mut NoBody) {
             Err(refusal) if refusal.status != 404 => Err(self.failed(refusal)),
             _ => Ok(()),
+        }
+    }
+
+    /// Why the object was not written.
+    fn refused(&self, replace: &Replace, refusal: Refusal) -> Error {
+        match replace {
+            _ if refusal.is_cancelled() => {
+                Error::cancelled(format!("writing {} was ended", self.location.display()))
+            }
+            Replace::Nothing if refusal.is_of_other() => files::exists(&self.location),
+            Replace::Version(_) if refusal.is_of_other() => {
+                let location = self.location.display();
+                Error::conflict(format!(
+                    "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
+                ))
+            }
+            _ => self.failed(refusal),
         }
     }
 
@@ -347,19 +358,30 @@ impl ObjectTarget {
 
     fn put_in_parts(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
         let id = self.begin(&[(MARK, mark)])?;
-        let done = self.put_parts(upload, &id).and_then(|tags| {
-            let mut content = Text::new(list_of_parts(&tags));
-            self.publish(replace, mark, &mut |condition| {
-                let headers: Vec<_> = condition.into_iter().collect();
-                let query = [("uploadId", id.as_str())];
-                let request = Request { method: Method::Post, query: &query, headers: &headers };
-                self.ask_watched(request, &mut content, Some(upload))
-            })
-        });
+        let done =
+            self.put_parts(upload, &id).and_then(|tags| self.complete(upload, replace, mark, &id, &tags));
         if done.is_err() {
             self.abort(&id);
         }
         done
+    }
+
+    /// Has the object made of the parts with these tags.
+    fn complete(
+        &self,
+        upload: &Upload<'_>,
+        replace: &Replace,
+        mark: &str,
+        id: &str,
+        tags: &[String],
+    ) -> Result<(), Refusal> {
+        let mut content = Text::new(list_of_parts(tags));
+        self.publish(replace, mark, &mut |condition| {
+            let headers: Vec<_> = condition.into_iter().collect();
+            let query = [("uploadId", id)];
+            let request = Request { method: Method::Post, query: &query, headers: &headers };
+            self.ask_watched(request, &mut content, Some(upload))
+        })
     }
 
     /// Begins an upload in parts; gives its name.
@@ -524,12 +546,13 @@ impl ObjectTarget {
             value.and_then(|value| value.to_str().ok()).map(str::to_owned)
         };
         let (tag, mark, status) = (text("etag"), text(MARK), response.status().as_u16());
+        let length = text("content-length").and_then(|length| length.parse().ok());
         let body = response.body_mut().with_config().limit(MAX_ANSWER_BYTES).lossy_utf8(true);
         let body = body.read_to_string().map_err(client_error)?;
         // Stores that begin to answer before they are done say in the body that they failed.
         let code = if body.contains("<Error>") { element(&body, "Code") } else { None };
         match (status, code) {
-            (200..=299, None) => Ok(Answer { tag, mark, body }),
+            (200..=299, None) => Ok(Answer { tag, mark, length, body }),
             (200..=299, Some(code)) => Err(refusal_of(500, Some(&code))),
             (status, code) => Err(refusal_of(status, code.as_deref())),
         }
@@ -558,6 +581,11 @@ fn refusal_of(status: u16, code: Option<&str>) -> Refusal {
     };
     let sentence = code.map_or_else(|| error.to_string(), |code| format!("{error} ({code})"));
     Refusal { status, error: server_error(kind, sentence) }
+}
+
+/// By this an upload knows its object again.
+fn new_mark() -> String {
+    format!("{:016x}", RandomState::new().build_hasher().finish())
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -27,6 +27,8 @@ pub(crate) struct StoredObject {
     pub(crate) key: String,
     /// Whether writing may depend on what is there by the headers of Amazon's store. (Google's knows them for reading only.)
     pub(crate) has_conditional_writes: bool,
+    /// Whether the store copies ranges of objects into others. (Google's documents no such request; it joins whole objects.)
+    copies_ranges: bool,
     credentials: Option<Credentials>,
     signed: Mutex<Option<(Instant, String)>>,
 }
@@ -83,6 +85,7 @@ impl StoredObject {
             bucket,
             key: key.to_owned(),
             has_conditional_writes: !is_google,
+            copies_ranges: !is_google,
             credentials,
             signed: Mutex::default(),
         }))
@@ -115,6 +118,13 @@ impl StoredObject {
         let (key, secret, token) = (credentials.key(), credentials.secret(), credentials.token());
         let (query, headers) = (query.iter().copied(), headers.iter().copied());
         sign(&now, method, url, key, secret, token, self.bucket.region(), expires, query, headers).into()
+    }
+
+    /// What the store calls the object when it copies ranges of it; none where it does not.
+    pub(crate) fn copy_source(&self) -> Option<String> {
+        let url = self.bucket.object_url(&self.key);
+        let key = url.path().strip_prefix(self.bucket.base_url().path())?;
+        self.copies_ranges.then(|| format!("{}/{key}", self.bucket.name()))
     }
 
     /// What to do where the store does not let somebody `read` or `write`.
@@ -173,6 +183,17 @@ mod tests {
         }
         let object = object("s3://scans/a.fan", &[], true);
         assert_eq!(object.url(), object.url(), "signed once");
+    }
+
+    #[test]
+    fn objects_are_copied_by_bucket_and_key() {
+        let path = [("AWS_ENDPOINT_URL", "http://127.0.0.1:9000/s3")];
+        for variables in [&[][..], &path] {
+            let named = |location: &str| object(location, variables, true).copy_source();
+            assert_eq!(named("s3://scans/a/b c.part").as_deref(), Some("scans/a/b%20c.part"));
+            assert_eq!(named("s3://my.scans/a.part").as_deref(), Some("my.scans/a.part"));
+        }
+        assert_eq!(object("gs://scans/a.part", &[], true).copy_source(), None);
     }
 
     #[test]
