@@ -126,6 +126,11 @@ struct Request<'a> {
 trait Content {
     /// The number of bytes, and the bytes from the first on; none for a request without a body.
     fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>>;
+
+    /// Bytes that the store copies for the request.
+    fn copied_bytes(&self) -> u64 {
+        0
+    }
 }
 
 struct NoBody;
@@ -534,12 +539,13 @@ impl ObjectTarget {
         for (name, value) in headers {
             builder = builder.header(*name, *value);
         }
+        let copied = content.copied_bytes();
         let mut response = match content.begin()? {
             Some((length, bytes)) => {
                 let builder = builder.header(http::header::CONTENT_LENGTH, length);
-                self.run(builder.body(SendBody::from_reader(bytes)), length)?
+                self.run(builder.body(SendBody::from_reader(bytes)), length + copied)?
             }
-            None => self.run(builder.body(SendBody::none()), 0)?,
+            None => self.run(builder.body(SendBody::none()), copied)?,
         };
         let text = |name: &str| {
             let value: Option<&HeaderValue> = response.headers().get(name);
@@ -558,7 +564,7 @@ impl ObjectTarget {
         }
     }
 
-    /// Sends a request with a body of so many bytes.
+    /// Sends a request for which so many bytes are sent or copied.
     fn run(
         &self,
         request: Result<http::Request<SendBody<'_>>, http::Error>,

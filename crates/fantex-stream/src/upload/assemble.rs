@@ -7,6 +7,7 @@
 //! Not all stores do it, and some take only pieces of one length. Where one refuses, nothing is there yet, and all bytes may still be sent.
 
 use std::fs::OpenOptions;
+use std::io::{self, Read};
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -18,7 +19,7 @@ use rusty_s3::Method;
 
 use super::pieces::{Piece, pieces};
 use super::{
-    CONNECTIONS, MARK, ObjectTarget, Refusal, Replace, Request, Text, Upload, element, locked, new_mark,
+    CONNECTIONS, Content, MARK, ObjectTarget, Refusal, Replace, Request, Upload, element, locked, new_mark,
 };
 use crate::read::{HttpSource, is_transient};
 
@@ -69,7 +70,23 @@ impl From<Error> for Failure {
     }
 }
 
-/// What the threads of an assembly share, besides the upload.
+/// The body of a request to copy: it is empty.
+struct CopyBody {
+    empty: io::Empty,
+    copied_bytes: u64,
+}
+
+impl Content for CopyBody {
+    fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>> {
+        Ok(Some((0, &mut self.empty)))
+    }
+
+    fn copied_bytes(&self) -> u64 {
+        self.copied_bytes
+    }
+}
+
+/// What the threads of an assembly share.
 struct Assembly<'a> {
     upload: &'a Upload<'a>,
     id: &'a str,
@@ -195,7 +212,8 @@ impl ObjectTarget {
             ("x-amz-copy-source-range", range.as_str()),
         ];
         let request = Request { method: Method::Put, query: &query, headers: &headers };
-        let asked = self.ask_watched(request, &mut Text::new(String::new()), Some(upload));
+        let mut body = CopyBody { empty: io::empty(), copied_bytes: piece.length() };
+        let asked = self.ask_watched(request, &mut body, Some(upload));
         let answer = asked.map_err(|refusal| match refusal.status {
             412 => Failure::Source(changed(run.source.location())),
             _ => refusal.into(),
@@ -207,7 +225,7 @@ impl ObjectTarget {
         Ok(tag)
     }
 
-    /// That the object has its length: a store may not know ranges. One that has not goes away again.
+    /// Checks the object's length, as a store may ignore ranges; an object of another length is removed.
     fn check_made(&self, mark: &str, length: u64) -> Result<(), Failure> {
         // Who may write need not be allowed to look.
         let Ok(Some(made)) = self.head() else { return Ok(()) };

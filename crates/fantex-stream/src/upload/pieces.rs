@@ -12,7 +12,7 @@
 use std::ops::Range;
 
 /// Bytes of a piece that is not the last, at least.
-pub(super) const MIN_PIECE_BYTES: u64 = 5 << 20;
+const MIN_PIECE_BYTES: u64 = 5 << 20;
 
 /// Bytes of a piece, at most.
 const MAX_PIECE_BYTES: u64 = 5 << 30;
