@@ -92,6 +92,11 @@ impl<'a> Target<'a> {
         self.staged.as_ref().map_or(self.place, |staged| &staged.file)
     }
 
+    /// The object in a store that it is.
+    pub(crate) fn object(&self) -> Option<&ObjectTarget> {
+        self.staged.as_ref().map(|staged| &staged.object)
+    }
+
     /// Brings what was written to where it goes.
     pub(crate) fn finish(self, replace: &Replace, context: &Context) -> Result<()> {
         let Some(staged) = self.staged else { return Ok(()) };

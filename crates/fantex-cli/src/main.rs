@@ -7,7 +7,7 @@ use fantex::{Error, ErrorKind, Result};
 
 use crate::addresses::with_local_files;
 use crate::commands::{
-    bake, bench, compare, demo, export, gallery, generate, image, info, normals, notices, paint, plan,
+    bake, bench, compare, demo, export, gallery, generate, image, info, merge, normals, notices, paint, plan,
     preview, render, serve, simplify, split, table, verify, view, warp, world,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, say};
@@ -34,6 +34,7 @@ mod commands {
     pub(crate) mod generate;
     pub(crate) mod image;
     pub(crate) mod info;
+    pub(crate) mod merge;
     pub(crate) mod normals;
     pub(crate) mod notices;
     pub(crate) mod paint;
@@ -129,7 +130,7 @@ pub(crate) enum Command {
     Info(info::InfoArgs),
     Bake(bake::BakeArgs),
     Plan(plan::PlanArgs),
-    Merge(plan::MergeArgs),
+    Merge(merge::MergeArgs),
     Verify(verify::VerifyArgs),
     Render(render::RenderArgs),
     Compare(compare::CompareArgs),
@@ -159,7 +160,7 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Info(args) => info::run(args, context),
         Command::Bake(args) => bake::run(args, context),
         Command::Plan(args) => plan::run(args, context),
-        Command::Merge(args) => plan::merge(args, context),
+        Command::Merge(args) => merge::run(args, context),
         Command::Verify(args) => verify::run(args, context),
         Command::Render(args) => render::run(args, context),
         Command::Compare(args) => compare::run(args, context),

@@ -32,10 +32,12 @@ use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section, packing};
 
 pub use self::copy::*;
+pub use self::merge::*;
 pub use self::part::*;
 pub use self::plan::*;
 
 mod copy;
+mod merge;
 mod part;
 mod plan;
 
@@ -184,6 +186,13 @@ impl AssetWriter {
         self.summary.cluster_bytes += written.map_err(|source| Error::writing(&self.path, source))?;
         self.summary.clusters += 1;
         Ok(())
+    }
+
+    /// Leaves room for the next cluster of a level. Gives where it lies, with what follows until the next one.
+    fn leave_room(&mut self, level: usize, cluster: ClusterEntry) -> Range<u64> {
+        self.summary.cluster_bytes += u64::from(cluster.stored_length);
+        self.summary.clusters += 1;
+        self.file.leave_room(level, cluster)
     }
 }
 
@@ -448,6 +457,14 @@ impl NewFile {
         let offset = self.append(&cluster.stored)?;
         self.levels[level].push(cluster.entry(offset));
         Ok(cluster.stored.len() as u64)
+    }
+
+    /// Leaves room for the next cluster of a level, which has its place by that. Gives where it lies, with what follows until the next one.
+    fn leave_room(&mut self, level: usize, cluster: ClusterEntry) -> Range<u64> {
+        let offset = self.end;
+        self.end = (offset + u64::from(cluster.stored_length)).next_multiple_of(ALIGNMENT);
+        self.levels[level].push(ClusterEntry { offset, ..cluster });
+        offset..self.end
     }
 
     /// Writes directory, list of attachments and header, and makes the file durable. Returns it with its length.

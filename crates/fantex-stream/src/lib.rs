@@ -61,5 +61,5 @@ pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use streamer::*;
 #[cfg(feature = "http")]
-pub use upload::{ObjectTarget, Replace};
+pub use upload::{Assembled, ObjectTarget, Replace, SharedRun};
 pub use world::*;

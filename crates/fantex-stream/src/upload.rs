@@ -27,6 +27,11 @@ use crate::read::object::{SignedRequest, Store, StoredObject};
 use crate::read::ranges::{server_error, status_error};
 use crate::read::{RetryPolicy, is_transient};
 
+pub use self::assemble::{Assembled, SharedRun};
+
+mod assemble;
+mod pieces;
+
 /// An object in a store, to be written or removed.
 #[derive(Debug)]
 pub struct ObjectTarget {
@@ -71,6 +76,7 @@ const MAX_ANSWER_BYTES: u64 = 1 << 20;
 struct Answer {
     tag: Option<String>,
     mark: Option<String>,
+    length: Option<u64>,
     body: String,
 }
 
@@ -136,6 +142,11 @@ struct Request<'a> {
 trait Content {
     /// The number of bytes, and the bytes from the first on; none for a request without a body.
     fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>>;
+
+    /// Bytes that the store copies for the request.
+    fn copied_bytes(&self) -> u64 {
+        0
+    }
 }
 
 struct NoBody;
@@ -304,19 +315,7 @@ impl ObjectTarget {
             0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
             _ => self.put_in_parts(&upload, replace, &mark),
         };
-        put.map_err(|refusal| match replace {
-            _ if refusal.is_cancelled() => {
-                Error::cancelled(format!("writing {} was ended", self.location.display()))
-            }
-            Replace::Nothing if refusal.is_of_other() => files::exists(&self.location),
-            Replace::Version(_) if refusal.is_of_other() => {
-                let location = self.location.display();
-                Error::conflict(format!(
-                    "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
-                ))
-            }
-            _ => self.failed(refusal),
-        })
+        put.map_err(|refusal| self.refused(replace, refusal))
     }
 
     /// Removes the object, if it is there.
@@ -328,6 +327,23 @@ impl ObjectTarget {
         match self.ask(request, &mut NoBody) {
             Err(refusal) if refusal.status != 404 => Err(self.failed(refusal)),
             _ => Ok(()),
+        }
+    }
+
+    /// Why the object was not written.
+    fn refused(&self, replace: &Replace, refusal: Refusal) -> Error {
+        match replace {
+            _ if refusal.is_cancelled() => {
+                Error::cancelled(format!("writing {} was ended", self.location.display()))
+            }
+            Replace::Nothing if refusal.is_of_other() => files::exists(&self.location),
+            Replace::Version(_) if refusal.is_of_other() => {
+                let location = self.location.display();
+                Error::conflict(format!(
+                    "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
+                ))
+            }
+            _ => self.failed(refusal),
         }
     }
 
@@ -396,26 +412,37 @@ impl ObjectTarget {
 
     fn put_in_parts(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
         let id = self.begin(mark)?;
-        let done = self.put_parts(upload, &id).and_then(|tags| {
-            let (method, query, own, list) = match self.object.store {
-                Store::S3(_) => (Method::Post, [("uploadId", id.as_str())], None, list_of_parts(&tags)),
-                // The blob's own headers come with the list.
-                Store::Azure(_) => {
-                    let own = Some((self.mark_name(), mark));
-                    (Method::Put, [("comp", "blocklist")], own, list_of_blocks(&tags))
-                }
-            };
-            let mut content = Text::new(list);
-            self.publish(replace, mark, &mut |condition| {
-                let headers: Vec<_> = condition.into_iter().chain(own).collect();
-                let request = Request { method, query: &query, headers: &headers };
-                self.ask_watched(request, &mut content, Some(upload))
-            })
-        });
+        let done =
+            self.put_parts(upload, &id).and_then(|tags| self.complete(upload, replace, mark, &id, &tags));
         if done.is_err() {
             self.abort(&id);
         }
         done
+    }
+
+    /// Has the object made of the parts with these tags.
+    fn complete(
+        &self,
+        upload: &Upload<'_>,
+        replace: &Replace,
+        mark: &str,
+        id: &str,
+        tags: &[String],
+    ) -> Result<(), Refusal> {
+        let (method, query, own, list) = match self.object.store {
+            Store::S3(_) => (Method::Post, [("uploadId", id)], None, list_of_parts(tags)),
+            // The blob's own headers come with the list.
+            Store::Azure(_) => {
+                let own = Some((self.mark_name(), mark));
+                (Method::Put, [("comp", "blocklist")], own, list_of_blocks(tags))
+            }
+        };
+        let mut content = Text::new(list);
+        self.publish(replace, mark, &mut |condition| {
+            let headers: Vec<_> = condition.into_iter().chain(own).collect();
+            let request = Request { method, query: &query, headers: &headers };
+            self.ask_watched(request, &mut content, Some(upload))
+        })
     }
 
     /// Begins an upload in parts; gives its name.
@@ -577,6 +604,7 @@ impl ObjectTarget {
 
     fn ask_once(&self, request: Request<'_>, content: &mut dyn Content) -> Result<Answer, Refusal> {
         let Request { method, query, headers } = request;
+        let copied = content.copied_bytes();
         let body = content.begin()?;
         let length = body.as_ref().map_or(0, |(length, _)| *length);
         let SignedRequest { url, headers: own } = self.object.signed(method, query, headers, length);
@@ -590,15 +618,16 @@ impl ObjectTarget {
         let mut response = match body {
             Some((length, bytes)) => {
                 let builder = builder.header(http::header::CONTENT_LENGTH, length);
-                self.run(builder.body(SendBody::from_reader(bytes)), length)?
+                self.run(builder.body(SendBody::from_reader(bytes)), length + copied)?
             }
-            None => self.run(builder.body(SendBody::none()), 0)?,
+            None => self.run(builder.body(SendBody::none()), copied)?,
         };
         let text = |name: &str| {
             let value: Option<&HeaderValue> = response.headers().get(name);
             value.and_then(|value| value.to_str().ok()).map(str::to_owned)
         };
         let (tag, mark, status) = (text("etag"), text(self.mark_name()), response.status().as_u16());
+        let length = text("content-length").and_then(|length| length.parse().ok());
         // Azure's; there without a body, too.
         let code = text("x-ms-error-code");
         let body = response.body_mut().with_config().limit(MAX_ANSWER_BYTES).lossy_utf8(true);
@@ -606,13 +635,13 @@ impl ObjectTarget {
         // Stores that begin to answer before they are done say in the body that they failed.
         let code = code.or_else(|| element(&body, "Code").filter(|_| body.contains("<Error>")));
         match (status, code) {
-            (200..=299, None) => Ok(Answer { tag, mark, body }),
+            (200..=299, None) => Ok(Answer { tag, mark, length, body }),
             (200..=299, Some(code)) => Err(refusal_of(500, Some(&code))),
             (status, code) => Err(refusal_of(status, code.as_deref())),
         }
     }
 
-    /// Sends a request with a body of so many bytes.
+    /// Sends a request for which so many bytes are sent or copied.
     fn run(
         &self,
         request: Result<http::Request<SendBody<'_>>, http::Error>,

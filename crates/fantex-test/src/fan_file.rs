@@ -51,30 +51,38 @@ pub fn with_section(bytes: &[u8], index: usize, raw: &[u8]) -> Vec<u8> {
     changed
 }
 
-/// A part of a bake with right checksums, whatever was changed in it; as far as its items can be followed.
+/// A part of a bake with right checksums, and the place of its items by its length, whatever was changed in it; as far as its items can be followed.
 pub fn sealed_part(bytes: &[u8]) -> Vec<u8> {
-    const HEADER: usize = 64;
+    const HEADER: usize = 4096;
     const ITEM: usize = 32;
+    const PACKED: u32 = 1;
     let mut sealed = bytes.to_vec();
-    if sealed.len() < HEADER {
-        return sealed;
+    let Some(end) = sealed.len().checked_sub(8).filter(|end| *end >= HEADER) else { return sealed };
+    let [items, means] = [40, 48].map(|at| usize::try_from(word(bytes, at)).unwrap_or(usize::MAX));
+    let listed = items.saturating_mul(ITEM).saturating_add(means.saturating_mul(16));
+    let directory = end.checked_sub(listed).filter(|directory| *directory >= HEADER);
+    if let Some(directory) = directory {
+        set_word(&mut sealed, 56, directory as u64);
+        let number = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        let mut at = HEADER;
+        // Clusters, then heads and tails.
+        for are_packed in [true, false] {
+            for item in (0..items).map(|item| directory + item * ITEM) {
+                if (number(bytes, item) == PACKED) != are_packed {
+                    continue;
+                }
+                let stored = number(bytes, item + 20) as usize;
+                if let Some(content) = bytes.get(at..at + stored) {
+                    set_word(&mut sealed, item + 24, xxh3_64(content));
+                }
+                at += if are_packed { stored.next_multiple_of(4096) } else { stored };
+            }
+        }
+        let checksum = xxh3_64(&sealed[directory..end]);
+        set_word(&mut sealed, end, checksum);
     }
     let checksum = xxh3_64(&sealed[..HEADER - 8]);
     set_word(&mut sealed, HEADER - 8, checksum);
-    let mut at = HEADER;
-    for _ in 0..word(bytes, HEADER - 24) {
-        let Some(header) = sealed.get(at..at + ITEM) else { return sealed };
-        let stored = u32::from_le_bytes(header[20..24].try_into().unwrap()) as usize;
-        let end = at + ITEM + stored;
-        let Some(content) = sealed.get(at + ITEM..end) else { return sealed };
-        let checksum = xxh3_64(&[&header[..24], content].concat());
-        set_word(&mut sealed, at + 24, checksum);
-        at = end;
-    }
-    if let Some(means) = sealed.len().checked_sub(8).and_then(|end| sealed.get(at..end)) {
-        let (checksum, end) = (xxh3_64(means), sealed.len() - 8);
-        set_word(&mut sealed, end, checksum);
-    }
     sealed
 }
 

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use fantex_bake::{
     BakeFormat, BakeOptions, LookSource, NoProgress, SineSource, Source, bake, bake_part, plan_bake,
@@ -9,7 +10,10 @@ use fantex_bake::{
 use fantex_base::Random;
 use fantex_cover::Cover;
 use fantex_mesh::{Mesh, generate};
-use fantex_store::{Asset, CreateOptions, Plan, merge_parts};
+use fantex_store::{
+    Asset, ByteSource, CreateOptions, FileSource, Plan, WriteSummary, cover_level_count, merge_parts,
+    merge_with_gaps,
+};
 
 use crate::common::{cleaned, cover};
 
@@ -59,7 +63,33 @@ fn check_same(mesh: &Mesh, cover: &Cover, source: &dyn Source, format: BakeForma
         let checked = merge_parts(&planned, &parts, None, &watch).unwrap();
         assert!(read.get() > length / 2);
         assert_eq!(checked.clusters, written.clusters);
+        check_gaps(&planned, &parts, &at(&format!("gaps-{count}.fan")), &whole, written);
     }
+}
+
+/// What a merge leaves out lies in the parts as it does in the asset, in long runs.
+fn check_gaps(planned: &Plan, parts: &[PathBuf], path: &Path, whole: &[u8], written: WriteSummary) {
+    let open = |path: &PathBuf| -> Arc<dyn ByteSource> { Arc::new(FileSource::open(path).unwrap()) };
+    let sources: Vec<_> = parts.iter().map(open).collect();
+    let go_on = |_, _| ControlFlow::Continue(());
+    let (made, gaps) = merge_with_gaps(planned, &sources, path, &CreateOptions::default(), &go_on).unwrap();
+    assert_eq!(made, written);
+    let mut bytes = std::fs::read(path).unwrap();
+    assert_eq!(bytes.len(), whole.len());
+    let mut end = 0;
+    for gap in &gaps {
+        assert!(end <= gap.range.start && gap.range.start < gap.range.end, "{gap:?}");
+        end = gap.range.end;
+        let part = std::fs::read(&parts[gap.part]).unwrap();
+        let (from, to) = (gap.offset as usize, gap.range.start as usize);
+        let length = (gap.range.end - gap.range.start) as usize;
+        assert!(bytes[to..to + length].iter().all(|&byte| byte == 0), "{gap:?}");
+        bytes[to..to + length].copy_from_slice(&part[from..from + length]);
+    }
+    assert!(bytes == whole, "{} gaps", gaps.len());
+    // Heads part the clusters of a part, at most one of each level.
+    let levels = cover_level_count(&planned.cover) as usize;
+    assert!(gaps.len() <= parts.len() * (levels + 1), "{} gaps", gaps.len());
 }
 
 #[test]
@@ -181,6 +211,10 @@ fn parts_that_are_missing_wrong_or_damaged_are_named() {
     }
     // Damage anywhere is found, and never more than a sentence.
     let whole = std::fs::read(&made[1]).unwrap();
+    let mut older = made.clone();
+    older[1] = at("older.part");
+    std::fs::write(&older[1], [&b"FANPART1"[..], &whole[8..]].concat()).unwrap();
+    refused(&older, "older.part is a part of version 1, and this program reads version 2: bake it anew");
     let mut random = Random::new(3);
     for round in 0..300 {
         let mut bytes = whole.clone();

@@ -458,7 +458,7 @@ fn plans_and_parts_are_refused_or_sound() {
         .map(|name| (name.to_owned(), std::fs::read(at(name)).unwrap()))
         .into();
     let craft = |bytes: &[u8], random: &mut Random| {
-        if !bytes.starts_with(b"FANPART1") {
+        if !bytes.starts_with(b"FANPART2") {
             let index = random.below(4) as usize;
             return with_section(bytes, index, &damage(&section(bytes, index), false, random));
         }

@@ -1,20 +1,19 @@
-//! `fantex plan`, `fantex bake --shard` and `fantex merge`: a bake in parts, on any machines, in any order.
+//! `fantex plan` and `fantex bake --shard`: a bake in parts, on any machines, in any order.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::time::Instant;
 
 use clap::{Args, Parser as _};
-use fantex::store::{CreateOptions, Plan, merge_sources};
+use fantex::store::Plan;
 use fantex::stream::open_source;
 use fantex::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::addresses::{Target, is_address, watched, with_local_files};
+use crate::addresses::{is_address, with_local_files};
 use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
-use crate::text::{counted, megabytes};
+use crate::text::megabytes;
 use crate::{Cli, Command};
 
 /// Which part of how many, counted from 1.
@@ -118,91 +117,15 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
 }
 
 /// Reads a plan at a path or an address.
-fn open_plan(place: &Path) -> Result<Plan> {
+pub(super) fn open_plan(place: &Path) -> Result<Plan> {
     Plan::open_source(&*open_source(place)?).map_err(of_files)
 }
 
 /// The library sees arguments of functions in plans, parts and models that do not fit together; here they are files that were given, and
 /// the command line is right.
-fn of_files(error: Error) -> Error {
+pub(super) fn of_files(error: Error) -> Error {
     match error.kind() {
         ErrorKind::InvalidArgument => Error::unsupported(error.to_string()),
         _ => error,
     }
-}
-
-/// Merge the parts of a planned bake into one asset.
-#[derive(Args, Debug)]
-#[command(after_help = "\
-Example:
-  fantex merge world.plan 1.part 2.part 3.part -o world.fan
-  fantex merge world.plan *.part --check
-  fantex merge s3://farm/world.plan s3://farm/1.part s3://farm/2.part -o s3://farm/world.fan
-
-Parts may come in any order. What is missing, damaged, there twice or of another plan is named, and nothing is written.")]
-pub(crate) struct MergeArgs {
-    /// The plan, also at an https://, s3://, gs:// or az:// address
-    plan: PathBuf,
-    /// All its parts, also at addresses
-    #[arg(required = true)]
-    parts: Vec<PathBuf>,
-    /// The asset to write, also at an s3://, gs:// or az:// address
-    #[arg(short, long, value_name = "ASSET", required_unless_present = "check")]
-    output: Option<PathBuf>,
-    /// Only look whether all is there and whole
-    #[arg(long, conflicts_with = "output")]
-    check: bool,
-}
-
-#[derive(Debug, Serialize)]
-struct MergeInfo {
-    /// None where the parts were only looked at.
-    output: Option<PathBuf>,
-    parts: u64,
-    clusters: u64,
-    bytes: u64,
-    seconds: f64,
-}
-
-pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
-    let started = Instant::now();
-    let plan = open_plan(&args.plan)?;
-    if let Some(output) = &args.output {
-        let inputs = args.parts.iter().chain([&args.plan]).map(PathBuf::as_path);
-        context.check_target_of(output, inputs)?;
-    }
-    let parts = args.parts.iter().map(|part| open_source(part)).collect::<Result<Vec<_>>>()?;
-    let options = CreateOptions { force: context.force, ..CreateOptions::default() };
-    let written = {
-        let _deferral = context.defer_interrupt();
-        let target = args.output.as_deref().map(Target::new).transpose()?;
-        let written = {
-            let label = if target.is_some() { "merging" } else { "checking" };
-            let progress = context.progress_of_bytes(label);
-            let output = target.as_ref().map(|target| (target.file(), &options));
-            merge_sources(&plan, &parts, output, &|done, total| watched(&progress, done, total))
-                .map_err(of_files)?
-        };
-        if let Some(target) = target {
-            target.finish(&context.replace(), context)?;
-        }
-        written
-    };
-    let info = MergeInfo {
-        output: args.output.clone(),
-        parts: args.parts.len() as u64,
-        clusters: written.clusters as u64,
-        bytes: written.bytes,
-        seconds: started.elapsed().as_secs_f64(),
-    };
-    context.print(&info, |info| match &info.output {
-        Some(output) => format!(
-            "{}: {} of {} in {:.1} s",
-            output.display(),
-            megabytes(info.bytes),
-            counted(info.parts, "part"),
-            info.seconds
-        ),
-        None => format!("{} are all there and whole", counted(info.parts, "part")),
-    })
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{COLORED_PLY, bottle, fails, fantex, files, json, succeeds, workspace, write};
+use crate::{COLORED_PLY, bottle, fails, fantex, files, json, stderr, succeeds, workspace, write};
 
 /// The bottle, baked small.
 fn baked(folder: &Path) -> std::path::PathBuf {

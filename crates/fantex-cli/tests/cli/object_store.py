@@ -1,12 +1,14 @@
 """An object store in a folder, for tests: it reads, writes and removes objects for who has signed the request (AWS Signature Version 4 in the
-query), with uploads in parts, conditions, and faults.
+query), with uploads in parts, which may be ranges of objects, conditions, and faults.
 
-Written after "Authenticating Requests: Using Query Parameters", "Multipart upload" and "Conditional writes" in Amazon's documentation of S3,
-with the standard library alone.
+Written after "Authenticating Requests: Using Query Parameters", "Multipart upload", "UploadPartCopy" and "Conditional writes" in Amazon's
+documentation of S3, with the standard library alone.
 
 POST /faults?latency=SECONDS&busy=N&broken=N&refused=N&lost=N&plain=1 sets what goes wrong from now on: each answer comes so late; so many parts
 are answered with 503, break off in the middle, are refused; so many objects are made without an answer; conditions are not known.
-GET /state tells what is under way: parts and uploads.
+uncopied=1&deaf=1&uniform=1&whole=1&changed=N: ranges are not copied, or taken for empty parts; all parts but the last must have one length; objects
+are copied instead of their ranges; so many objects are changed right before they are copied.
+GET /state tells what is under way, parts and uploads, and how many bytes came in parts and objects, went out, and were copied.
 """
 
 import datetime
@@ -28,7 +30,8 @@ lock = threading.Lock()
 uploads = {}
 marks = {}
 faults = {}
-counts = {"parts": 0, "most_at_once": 0, "now": 0, "aborted": 0}
+counts = {"parts": 0, "most_at_once": 0, "now": 0, "aborted": 0, "received": 0, "given": 0, "copied": 0}
+MIN_PART = 5 << 20
 
 
 def signature(method, path, query, headers, region, date, time):
@@ -153,11 +156,13 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if marks.get(self.key):
             headers.append((MARK, marks[self.key]))
         if self.command == "HEAD":
-            return self.answer(200, b"", headers)
+            return self.answer(200, content, headers)
         first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers["Range"]).groups())
         if first >= len(content):
             return self.answer(416, headers=[*headers, ("Content-Range", f"bytes */{len(content)}")])
         part = content[first : last + 1]
+        with lock:
+            counts["given"] += len(part)
         span = f"bytes {first}-{first + len(part) - 1}/{len(content)}"
         self.answer(206, part, [*headers, ("Content-Range", span)])
 
@@ -178,24 +183,67 @@ class Handler(http.server.BaseHTTPRequestHandler):
         time.sleep(faults.get("latency", 0))
         with lock:
             counts["now"] -= 1
+            counts["received"] += len(content)
+        source = self.headers.get("x-amz-copy-source")
+        if part and source and not faults.get("deaf"):
+            return self.copy_part(int(part), urllib.parse.unquote(source))
         if part:
             if happens("busy"):
                 return self.fail(503, "SlowDown")
             # Not the first, which others may follow.
             if int(part) > 1 and happens("refused"):
                 return self.fail(400, "InvalidDigest")
-            with lock:
-                upload = uploads.get(self.query["uploadId"])
-                if not upload or upload["key"] != self.key:
-                    return self.fail(404, "NoSuchUpload")
-                upload["parts"][int(part)] = content
-                counts["parts"] += 1
-            return self.answer(200, headers=[("ETag", '"%s"' % hashlib.md5(content).hexdigest())])
+            tag = self.take_part(int(part), content)
+            return self.answer(200, headers=[("ETag", tag)]) if tag else None
         with lock:
             if not self.may_make(place):
                 return
             self.make(place, content, self.headers.get(MARK))
         self.made(place)
+
+    def take_part(self, number, content):
+        """Keeps a part; gives its tag, none where it is answered already."""
+        with lock:
+            upload = uploads.get(self.query["uploadId"])
+            if not upload or upload["key"] != self.key:
+                return self.fail(404, "NoSuchUpload")
+            upload["parts"][number] = content
+            counts["parts"] += 1
+        return '"%s"' % hashlib.md5(content).hexdigest()
+
+    def copy_part(self, number, source):
+        bucket, _, key = source.partition("/")
+        place = os.path.join(FOLDER, key)
+        if faults.get("uncopied"):
+            return self.fail(501, "NotImplemented")
+        if happens("busy"):
+            return self.fail(503, "SlowDown")
+        if bucket != BUCKET or not os.path.isfile(place):
+            return self.fail(404, "NoSuchKey")
+        if happens("changed"):
+            with open(place, "ab") as file:
+                file.write(b"x")
+        version = self.headers.get("x-amz-copy-source-if-match")
+        if version and version != self.tag(place):
+            return self.fail(412, "PreconditionFailed")
+        with open(place, "rb") as file:
+            content = file.read()
+        first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers["x-amz-copy-source-range"]).groups())
+        if not first <= last < len(content):
+            return self.fail(400, "InvalidArgument")
+        # Smaller objects are copied whole.
+        if len(content) <= MIN_PART:
+            return self.fail(400, "InvalidRequest")
+        content = content if faults.get("whole") else content[first : last + 1]
+        tag = self.take_part(number, content)
+        if not tag:
+            return None
+        with lock:
+            counts["copied"] += len(content)
+        escaped = tag.replace('"', "&quot;")
+        result = f"<LastModified>2011-04-11T20:34:56.000Z</LastModified><ETag>{escaped}</ETag>"
+        space = "http://s3.amazonaws.com/doc/2006-03-01/"
+        self.answer(200, f'<?xml version="1.0"?><CopyPartResult xmlns="{space}">{result}</CopyPartResult>'.encode())
 
     def made(self, place, body=b""):
         if happens("lost"):
@@ -226,8 +274,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
             is_sound = [int(number) for number, _ in named] == list(range(1, len(upload["parts"]) + 1))
             if not is_sound or tags != [tag.replace("&quot;", '"') for _, tag in named]:
                 return self.fail(400, "InvalidPart")
-            if any(len(part) < 5 << 20 for part in parts[:-1]):
+            if any(len(part) < MIN_PART for part in parts[:-1]):
                 return self.fail(400, "EntityTooSmall")
+            if faults.get("uniform") and len({len(part) for part in parts[:-1]}) > 1:
+                return self.fail(400, "InvalidPart")
             if not self.may_make(place):
                 return
             self.make(place, b"".join(parts), upload["mark"])

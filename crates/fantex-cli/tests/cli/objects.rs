@@ -258,6 +258,77 @@ fn a_farm_that_shares_a_bucket_writes_what_one_machine_does() {
     assert_eq!(store.count("uploads"), 0);
 }
 
+/// A store that holds parts and asset copies most texels itself; whatever it does not do, the bytes are the same.
+#[test]
+fn a_store_puts_an_asset_together_of_its_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let bucket = bucket_in(folder.path());
+    let Some(store) = serve(&bucket) else { return skip("no python3, in which the object store is written") };
+    let (model, here) = (land(folder.path()), folder.path().join("here.fan"));
+    let plan = "s3://scans/farm/land.plan";
+    let options = ["--source", "solid=landscape", "--texels", "8M", "--format", "float"];
+    store.json(&[&["plan", model.to_str().unwrap(), "-o", plan][..], &options].concat());
+    let parts = ["s3://scans/farm/1 of 2.part", "s3://scans/farm/2 of 2.part"];
+    for (shard, part) in ["1/2", "2/2"].into_iter().zip(parts) {
+        store.json(&["bake", plan, "--shard", shard, "-o", part]);
+    }
+    let local = |place: &str| bucket.join(place.strip_prefix("s3://scans/").unwrap());
+    let files = [plan, parts[0], parts[1]].map(local);
+    let [own_plan, first, second] = files.each_ref().map(|path| path.to_str().unwrap());
+    store.json(&["merge", own_plan, first, second, "-o", here.to_str().unwrap()]);
+    let expected = std::fs::read(here).unwrap();
+    let length = expected.len() as u64;
+    let counts = || ["received", "given", "copied"].map(|name| store.count(name));
+    let is_whole = |name: &str| std::fs::read(bucket.join(name)).unwrap() == expected;
+    // Merges, and gives what came, went out and was copied.
+    let put = |name: &str| {
+        let before = counts();
+        let made = store.json(&merge(&parts, &["-o", &format!("s3://scans/{name}")]));
+        assert!(is_whole(name), "{name}");
+        assert_eq!(store.count("uploads"), 0, "{name}");
+        let moved: Vec<u64> = counts().iter().zip(before).map(|(after, before)| after - before).collect();
+        assert_eq!(made["copied_bytes"], moved[2], "{made}");
+        (moved[2], moved)
+    };
+
+    let (copied, moved) = put("copied.fan");
+    assert!(copied > length / 2, "{copied} of {length} bytes");
+    assert_eq!(moved[0], length - copied, "{moved:?}");
+    assert!(moved[1] < length / 2, "{moved:?}");
+    // What passes is tried again; an answer may be lost.
+    store.faults("busy=2&broken=1&lost=1");
+    assert_eq!(put("busy.fan").0, copied);
+
+    // Stores that copy nothing, or take what cannot be copied for something else, are sent all bytes.
+    for fault in ["uncopied", "deaf", "uniform", "whole"] {
+        store.faults(&format!("{fault}=1"));
+        let name = format!("{fault}.fan");
+        let target = format!("s3://scans/{name}");
+        let output = store.run(&merge(&parts, &["-o", &target]), &KEYS);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && said.contains("copies no ranges of objects"), "{fault}: {said}");
+        assert!(is_whole(&name), "{fault}");
+        assert_eq!(store.count("uploads"), 0, "{fault}");
+        store.faults(&format!("{fault}=0"));
+    }
+
+    // What is there stays, and what is whole is looked at before.
+    let fails = |words: &[&str], rest: &[&str]| store.fails(1, words, &merge(&parts, rest), &KEYS);
+    fails(&["copied.fan exists already"], &["-o", "s3://scans/copied.fan"]);
+    let whole = std::fs::read(&files[1]).unwrap();
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 1;
+    std::fs::write(&files[1], damaged).unwrap();
+    fails(&["1 of 2.part is damaged", "bake it anew"], &["--check"]);
+    std::fs::write(&files[1], &whole).unwrap();
+
+    // A part that is another one suddenly.
+    store.faults("changed=1");
+    fails(&["s3://scans/farm/", "changed"], &["-o", "s3://scans/changed.fan"]);
+    assert!(!bucket.join("changed.fan").exists());
+    assert_eq!(store.count("uploads"), 0);
+}
+
 #[test]
 fn an_upload_that_fails_leaves_no_object() {
     let folder = tempfile::tempdir().unwrap();

@@ -94,6 +94,16 @@ impl HttpSource {
         &self.url
     }
 
+    /// What the store of this object calls it when it copies from it; none where it copies no ranges.
+    pub(crate) fn copy_source(&self) -> Option<String> {
+        self.object.as_ref().ok()?.as_ref()?.copy_source()
+    }
+
+    /// The strong tag of the version that is read, once something has been, where the server tells one.
+    pub(crate) fn tag(&self) -> Option<&str> {
+        self.version.get()?.as_deref().filter(|version| version.starts_with('"'))
+    }
+
     /// The answer to a request for a range, behind all redirects. A range of another version of the file is not asked for.
     fn request(&self, range: &str) -> io::Result<Response<Body>> {
         let (SignedRequest { mut url, mut headers }, knows_if_range) = match &self.object {

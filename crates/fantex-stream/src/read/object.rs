@@ -114,6 +114,14 @@ impl StoredObject {
         }
     }
 
+    /// What the store calls the object when it copies ranges of it; none where it does not.
+    pub(crate) fn copy_source(&self) -> Option<String> {
+        match &self.store {
+            Store::S3(object) => object.copy_source(),
+            Store::Azure(_) => None,
+        }
+    }
+
     /// What to do where the store does not let somebody `read` or `write`.
     pub(crate) fn advice(&self, verb: &str) -> String {
         match &self.store {
@@ -168,6 +176,17 @@ mod tests {
         }
         let object = object("s3://scans/a.fan", &[], true);
         assert_eq!(object.reading("bytes=0-1").url, object.reading("bytes=2-3").url, "signed once");
+    }
+
+    #[test]
+    fn objects_are_copied_by_bucket_and_key() {
+        let path = [("AWS_ENDPOINT_URL", "http://127.0.0.1:9000/s3")];
+        for variables in [&[][..], &path] {
+            let named = |location: &str| object(location, variables, true).copy_source();
+            assert_eq!(named("s3://scans/a/b c.part").as_deref(), Some("scans/a/b%20c.part"));
+            assert_eq!(named("s3://my.scans/a.part").as_deref(), Some("my.scans/a.part"));
+        }
+        assert_eq!(object("gs://scans/a.part", &[], true).copy_source(), None);
     }
 
     #[test]

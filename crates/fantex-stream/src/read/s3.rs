@@ -27,6 +27,8 @@ pub(crate) struct S3Object {
     key: String,
     /// Whether writing may depend on what is there by the headers of Amazon's store. (Google's knows them for reading only.)
     pub(crate) has_conditional_writes: bool,
+    /// Whether the store copies ranges of objects into others. (Google's documents no such request; it joins whole objects.)
+    copies_ranges: bool,
     credentials: Option<Credentials>,
     signed: Mutex<Option<(Instant, String)>>,
 }
@@ -66,6 +68,7 @@ impl S3Object {
             bucket,
             key: key.to_owned(),
             has_conditional_writes: !is_google,
+            copies_ranges: !is_google,
             credentials,
             signed: Mutex::default(),
         })
@@ -98,6 +101,13 @@ impl S3Object {
         let (key, secret, token) = (credentials.key(), credentials.secret(), credentials.token());
         let (query, headers) = (query.iter().copied(), headers.iter().copied());
         sign(&now, method, url, key, secret, token, self.bucket.region(), expires, query, headers).into()
+    }
+
+    /// What the store calls the object when it copies ranges of it; none where it does not.
+    pub(crate) fn copy_source(&self) -> Option<String> {
+        let url = self.bucket.object_url(&self.key);
+        let key = url.path().strip_prefix(self.bucket.base_url().path())?;
+        self.copies_ranges.then(|| format!("{}/{key}", self.bucket.name()))
     }
 
     /// What to do where the store does not let somebody `read` or `write`.
