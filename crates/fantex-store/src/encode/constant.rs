@@ -179,7 +179,7 @@ mod tests {
         for color in colors().filter(|color| color[3] >= OPAQUE_FROM) {
             let block = bc1(color).unwrap();
             let [r, g, b, alpha] = decoded(TexelFormat::Bc1, &block);
-            let differences = [r, g, b].iter().zip(color).map(|(&is, should)| is.abs_diff(should));
+            let differences = [r, g, b].into_iter().zip(color).map(|(is, should)| is.abs_diff(should));
             assert!(differences.max() <= Some(1) && alpha == 255, "{color:?}: {r} {g} {b}");
             assert_ne!(block, [0; 8], "what nothing reads");
         }
