@@ -324,7 +324,9 @@ impl Source for TransferSource<'_> {
         let mut sums = vec![Vec4::ZERO; values.len()];
         for [x, y] in cells(self.samples) {
             let lambda = point.at.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
-            let at = self.projector.find(SurfacePoint { lambda, ..point.at }.clamped());
+            // Parts of a texel may lie beside its triangle, which may be a sliver.
+            let at = SurfacePoint { lambda, ..point.at }.on_triangle(self.projector.coarse);
+            let at = self.projector.find(at);
             self.value_at(at, steps, values);
             for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
                 // Colours count in proportion to their coverage.
@@ -407,7 +409,7 @@ pub fn bake_normal_map(
         (owner != EMPTY).then(|| {
             let at = |offset: [f32; 2]| charts.lambda(owner as usize, texel, offset);
             let normal = |offset| {
-                let at = SurfacePoint { triangle: owner, lambda: at(offset) }.clamped();
+                let at = SurfacePoint { triangle: owner, lambda: at(offset) }.on_triangle(coarse);
                 frames.relative(at, projector.shading_normal(projector.find(at)))
             };
             let sum: Vec3 = cells(options.samples).map(normal).sum();
