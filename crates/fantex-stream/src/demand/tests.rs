@@ -133,8 +133,8 @@ fn pages_that_are_too_much_work_are_bounded_over_updates() {
 
 #[test]
 fn a_tile_of_many_triangles_does_not_hold_up_an_update() {
-    let geometry = covered(generate::cube(96), 1 << 22, 4096, false);
-    let view = look(Vec3::new(0.4, 0.3, 2.0), Vec3::ZERO, 60.0);
+    let geometry = covered(generate::grid(96), 1 << 22, 4096, true);
+    let view = look(Vec3::new(0.2, 1.0, 0.1), Vec3::ZERO, 60.0);
     let (mut surface, mut demand) = demand_for(&geometry, 16.0);
     let mut updates = 0;
     while updates == 0 || demand.is_behind() {
