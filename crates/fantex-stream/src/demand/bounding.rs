@@ -38,7 +38,8 @@ impl Demand {
             for (&(group, slack), wanted) in open.iter().zip(self.look_at_all(surface, lens, &open)) {
                 left = left.saturating_sub(wanted.looked_at);
                 for (task, task_work) in surface.tasks(group, &wanted.unbounded) {
-                    if work >= left && !(is_owed_one && tasks.is_empty()) {
+                    let is_owed = is_owed_one && tasks.is_empty();
+                    if work >= left && !is_owed {
                         break;
                     }
                     tasks.push((group, task));
