@@ -2,7 +2,7 @@
 
 use fantex_mesh::AlphaMode;
 use fantex_store::{Footprint, PageCache, Sampler, TexelFormat};
-use fantex_texture::FilterOptions;
+use fantex_texture::{Filter, FilterOptions};
 use glam::Vec4;
 
 use crate::{Source, SourceChannel, TexelPoint};
@@ -26,7 +26,9 @@ impl AssetSource {
             ..SourceChannel::new(channel.kind)
         };
         let channels = asset.channels().iter().map(channel).collect();
-        Self { sampler: Sampler::of_cache(cache, FilterOptions::default()), channels }
+        // Wider filters step over open borders of the surface, and beyond these nothing is stored: previews of sectors have many.
+        let filter = FilterOptions { filter: Filter::Trilinear, ..FilterOptions::default() };
+        Self { sampler: Sampler::of_cache(cache, filter), channels }
     }
 }
 

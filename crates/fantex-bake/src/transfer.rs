@@ -2,7 +2,8 @@
 //!
 //! Every point of the coarse mesh looks along its smooth normal, outwards and inwards, for the detailed surface (P. Cignoni,
 //! C. Montani, C. Rocchini, R. Scopigno and M. Tarini, "Preserving attribute values on simplified meshes by resampling detail
-//! textures", 1999). How far it looks is the *cage*; where nothing is found, the nearest point stands in, and is counted.
+//! textures", 1999). How far it looks is the *cage*; where nothing is found, the nearest point stands in, and is counted. What faces as the
+//! coarse triangle does goes first: beside a crease smooth normals point across it, and a wall must not show the floor.
 //! The meshes are brought together by their places in the world.
 //!
 //! - [`TransferSource`] bakes normals and any [`Source`] of the detailed mesh into fan tiles;
@@ -62,6 +63,8 @@ const PROBES: usize = 2048;
 const CAGE_SLACK: f32 = 1.25;
 /// Meshes that coincide still get a cage, mesh units.
 const MIN_CAGE: f32 = 1e-4;
+/// Triangles whose normals have at least this cosine face alike: less than 84 degrees apart.
+const MIN_FACING: f32 = 0.1;
 
 struct Projector<'a> {
     pub(crate) coarse: &'a Mesh,
@@ -112,30 +115,49 @@ impl<'a> Projector<'a> {
         Ok(projector)
     }
 
-    /// The match of a point of a coarse triangle: along the smooth normal, outwards or inwards, whichever is nearer and faces
-    /// the same way; or else the nearest point.
+    /// The match of a point of a coarse triangle: along the smooth normal, outwards or inwards, whichever is nearer; or else the nearest point.
+    /// What faces as the triangle does is looked for in both ways before anything else is taken.
     pub(crate) fn find(&self, at: SurfacePoint) -> SurfacePoint {
         self.points.fetch_add(1, Relaxed);
         let p = self.in_detailed(at.position(self.coarse));
         let normal = at.smooth_normal(&self.ray_normals);
-        let by_ray = normal.and_then(|normal| {
-            let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
-                // From a little behind, since the surfaces may touch at the point itself.
-                let origin = p - direction * SURFACE_OFFSET;
-                let faces_alike = |hit: &RayHit| hit.front == front;
-                self.bvh.first_hit_where(origin, direction, self.cage + SURFACE_OFFSET, faces_alike)
-            });
-            hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance))
+        let facet = at.facet_normal(self.coarse);
+        let faces_alike = |[a, b, c]: [Vec3; 3]| {
+            let normal = (b - a).cross(c - a);
+            normal.dot(facet) > MIN_FACING * normal.length()
+        };
+        let alike = normal.and_then(|normal| {
+            let accept = |point: SurfacePoint| faces_alike(self.detailed.triangle_positions(point.index()));
+            self.hit_along(p, normal, accept)
         });
-        if let Some(hit) = by_ray {
-            return hit.point;
+        if let Some(point) = alike {
+            return point;
         }
-        self.missed.fetch_add(1, Relaxed);
-        match self.bvh.nearest_point(p, f32::INFINITY) {
-            Some(nearest) => nearest.point,
-            // Only where the point is no number.
-            None => SurfacePoint::corner(0, 0),
-        }
+        let any = normal.and_then(|normal| self.hit_along(p, normal, |_| true));
+        self.missed.fetch_add(u64::from(any.is_none()), Relaxed);
+        let nearest = self.bvh.nearest_point_where(p, self.cage, faces_alike).map(|nearest| nearest.point);
+        let nearest = nearest.or(any);
+        let nearest =
+            nearest.or_else(|| self.bvh.nearest_point(p, f32::INFINITY).map(|nearest| nearest.point));
+        // There is none only where the point is no number.
+        nearest.unwrap_or(SurfacePoint::corner(0, 0))
+    }
+
+    /// The nearest hit that is accepted within the cage, outwards on what is left there, inwards on what is entered.
+    fn hit_along(
+        &self,
+        p: Vec3,
+        normal: Vec3,
+        accept: impl Fn(SurfacePoint) -> bool,
+    ) -> Option<SurfacePoint> {
+        let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
+            // From a little behind, since the surfaces may touch at the point itself.
+            let origin = p - direction * SURFACE_OFFSET;
+            let is_match = |hit: &RayHit| hit.front == front && accept(hit.point);
+            self.bvh.first_hit_where(origin, direction, self.cage + SURFACE_OFFSET, is_match)
+        });
+        let nearest = hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
+        nearest.map(|hit| hit.point)
     }
 
     /// Unit shading normal of the detailed mesh; directions are the same in both mesh spaces.
@@ -302,7 +324,9 @@ impl Source for TransferSource<'_> {
         let mut sums = vec![Vec4::ZERO; values.len()];
         for [x, y] in cells(self.samples) {
             let lambda = point.at.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
-            let at = self.projector.find(SurfacePoint { lambda, ..point.at }.clamped());
+            // Parts of a texel may lie beside its triangle, which may be a sliver.
+            let at = SurfacePoint { lambda, ..point.at }.on_triangle(self.projector.coarse);
+            let at = self.projector.find(at);
             self.value_at(at, steps, values);
             for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
                 // Colours count in proportion to their coverage.
@@ -385,7 +409,7 @@ pub fn bake_normal_map(
         (owner != EMPTY).then(|| {
             let at = |offset: [f32; 2]| charts.lambda(owner as usize, texel, offset);
             let normal = |offset| {
-                let at = SurfacePoint { triangle: owner, lambda: at(offset) }.clamped();
+                let at = SurfacePoint { triangle: owner, lambda: at(offset) }.on_triangle(coarse);
                 frames.relative(at, projector.shading_normal(projector.find(at)))
             };
             let sum: Vec3 = cells(options.samples).map(normal).sum();

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use fantex_base::{Error, Result};
 
+use crate::fan::FanPrograms;
 use crate::frame::FrameLayout;
 
 /// How to choose an adapter.
@@ -43,6 +44,7 @@ pub struct Gpu {
     info: GpuInfo,
     state: Arc<Mutex<DeviceState>>,
     frame_layout: OnceLock<FrameLayout>,
+    fan_programs: OnceLock<FanPrograms>,
 }
 
 /// What the driver has reported since the device was opened.
@@ -102,7 +104,8 @@ impl Gpu {
             let mut state = told.lock().unwrap_or_else(PoisonError::into_inner);
             state.lost = Some(format!("{reason:?}: {message}"));
         });
-        Self { device, queue, info, state, frame_layout: OnceLock::new() }
+        let (frame_layout, fan_programs) = (OnceLock::new(), OnceLock::new());
+        Self { device, queue, info, state, frame_layout, fan_programs }
     }
 
     /// What to ask an adapter for: the features that are used where they exist, and limits as large as it has.
@@ -138,6 +141,11 @@ impl Gpu {
     /// What every shader that takes part in a frame is bound to in group 0.
     pub fn frame_layout(&self) -> &FrameLayout {
         self.frame_layout.get_or_init(|| FrameLayout::new(self))
+    }
+
+    /// Shaders and pipelines of fan-textured models.
+    pub(crate) fn fan_programs(&self) -> &FanPrograms {
+        self.fan_programs.get_or_init(|| FanPrograms::new(self))
     }
 
     /// Why the device is lost, if it is.

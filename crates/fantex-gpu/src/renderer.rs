@@ -48,6 +48,11 @@ impl Renderer {
         }
     }
 
+    /// Has compiled, before the first frame with a key is drawn, what it needs besides a model.
+    pub fn prepare(&mut self, gpu: &Gpu, key: SurfaceKey) {
+        self.screen.prepare_sky(gpu, key);
+    }
+
     /// Records the commands that draw a frame over the whole target. They must be submitted before the next frame is drawn:
     /// shadow maps, once drawn, are taken to be there.
     ///
@@ -96,7 +101,7 @@ impl Renderer {
             encode_srgb: self.screen.must_encode_srgb(),
         };
         let draws_shadows = self.state.update(gpu, encoder, &inputs)?;
-        let key = frame.key();
+        let key = SurfaceKey::new(options, frame.lights);
         frame.model.prepare(gpu, encoder, &FrameContext { view: &view, options, key, draws_shadows })?;
         if let Some(lines) = &options.wireframe {
             Wireframe::update(&mut self.wireframe, gpu, frame.model.space(), lines)?;
@@ -154,19 +159,6 @@ impl Frame<'_> {
             None => Ok(()),
         }
     }
-
-    fn key(&self) -> SurfaceKey {
-        let options = self.options;
-        let is_lit = options.shading.is_lit();
-        SurfaceKey {
-            shading: options.shading,
-            overlay: options.overlay,
-            filter: options.filter.filter,
-            samples: options.samples,
-            has_shadows: is_lit && self.lights.lamps.iter().any(|lamp| lamp.shadow.is_some()),
-            has_environment: self.lights.ambient.environment.is_some(),
-        }
-    }
 }
 
 // Passes over the whole picture: the sky behind the model, the tone map at the end.
@@ -213,7 +205,7 @@ impl ScreenPipelines {
         !self.output.is_srgb() && !is_float
     }
 
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, targets: &Targets, key: SurfaceKey) {
+    fn prepare_sky(&mut self, gpu: &Gpu, key: SurfaceKey) {
         let Self { skies, sky_module, .. } = self;
         skies.entry((key.samples, key.has_environment)).or_insert_with(|| {
             let pipeline = SurfacePipeline {
@@ -231,6 +223,10 @@ impl ScreenPipelines {
             let constants = [("HAS_ENVIRONMENT", f64::from(u8::from(key.has_environment)))];
             pipeline.build_with(gpu, key.samples, &constants)
         });
+    }
+
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, targets: &Targets, key: SurfaceKey) {
+        self.prepare_sky(gpu, key);
         if self.light.as_ref().is_none_or(|(view, _)| *view != targets.light) {
             let light = wgpu::BindingResource::TextureView(&targets.light);
             let group = gpu.bind_group("tone map", &self.tone_layout, [light]);

@@ -1,13 +1,13 @@
 //! What all kinds of models have in common: pipelines of surfaces and of their shadows, the order of blended triangles.
 
 use fantex_mesh::AlphaMode;
-use fantex_scene::Shading;
+use fantex_scene::{Lights, Shading};
 use fantex_texture::Filter;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::frame::{DEPTH_FORMAT, LIGHT_FORMAT};
-use crate::{Gpu, Overlay, View};
+use crate::{DrawOptions, Gpu, Overlay, View};
 
 /// What a surface's pipelines depend on besides the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -71,6 +71,19 @@ pub struct SurfacePipeline<'a> {
 }
 
 impl SurfaceKey {
+    /// Of frames with these options and lights.
+    pub fn new(options: &DrawOptions, lights: &Lights) -> Self {
+        let is_lit = options.shading.is_lit();
+        Self {
+            shading: options.shading,
+            overlay: options.overlay,
+            filter: options.filter.filter,
+            samples: options.samples,
+            has_shadows: is_lit && lights.lamps.iter().any(|lamp| lamp.shadow.is_some()),
+            has_environment: lights.ambient.environment.is_some(),
+        }
+    }
+
     /// Values of the overrides of [`crate::shader::SURFACE`].
     pub fn constants(self) -> [(&'static str, f64); 4] {
         let shading = match self.shading {

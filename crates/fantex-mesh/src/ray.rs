@@ -342,7 +342,7 @@ impl Best {
 
 /// Barycentric coordinates and position of the point of a triangle nearest to `p`: the Voronoi regions of corners, edges
 /// and face in turn (C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5).
-fn nearest_of_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> (DVec3, DVec3) {
+pub(crate) fn nearest_of_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> (DVec3, DVec3) {
     let (ab, ac) = (b - a, c - a);
     let (ap, bp, cp) = (p - a, p - b, p - c);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

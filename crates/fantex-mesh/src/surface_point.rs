@@ -5,6 +5,7 @@ use std::ops::{Add, Mul};
 use glam::{DVec3, Vec3};
 
 use crate::Mesh;
+use crate::ray::nearest_of_triangle;
 
 /// Barycentric coordinates: [`Vec3`] or [`DVec3`].
 pub trait Barycentric: Copy {
@@ -114,7 +115,18 @@ impl SurfacePoint {
         mesh.facet_normal(self.index()).as_vec3()
     }
 
-    /// A point of the triangle near this one of its plane.
+    /// The point of the triangle that is nearest to this one of its plane.
+    pub fn on_triangle(self, mesh: &Mesh) -> Self {
+        if self.lambda.min_element() >= 0.0 {
+            return self.clamped();
+        }
+        let corners = mesh.triangle_positions(self.index()).map(|p| p.as_dvec3());
+        let (lambda, _) = nearest_of_triangle(interpolate(corners, self.lambda.as_dvec3()), corners);
+        if lambda.is_finite() { Self { lambda: lambda.as_vec3(), ..self } } else { self.clamped() }
+    }
+
+    /// A point of the triangle near this one of its plane: as near as [`on_triangle`](Self::on_triangle) is where the triangle's sides do not
+    /// differ much.
     #[inline]
     pub fn clamped(self) -> Self {
         let inside = self.lambda.max(Vec3::ZERO);

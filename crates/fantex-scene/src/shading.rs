@@ -81,7 +81,15 @@ const SAMPLES: u32 = 512;
 /// `[scale, bias]` per node, rows of equal roughness.
 static TABLE: LazyLock<[[f32; 2]; NODES * NODES]> = LazyLock::new(|| {
     let node = |i: usize| i as f32 / (NODES - 1) as f32;
-    std::array::from_fn(|i| integrate(node(i / NODES), node(i % NODES).max(1e-3)))
+    let mut table = [[0.0; 2]; NODES * NODES];
+    for (row, nodes) in table.chunks_exact_mut(NODES).enumerate() {
+        let a2 = (node(row) * node(row)).max(1e-4).powi(2);
+        let half_vectors: Vec<Vec3> = (0..SAMPLES).map(|i| half_vector(i, a2)).collect();
+        for (column, value) in nodes.iter_mut().enumerate() {
+            *value = integrate(&half_vectors, a2, node(column).max(1e-3));
+        }
+    }
+    table
 });
 
 /// What [`split_sum`] interpolates, for those who do so at many points at once: scale and bias at equidistant nodes from 0 to
@@ -104,17 +112,20 @@ pub fn split_sum(roughness: f32, n_v: f32) -> [f32; 2] {
     })
 }
 
-/// Half vectors drawn by the GGX density, the rest of the reflectance as their weights.
-fn integrate(roughness: f32, n_v: f32) -> [f32; 2] {
-    let a2 = (roughness * roughness).max(1e-4).powi(2);
+/// One of the half vectors that are drawn by the GGX density, around the normal z. `a2` is the fourth power of the perceptual roughness.
+fn half_vector(i: u32, a2: f32) -> Vec3 {
+    // The Hammersley point set.
+    let (e0, e1) = ((i as f32 + 0.5) / SAMPLES as f32, i.reverse_bits() as f32 / 4_294_967_296.0);
+    let z = ((1.0 - e1) / (1.0 + (a2 - 1.0) * e1)).sqrt();
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(r * (TAU * e0).cos(), r * (TAU * e0).sin(), z)
+}
+
+/// The rest of the reflectance as the half vectors' weights.
+fn integrate(half_vectors: &[Vec3], a2: f32, n_v: f32) -> [f32; 2] {
     let v = Vec3::new((1.0 - n_v * n_v).sqrt(), 0.0, n_v);
     let [mut scale, mut bias] = [0.0; 2];
-    for i in 0..SAMPLES {
-        // The Hammersley point set.
-        let (e0, e1) = ((i as f32 + 0.5) / SAMPLES as f32, i.reverse_bits() as f32 / 4_294_967_296.0);
-        let z = ((1.0 - e1) / (1.0 + (a2 - 1.0) * e1)).sqrt();
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        let h = Vec3::new(r * (TAU * e0).cos(), r * (TAU * e0).sin(), z);
+    for &h in half_vectors {
         let v_h = v.dot(h);
         let n_l = 2.0 * v_h * h.z - n_v;
         if n_l <= 0.0 || v_h <= 0.0 {

@@ -27,6 +27,31 @@ use crate::{
 /// The attachment that is a coarse asset of the same model, to be shown until the asset itself is there.
 pub const PREVIEW: &str = "preview";
 
+/// What the first bytes of an asset tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AssetHead {
+    /// The channels.
+    pub channels: Vec<Channel>,
+    /// Whether there are attachments, among which a [preview](PREVIEW) may be.
+    pub has_attachments: bool,
+}
+
+impl AssetHead {
+    /// Reads and checks the header and the first section.
+    ///
+    /// # Errors
+    /// They cannot be read or are damaged; the file is no asset.
+    pub fn read(source: &dyn ByteSource) -> Result<Self> {
+        let (slot, _) = read_slot(source)?;
+        let channels = read_section(source, SECTION_NAMES[0], &slot.sections[0], slot.file_length)?;
+        let content = |error: Error| content_error(source, SECTION_NAMES[0], &error);
+        Ok(Self {
+            channels: channel::decode_channels(&channels).map_err(content)?,
+            has_attachments: slot.attachments != SectionRecord::default(),
+        })
+    }
+}
+
 /// Decoded texels of one page and channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texels {

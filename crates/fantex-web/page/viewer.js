@@ -1,6 +1,7 @@
 // The page around the viewer: events, animation frames, what is said. What is drawn and loaded is decided in WebAssembly.
 
-import init, { Viewer } from "./fantex_web.js";
+/** The module around the viewer, which is fetched beside what the viewer asks for first. */
+const viewerModule = import("./fantex_web.js");
 
 const canvas = document.querySelector("canvas");
 const line = document.getElementById("line");
@@ -13,6 +14,9 @@ const POOL_BYTES = (navigator.deviceMemory ?? 8) < 4 ? 128 * 2 ** 20 : 256 * 2 *
 /** Radians are Rust's affair: a step of the keyboard in canvas heights. */
 const KEY_STEP = 0.05;
 
+/** Time for one request, as the viewer's own have it. */
+const MAX_REQUEST_MILLISECONDS = 60_000;
+
 /** Time without anything new after which the page says that it waits. */
 const SLOW_MILLISECONDS = 8000;
 
@@ -21,6 +25,8 @@ const sentence = (error) => error?.message ?? String(error);
 
 let viewer = null;
 let scheduled = false;
+/** The first picture has been drawn, which may be long after it was asked for. */
+let hasPicture = false;
 /** More is to come. */
 let isLoading = false;
 /** Tells of a wait that is long. */
@@ -40,6 +46,30 @@ function say(text, kind = "", ...actions) {
         button.addEventListener("click", run);
         line.append(button);
     }
+}
+
+/** Requests for ranges of the asset, by these, before the viewer is there to make them. Answers without ranges keep their bodies: none is wanted. */
+function fetchAhead(asset, ranges) {
+    const controller = new AbortController();
+    const timedOut = () => controller.abort(new DOMException("no answer", "TimeoutError"));
+    const timeout = setTimeout(timedOut, MAX_REQUEST_MILLISECONDS);
+    const answers = new Map();
+    for (const range of ranges) {
+        const request = { headers: { range: `bytes=${range}` }, signal: controller.signal };
+        const answer = fetch(asset, request).then(async (response) => {
+            if (response.status !== 206) return response;
+            const { status, headers } = response;
+            return new Response(await response.arrayBuffer(), { status, headers });
+        });
+        // Whoever takes it sees the error.
+        answer.catch(() => {});
+        answers.set(range, answer);
+    }
+    const stop = () => {
+        clearTimeout(timeout);
+        controller.abort();
+    };
+    return { answers, stop };
 }
 
 /** For what the page cannot mend: a file that has changed, a lost device. */
@@ -89,11 +119,15 @@ function frame(now) {
         if (progress.is_settled || progress.uploaded_bytes !== uploadedBytes) cameNew(!progress.is_settled);
         uploadedBytes = progress.uploaded_bytes;
         enter(progress.is_preview ? "preview" : progress.is_settled ? "sharp" : "sharpening");
+        if (!hasPicture && viewer.has_picture()) {
+            hasPicture = true;
+            performance.mark("fantex picture");
+        }
         if (progress.damaged > 0) {
             const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
             say(`Some of it cannot be read, and stays coarse or is missing: ${viewer.damage()}`, "error", retry, RELOAD);
         }
-        if (!progress.is_settled) schedule();
+        if (!progress.is_settled || !hasPicture) schedule();
         progress.free();
     } catch (error) {
         fail(sentence(error));
@@ -207,13 +241,20 @@ async function main() {
     say("Loading ...");
     cameNew(true);
     fit();
+    const { asset: place, ranges } = document.body.dataset;
+    const asset = new URL(place, location.href).href;
+    const ahead = fetchAhead(asset, ranges?.split(" ").filter((range) => range) ?? []);
+    // The browser starts what draws, which takes a while the first time.
+    navigator.gpu.requestAdapter({ powerPreference: "high-performance" }).catch(() => {});
     try {
+        const { default: init, Viewer } = await viewerModule;
         await init({ module_or_path: new URL("fantex_web_bg.wasm", import.meta.url) });
-        const asset = new URL(document.body.dataset.asset, location.href).href;
-        viewer = await Viewer.open(canvas, asset, POOL_BYTES);
+        viewer = await Viewer.open(canvas, asset, POOL_BYTES, ahead.answers);
     } catch (error) {
         fail(sentence(error));
         return;
+    } finally {
+        ahead.stop();
     }
     say("");
     cameNew(true);

@@ -1,5 +1,7 @@
 //! The files of a page with the viewer in it.
 
+use std::ops::Range;
+
 /// Name and content.
 pub type File = (&'static str, &'static [u8]);
 
@@ -25,6 +27,9 @@ pub struct Page<'a> {
     pub credits: &'a str,
     /// The asset's address, as seen from the page.
     pub asset: &'a str,
+    /// Bytes of the asset that the page asks for at once, before the viewer is there; where they are not those that the viewer asks for first,
+    /// they are fetched in vain.
+    pub ranges: &'a [Range<u64>],
     /// Address of the folder, with the slash at its end, for previews of links: most services take whole addresses only.
     pub base: &'a str,
 }
@@ -36,12 +41,15 @@ impl Page<'_> {
             "" => String::new(),
             credits => format!(" \u{2013} {}", escaped(credits)),
         };
+        let range = |range: &Range<u64>| format!("{}-{}", range.start, range.end.saturating_sub(1));
+        let ranges: Vec<String> = self.ranges.iter().map(range).collect();
         let description = if self.credits.is_empty() { self.title } else { self.credits };
         let fields = [
             ("title", escaped(self.title)),
             ("description", escaped(description)),
             ("credits", credits),
             ("asset", escaped(self.asset)),
+            ("ranges", ranges.join(" ")),
             ("base", escaped(self.base)),
         ];
         let mut html = String::new();
@@ -80,11 +88,13 @@ mod tests {
     #[test]
     fn pages_hold_what_they_are_told_and_no_more() {
         let title = "A \"vase\" <script>alert(1)</script> & {{base}}";
-        let page = Page { title, credits: "by Åsa", asset: "a%20b.fan", base: "https://a.org/x/" }.html();
+        let ranges = &[0..65_536, 70_000..70_001];
+        let page =
+            Page { title, credits: "by Åsa", asset: "a%20b.fan", ranges, base: "https://a.org/x/" }.html();
         assert!(page.contains(
             "<title>A &quot;vase&quot; &lt;script&gt;alert(1)&lt;/script&gt; &amp; {{base}}</title>"
         ));
-        assert!(page.contains(r#"data-asset="a%20b.fan""#));
+        assert!(page.contains(r#"data-asset="a%20b.fan" data-ranges="0-65535 70000-70000""#));
         assert!(page.contains(r#"content="https://a.org/x/preview.png""#));
         assert!(page.contains("\u{2013} by Åsa</footer>"));
         assert_eq!(page.matches("<script").count(), 1);

@@ -5,6 +5,8 @@
 //!         `-> the asset
 //!  index of a world --> its objects and their previews, as the view needs them (fantex_gpu::StreamedWorld)
 //! ```
+//!
+//! While these are fetched, the device is opened, and what the first picture is drawn with is compiled.
 
 use std::cell::RefCell;
 use std::io;
@@ -12,15 +14,17 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::Poll;
 use std::time::Duration;
 
 use fantex_base::Aabb;
 use fantex_gpu::{
-    DrawOptions, Frame, Gpu, Model, ModelSpace, Renderer, StreamedModel, StreamedWorld, WorldOptions,
-    max_anisotropy, stream_view,
+    DrawOptions, FanModel, Frame, Gpu, Model, ModelSpace, Renderer, StreamedModel, StreamedWorld, SurfaceKey,
+    WorldOptions, max_anisotropy, stream_view,
 };
 use fantex_scene::{Camera, CameraRig, Lights, SceneScale};
-use fantex_store::Asset;
+use fantex_store::{Asset, AssetHead, ChannelKind};
 use fantex_stream::read::{
     BROWSER_CONNECTIONS, Fetched, FetchedFile, LaneReader, ReadRequest, ReaderInfo, ReaderKind, RemoteFile,
     spawn, task_reader,
@@ -73,6 +77,8 @@ pub struct Viewer {
     last_frame: Option<f64>,
     /// What is shown is not what would be drawn now.
     is_stale: bool,
+    /// Whether the device has drawn a picture.
+    has_picture: Arc<AtomicBool>,
 }
 
 /// Where a task leaves an asset, or why there is none.
@@ -192,20 +198,39 @@ fn said(error: impl std::fmt::Display) -> JsError {
 impl Viewer {
     /// Opens the asset or the world at `url` in a canvas, with texels in at most `pool_bytes` of graphics memory. Nothing is drawn yet. Where the
     /// asset has a preview, that is opened, and the asset takes its place in a later [`frame`](Self::frame). Of a world the index is read;
-    /// its assets come as they are seen.
+    /// its assets come as they are seen. `answers` is a `Map` of ranges that are on their way already (see [`RemoteFile::with_answers`]).
     ///
     /// # Errors
     /// The browser has no WebGPU or no adapter for it; the asset or the index cannot be read, or is damaged; it exceeds what the device
     /// allows; there is nothing to show in the world.
-    pub async fn open(canvas: HtmlCanvasElement, url: String, pool_bytes: f64) -> Result<Viewer, JsError> {
-        let file = Rc::new(RemoteFile::new(url));
-        let starting = begin(Rc::clone(&file));
-        // Both take their time, and neither needs the other.
-        let (gpu, started) = join(open_gpu(canvas), starting).await;
-        let ((gpu, surface, configuration), started) = (gpu?, started.map_err(said)?);
-        let gpu = Arc::new(gpu);
+    pub async fn open(
+        canvas: HtmlCanvasElement,
+        url: String,
+        pool_bytes: f64,
+        answers: JsValue,
+    ) -> Result<Viewer, JsError> {
+        let file = Rc::new(RemoteFile::with_answers(url, answers));
         let options = DrawOptions::default();
         let pool_bytes = pool_bytes as u64;
+        let head = Rc::<HeadSlot>::default();
+        let starting = async {
+            let started = begin(Rc::clone(&file), Rc::clone(&head)).await;
+            head.fill(None);
+            started
+        };
+        let opening = async {
+            let (gpu, surface, configuration) = open_gpu(canvas).await?;
+            let mut renderer = Renderer::new(&gpu, configuration.format);
+            let key = SurfaceKey::new(&options, &Lights::default());
+            renderer.prepare(&gpu, key);
+            if let Some(head) = head.filled().await {
+                FanModel::prepare_pipelines(&gpu, &first_kinds(&head), key);
+            }
+            Ok::<_, JsError>((Arc::new(gpu), surface, configuration, renderer))
+        };
+        // Both take their time. What has come is looked at first, as the other waits for the head.
+        let (started, opened) = join(starting, opening).await;
+        let ((gpu, surface, configuration, renderer), started) = (opened?, started.map_err(said)?);
         let (shown, coming) = match started {
             Started::World(world) => (Shown::world(file.url(), world, pool_bytes, &options)?, None),
             Started::Asset { start, preview: Some(preview) } => {
@@ -225,7 +250,7 @@ impl Viewer {
             }
         };
         let mut viewer = Self {
-            renderer: Renderer::new(&gpu, configuration.format),
+            renderer,
             scale: shown.scale(),
             rig: CameraRig::default(),
             is_framing: true,
@@ -239,6 +264,7 @@ impl Viewer {
             options,
             last_frame: None,
             is_stale: true,
+            has_picture: Arc::default(),
         };
         viewer.reset();
         Ok(viewer)
@@ -318,9 +344,18 @@ impl Viewer {
         let mut frame = Frame { size, camera, lights: &lights, model, options: &self.options };
         self.renderer.draw(&self.gpu, &mut encoder, &target, &mut frame).map_err(said)?;
         self.gpu.queue.submit([encoder.finish()]);
+        if !self.has_picture() {
+            let has_picture = Arc::clone(&self.has_picture);
+            self.gpu.queue.on_submitted_work_done(move || has_picture.store(true, Ordering::Relaxed));
+        }
         self.gpu.queue.present(texture);
         self.is_stale = false;
         Ok(())
+    }
+
+    /// Whether the device has drawn a picture: it may be at work on the first one for long after the [`frame`](Self::frame) that asked for it.
+    pub fn has_picture(&self) -> bool {
+        self.has_picture.load(Ordering::Relaxed)
     }
 
     /// How far streaming is.
@@ -397,9 +432,36 @@ enum Started<F> {
     Asset { start: FetchedFile<F>, preview: Option<Asset> },
 }
 
+/// What the first bytes of an asset tell, for whoever waits for it while more is fetched.
+#[derive(Debug, Default)]
+struct HeadSlot(RefCell<Option<Option<AssetHead>>>);
+
+impl HeadSlot {
+    /// The head, or that there is none, unless one of these is known.
+    fn fill(&self, head: Option<AssetHead>) {
+        self.0.borrow_mut().get_or_insert(head);
+    }
+
+    /// Waits until it is filled, for a task that goes on whenever something has been fetched.
+    async fn filled(&self) -> Option<AssetHead> {
+        std::future::poll_fn(|_| match &*self.0.borrow() {
+            Some(head) => Poll::Ready(head.clone()),
+            None => Poll::Pending,
+        })
+        .await
+    }
+}
+
+/// The kinds of channels of what is probably shown first: previews have normals of their own.
+fn first_kinds(head: &AssetHead) -> Vec<ChannelKind> {
+    let kinds = head.channels.iter().map(|channel| channel.kind);
+    kinds.chain(head.has_attachments.then_some(ChannelKind::Normal)).collect()
+}
+
 /// Fetches the index of a world, or the start of an asset and its preview.
 async fn begin(
     file: Rc<RemoteFile>,
+    head: Rc<HeadSlot>,
 ) -> fantex_base::Result<Started<impl AsyncFn(Range<u64>) -> io::Result<Fetched>>> {
     let place = PathBuf::from(file.url());
     if World::is_named(&place) {
@@ -407,6 +469,7 @@ async fn begin(
         return Ok(Started::World(World::parse(&place, &bytes)?));
     }
     let start = file.start().await?;
+    head.fill(start.head());
     let preview = start.preview().await?;
     Ok(Started::Asset { start, preview })
 }
@@ -441,12 +504,11 @@ async fn open_gpu(
     Ok((gpu, surface, configuration))
 }
 
-/// Two futures at a time.
+/// Two futures at a time, the first of which goes on first.
 async fn join<A, B>(a: impl Future<Output = A>, b: impl Future<Output = B>) -> (A, B) {
     let (mut a, mut b) = (std::pin::pin!(a), std::pin::pin!(b));
     let (mut from_a, mut from_b) = (None, None);
     std::future::poll_fn(move |context| {
-        use std::task::Poll;
         if from_a.is_none()
             && let Poll::Ready(value) = a.as_mut().poll(context)
         {

@@ -13,9 +13,10 @@ use fantex::paint::{ChannelPaint, FillArea, Paint, PaintColor, PaintOptions, Pai
 use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, render};
 use fantex::scene::Camera;
 use fantex::store::{
-    AssetEditor, ByteSource, ChannelKind, EditOptions, FileSource, PREVIEW, PageCache, PageId, VerifyOptions,
-    group_pages, verify_asset,
+    AssetEditor, AssetHead, ByteSource, ChannelKind, EditOptions, FileSource, PREVIEW, PageCache, PageId,
+    VerifyOptions, group_pages, verify_asset,
 };
+use fantex::stream::read::first_ranges;
 use fantex::texture::compare::psnr_db;
 use fantex::{Asset, Baker, LongestEdge, Mesh, Preview, PreviewOptions, Source};
 use glam::{DVec3, Vec3, Vec4};
@@ -88,6 +89,13 @@ fn a_preview_looks_like_the_asset_and_is_read_alone() {
     let read = counted.1.into_inner();
     assert!(read < bytes + 16_384, "{read} bytes read, {bytes} of them the preview");
     assert!(read * 2 < asset.head_bytes(), "{read} of {}", asset.head_bytes());
+    // Pages fetch the first bytes, the list of attachments and the preview.
+    let ranges = first_ranges(&FileSource::open(&path).unwrap()).unwrap();
+    let sizes: Vec<u64> = ranges.iter().map(|range| range.end - range.start).collect();
+    let is_preview = |size: u64| size > bytes / 2 && size < bytes + 16_384;
+    assert!(sizes.len() == 3 && is_preview(sizes[2]), "{sizes:?}, a preview of {bytes}");
+    let head = AssetHead::read(&FileSource::open(&path).unwrap()).unwrap();
+    assert!(head.has_attachments && head.channels == asset.channels());
     assert!(verify_asset(&small, &VerifyOptions::default()).ok);
     let camera = &Camera::orbit(asset.mesh(), 1, 4.0 / 3.0)[0];
     for (shading, least) in [(Shading::BaseColor, 34.0), (Shading::BlinnPhong, 32.0)] {

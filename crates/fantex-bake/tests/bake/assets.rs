@@ -5,11 +5,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, bake, fidelity, plan_bake,
+    AssetSource, BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, Source,
+    TexelPoint, bake, fidelity, plan_bake,
 };
 use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
-use fantex_mesh::{Mesh, generate, interpolate};
+use fantex_mesh::{Mesh, SurfacePoint, generate, interpolate, lambda_step};
 use fantex_store::limits::MAX_TILE_SIDE;
 use fantex_store::{
     ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport,
@@ -110,6 +111,43 @@ fn a_triangle_with_another_group_is_noticed() {
     let report = verified(&mesh, &cover, BakeFormat::Float);
     assert!(!report.ok && report.continuity.needless_splits == 2, "{report:?}");
     assert_eq!(report.continuity.edges + 2, whole.continuity.edges);
+}
+
+/// What lies in the tile of a disc beside it is not stored. Long footprints at its rim reach across.
+#[test]
+fn a_source_of_an_asset_knows_nothing_beyond_open_borders() {
+    let count = 48;
+    let rim = (0..count).map(|i| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(count)).sin_cos();
+        DVec3::new(cos, 0.0, sin)
+    });
+    let triangles = (0..count).map(|i| [0, 1 + (i + 1) % count, 1 + i]).collect();
+    let mesh = mesh_of([DVec3::ZERO].into_iter().chain(rim).collect(), triangles);
+    let white = Constant(vec![(ChannelKind::BaseColor, Vec4::ONE)]);
+    let options = BakeOptions { format: BakeFormat::Bc7, ..BakeOptions::default() };
+    let asset = baked(&mesh, &cover(&mesh, 512, 40_000), &white, &options);
+    let mesh = asset.cache.asset().mesh();
+    let source = AssetSource::new(&asset.cache);
+    for triangle in 0..mesh.triangles.len() {
+        let corners = mesh.triangle_positions(triangle);
+        // The disc's middle is the origin of mesh space.
+        let length = |corner: usize| corners[corner].length();
+        let middle = (0..3).min_by(|&i, &j| length(i).total_cmp(&length(j))).unwrap();
+        let [a, b] = [1, 2].map(|k| corners[(middle + k) % 3]);
+        let position_steps = [(a + b).normalize() * 0.2, (b - a).normalize() * 0.01];
+        let mut lambda = Vec3::splat(0.5);
+        lambda[middle] = 0.0;
+        let point = TexelPoint {
+            at: SurfacePoint { triangle: triangle as u32, lambda },
+            lambda_steps: position_steps.map(|step| lambda_step(corners, step)),
+            position: interpolate(corners, lambda),
+            position_steps,
+            normal: Vec3::Y,
+        };
+        let mut values = [Vec4::ZERO];
+        source.evaluate(&point, &mut values);
+        assert!(values[0].distance(Vec4::ONE) < 0.02, "triangle {triangle}: {}", values[0]);
+    }
 }
 
 fn bytes_of(mesh: &Mesh, cover: &Cover, threads: usize, options: &BakeOptions) -> Vec<u8> {

@@ -1,7 +1,8 @@
 //! Transfer from detailed to coarse meshes: normals against formulas, tangent space against object space, colours.
 
 use fantex_bake::{
-    Fit, NormalMapOptions, NormalSpace, Source, TransferOptions, TransferSource, bake_normal_map,
+    Fit, NormalMapOptions, NormalSpace, Prefilter, Source, SourceChannel, TexelPoint, TransferOptions,
+    TransferSource, bake_normal_map,
 };
 use fantex_mesh::{
     CleanOptions, DisplaceOptions, LoadOptions, Material, Mesh, Refinement, SurfacePoint, TriangleBvh, clean,
@@ -311,6 +312,52 @@ fn colours_of_another_mesh_arrive_where_they_belong() {
         let u = p.normalize();
         let expected = color(u * (1.0 + bumps(u)) / scale);
         assert!((read - expected).truncate().length() < 0.02, "{triangle}: {read} {expected}");
+    }
+}
+
+/// A colour per triangle.
+struct OfTriangle(Vec<Vec4>);
+
+impl Source for OfTriangle {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        values[0] = self.0[point.at.index()];
+    }
+}
+
+/// Smooth normals beside the upper edges of the inner box point at the lid of the outer one, which is nearer than its walls.
+#[test]
+fn beside_creases_points_show_what_faces_as_they_do() {
+    let coarse = cleaned(generate::cube(4));
+    let mut model = generate::cube(4);
+    model.positions.iter_mut().for_each(|p| *p *= DVec3::new(1.1, 1.01, 1.1));
+    let detailed = cleaned(model);
+    let color = |mesh: &Mesh, triangle: usize| 0.5 * mesh.facet_normal(triangle).as_vec3() + 0.5;
+    let paint = OfTriangle((0..detailed.triangles.len()).map(|t| color(&detailed, t).extend(1.0)).collect());
+    let options = TransferOptions { normals: false, ..TransferOptions::default() };
+    let source = TransferSource::new(&coarse, &detailed, Some(&paint), &options).unwrap();
+    let near = [Vec3::new(0.9, 0.05, 0.05), Vec3::new(0.05, 0.9, 0.05), Vec3::new(0.05, 0.05, 0.9)];
+    for triangle in 0..coarse.triangles.len() {
+        for lambda in near.into_iter().chain([Vec3::splat(1.0 / 3.0)]) {
+            let point = TexelPoint {
+                at: SurfacePoint { triangle: triangle as u32, lambda },
+                lambda_steps: [Vec3::ZERO; 2],
+                position: at(&coarse, triangle, lambda),
+                position_steps: [Vec3::ZERO; 2],
+                normal: coarse.facet_normal(triangle).as_vec3(),
+            };
+            let mut values = [Vec4::ZERO];
+            source.evaluate(&point, &mut values);
+            let (found, expected) = (values[0].truncate(), color(&coarse, triangle));
+            assert!(found.distance(expected) < 1e-3, "{triangle} {lambda}: {found} {expected}");
+        }
     }
 }
 

@@ -11,8 +11,9 @@ use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
+use fantex_store::BytesSource;
 use fantex_stream::read::{
-    Fetched, FetchedFile, ReadRequest, ReaderInfo, ReaderKind, RetryPolicy, Task, task_reader,
+    Fetched, FetchedFile, ReadRequest, ReaderInfo, ReaderKind, RetryPolicy, Task, first_ranges, task_reader,
 };
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader, ParcelTexels, open_fetched};
 use ruzstd::decoding::FrameDecoder;
@@ -86,6 +87,8 @@ fn an_asset_is_opened_and_loaded_without_a_thread() {
     assert_eq!(asset.path().to_str(), Some("http://a.org/torus.fan"));
     assert_eq!(fetches.borrow()[0].start, 0);
     assert!(fetches.borrow().len() <= 2, "{fetches:?}");
+    let ahead = first_ranges(&BytesSource::new("torus.fan", Arc::clone(&file))).unwrap();
+    assert_eq!(ahead, *fetches.borrow());
     let fetched: u64 = fetches.borrow().iter().map(|range| range.end - range.start).sum();
     assert!(fetched < file.len() as u64 / 2, "{fetched} bytes fetched before any texel");
 

@@ -1,10 +1,12 @@
 //! `fantex serve`: an asset or a world at an address of this machine, for browsers and for whatever reads ranges.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fantex::base::uri_escaped;
-use fantex::store::Asset;
+use fantex::store::{Asset, ByteSource};
+use fantex::stream::read::first_ranges;
 use fantex::stream::{open_preview, url_of};
 use fantex::{Error, Result, World};
 use fantex_web::Page;
@@ -51,12 +53,13 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     }
     let mut site = Site::new(args.share);
     // What cannot be shown is refused at once, not by the browser.
-    if World::is_named(&args.asset) {
+    let ranges = if World::is_named(&args.asset) {
         add_assets(&mut site, &args.asset, context)?;
+        Vec::new()
     } else {
         check_is_asset(&args.asset)?;
-        drop(Asset::open(&args.asset)?);
-    }
+        ranges_ahead(&**Asset::open(&args.asset)?.source())
+    };
     let name = file_name(&args.asset)?;
     let encoded = uri_escaped(&name);
     site.add(&name, Content::File(args.asset.clone()));
@@ -64,7 +67,7 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     let page = match fantex_web::files() {
         Some(files) => {
             files.iter().for_each(|(name, content)| site.add(name, Content::Bytes((*content).into())));
-            Page { title, asset: &encoded, ..Page::default() }.html()
+            Page { title, asset: &encoded, ranges: &ranges, ..Page::default() }.html()
         }
         None => {
             context.note(format!("the page at this address only names the asset: {NO_VIEWER}"));
@@ -88,6 +91,11 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     serving.map_err(|error| Error::unavailable(format!("cannot start a thread for the server: {error}")))?;
     context.wait_for_interrupt();
     Ok(())
+}
+
+/// What a page asks for before its viewer is there; nothing where that is not known.
+pub(crate) fn ranges_ahead(asset: &dyn ByteSource) -> Vec<Range<u64>> {
+    first_ranges(asset).unwrap_or_default()
 }
 
 /// Adds the assets of a world by their names in the index. Those at addresses of their own are read there.

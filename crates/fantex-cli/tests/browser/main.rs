@@ -159,7 +159,9 @@ fn a_preview_is_shown_first() {
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
     let marks = browser.run("return performance.getEntriesByType('mark').map((mark) => mark.name)");
-    let marks: Vec<&str> = marks.as_array().unwrap().iter().filter_map(serde_json::Value::as_str).collect();
+    let marks = marks.as_array().unwrap().iter().filter_map(serde_json::Value::as_str);
+    // When the device has drawn the first picture depends on the device.
+    let marks: Vec<&str> = marks.filter(|mark| *mark != "fantex picture").collect();
     assert!(marks.starts_with(&["fantex loading", "fantex preview"]), "{marks:?}");
     assert_eq!(marks.last(), Some(&"fantex sharp"), "{marks:?}");
     // What is there in the end is the asset.

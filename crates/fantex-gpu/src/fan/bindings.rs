@@ -1,6 +1,5 @@
-//! What fan shaders are bound to: the texture function and the atlas (group 1), a material (group 2); and their pipelines.
+//! What fan shaders are bound to: the texture function and the atlas (group 1), a material (group 2).
 
-use std::collections::HashMap;
 use std::num::NonZeroU64;
 
 use bytemuck::{Pod, Zeroable};
@@ -9,18 +8,15 @@ use fantex_cover::Cover;
 use fantex_mesh::{AlphaMode, Material, ToonInterpolation, ToonScale};
 use fantex_scene::FilterOptions;
 use fantex_store::{Channel, ChannelKind};
-use fantex_stream::drawing::{
-    AtlasGrid, BorderVertex, PageWords, PlainVertex, frame_records, group_records, mean_records,
-};
+use fantex_stream::drawing::{AtlasGrid, PageWords, frame_records, group_records, mean_records};
 use fantex_stream::{AtlasFormat, PageTable};
 use fantex_texture::Filter;
 use wgpu::BindingResource;
 
 use super::atlas::{ChannelAtlas, DRAWN_KINDS, KINDS, no_channel};
-use crate::gpu::{FILTERED, SAMPLED, SAMPLER, STORAGE, UNIFORM, dynamic_uniform, texture_type};
-use crate::shader::{CASTER, FAN, FAN_CASTER, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module};
-use crate::surface_pipeline::alpha_code;
-use crate::{Blending, CasterPipeline, Gpu, SurfaceKey, SurfacePipeline};
+use super::programs::{Drawn, lookup_constants};
+use crate::Gpu;
+use crate::gpu::SAMPLED;
 
 /// What an asset's texture function is made of, as far as the GPU is concerned.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +42,6 @@ pub(crate) struct FanBindings {
     channels: Vec<Channel>,
     params: FanParams,
     params_buffer: wgpu::Buffer,
-    /// Whether a branch in a shader saves what it goes round.
     has_branches: bool,
 }
 
@@ -55,7 +50,8 @@ impl FanBindings {
         let BindingSource { cover, channels, formats, grid, pages } = source;
         let tables = FanTables::new(gpu, cover, channels, pages, mean);
         let params = FanParams::new(cover, channels, &FilterOptions::default());
-        Self::bind(gpu, layout(gpu), tables, params, channels, formats, grid)
+        let layout = gpu.fan_programs().texture_layout.clone();
+        Self::bind(gpu, layout, tables, params, channels, formats, grid)
     }
 
     /// The same asset with another atlas, in which nothing is resident. What does not depend on it is shared.
@@ -106,7 +102,7 @@ impl FanBindings {
         ];
         let group = gpu.bind_group("fan model", &layout, resources.into_iter().chain(views));
         let channels = channels.to_vec();
-        let has_branches = !gpu.info().is_software;
+        let has_branches = gpu.fan_programs().has_branches;
         Self { layout, group, atlases, tables, drawn, channels, params, params_buffer, has_branches }
     }
 
@@ -118,25 +114,15 @@ impl FanBindings {
         }
     }
 
+    /// Which kinds of channels the asset has.
+    pub(crate) fn drawn_kinds(&self) -> Drawn {
+        self.drawn.map(|channel| channel.is_some())
+    }
+
     /// Values of the overrides of `fan_lookup.wgsl`.
     pub(crate) fn constants(&self, filter: Filter, is_paged: bool) -> Vec<(&'static str, f64)> {
-        const CHANNELS: [&str; KINDS] =
-            ["FAN_BASE_COLOR", "FAN_NORMAL", "FAN_MATERIAL", "FAN_EMISSION", "FAN_LIGHT", "FAN_ANISOTROPY"];
-        let has = self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
-        let mut constants: Vec<_> = CHANNELS.into_iter().zip(has).collect();
-        constants.push(("FAN_FILTER", shader_filter(filter).into()));
-        constants.push(("FAN_PAGED", u8::from(is_paged).into()));
-        constants.push(("FAN_BRANCHES", u8::from(self.has_branches).into()));
-        constants
+        lookup_constants(self.drawn_kinds(), filter, is_paged, self.has_branches)
     }
-}
-
-fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let texture = |sample_type| texture_type(sample_type, wgpu::TextureViewDimension::D2);
-    let words = texture(wgpu::TextureSampleType::Uint);
-    let tables = [UNIFORM, STORAGE, words, STORAGE, STORAGE, SAMPLER];
-    let types = tables.into_iter().chain([texture(FILTERED); KINDS]);
-    gpu.bind_layout("fan model", wgpu::ShaderStages::VERTEX_FRAGMENT, types)
 }
 
 // What the texture function needs on the GPU besides triangles and texels: groups, pages, means, frames.
@@ -176,17 +162,6 @@ impl FanParams {
 
 fn max_anisotropy(filter: &FilterOptions) -> f32 {
     filter.max_anisotropy.clamp(1.0, fantex_texture::filter::MAX_ANISOTROPY)
-}
-
-/// The filter as the shader's constant `FAN_FILTER` names it. The filters that only the CPU has are replaced by their
-/// nearest relatives: bicubic ones by linear ones, the elliptical weighted average by anisotropic probes.
-fn shader_filter(filter: Filter) -> u32 {
-    match filter {
-        Filter::Nearest => 0,
-        Filter::Bilinear | Filter::Bicubic => 1,
-        Filter::Trilinear | Filter::BicubicMipmaps => 2,
-        Filter::Anisotropic | Filter::Ewa => 3,
-    }
 }
 
 /// The tables of `fan_lookup.wgsl`: storage buffers, and a texture of [`PageWords`].
@@ -242,6 +217,9 @@ fn storage<T: Pod>(gpu: &Gpu, label: &str, items: &[T]) -> wgpu::Buffer {
 }
 
 // Bind group 2 of fan shaders: what a material says where an asset has no channel.
+
+/// Bytes of a material as shaders read it.
+pub(crate) const MATERIAL_BYTES: u64 = size_of::<MaterialRecord>() as u64;
 
 /// A material as `fan_geometry.wgsl` reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -312,9 +290,9 @@ impl FanMaterials {
                 .copy_from_slice(bytemuck::bytes_of(&MaterialRecord::new(material)));
         }
         let buffer = gpu.buffer("fan materials", &contents, wgpu::BufferUsages::UNIFORM);
-        let size = size_of::<MaterialRecord>() as u64;
-        let layout = gpu.bind_layout("fan material", wgpu::ShaderStages::FRAGMENT, [dynamic_uniform(size)]);
-        let record = wgpu::BufferBinding { buffer: &buffer, offset: 0, size: NonZeroU64::new(size) };
+        let layout = gpu.fan_programs().material_layout.clone();
+        let record =
+            wgpu::BufferBinding { buffer: &buffer, offset: 0, size: NonZeroU64::new(MATERIAL_BYTES) };
         let group = gpu.bind_group("fan material", &layout, [BindingResource::Buffer(record)]);
         Ok(Self { layout, group, stride: stride as u32 })
     }
@@ -322,151 +300,6 @@ impl FanMaterials {
     /// Binds a material to group 2.
     pub(crate) fn bind(&self, pass: &mut wgpu::RenderPass<'_>, material: u32) {
         pass.set_bind_group(2, &self.group, &[material * self.stride]);
-    }
-}
-
-// Pipelines of fan-textured triangles, made when they are first needed.
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Shape {
-    Plain,
-    Border,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Surface {
-    /// See [`alpha_code`].
-    pub(crate) alpha_mode: u32,
-    pub(crate) is_double_sided: bool,
-    pub(crate) is_toon: bool,
-}
-
-impl Surface {
-    pub(crate) fn of(material: &Material) -> Self {
-        Self {
-            alpha_mode: alpha_code(material.alpha),
-            is_double_sided: material.double_sided,
-            is_toon: material.toon.is_some(),
-        }
-    }
-
-    /// The same for triangles that may be opposed by others: these are not seen from behind.
-    pub(crate) fn opposed(self, is_opposed: bool) -> Self {
-        Self { is_double_sided: self.is_double_sided && !is_opposed, ..self }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Part {
-    pub(crate) shape: Shape,
-    pub(crate) surface: Surface,
-    /// Whether any tile is larger than a page.
-    pub(crate) is_paged: bool,
-}
-
-#[derive(Debug)]
-pub(crate) struct FanPipelines {
-    surface: wgpu::ShaderModule,
-    caster: wgpu::ShaderModule,
-    pub(crate) surfaces: HashMap<(SurfaceKey, Part), wgpu::RenderPipeline>,
-    /// By shape and alpha mode.
-    casters: HashMap<(Shape, u32), wgpu::RenderPipeline>,
-}
-
-impl Shape {
-    fn layout(self) -> wgpu::VertexBufferLayout<'static> {
-        const PLAIN: &[wgpu::VertexAttribute] =
-            &wgpu::vertex_attr_array![0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Uint32];
-        const BORDER: &[wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
-            0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Float32x2, 4 => Float32x2, 5 => Uint32x3
-        ];
-        let (bytes, attributes) = match self {
-            Self::Plain => (size_of::<PlainVertex>(), PLAIN),
-            Self::Border => (size_of::<BorderVertex>(), BORDER),
-        };
-        let step_mode = wgpu::VertexStepMode::Vertex;
-        wgpu::VertexBufferLayout { array_stride: bytes as u64, step_mode, attributes }
-    }
-}
-
-impl FanPipelines {
-    pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let surface = compose_surface(&FAN);
-        let caster = compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER]);
-        Self {
-            surface: module(device, "fan", &surface),
-            caster: module(device, "fan caster", &caster),
-            surfaces: HashMap::new(),
-            casters: HashMap::new(),
-        }
-    }
-
-    pub(crate) fn prepare_surface(
-        &mut self,
-        gpu: &Gpu,
-        bindings: &FanBindings,
-        material: &wgpu::BindGroupLayout,
-        frame: SurfaceKey,
-        part: Part,
-    ) {
-        let Part { shape, surface, is_paged } = part;
-        self.surfaces.entry((frame, part)).or_insert_with(|| {
-            let mut constants = bindings.constants(frame.filter, is_paged);
-            constants.push(("FAN_OVERLAY", frame.overlay.code().into()));
-            constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
-            constants.push(("FAN_TOON", u8::from(surface.is_toon).into()));
-            let (vertex, fragment) = match (shape, surface.alpha_mode) {
-                (Shape::Plain, 1) => ("vs_fan_plain", "fs_fan_plain_cut_out"),
-                (Shape::Plain, _) => ("vs_fan_plain", "fs_fan_plain"),
-                (Shape::Border, 1) => ("vs_fan_border", "fs_fan_border_cut_out"),
-                (Shape::Border, _) => ("vs_fan_border", "fs_fan_border"),
-            };
-            let pipeline = SurfacePipeline {
-                label: "fan",
-                module: &self.surface,
-                vertex,
-                fragment,
-                buffers: &[Some(shape.layout())],
-                groups: &[&bindings.layout, material],
-                constants: &constants,
-                blending: if surface.alpha_mode == 2 { Blending::Over } else { Blending::Opaque },
-                is_double_sided: surface.is_double_sided,
-                topology: wgpu::PrimitiveTopology::TriangleList,
-            };
-            pipeline.build(gpu, frame)
-        });
-    }
-
-    pub(crate) fn prepare_caster(
-        &mut self,
-        gpu: &Gpu,
-        bindings: &FanBindings,
-        material: &wgpu::BindGroupLayout,
-        Part { shape, surface, .. }: Part,
-    ) {
-        self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
-            let mut constants = bindings.constants(Filter::Trilinear, true);
-            constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
-            let is_solid = surface.alpha_mode == 0;
-            let pipeline = CasterPipeline {
-                label: "fan caster",
-                module: &self.caster,
-                vertex: match shape {
-                    _ if is_solid => "vs_fan_solid",
-                    Shape::Plain => "vs_fan_plain_caster",
-                    Shape::Border => "vs_fan_border_caster",
-                },
-                fragment: (!is_solid).then_some("fs_fan_caster"),
-                buffers: &[Some(shape.layout())],
-                groups: &[&bindings.layout, material],
-                constants: &constants,
-            };
-            pipeline.build(gpu)
-        });
-    }
-
-    pub(crate) fn caster(&self, part: Part) -> Option<&wgpu::RenderPipeline> {
-        self.casters.get(&(part.shape, part.surface.alpha_mode))
     }
 }
 

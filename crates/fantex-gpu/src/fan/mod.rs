@@ -26,19 +26,20 @@ mod bindings;
 #[cfg(not(target_arch = "wasm32"))]
 mod blocking;
 mod colors;
+mod programs;
 
 use std::ops::Range;
 use std::sync::Arc;
 
 pub use atlas::AtlasViewer;
-use atlas::{Uploader, checked_grid};
-use bindings::{BindingSource, FanBindings, FanMaterials, FanPipelines, FanTables, Part, Shape, Surface};
+use atlas::{DRAWN_KINDS, Uploader, checked_grid};
+use bindings::{BindingSource, FanBindings, FanMaterials, FanTables};
 use colors::FanColors;
 use fantex_base::Result;
 use fantex_cover::Cover;
 use fantex_mesh::{Material, Mesh, OpposedTriangles, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
-use fantex_store::{Asset, Channel};
+use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_stream::drawing::{AtlasGrid, GeometryChunk, GeometrySource, MaterialRun, PageWords};
 use fantex_stream::{
     AtlasFormat, AtlasShape, FrameChanges, FrameOptions, Geometry, PageTable, ParcelLoader, StreamView,
@@ -46,6 +47,8 @@ use fantex_stream::{
 };
 use fantex_texture::Filter;
 use glam::Vec3;
+pub(crate) use programs::FanPrograms;
+use programs::{FanPipelines, Part, Shape, Surface};
 
 use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
 use crate::{FrameContext, Gpu, Model, ModelSpace, Overlay, SurfaceKey, View};
@@ -110,6 +113,17 @@ struct Blended {
 }
 
 impl FanModel {
+    /// Has the pipelines compiled with which frames draw a small asset that has channels of these kinds and a plain opaque material, so that they
+    /// are there when it is. What another asset needs is compiled when it is first drawn.
+    pub fn prepare_pipelines(gpu: &Gpu, kinds: &[ChannelKind], frame: SurfaceKey) {
+        let drawn = DRAWN_KINDS.map(|kind| kinds.contains(&kind));
+        let surface = Surface::of(&Material::default());
+        for shape in [Shape::Plain, Shape::Border] {
+            let part = Part { shape, surface, is_paged: false };
+            gpu.fan_programs().surface(gpu, frame, part, drawn);
+        }
+    }
+
     /// The formats in which [`FanModel::update`] takes the channels' texels: block-compressed as they are stored where the device
     /// samples that at full speed, else decoded.
     pub fn atlas_formats(gpu: &Gpu, channels: &[Channel]) -> Vec<AtlasFormat> {
@@ -199,7 +213,7 @@ impl FanModel {
             shape,
             uploader: Uploader::new(&gpu.device, grid, PageWords::new(cover, pages)),
             next: None,
-            pipelines: FanPipelines::new(&gpu.device),
+            pipelines: FanPipelines::default(),
             surfaces: materials.iter().map(Surface::of).collect(),
             materials: FanMaterials::new(gpu, materials)?,
             formats: formats.to_vec(),
@@ -390,11 +404,11 @@ impl Model for FanModel {
             colors.prepare(gpu, frame.key, &self.bindings, &self.materials);
         }
         let parts: Vec<_> = self.parts().collect();
-        let material = &self.materials.layout;
+        let drawn = self.bindings.drawn_kinds();
         for part in parts {
-            self.pipelines.prepare_surface(gpu, &self.bindings, material, frame.key, part);
+            self.pipelines.prepare_surface(gpu, frame.key, part, drawn);
             if frame.draws_shadows {
-                self.pipelines.prepare_caster(gpu, &self.bindings, material, part);
+                self.pipelines.prepare_caster(gpu, part, drawn);
             }
         }
         Ok(())

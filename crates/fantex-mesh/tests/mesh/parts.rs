@@ -39,6 +39,23 @@ fn points_beside_a_triangle_are_moved_onto_it() {
     assert_eq!(beside.clamped().lambda, Vec3::new(0.5, 0.5, 0.0));
     let inside = SurfacePoint::corner(0, 1);
     assert_eq!(inside.clamped(), inside);
+    let mesh = mesh();
+    assert_eq!(beside.on_triangle(&mesh).lambda, Vec3::new(0.25, 0.75, 0.0));
+    assert_eq!(inside.on_triangle(&mesh), inside);
+}
+
+/// Clamped coordinates of a point beside a sliver are those of a far one.
+#[test]
+fn points_beside_a_sliver_are_moved_to_its_nearest_point() {
+    let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1e-3, 0.0)];
+    let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+    // 0.05 above the middle of its upper right side: x = b + c / 2, y = c / 1000.
+    let c = 50.5;
+    let b = 0.75 - 0.5 * c;
+    let beside = SurfacePoint { triangle: 0, lambda: Vec3::new(1.0 - b - c, b, c) };
+    let moved = beside.on_triangle(&mesh).position(&mesh);
+    assert!(moved.distance(Vec3::new(0.75, 5e-4, 0.0)) < 1e-3, "{moved}");
+    assert!(beside.clamped().position(&mesh).x < 0.6);
 }
 
 /// A unit square in the xy plane, seen from +z, and its texture coordinates.

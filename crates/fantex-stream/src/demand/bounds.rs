@@ -338,6 +338,15 @@ impl Gathering {
             density: self.density,
         }
     }
+
+    /// The bounds of these points, with these normals, which have been added; the points need not have been.
+    pub(crate) fn finish(mut self, points: &[Vec3], normals: impl Iterator<Item = Vec3>) -> Bounds {
+        points.iter().for_each(|&p| self.add_point(p));
+        let mut bounds = self.begin();
+        points.iter().for_each(|&p| bounds.widen_to_point(p));
+        normals.for_each(|normal| bounds.widen_to_normal(normal));
+        bounds
+    }
 }
 
 impl Bounds {

@@ -13,7 +13,8 @@
 //! bounds are taken with that much slack ([`TRAVEL`], [`TURN`]). A node of the tree keeps the earliest time, measured in the
 //! way and the angle that the camera has covered so far, at which anything below it must be looked at again. Blocks that are
 //! small against their distance, inside the picture and turned to the camera are bounded once for all their groups. An update is told how
-//! long it may take; after a cut in a view of hundreds of thousands of tiles some wait for the next one.
+//! long it may take; after a cut in a view of hundreds of thousands of tiles some wait for the next one. Bounds of pages of large tiles are
+//! taken by several threads at once ([`bounding`]).
 //!
 //! **What it gives away.** On average 0.1 to 0.4 levels; normals, rays and densities are bounded together ([`Relief`]), because at a slant
 //! of 75 degrees a cone of normals of 13 degrees alone costs 0.4 levels. Groups at a silhouette, of which a sliver is seen at a grazing
@@ -23,12 +24,13 @@
 //! **Occlusion is not computed**: depth is known to the renderer only, and only for the last picture. What hidden surfaces cost is room in
 //! the pool, which the bias takes into account.
 
+mod bounding;
 mod bounds;
 mod paged;
 #[cfg(test)]
 mod tests;
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -37,7 +39,7 @@ pub(crate) use bounds::{Lens, Sphere};
 use fantex_cover::GroupTriangles;
 use glam::{Mat3, Vec3};
 pub use paged::PageDemand;
-use paged::{PagedTile, PagesWanted, WorkLeft};
+use paged::{PagedTile, PagesWanted};
 
 pub use crate::shape::Detail;
 use crate::shape::{SparseLists, TileShapes};
@@ -103,7 +105,7 @@ pub struct DemandWork {
     pub uniform_blocks: u32,
     /// Groups that were bounded one by one.
     pub groups: u32,
-    /// Large tiles that were bounded page by page.
+    /// Times that a large tile was looked at page by page.
     pub paged: u32,
 }
 
@@ -116,13 +118,18 @@ pub(crate) struct Demand {
     view: Option<StreamView>,
     course: Course,
     pub(crate) work: DemandWork,
-    /// The last update might do so much,
+    /// The last update might do so much, in the time that a group takes,
     may_do: usize,
     /// and left so much.
-    left: WorkLeft,
+    left: usize,
     /// The block at which the last update ran out of work; the next one begins there, so that all have their turn.
     resume: Option<usize>,
+    /// Visible large tiles some of whose pages have no bounds yet, and the slack with which these are looked at.
+    waiting: BTreeMap<u32, Slack>,
 }
+
+/// Share of an update's work that is kept for pages that wait for bounds, while there is much else to look at: one part of so many.
+const BOUNDING_SHARE: usize = 4;
 
 impl Demand {
     /// Nothing is visible yet. `max_anisotropy` is 1 for trilinear look-ups.
@@ -137,14 +144,15 @@ impl Demand {
             course: Course::START,
             work: DemandWork::default(),
             may_do: 0,
-            left: WorkLeft { groups: 0, is_owed_one: false },
+            left: 0,
             resume: None,
+            waiting: BTreeMap::new(),
         }
     }
 
-    /// Whether the last update left groups for the next one.
+    /// Whether the last update left groups or pages for the next one.
     pub(crate) fn is_behind(&self) -> bool {
-        self.resume.is_some()
+        self.resume.is_some() || !self.waiting.is_empty()
     }
 
     #[inline]
@@ -157,9 +165,9 @@ impl Demand {
         self.pages.get(group)
     }
 
-    /// Nanoseconds that the last update should have taken.
+    /// Nanoseconds that the last update should have taken, where there are as many threads as work is counted for.
     pub(crate) fn nanoseconds(&self) -> u32 {
-        (self.may_do - self.left.groups) as u32 * GROUP_NANOSECONDS
+        (self.may_do - self.left) as u32 * GROUP_NANOSECONDS
     }
 
     /// Honours another greatest anisotropy from the next update on.
@@ -170,8 +178,8 @@ impl Demand {
         }
     }
 
-    /// Moves the view; `None` sees nothing. Groups whose demand is another one now are added to `changed`. Takes about as long as
-    /// it may, or less.
+    /// Moves the view; `None` sees nothing. Groups whose demand is another one now are added to `changed`, some of them more than once.
+    /// Takes about as long as it may, or less.
     pub(crate) fn update(
         &mut self,
         surface: &mut DemandSurface,
@@ -181,7 +189,7 @@ impl Demand {
     ) {
         self.may_do = (nanoseconds / GROUP_NANOSECONDS).max(1) as usize;
         self.work = DemandWork::default();
-        self.left = WorkLeft { groups: self.may_do, is_owed_one: true };
+        self.left = self.may_do;
         let root = self.nodes.len() - 1;
         if self.details.is_empty() {
             return;
@@ -194,6 +202,16 @@ impl Demand {
         };
         self.advance(view);
         let lens = Lens::new(view, self.max_anisotropy);
+        let reserved = if self.waiting.is_empty() { 0 } else { self.may_do / BOUNDING_SHARE };
+        self.left -= reserved;
+        self.walk(surface, lens, changed);
+        self.left += reserved;
+        self.bound_pages(surface, &lens, changed);
+    }
+
+    /// Brings the tree up to date, from the block on at which the last update ended.
+    fn walk(&mut self, surface: &mut DemandSurface, lens: Lens, changed: &mut Vec<u32>) {
+        let root = self.nodes.len() - 1;
         let begin = self.resume.take().unwrap_or(0);
         let mut visit = Visit { demand: self, surface, lens, changed, blocks: begin..usize::MAX };
         visit.node(root, 0);
@@ -243,8 +261,19 @@ impl Demand {
             changed.push(group);
             if !detail.is_visible() {
                 self.pages.set(group, Vec::new());
+                self.waiting.remove(&group);
             }
         }
+    }
+
+    /// Takes over what a large tile wants of its pages. Where bounds are missing, it waits for them.
+    fn take_pages(&mut self, group: u32, slack: Slack, wanted: PagesWanted, changed: &mut Vec<u32>) {
+        if wanted.unbounded.is_empty() {
+            self.waiting.remove(&group);
+        } else {
+            self.waiting.insert(group, slack);
+        }
+        self.set_pages(group, wanted.pages, changed);
     }
 
     fn set_pages(&mut self, group: u32, pages: Vec<PageDemand>, changed: &mut Vec<u32>) {
@@ -275,7 +304,7 @@ impl Visit<'_> {
         if course.is_before(state.due) || !self.is_visited(height, node) {
             return state.due;
         }
-        if self.demand.left.groups == 0 {
+        if self.demand.left == 0 {
             self.demand.resume.get_or_insert(node * FAN_OUT.pow(height as u32));
             return state.due;
         }
@@ -302,7 +331,7 @@ impl Visit<'_> {
     }
 
     fn spend(&mut self, work: usize) {
-        self.demand.left.spend(work);
+        self.demand.left = self.demand.left.saturating_sub(work);
     }
 
     /// Whether a node has blocks that are visited.
@@ -335,15 +364,10 @@ impl Visit<'_> {
         let groups = block(node, self.demand.details.len());
         self.demand.work.groups += groups.len() as u32;
         self.spend(groups.len());
-        let mut is_complete = true;
         for group in groups {
-            is_complete &= self.group(group as u32, slack);
+            self.group(group as u32, slack);
         }
-        if is_complete {
-            return self.demand.course.plus(slack);
-        }
-        self.demand.resume.get_or_insert(node);
-        Course::PAST
+        self.demand.course.plus(slack)
     }
 
     /// One bound for all groups of a block: they differ by their densities only. False where a large tile is wanted so fine
@@ -399,6 +423,7 @@ impl Visit<'_> {
         }
         let Some(pages) = shape.single_pages(detail) else { return true };
         // These pages follow from the detail.
+        self.demand.waiting.remove(&group);
         if is_new {
             let own = pages.start..pages.end.min(shape.own_pages());
             let pages = own.map(|index| PageDemand { index, detail }).collect();
@@ -407,8 +432,7 @@ impl Visit<'_> {
         false
     }
 
-    /// Returns whether all of its pages were looked at.
-    fn group(&mut self, group: u32, slack: Slack) -> bool {
+    fn group(&mut self, group: u32, slack: Slack) {
         let bounds = self.surface.groups[group as usize];
         let detail = match self.lens.sight(&bounds, slack) {
             Sight::Hidden(_) => Detail::HIDDEN,
@@ -417,22 +441,15 @@ impl Visit<'_> {
                 Detail::from_log2(self.lens.log2_width(&bounds, relief, slack))
             }
         };
-        if self.set(group, detail)
-            && let Some(tile) = self.surface.paged.get_mut(&group)
-        {
+        if self.set(group, detail) {
+            if let Some(tile) = self.surface.paged.get_mut(&group) {
+                tile.trim();
+            }
             self.demand.work.paged += 1;
-            let shape = self.surface.shapes.of(group);
-            let whole = (bounds, self.surface.reliefs[group as usize]);
-            let geometry = &*self.surface.geometry;
-            let Demand { pages: known, left, .. } = &mut *self.demand;
-            let view = (&self.lens, slack);
-            let wanted = tile.demand(geometry, shape, &whole, view, known.get(group), left);
-            let PagesWanted { mut pages, is_complete } = wanted;
-            pages.retain(|page| page.index < shape.own_pages());
-            self.demand.set_pages(group, pages, self.changed);
-            return is_complete;
+            let wanted = self.surface.pages_wanted(group, (&self.lens, slack), self.demand.pages(group));
+            self.spend(wanted.looked_at);
+            self.demand.take_pages(group, slack, wanted, self.changed);
         }
-        true
     }
 }
 
@@ -508,6 +525,13 @@ impl DemandSurface {
             .collect();
         let densities = groups.iter().map(|bounds| bounds.density).collect();
         Self { geometry, shapes, groups, reliefs, densities, nodes, paged, has_paged }
+    }
+
+    /// What a large tile wants of its pages from a view, as far as their bounds are known; `last` is what it wanted before.
+    fn pages_wanted(&self, group: u32, view: (&Lens, Slack), last: &[PageDemand]) -> PagesWanted {
+        let whole = (self.groups[group as usize], self.reliefs[group as usize]);
+        let tile = self.paged.get(&group);
+        tile.map(|tile| tile.wanted(self.shapes.of(group), &whole, view, last)).unwrap_or_default()
     }
 
     /// Of a ball around everything, mesh units; zero where there is nothing.

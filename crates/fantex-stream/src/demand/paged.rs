@@ -1,15 +1,15 @@
 //! Demand of tiles larger than a page: page by page, from the coarsest level down to where it is fine enough.
 //!
 //! A page's bounds are those of the group's pieces of surface, clipped in tile coordinates to the page and what filters read around
-//! it. They are taken when the page is first looked at, through a grid of the pieces over the tile, as far as an update may still
-//! work, and kept within a limit.
+//! it. They are found through grids of the pieces, one per chunk of triangles, when the page is first looked at, and kept within a limit.
+//! Grids and bounds are tasks of limited length that threads carry out at once ([`bounding`](super::bounding)).
 
 use std::collections::{BTreeMap, HashMap};
 
 use arrayvec::ArrayVec;
 use fantex_cover::{Cover, Group, GroupKind};
 use fantex_mesh::{Mesh, interpolate};
-use fantex_store::PAGE;
+use fantex_store::{PAGE, PageId};
 use glam::{Vec2, Vec3};
 
 use super::bounds::{Bounds, Gathering, LogDensities, Relief, is_culled};
@@ -32,71 +32,81 @@ const MARGIN_TEXELS: f32 = 8.0;
 /// Pages of a tile whose bounds are kept.
 const MAX_CACHED_BOUNDS: usize = 1 << 14;
 
+/// Triangles that are put into one grid: a task of a quarter of a millisecond.
+const CHUNK_TRIANGLES: usize = 1 << 10;
+
+/// Pieces in a page that are bounded one by one, at most. Where there are more, the bounds of the chunks that reach into the page serve.
+const MAX_PIECES: usize = 1 << 13;
+
+/// The time that it takes to put a triangle into a grid, and to bound a piece in a page, in that of a group.
+const PLACING_WORK: usize = 3;
+const PIECE_WORK: usize = 2;
+
 /// A tile of several pages.
 #[derive(Debug)]
 pub(crate) struct PagedTile {
     group: u32,
     /// Triangles with a corner in the group, ascending.
     triangles: Vec<u32>,
-    grid: Option<PieceGrid>,
+    /// Of the first chunks of triangles; of all of them when a page's bounds are taken.
+    grids: Vec<PieceGrid>,
+    /// Of pages, by their indices.
     bounds: HashMap<u32, (Bounds, Relief)>,
 }
 
 /// What a tile wants of its pages.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct PagesWanted {
     /// Ascending by index. Where a page is wanted, so are those of the next coarser level over it.
     pub(crate) pages: Vec<PageDemand>,
-    /// Whether all pages were looked at; else some may be missing, and what was wanted stays wanted.
-    pub(crate) is_complete: bool,
+    /// Pages whose bounds are missing, all of one level; those of coarser ones are known. While there are any, pages may be missing from
+    /// the list above, and what was wanted stays wanted.
+    pub(crate) unbounded: Vec<u32>,
+    /// Number of pages that were looked at.
+    pub(crate) looked_at: usize,
 }
 
-/// How much an update may still do, in the time that a group takes.
+/// What one thread does for the bounds of a tile's pages.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct WorkLeft {
-    pub(crate) groups: usize,
-    /// Bounds of one page at least are taken in every update, so that all of them are in the end.
-    pub(crate) is_owed_one: bool,
+pub(crate) enum BoundingTask {
+    /// Put a chunk of triangles into a grid.
+    Place(usize),
+    /// Bound the page of an index.
+    Bound(u32),
 }
 
-/// The time that it takes to put a triangle into the grid, and to bound a piece in a page, in that of a group.
-const PLACING_WORK: usize = 3;
-const PIECE_WORK: usize = 2;
-
-impl WorkLeft {
-    pub(crate) fn spend(&mut self, work: usize) {
-        self.groups = self.groups.saturating_sub(work);
-    }
+/// What came of a [`BoundingTask`].
+#[derive(Debug)]
+pub(crate) enum BoundingResult {
+    Placed(PieceGrid),
+    Bounded(u32, (Bounds, Relief)),
 }
 
 impl PagedTile {
     pub(crate) fn new(group: u32, triangles: Vec<u32>) -> Self {
-        Self { group, triangles, grid: None, bounds: HashMap::new() }
+        Self { group, triangles, grids: Vec::new(), bounds: HashMap::new() }
     }
 
-    /// What is wanted from a view; `known` is what was wanted last.
-    pub(crate) fn demand(
-        &mut self,
-        geometry: &dyn Geometry,
+    /// What is wanted from a view, as far as bounds are known; `last` is what was wanted before.
+    pub(crate) fn wanted(
+        &self,
         shape: &TileShape,
         whole: &(Bounds, Relief),
         (lens, slack): (&Lens, Slack),
-        known: &[PageDemand],
-        left: &mut WorkLeft,
+        last: &[PageDemand],
     ) -> PagesWanted {
-        if self.bounds.len() > MAX_CACHED_BOUNDS {
-            self.bounds.clear();
-        }
         let count = shape.level_count() as usize;
         let mut levels: Vec<BTreeMap<[u32; 2], Detail>> = vec![BTreeMap::new(); count];
         let mut candidates = vec![[0, 0]];
-        let (mut looked_at, mut is_complete) = (0, true);
+        let (mut looked_at, mut unbounded) = (0, Vec::new());
         for level in (0..count as u32).rev() {
             let mut finer = Vec::new();
+            let is_coarsest_unbounded = unbounded.is_empty();
             for page in candidates {
-                let Some((bounds, relief)) = self.page_bounds(geometry, shape, whole, (level, page), left)
-                else {
-                    is_complete = false;
+                let Some((bounds, relief)) = self.known_bounds(shape, whole, (level, page)) else {
+                    if is_coarsest_unbounded {
+                        unbounded.push(shape.page_index(level, page));
+                    }
                     continue;
                 };
                 looked_at += 1;
@@ -116,9 +126,8 @@ impl PagedTile {
             finer.dedup();
             candidates = finer;
         }
-        left.spend(looked_at);
-        if !is_complete {
-            for &PageDemand { index, detail } in known {
+        if !unbounded.is_empty() {
+            for &PageDemand { index, detail } in last {
                 let page = shape.page(self.group, index);
                 levels[page.level as usize].entry(page.page).or_insert(detail);
             }
@@ -131,45 +140,119 @@ impl PagedTile {
                     .iter()
                     .map(move |(&page, &detail)| PageDemand { index: shape.page_index(level, page), detail })
             })
+            .filter(|page| page.index < shape.own_pages())
             .collect();
         pages.sort_unstable_by_key(|p| p.index);
-        PagesWanted { pages, is_complete }
+        PagesWanted { pages, unbounded, looked_at }
     }
 
-    /// None where they are not known yet, and an update may not take them.
-    fn page_bounds(
-        &mut self,
-        geometry: &dyn Geometry,
+    fn known_bounds(
+        &self,
         shape: &TileShape,
         whole: &(Bounds, Relief),
         (level, page): (u32, [u32; 2]),
-        left: &mut WorkLeft,
     ) -> Option<(Bounds, Relief)> {
-        let extent = shape.extent(level);
-        if extent.iter().all(|&n| n <= PAGE) {
+        if shape.extent(level).iter().all(|&n| n <= PAGE) {
             return Some(*whole);
         }
-        let index = shape.page_index(level, page);
-        if let Some(bounds) = self.bounds.get(&index) {
-            return Some(*bounds);
+        self.bounds.get(&shape.page_index(level, page)).copied()
+    }
+
+    /// Drops all bounds if there are too many.
+    pub(crate) fn trim(&mut self) {
+        if self.bounds.len() > MAX_CACHED_BOUNDS {
+            self.bounds.clear();
         }
-        if left.groups == 0 && !left.is_owed_one {
-            return None;
+    }
+
+    /// What is to be done next for the bounds of these pages, and the work of each task: all grids first, then page by page.
+    pub(crate) fn tasks<'a>(
+        &'a self,
+        shape: &'a TileShape,
+        unbounded: &'a [u32],
+    ) -> impl Iterator<Item = (BoundingTask, usize)> + 'a {
+        let chunks = self.triangles.len().div_ceil(CHUNK_TRIANGLES);
+        let pages: &[u32] = if self.grids.len() < chunks { &[] } else { unbounded };
+        let places = (self.grids.len()..chunks)
+            .map(move |chunk| (BoundingTask::Place(chunk), PLACING_WORK * self.chunk(chunk).len()));
+        let bounds = pages.iter().map(move |&index| {
+            let pieces = self.piece_count(self.rectangle(shape, index));
+            let work = if pieces > MAX_PIECES { chunks } else { PIECE_WORK * pieces };
+            (BoundingTask::Bound(index), work.max(1))
+        });
+        places.chain(bounds)
+    }
+
+    /// Does what a task says. [`keep`](Self::keep) takes what comes of it, that of grids in their order.
+    pub(crate) fn carry_out(
+        &self,
+        geometry: &dyn Geometry,
+        shape: &TileShape,
+        task: BoundingTask,
+    ) -> BoundingResult {
+        match task {
+            BoundingTask::Place(chunk) => {
+                BoundingResult::Placed(PieceGrid::new(geometry, self.group, self.chunk(chunk)))
+            }
+            BoundingTask::Bound(index) => {
+                let group = &geometry.cover().groups[self.group as usize];
+                BoundingResult::Bounded(index, self.bounds_in(group, self.rectangle(shape, index)))
+            }
         }
-        left.is_owed_one = false;
-        let texels = Vec2::from(extent.map(|n| n as f32));
+    }
+
+    pub(crate) fn keep(&mut self, result: BoundingResult) {
+        match result {
+            BoundingResult::Placed(grid) => self.grids.push(grid),
+            BoundingResult::Bounded(index, bounds) => {
+                self.bounds.insert(index, bounds);
+            }
+        }
+    }
+
+    fn chunk(&self, index: usize) -> &[u32] {
+        let begin = index * CHUNK_TRIANGLES;
+        &self.triangles[begin..self.triangles.len().min(begin + CHUNK_TRIANGLES)]
+    }
+
+    /// Lower and upper corner of what look-ups in a page read, in tile coordinates.
+    fn rectangle(&self, shape: &TileShape, index: u32) -> [Vec2; 2] {
+        let PageId { level, page, .. } = shape.page(self.group, index);
+        let texels = Vec2::from(shape.extent(level).map(|n| n as f32));
         let origin = Vec2::from(page.map(|n| (n * PAGE) as f32));
         let size = Vec2::from(shape.page_extent(level, page).map(|n| n as f32));
-        let rectangle = [(origin - MARGIN_TEXELS) / texels, (origin + size + MARGIN_TEXELS) / texels];
-        let grid = self.grid.get_or_insert_with(|| {
-            left.spend(PLACING_WORK * self.triangles.len());
-            PieceGrid::new(geometry, self.group, &self.triangles)
-        });
-        let group = &geometry.cover().groups[self.group as usize];
-        let (bounds, work) = grid.bounds(group, rectangle);
-        left.spend(PIECE_WORK * work);
-        self.bounds.insert(index, bounds);
-        Some(bounds)
+        [(origin - MARGIN_TEXELS) / texels, (origin + size + MARGIN_TEXELS) / texels]
+    }
+
+    /// How many pieces, about, may lie in a rectangle of the tile.
+    fn piece_count(&self, rectangle: [Vec2; 2]) -> usize {
+        self.grids.iter().map(|grid| grid.count_in(rectangle)).sum()
+    }
+
+    /// Bounds of what lies in a rectangle of the tile.
+    fn bounds_in(&self, group: &Group, rectangle: [Vec2; 2]) -> (Bounds, Relief) {
+        if self.piece_count(rectangle) > MAX_PIECES {
+            let chunks = self.grids.iter().filter(|grid| grid.meets(rectangle));
+            let chunks: Vec<Bounds> = chunks.map(|grid| grid.bounds).collect();
+            return (Bounds::around(&chunks), Relief::UNKNOWN);
+        }
+        let mut gathering = Gathering::EMPTY;
+        let (mut points, mut planes) = (Vec::new(), Vec::new());
+        for grid in &self.grids {
+            grid.for_each_in(rectangle, |piece| {
+                let polygon = clip(piece, rectangle);
+                let Some(&(_, first)) = polygon.first() else { return };
+                gathering.add_normals(piece.normal, piece.densities, piece.is_culled);
+                planes.push((piece.normal, first));
+                points.extend(polygon.iter().map(|&(_, p)| p));
+            });
+        }
+        if planes.is_empty() {
+            return (Bounds::NOTHING, Relief::UNKNOWN);
+        }
+        let bounds = gathering.finish(&points, planes.iter().map(|&(normal, _)| normal));
+        let relief = Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes.iter().copied());
+        (bounds, relief)
     }
 }
 
@@ -205,18 +288,22 @@ impl Piece {
     }
 }
 
-/// The pieces of a group by the cells of a grid over its tile.
+/// Pieces of a group by the cells of a grid over the part of the tile in which they lie.
 #[derive(Debug)]
-struct PieceGrid {
+pub(crate) struct PieceGrid {
     pieces: Vec<Piece>,
+    /// Around all pieces, mesh space.
+    bounds: Bounds,
+    /// Lower and upper corner in the tile.
+    area: [Vec2; 2],
+    /// Cells along each side.
     side: u32,
-    /// Per cell, rows from v = 0, where its pieces begin in `members`; then where the last one's end.
+    /// Per cell, rows from the lower corner, where its pieces begin in `members`; then where the last one's end.
     firsts: Vec<u32>,
     /// Pieces whose box touches a cell, ascending.
     members: Vec<u32>,
-    /// Per piece the last search that has come across it.
-    found_by: Vec<u32>,
-    searches: u32,
+    /// Per piece the first column and row that its box touches.
+    first_cells: Vec<[u8; 2]>,
 }
 
 impl PieceGrid {
@@ -225,19 +312,29 @@ impl PieceGrid {
         for &triangle in triangles {
             add_pieces(&mut pieces, geometry, triangle as usize, group);
         }
+        let mut gathering = Gathering::EMPTY;
+        let mut area = [Vec2::INFINITY, Vec2::NEG_INFINITY];
+        for piece in &pieces {
+            gathering.add_normals(piece.normal, piece.densities, piece.is_culled);
+            let [low, high] = piece.box_of();
+            area = [area[0].min(low), area[1].max(high)];
+        }
+        let points: Vec<Vec3> = pieces.iter().flat_map(|piece| &piece.corners).map(|&(_, p)| p).collect();
+        let bounds = gathering.finish(&points, pieces.iter().map(|piece| piece.normal));
         let side = (pieces.len() as f32).sqrt().clamp(1.0, 64.0) as u32;
-        let found_by = vec![0; pieces.len()];
-        let mut grid = Self { pieces, side, firsts: Vec::new(), members: Vec::new(), found_by, searches: 0 };
+        let (firsts, members, first_cells) = (Vec::new(), Vec::new(), Vec::new());
+        let mut grid = Self { pieces, bounds, area, side, firsts, members, first_cells };
         grid.sort_into_cells();
         grid
     }
 
     /// Counts what lies in each cell, then puts it there.
     fn sort_into_cells(&mut self) {
-        let cells_of =
-            |piece: &Piece| cells(self.cells_under(piece.box_of())).map(|[x, y]| y * self.side + x);
-        let mut firsts = vec![0; (self.side * self.side) as usize + 1];
-        for cell in self.pieces.iter().flat_map(cells_of) {
+        let ranges: Vec<_> = self.pieces.iter().map(|piece| self.cells_under(piece.box_of())).collect();
+        let side = self.side;
+        let cells_of = |&range: &[[u32; 2]; 2]| cells(range).map(move |[x, y]| y * side + x);
+        let mut firsts = vec![0; (side * side) as usize + 1];
+        for cell in ranges.iter().flat_map(cells_of) {
             firsts[cell as usize + 1] += 1;
         }
         for cell in 1..firsts.len() {
@@ -245,54 +342,62 @@ impl PieceGrid {
         }
         let mut members = vec![0; firsts[firsts.len() - 1] as usize];
         let mut next = firsts.clone();
-        for (i, piece) in (0..).zip(&self.pieces) {
-            for cell in cells_of(piece) {
+        for (i, range) in (0..).zip(&ranges) {
+            for cell in cells_of(range) {
                 let place = &mut next[cell as usize];
                 members[*place as usize] = i;
                 *place += 1;
             }
         }
+        self.first_cells = ranges.iter().map(|&[first, _]| first.map(|n| n as u8)).collect();
         (self.firsts, self.members) = (firsts, members);
     }
 
-    /// First and last cell that a rectangle touches.
+    /// Whether the part of the tile in which the pieces lie meets a rectangle.
+    fn meets(&self, [low, high]: [Vec2; 2]) -> bool {
+        self.area[0].cmple(high).all() && low.cmple(self.area[1]).all()
+    }
+
+    /// First and last cell that a rectangle touches; those at the border where it does not.
     fn cells_under(&self, rectangle: [Vec2; 2]) -> [[u32; 2]; 2] {
+        let scale = self.side as f32 / (self.area[1] - self.area[0]).max(Vec2::splat(f32::EPSILON));
         rectangle.map(|uv| {
-            let cell = (uv * self.side as f32).clamp(Vec2::ZERO, Vec2::splat(self.side as f32 - 1.0));
+            let cell = (uv - self.area[0]) * scale;
+            let cell = cell.clamp(Vec2::ZERO, Vec2::splat(self.side as f32 - 1.0));
             [cell.x as u32, cell.y as u32]
         })
     }
 
-    /// Of what lies in a rectangle of the tile, and how many pieces were looked at.
-    fn bounds(&mut self, group: &Group, rectangle: [Vec2; 2]) -> ((Bounds, Relief), usize) {
-        self.searches += 1;
-        let mut looked_at = 0;
-        let mut gathering = Gathering::EMPTY;
-        let (mut points, mut planes) = (Vec::new(), Vec::new());
-        for [x, y] in cells(self.cells_under(rectangle)) {
+    /// About how many pieces [`for_each_in`](Self::for_each_in) visits: members of cells, by the mean number of cells of a piece.
+    fn count_in(&self, rectangle: [Vec2; 2]) -> usize {
+        if self.members.is_empty() || !self.meets(rectangle) {
+            return 0;
+        }
+        let [[left, bottom], [right, top]] = self.cells_under(rectangle);
+        let members_in_row = |y: u32| {
+            let row = (y * self.side) as usize;
+            u64::from(self.firsts[row + right as usize + 1] - self.firsts[row + left as usize])
+        };
+        let members: u64 = (bottom..=top).map(members_in_row).sum();
+        (members * self.pieces.len() as u64).div_ceil(self.members.len() as u64) as usize
+    }
+
+    /// Visits the pieces whose box touches a cell that a rectangle touches, each once.
+    fn for_each_in(&self, rectangle: [Vec2; 2], mut visit: impl FnMut(&Piece)) {
+        if !self.meets(rectangle) {
+            return;
+        }
+        let range = self.cells_under(rectangle);
+        for [x, y] in cells(range) {
             let cell = (y * self.side + x) as usize;
             for &i in &self.members[self.firsts[cell] as usize..self.firsts[cell + 1] as usize] {
-                if std::mem::replace(&mut self.found_by[i as usize], self.searches) == self.searches {
-                    continue;
+                // Of the cells that both touch, the first one counts.
+                let [first_x, first_y] = self.first_cells[i as usize].map(u32::from);
+                if [x, y] == [first_x.max(range[0][0]), first_y.max(range[0][1])] {
+                    visit(&self.pieces[i as usize]);
                 }
-                looked_at += 1;
-                let piece = &self.pieces[i as usize];
-                let polygon = clip(piece, rectangle);
-                let Some(&(_, first)) = polygon.first() else { continue };
-                gathering.add_normals(piece.normal, piece.densities, piece.is_culled);
-                planes.push((piece.normal, first));
-                points.extend(polygon.iter().map(|&(_, p)| p));
             }
         }
-        if planes.is_empty() {
-            return ((Bounds::NOTHING, Relief::UNKNOWN), looked_at);
-        }
-        points.iter().for_each(|&p| gathering.add_point(p));
-        let mut bounds = gathering.begin();
-        points.iter().for_each(|&p| bounds.widen_to_point(p));
-        planes.iter().for_each(|&(normal, _)| bounds.widen_to_normal(normal));
-        let relief = Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes.iter().copied());
-        ((bounds, relief), looked_at)
     }
 }
 

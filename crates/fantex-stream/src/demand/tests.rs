@@ -132,6 +132,30 @@ fn pages_that_are_too_much_work_are_bounded_over_updates() {
 }
 
 #[test]
+fn a_tile_of_many_triangles_does_not_hold_up_an_update() {
+    let geometry = covered(generate::grid(96), 1 << 22, 4096, true);
+    let view = look(Vec3::new(0.2, 1.0, 0.1), Vec3::ZERO, 60.0);
+    let (mut surface, mut demand) = demand_for(&geometry, 16.0);
+    let mut updates = 0;
+    while updates == 0 || demand.is_behind() {
+        demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
+        assert!(demand.left <= demand.may_do);
+        updates += 1;
+        assert!(updates < 10_000, "this does not end");
+    }
+    let of_group = GroupTriangles::of(&geometry.cover);
+    let is_bounded = |&group: &u32| {
+        let (shape, detail) = (surface.shapes.of(group), demand.detail(group));
+        detail.is_visible() && shape.is_paged() && shape.single_pages(detail).is_none()
+    };
+    let bounded = (0..geometry.cover.groups.len() as u32).filter(is_bounded);
+    let triangles: usize = bounded.map(|group| of_group.of_group(group).len()).sum();
+    assert!(triangles > 10_000, "{triangles}");
+    // Putting a thousand triangles into a grid is more than these updates may do.
+    assert!(updates > triangles / 1024, "{updates} updates, {triangles} triangles");
+}
+
+#[test]
 fn over_a_page_that_is_wanted_are_others_also_while_the_camera_moves() {
     let geometry = covered(generate::icosphere(5), 1 << 24, 4096, false);
     let (mut surface, mut demand) = demand_for(&geometry, 16.0);

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::rc::Rc;
 
-use js_sys::Uint8Array;
+use js_sys::{Map, Promise, Uint8Array};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortSignal, Request, RequestInit, Response, Window};
@@ -32,12 +32,20 @@ pub const BROWSER_CONNECTIONS: usize = 6;
 pub struct RemoteFile {
     url: String,
     version: RefCell<Option<String>>,
+    /// See [`with_answers`](Self::with_answers).
+    answers: Map,
 }
 
 impl RemoteFile {
     /// Nothing is fetched yet.
     pub fn new(url: String) -> Self {
-        Self { url, version: RefCell::new(None) }
+        Self::with_answers(url, Map::new().into())
+    }
+
+    /// Some ranges are being fetched: `answers` is a `Map` of promises of `Response`s by "FIRST-LAST", the numbers of their bytes. Each is taken
+    /// once.
+    pub fn with_answers(url: String, answers: JsValue) -> Self {
+        Self { url, version: RefCell::new(None), answers: answers.unchecked_into() }
     }
 
     /// Its address.
@@ -117,10 +125,19 @@ impl RemoteFile {
     }
 
     async fn ask(&self, range: &Range<u64>) -> io::Result<Response> {
+        let first_last = format!("{}-{}", range.start, range.end - 1);
+        let key = JsValue::from_str(&first_last);
+        let answer = self.answers.get(&key);
+        if !answer.is_undefined() {
+            self.answers.delete(&key);
+            let answer: Promise = answer.unchecked_into();
+            let response = JsFuture::from(answer).await.map_err(|error| broken(&error))?;
+            return Ok(response.unchecked_into());
+        }
         let options = RequestInit::new();
         options.set_signal(Some(&AbortSignal::timeout_with_u32(MAX_REQUEST_MILLISECONDS)));
         let request = Request::new_with_str_and_init(&self.url, &options).map_err(|error| broken(&error))?;
-        let bytes = format!("bytes={}-{}", range.start, range.end - 1);
+        let bytes = format!("bytes={first_last}");
         request.headers().set("range", &bytes).map_err(|error| broken(&error))?;
         // Workers have the same function, and no window.
         let window: Window = js_sys::global().unchecked_into();

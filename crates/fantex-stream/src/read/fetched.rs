@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fantex_base::{Error, Result};
-use fantex_store::{Asset, ByteSource};
+use fantex_store::{Asset, AssetHead, ByteSource};
 
 /// Bytes of an asset that have been fetched.
 #[derive(Clone, Debug)]
@@ -50,12 +50,14 @@ impl<F: AsyncFn(Range<u64>) -> io::Result<Fetched>> FetchedFile<F> {
     pub async fn start(location: &str, fetch: F) -> Result<Self> {
         let path = PathBuf::from(location);
         let first = fetch(0..FIRST_BYTES).await.map_err(|error| Error::reading(&path, error))?;
-        let source = Arc::new(FetchedSource {
-            location: path,
-            length: first.total.unwrap_or(u64::MAX),
-            state: Mutex::new(State { spans: vec![(0, first.bytes)], missing: None }),
-        });
-        Ok(Self { fetch, source })
+        Ok(Self { fetch, source: Arc::new(FetchedSource::new(path, first)) })
+    }
+
+    /// What the first bytes tell; none where these are not enough or damaged, which opening finds out, too.
+    pub fn head(&self) -> Option<AssetHead> {
+        let head = AssetHead::read(&*self.source);
+        self.source.state().missing = None;
+        head.ok()
     }
 
     /// The asset's [preview](fantex_store::PREVIEW): two further ranges, or none where there is none.
@@ -95,6 +97,50 @@ impl<F: AsyncFn(Range<u64>) -> io::Result<Fetched>> FetchedFile<F> {
     }
 }
 
+/// The ranges of an asset that are fetched until there is something to show, in order: those of its [preview](fantex_store::PREVIEW), or all that is
+/// needed to open the asset where it has none.
+///
+/// # Errors
+/// The file cannot be read, is no asset, or is damaged.
+#[cfg(not(target_arch = "wasm32"))]
+pub fn first_ranges(file: &dyn ByteSource) -> Result<Vec<Range<u64>>> {
+    let failed = |error| Error::reading(file.location(), error);
+    let read = |range: &Range<u64>| {
+        let mut bytes = vec![0; (range.end - range.start) as usize];
+        let count = file.read_at(&mut bytes, range.start).map_err(failed)?;
+        bytes.truncate(count);
+        Ok::<_, Error>(bytes)
+    };
+    let mut ranges = vec![0..FIRST_BYTES];
+    let first = Fetched { bytes: read(&ranges[0])?, total: Some(file.length().map_err(failed)?) };
+    let source = Arc::new(FetchedSource::new(file.location().to_owned(), first));
+    let mut has_preview = true;
+    while ranges.len() <= MAX_FETCHES {
+        let opened = if has_preview {
+            Asset::open_preview(&*source).map(|preview| preview.is_some())
+        } else {
+            Asset::open_source(source.clone()).map(|_| true)
+        };
+        let missing = source.state().missing.take();
+        match (opened, missing) {
+            (Ok(true), _) => return Ok(ranges),
+            (Ok(false), _) => has_preview = false,
+            (Err(error), None) => return Err(error),
+            // What comes last need not be unpacked here.
+            (Err(_), Some(range)) if !has_preview => {
+                ranges.push(range);
+                return Ok(ranges);
+            }
+            (Err(_), Some(range)) => {
+                let bytes = read(&range)?;
+                source.state().spans.push((range.start, bytes));
+                ranges.push(range);
+            }
+        }
+    }
+    Ok(ranges)
+}
+
 #[derive(Debug)]
 struct FetchedSource {
     location: PathBuf,
@@ -111,6 +157,12 @@ struct State {
 }
 
 impl FetchedSource {
+    fn new(location: PathBuf, first: Fetched) -> Self {
+        let length = first.total.unwrap_or(u64::MAX);
+        let state = State { spans: vec![(0, first.bytes)], missing: None };
+        Self { location, length, state: Mutex::new(state) }
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -51,6 +51,8 @@ use fantex_store::{Asset, ByteSource, FileSource};
 #[cfg(target_arch = "wasm32")]
 pub use browser::{BROWSER_CONNECTIONS, RemoteFile, spawn};
 pub use buffer::{BufferPool, ReadBuffer};
+#[cfg(not(target_arch = "wasm32"))]
+pub use fetched::first_ranges;
 pub use fetched::{Fetched, FetchedFile, open_fetched};
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};

@@ -231,6 +231,23 @@ fn nothing_that_is_read_is_missing_and_little_else_is_wanted() {
     }
 }
 
+/// Coarse pages of the only tile hold so many triangles that they are bounded by chunks of them.
+#[test]
+fn pages_of_many_triangles_are_demanded_as_they_are_seen() {
+    let geometry = covered(generate::grid(160), 4 << 20, 4096, true);
+    for anisotropy in [16.0, 1.0] {
+        let mut streamer = streamer(&geometry, anisotropy);
+        let mut excess = Excess::default();
+        for eye in [Vec3::new(0.8, 1.2, 0.5), Vec3::new(0.3, 0.3, 0.2)] {
+            let view = look(eye, Vec3::new(0.1, 0.0, 0.0), 50.0);
+            streamer.update(Some(&view), FrameOptions::default());
+            compare(&geometry, &streamer, &view, anisotropy, 1, &mut excess);
+        }
+        let mean = excess.levels / excess.groups as f64;
+        assert!(excess.groups > 0 && mean < 1.5, "{mean} levels too fine");
+    }
+}
+
 fn land() -> fantex_mesh::Model {
     let options = generate::LandscapeOptions { triangles: 20_000, ..Default::default() };
     generate::landscape(&options).into()

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use fantex::base::files::{folder_of, persist_all, temporary_file};
 use fantex::base::uri_escaped;
 use fantex::render::{FilterOptions, RenderOptions};
+use fantex::store::FileSource;
 use fantex::stream::url_of;
 use fantex::texture::Filter;
 use fantex::{Error, Preview, PreviewOptions, Result, World, WorldScene};
@@ -16,7 +17,7 @@ use serde::Serialize;
 use tempfile::TempPath;
 
 use super::ExportArgs;
-use crate::commands::serve::{NO_VIEWER, file_name, path_below};
+use crate::commands::serve::{NO_VIEWER, file_name, path_below, ranges_ahead};
 use crate::context::Context;
 use crate::scene::{Scene, check_is_asset, open_asset, photograph, portrait, report_damage, world_boxes};
 use crate::text::megabytes;
@@ -46,7 +47,6 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let name = file_name(&url_of(&args.asset).map_or_else(|| args.asset.clone(), without_query))?;
     let title =
         args.title.as_deref().unwrap_or_else(|| name.strip_suffix(shown.extension()).unwrap_or(&name));
-    let page = Page { title, credits: &args.credits, asset: &uri_escaped(&name), base: &base }.html();
     let assets = shown.assets(&args.asset, &name)?;
 
     let own = ["index.html", "preview.png"].into_iter().chain(viewer.iter().map(|(name, _)| *name));
@@ -79,6 +79,11 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         bytes += std::fs::metadata(&copy.0).map_err(|error| Error::reading(&copy.0, error))?.len();
         files.push(copy);
     }
+    let mut ranges = Vec::new();
+    if let (Shown::Asset(_), Some((copy, _))) = (&shown, files.last()) {
+        let copied = FileSource::open(copy).map_err(|error| Error::reading(copy, error))?;
+        ranges = ranges_ahead(&copied);
+    }
     if let Shown::World(world) = &shown {
         let index = world.to_bytes()?;
         bytes += index.len() as u64;
@@ -87,6 +92,8 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let picture = shown.picture(&args.asset, context)?;
     bytes += picture.len() as u64;
     files.push(written(&place("preview.png"), |file| file.write_all(&picture))?);
+    let asset = uri_escaped(&name);
+    let page = Page { title, credits: &args.credits, asset: &asset, ranges: &ranges, base: &base }.html();
     bytes += page.len() as u64;
     files.push(written(&place("index.html"), |file| file.write_all(page.as_bytes()))?);
     let info = WebInfo {
