@@ -6,14 +6,15 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use clap::{Args, Parser as _};
+use fantex::addresses::{Target, is_address, watched};
 use fantex::store::{CreateOptions, Plan, merge_sources};
 use fantex::stream::open_source;
 use fantex::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::addresses::{Target, is_address, watched, with_local_files};
 use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
+use crate::local_files::with_local_files;
 use crate::text::{counted, megabytes};
 use crate::{Cli, Command};
 
@@ -184,7 +185,7 @@ pub(crate) fn merge(args: &MergeArgs, context: &Context) -> Result<()> {
                 .map_err(of_files)?
         };
         if let Some(target) = target {
-            target.finish(&context.replace(), context)?;
+            target.finish(&context.replace(), &context.step("uploading", "MB"))?;
         }
         written
     };

@@ -6,12 +6,11 @@ use clap::Args;
 use fantex::base::uri_escaped;
 use fantex::store::Asset;
 use fantex::stream::{open_preview, url_of};
-use fantex::{Error, Result, World};
+use fantex::{Error, FileKind, Result, World};
 use fantex_web::Page;
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::check_is_asset;
 use crate::server::{Content, Server, Site};
 use crate::text::counted;
 
@@ -54,7 +53,7 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
     if World::is_named(&args.asset) {
         add_assets(&mut site, &args.asset, context)?;
     } else {
-        check_is_asset(&args.asset)?;
+        FileKind::check_is_asset(&args.asset)?;
         drop(Asset::open(&args.asset)?);
     }
     let name = file_name(&args.asset)?;
