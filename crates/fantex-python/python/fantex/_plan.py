@@ -19,7 +19,7 @@ class Plan:
     """A planned bake: the mesh, its tiles and channels, and no texels. :func:`plan` writes such a file.
 
     Args:
-        path: the file.
+        path: the file, also at an ``https://``, ``s3://`` or ``gs://`` address.
 
     Raises:
         FileNotFoundError, OSError: the file cannot be read.
@@ -27,7 +27,7 @@ class Plan:
     """
 
     path: str
-    """Where it lies, absolute."""
+    """Where it lies: an absolute path, or an address."""
     channels: Tuple[str, ...]
     """Names of the channels."""
     texels: int
@@ -36,7 +36,7 @@ class Plan:
     """Number of tiles; more parts than tiles are of no use."""
 
     def __init__(self, path: Path) -> None:
-        self.path = os.path.abspath(path)
+        self.path = _absolute(path)
         self._native = _native.Plan(self.path)
         self.channels = tuple(self._native.channels)
         self.texels, self.tiles, self._triangles = self._native.figures()
@@ -79,8 +79,8 @@ def plan(
 ) -> Plan:
     """Covers a mesh and plans a bake: parts are baked by :func:`bake_part` and joined by :func:`merge`.
 
-    Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write. The plan notes paths of model and
-    source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
+    Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://`` or ``gs://``
+    address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
     """
     options = _options(
         texels=texels,
@@ -122,7 +122,7 @@ def bake_part(
     Args:
         plan: what :func:`plan` made, or its path.
         shard: ``(number, count)``: which part, from 1, and how many there are.
-        path: the part to write. It appears at the end, whole, or not at all.
+        path: the part to write, also at an ``s3://`` or ``gs://`` address. It appears at the end, whole, or not at all.
         mesh: the planned mesh, where that was no file.
         source: the planned source, where that was a function or a mesh in memory.
         overwrite: replace an existing file.
@@ -174,10 +174,10 @@ def merge(
 
     Args:
         plan: what :func:`plan` made, or its path.
-        parts: all parts.
-        path: the asset to write. It appears at the end, whole, or not at all.
+        parts: all parts, also at addresses.
+        path: the asset to write, also at an ``s3://`` or ``gs://`` address. It appears at the end, whole, or not at all.
         overwrite: replace an existing file.
-        progress: called with ``(done, total)`` bytes; what it raises ends the merge.
+        progress: called with ``(done, total)`` bytes, then those that are sent to a store; what it raises ends the merge.
 
     Raises:
         FileExistsError, OSError: as their names say.
@@ -188,6 +188,18 @@ def merge(
     plan = plan if isinstance(plan, Plan) else Plan(plan)
     _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite, progress)
     return Asset(path)
+
+
+def check_parts(plan: Union[Plan, Path], parts: Iterable[Path], *, progress: Optional[Progress] = None) -> None:
+    """Looks whether the parts of a plan are all there and whole, and writes nothing. Raises what :func:`merge` would raise.
+
+    Args:
+        plan: what :func:`plan` made, or its path.
+        parts: all parts, also at addresses.
+        progress: called with ``(done, total)`` bytes.
+    """
+    plan = plan if isinstance(plan, Plan) else Plan(plan)
+    _native.merge(plan._native, [os.fspath(part) for part in parts], None, False, progress)
 
 
 def _noted_mesh(mesh: Any) -> Optional[str]:
