@@ -191,9 +191,6 @@ class Mesh:
         )
         return _taken(self._native.render(view))
 
-    def _repr_png_(self) -> Optional[bytes]:
-        return self.render(size=(640, 480)).to_png()
-
     @property
     def info(self) -> dict:
         """``kind`` (``"model"``), ``triangles``, ``vertices``, ``components``, ``boundary_edges``, ``nonmanifold_edges``,

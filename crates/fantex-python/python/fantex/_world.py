@@ -169,9 +169,6 @@ class World:
         )
         return _taken(self._native.render(view, self._memory if memory is None else int(memory)))
 
-    def _repr_png_(self) -> Optional[bytes]:
-        return self.render(size=(640, 480)).to_png() if self.objects else None
-
     def export(
         self,
         path: Path,
