@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use fantex::addresses::is_address;
 use fantex::bake::Progress;
 use fantex::base::files::{exists, folder_of, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
@@ -22,7 +23,6 @@ use serde::Serialize;
 use tempfile::TempDir;
 
 use crate::CommonArgs;
-use crate::addresses::is_address;
 
 /// The common flags, and whether the user wants to stop.
 #[derive(Debug)]
@@ -112,6 +112,16 @@ impl Context {
     /// As [`Context::progress`], of what counts bytes.
     pub(crate) fn progress_of_bytes(&self, label: &str) -> Bar<'_> {
         Bar::new(label, "MB", !self.quiet && !self.json, &self.interrupt)
+    }
+
+    /// A bar that is drawn from the first report to the last, for one of several steps.
+    pub(crate) fn step(&self, label: &'static str, unit: &'static str) -> StepBar<'_> {
+        StepBar { context: self, label, unit, bar: Mutex::default() }
+    }
+
+    /// Bars for what is fetched from a store and sent back.
+    pub(crate) fn transfers(&self) -> [StepBar<'_>; 2] {
+        ["fetching", "uploading"].map(|label| self.step(label, "MB"))
     }
 
     /// Until the result is dropped, Ctrl-C only sets a flag, so that a file being written is removed.
@@ -378,6 +388,40 @@ impl Progress for Bar<'_> {
 
     fn is_cancelled(&self) -> bool {
         self.interrupt.is_requested()
+    }
+}
+
+/// A bar that is there while there is something to show; it ends the work on Ctrl-C in any case.
+pub(crate) struct StepBar<'a> {
+    context: &'a Context,
+    label: &'static str,
+    unit: &'static str,
+    bar: Mutex<Option<Bar<'a>>>,
+}
+
+impl Progress for StepBar<'_> {
+    fn report(&self, done: u64, total: u64) {
+        let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        if done >= total {
+            drop(bar.take());
+            return;
+        }
+        let Context { quiet, json, interrupt, .. } = self.context;
+        let is_shown = !quiet && !json;
+        bar.get_or_insert_with(|| Bar::new(self.label, self.unit, is_shown, interrupt)).report(done, total);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.context.is_interrupted()
+    }
+}
+
+/// Shows nothing, and ends the work on Ctrl-C.
+impl Progress for Context {
+    fn report(&self, _done: u64, _total: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.is_interrupted()
     }
 }
 

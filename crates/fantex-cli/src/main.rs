@@ -5,17 +5,17 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use fantex::{Error, ErrorKind, Result};
 
-use crate::addresses::with_local_files;
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, merge, normals, notices, paint, plan,
     preview, render, serve, simplify, split, table, verify, view, warp, world,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, say};
+use crate::local_files::with_local_files;
 use crate::text::bytes;
 
-mod addresses;
 mod context;
 mod cover_pictures;
+mod local_files;
 mod scene;
 mod series;
 mod server;

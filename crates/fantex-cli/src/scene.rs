@@ -4,23 +4,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use fantex::addresses::check_can_change;
 use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
-use fantex::mesh::{Mesh, WorldFromMesh, shading_normals, written_format};
+use fantex::mesh::{Mesh, shading_normals, written_format};
 use fantex::render::{
-    Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
-    LookSurface, RenderOptions, Rendering, Surface, render,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface,
+    RenderOptions, Rendering, Surface, render,
 };
 use fantex::store::{Asset, Damage, PageCache};
-use fantex::stream::url_of;
-use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
 use fantex::texture::{Filter, Image};
-use fantex::{Error, FileKind, Result, World};
+use fantex::{Error, FileKind, Result, Surroundings, World, damage_note};
 use glam::{DVec3, Vec3, Vec4};
 
-use crate::addresses::is_object;
 use crate::context::Context;
-use crate::text::{Choices, counted, share, within};
+use crate::text::{Choices, share, within};
 
 #[derive(Debug)]
 pub(crate) struct Scene {
@@ -42,7 +40,7 @@ impl Scene {
                 show_notes(&model, context);
                 Content::Model(model)
             }
-            Input::Look(_) => return Err(look_instead(path)),
+            Input::Look(_) => return Err(FileKind::look_instead(path)),
             Input::World(_) => return Err(FileKind::world_instead(path)),
             Input::Asset(asset) => Content::Asset(PageCache::new(asset, context.memory_bytes as usize)),
         };
@@ -80,14 +78,7 @@ impl Scene {
 
 /// Notes damaged tiles, if there are any.
 pub(crate) fn report_damage(path: &Path, damage: &Damage, context: &Context) -> Result<()> {
-    match damage.first.first() {
-        None => Ok(()),
-        Some((_, page, reason)) => context.report_damage(format!(
-            "{}: coarser texels stand in for {}; the first: {page}: {reason}",
-            path.display(),
-            counted(damage.pages, "damaged tile")
-        )),
-    }
+    damage_note(path, damage).map_or(Ok(()), |note| context.report_damage(note))
 }
 
 /// The filters of `--filter`.
@@ -139,17 +130,6 @@ pub(crate) fn portrait(mesh: &Mesh, options: &RenderOptions) -> Camera {
     Camera::framing_mesh(mesh, Camera::THREE_QUARTER, aspect(options))
 }
 
-/// The corners of a world's objects, as a mesh.
-pub(crate) fn world_boxes(world: &World, world_from_mesh: WorldFromMesh) -> Mesh {
-    let corners = world.objects.iter().flat_map(|object| {
-        (0..8).map(|bits| {
-            let side = |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
-            world_from_mesh.inverse_point(DVec3::from_array(std::array::from_fn(side)))
-        })
-    });
-    Mesh { positions: corners.collect(), world_from_mesh, ..Mesh::default() }
-}
-
 /// Width by height.
 pub(crate) fn aspect(options: &RenderOptions) -> f64 {
     f64::from(options.width) / f64::from(options.height)
@@ -194,7 +174,7 @@ impl Input {
 pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Model => fantex::Mesh::load(path),
-        FileKind::Look => Err(look_instead(path)),
+        FileKind::Look => Err(FileKind::look_instead(path)),
         FileKind::World => Err(FileKind::world_instead(path)),
         FileKind::Asset => Err(fantex::Asset::open(path).err().unwrap_or_else(|| Error::unsupported(format!(
             "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
@@ -206,7 +186,7 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
 /// Loads and cleans a model, or takes the mesh of an asset.
 pub(crate) fn open_shape(path: &Path) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
-        FileKind::Look => Err(look_instead(path)),
+        FileKind::Look => Err(FileKind::look_instead(path)),
         FileKind::Asset | FileKind::Model | FileKind::World => fantex::Mesh::open(path),
     }
 }
@@ -218,31 +198,14 @@ pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
 
 /// Opens an asset; a model is refused.
 pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>> {
-    check_is_asset(path)?;
+    FileKind::check_is_asset(path)?;
     Ok(Arc::clone(fantex::Asset::open(path)?.shared()))
 }
 
 /// Refuses what is no asset that can be changed: in a file, or an object in a store.
 pub(crate) fn check_is_asset_file(path: &Path) -> Result<()> {
-    match url_of(path) {
-        Some(url) if !is_object(path) => {
-            Err(Error::unsupported(format!("{url} can only be read: download it to change it")))
-        }
-        _ => check_is_asset(path),
-    }
-}
-
-/// Refuses what is no asset by its name.
-pub(crate) fn check_is_asset(path: &Path) -> Result<()> {
-    match FileKind::of(path)? {
-        FileKind::Asset => Ok(()),
-        FileKind::Look => Err(look_instead(path)),
-        FileKind::World => Err(FileKind::world_instead(path)),
-        FileKind::Model => Err(Error::unsupported(format!(
-            "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
-            path.display()
-        ))),
-    }
+    check_can_change(path)?;
+    FileKind::check_is_asset(path)
 }
 
 /// Refuses the name of a picture that says no format: a fault of the command line, known before any work is done.
@@ -260,19 +223,6 @@ pub(crate) fn check_model_name(path: &Path) -> Result<()> {
 pub(crate) fn is_look(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
-
-fn look_instead(path: &Path) -> Error {
-    let path = path.display();
-    Error::unsupported(format!(
-        "{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"
-    ))
-}
-
-/// The name that stands for a computed sky instead of a file.
-const COMPUTED_SKY: &str = "sky";
-
-/// Side of the faces of a computed sky.
-const SKY_SIDE: u32 = 512;
 
 /// Options about surroundings.
 #[derive(Args, Debug)]
@@ -314,12 +264,6 @@ fn not_negative(text: &str) -> Result<f32, String> {
     within(text, "expected a finite number that is not negative", |n: f32| n.is_finite() && n >= 0.0)
 }
 
-pub(crate) struct Surroundings {
-    pub(crate) light: EnvironmentLight,
-    /// Colour of the lamp that stands for the sun of a computed sky.
-    pub(crate) sun: Option<Vec3>,
-}
-
 impl SurroundingsArgs {
     /// Whether an environment was asked for.
     pub(crate) fn is_given(&self) -> bool {
@@ -348,19 +292,9 @@ impl SurroundingsArgs {
     /// Reads or computes the environment that was asked for. `to_sun` is where a computed sky has its sun.
     pub(crate) fn load(&self, to_sun: Option<Vec3>) -> Result<Option<Surroundings>> {
         let Some(path) = &self.environment else { return Ok(None) };
-        let (map, sun) = if path == Path::new(COMPUTED_SKY) {
-            let sky = Sky { to_sun: to_sun.unwrap_or(Sky::default().to_sun), ..Sky::default() };
-            // The disc would be seen, but also light the model a second time: the lamp stands for it.
-            (sky.to_map(SKY_SIDE)?, Some(sky.sun_color()))
-        } else {
-            (EnvironmentMap::load(path)?, None)
-        };
-        let map = Arc::new(PrefilteredEnvironment::new(Arc::new(map)));
-        let light = EnvironmentLight {
-            map,
-            strength: self.environment_strength,
-            rotation_degrees: self.environment_rotation,
-        };
-        Ok(Some(Surroundings { light, sun }))
+        let mut surroundings = Surroundings::load(path, to_sun)?;
+        surroundings.light.strength = self.environment_strength;
+        surroundings.light.rotation_degrees = self.environment_rotation;
+        Ok(Some(surroundings))
     }
 }

@@ -1,36 +1,32 @@
-//! Assets: look-ups, pictures, exports, checks, strokes.
+//! Assets: look-ups, pictures, exports, checks.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::export::{
-    Depth, ExportOptions, FanFileOptions, FanSheetOptions, ShaderLanguage, SheetPictures, UvChoice,
-    export_atlas, export_fans, export_model, fan_sheets,
+    ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels, export_fans,
+    export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
 use fantex::mesh::lambda_step;
-use fantex::paint::{PaintOptions, Painter, StrokeFile, replay};
-use fantex::render::{AmbientLight, EnvironmentLight, FanSurface, RenderOptions, render};
-use fantex::scene::{Background, Camera, FilterOptions, Lights};
-use fantex::store::{JUMP_BOUND, PageCache, VerifyOptions, verify_asset};
-use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment};
-use fantex::texture::{ColorSpace, Image, Samples};
-use fantex::{ChannelKind, FileKind, Footprint, SurfacePoint};
-use numpy::{
-    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-};
-use numpy::{PyUntypedArrayMethods, ToPyArray};
+use fantex::render::FanSurface;
+use fantex::scene::FilterOptions;
+use fantex::store::{JUMP_BOUND, PREVIEW, PageCache, VerifyOptions, verify_asset};
+use fantex::{ChannelKind, FileKind, Footprint, SurfacePoint, damage_note, not_verified};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{array, rows};
+use crate::export::{AtlasFiles, Exported, bits, channel_map, check_is_path, exported, fan_files};
 use crate::mesh::{upwards, world_positions};
-use crate::watch::{exception, watched};
+use crate::picture::{Rendered, View, rendered};
+use crate::watch::watched;
 
 /// Names of the channels.
-const CHANNELS: [(&str, ChannelKind); 7] = [
+pub(crate) const CHANNELS: [(&str, ChannelKind); 7] = [
     ("base-color", ChannelKind::BaseColor),
     ("normal", ChannelKind::Normal),
     ("orm", ChannelKind::OcclusionRoughnessMetallic),
@@ -44,34 +40,16 @@ pub(crate) fn name_of(kind: ChannelKind) -> &'static str {
     CHANNELS.iter().find(|(_, known)| *known == kind).map_or("other", |(name, _)| name)
 }
 
-fn language(name: &str) -> PyResult<ShaderLanguage> {
-    match name {
-        "glsl" => Ok(ShaderLanguage::Glsl),
-        "wgsl" => Ok(ShaderLanguage::Wgsl),
-        "hlsl" => Ok(ShaderLanguage::Hlsl),
-        "godot" => Ok(ShaderLanguage::Godot),
-        _ => Err(PyValueError::new_err(format!(
-            "no shader is written in {name:?}; give \"glsl\", \"wgsl\", \"hlsl\" or \"godot\""
-        ))),
-    }
-}
-
-fn sheet_pictures(name: &str) -> PyResult<SheetPictures> {
-    match name {
-        "png" => Ok(SheetPictures::Png),
-        "png+ktx2" => Ok(SheetPictures::PngAndKtx2),
-        "png+exr" => Ok(SheetPictures::PngAndExr),
-        "exr" => Ok(SheetPictures::Exr),
-        _ => Err(PyValueError::new_err(format!(
-            "textures cannot be {name:?}; give \"png\", \"png+ktx2\", \"png+exr\" or \"exr\""
-        ))),
-    }
-}
-
-/// Whether a path or address leads to an asset.
+/// What lies at a path or an address: an asset, a world, a look or a model, by its name or its first bytes.
 #[pyfunction]
-pub(crate) fn is_asset(py: Python<'_>, path: PathBuf) -> PyResult<bool> {
-    watched(py, None, |_| FileKind::of(&path)).map(|kind| kind == FileKind::Asset)
+pub(crate) fn kind(py: Python<'_>, place: PathBuf) -> PyResult<&'static str> {
+    let kind = watched(py, None, |_| FileKind::of(&place))?;
+    Ok(match kind {
+        FileKind::Asset => "asset",
+        FileKind::World => "world",
+        FileKind::Look => "look",
+        FileKind::Model => "model",
+    })
 }
 
 /// An open asset.
@@ -82,8 +60,6 @@ pub(crate) struct Asset {
     sampler: fantex::Sampler,
 }
 
-/// Eye, target, up, opening angle in degrees.
-type CameraParts = ([f64; 3], [f64; 3], [f64; 3], f64);
 type Nearest<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f64>>);
 type AtlasArrays<'py> = (
     Bound<'py, PyArray1<u32>>,
@@ -95,6 +71,10 @@ type AtlasArrays<'py> = (
 impl Asset {
     pub(crate) fn asset(&self) -> &fantex::Asset {
         &self.asset
+    }
+
+    pub(crate) fn cache(&self) -> &PageCache {
+        &self.cache
     }
 }
 
@@ -124,11 +104,27 @@ impl Asset {
         self.asset.channels().iter().map(|channel| name_of(channel.kind)).collect()
     }
 
-    /// Texels per channel, tiles, levels, bytes of the file.
-    fn figures(&self) -> (u64, usize, u32, u64) {
-        let cover = self.asset.cover();
-        let texels = cover.stored_texels(self.asset.mesh());
-        (texels, cover.groups.len(), self.asset.level_count(), self.asset.file_bytes())
+    /// Numbers of what is in it, bytes of the file and of its preview, formats of its channels.
+    fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (mesh, cover) = (self.asset.mesh(), self.asset.cover());
+        let (texels, preview) = watched(py, None, |_| {
+            Ok((cover.stored_texels(mesh), self.asset.attachment_bytes(PREVIEW).ok().flatten()))
+        })?;
+        let channels = PyDict::new(py);
+        for channel in self.asset.channels() {
+            channels.set_item(name_of(channel.kind), format!("{:?}", channel.format))?;
+        }
+        let figures = PyDict::new(py);
+        figures.set_item("kind", "asset")?;
+        figures.set_item("triangles", mesh.triangles.len())?;
+        figures.set_item("vertices", mesh.positions.len())?;
+        figures.set_item("texels", texels)?;
+        figures.set_item("tiles", cover.groups.len())?;
+        figures.set_item("levels", self.asset.level_count())?;
+        figures.set_item("bytes", self.asset.file_bytes())?;
+        figures.set_item("preview_bytes", preview)?;
+        figures.set_item("channels", channels)?;
+        Ok(figures)
     }
 
     /// The nearest points of the surface: faces, barycentric coordinates, positions. Points that are not finite get face 2^32 - 1.
@@ -199,53 +195,15 @@ impl Asset {
     }
 
     /// A picture: rows, columns, RGBA of 8 bits in sRGB.
-    #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
-    fn render<'py>(
-        &self,
-        py: Python<'py>,
-        size: [u32; 2],
-        camera: Option<CameraParts>,
-        samples: u32,
-        light: Option<[f32; 3]>,
-        environment: Option<PathBuf>,
-        transparent: bool,
-    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    fn render<'py>(&self, py: Python<'py>, options: &Bound<'py, PyDict>) -> PyResult<Rendered<'py>> {
+        let view = View::new(options)?;
         let mesh = self.asset.mesh();
-        let [width, height] = size;
-        let mut options = RenderOptions { width, height, samples, ..RenderOptions::default() };
-        if transparent {
-            options.background = Background::Transparent;
-        } else if environment.is_some() {
-            options.background = Background::Environment { blur: 0.0 };
-        }
         let picture = watched(py, None, |_| {
-            let aspect = f64::from(width) / f64::from(height.max(1));
-            let camera = match camera {
-                Some((eye, target, up, fov_degrees)) => {
-                    Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_degrees }
-                }
-                None => Camera::framing_mesh(mesh, Camera::THREE_QUARTER, aspect),
-            };
-            let sun = light.map(Vec3::from);
-            let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
-            if let Some(path) = environment {
-                let map = PrefilteredEnvironment::new(Arc::new(EnvironmentMap::load(&path)?));
-                let light = EnvironmentLight { map: Arc::new(map), strength: 1.0, rotation_degrees: 0.0 };
-                lights.ambient = AmbientLight::environment(light);
-                lights.lamps.retain(|_| sun.is_some());
-            }
-            let surface = FanSurface::of_asset(&self.cache, FilterOptions::default());
-            Ok(render(mesh, &surface, &camera, &lights, &options)?.picture)
+            let surface = FanSurface::of_asset(&self.cache, view.filter());
+            view.take(mesh, &surface, &view.camera(mesh))
         })?;
-        let mut image = picture.to_srgb_image();
-        if image.channels == 3
-            && let Samples::U8(rgb) = &image.samples
-        {
-            let rgba = rgb.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-            image = Image { channels: 4, samples: Samples::U8(rgba), ..image };
-        }
-        let Samples::U8(samples) = image.samples else { return Err(PyValueError::new_err("no picture")) };
-        samples.to_pyarray(py).reshape([height as usize, width as usize, 4])
+        let damage = damage_note(self.asset.path(), &self.cache.damage());
+        rendered(py, &picture, damage.into_iter().collect())
     }
 
     /// Vertex mapping, faces, texture coordinates with v upwards, and pictures by name.
@@ -272,54 +230,59 @@ impl Asset {
     }
 
     /// Writes a `.glb` or `.gltf` with ordinary texture coordinates.
-    #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
     fn export(
         &self,
         py: Python<'_>,
         path: PathBuf,
-        resolution: Option<u32>,
-        padding: Option<u32>,
-        source_uv: bool,
-        ktx2: bool,
-        overwrite: bool,
-        memory: u64,
+        options: &Bound<'_, PyDict>,
         progress: Option<Bound<'_, PyAny>>,
-    ) -> PyResult<Vec<PathBuf>> {
-        let options = ExportOptions {
-            uv: if source_uv { UvChoice::OfAsset } else { UvChoice::Atlas },
-            side: resolution,
-            padding,
-            with_ktx2: ktx2,
-            force: overwrite,
-            memory_bytes: memory,
-            ..ExportOptions::default()
-        };
+    ) -> PyResult<Exported> {
+        let options = AtlasFiles::new(options)?;
         let asset = self.asset.shared();
-        let summary = watched(py, progress.as_ref(), |watch| export_model(asset, &path, &options, watch))?;
-        Ok(summary.files.into_iter().map(|(path, _)| path).collect())
+        let written = watched(py, progress.as_ref(), |watch| {
+            check_is_path(&path)?;
+            export_model(asset, &path, &options.options(), watch)
+        })?;
+        Ok(exported(asset.path(), written))
+    }
+
+    /// Writes channels, laid out like the pictures of a model, to files of their own.
+    fn export_channels(
+        &self,
+        py: Python<'_>,
+        channels: Vec<(String, PathBuf)>,
+        depth: u32,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Bound<'_, PyAny>>,
+    ) -> PyResult<Exported> {
+        let (options, depth) = (AtlasFiles::new(options)?, bits(depth)?);
+        let channels = channels.into_iter().map(|(name, path)| channel_map(&name).map(|map| (map, path)));
+        let channels: Vec<(ChannelMap, PathBuf)> = channels.collect::<PyResult<_>>()?;
+        let asset = self.asset.shared();
+        let written = watched(py, progress.as_ref(), |watch| {
+            channels.iter().try_for_each(|(_, path)| check_is_path(path))?;
+            let channels: Vec<(ChannelMap, &Path)> =
+                channels.iter().map(|(map, path)| (*map, path.as_path())).collect();
+            export_channels(asset, &channels, depth, &options.options(), watch)
+        })?;
+        Ok(exported(asset.path(), written))
     }
 
     /// Writes the fans themselves: `.glb`; `.gltf` or `.usda` with sheets beside it; and shaders in the languages that are named.
-    #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
     fn export_fans(
         &self,
         py: Python<'_>,
         path: PathBuf,
-        gutter: u32,
-        largest_side: u32,
-        textures: &str,
-        shaders: Vec<String>,
-        overwrite: bool,
-        memory: u64,
+        options: &Bound<'_, PyDict>,
         progress: Option<Bound<'_, PyAny>>,
-    ) -> PyResult<Vec<PathBuf>> {
-        let shaders = shaders.iter().map(|name| language(name)).collect::<PyResult<_>>()?;
-        let sheets = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
-        let pictures = sheet_pictures(textures)?;
-        let options = FanFileOptions { sheets, pictures, shaders, force: overwrite };
+    ) -> PyResult<Exported> {
+        let options = fan_files(options)?;
         let asset = self.asset.shared();
-        let summary = watched(py, progress.as_ref(), |watch| export_fans(asset, &path, &options, watch))?;
-        Ok(summary.files.into_iter().map(|(path, _)| path).collect())
+        let written = watched(py, progress.as_ref(), |watch| {
+            check_is_path(&path)?;
+            export_fans(asset, &path, &options, watch)
+        })?;
+        Ok(exported(asset.path(), written))
     }
 
     /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures.
@@ -373,6 +336,7 @@ impl Asset {
     fn verify<'py>(&self, py: Python<'py>, memory: usize) -> PyResult<Bound<'py, PyDict>> {
         let options = VerifyOptions { memory_bytes: memory };
         let report = watched(py, None, |_| Ok(verify_asset(self.asset.shared(), &options)))?;
+        let fault = (!report.ok).then(|| not_verified(self.asset.path(), &report).to_string());
         let dict = PyDict::new(py);
         dict.set_item("ok", report.ok)?;
         dict.set_item("largest_jump", report.continuity.largest_jump)?;
@@ -384,6 +348,10 @@ impl Asset {
         dict.set_item("damaged_tiles", report.damaged_tiles)?;
         dict.set_item("damage", report.first_damage)?;
         dict.set_item("mesh_faults", report.mesh_faults.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        dict.set_item("damaged_headers", report.damaged_headers)?;
+        dict.set_item("damaged_attachments", report.damaged_attachments)?;
+        dict.set_item("bytes", report.bytes)?;
+        dict.set_item("fault", fault)?;
         Ok(dict)
     }
 
@@ -428,47 +396,4 @@ fn square(mesh: &fantex::mesh::Mesh, point: SurfacePoint, length: f64) -> Footpr
     let (along, across) = point.facet_normal(mesh).any_orthonormal_pair();
     let length = (length / mesh.world_from_mesh.scale) as f32;
     Footprint { lambda_steps: [along, across].map(|axis| lambda_step(corners, axis * length)) }
-}
-
-/// Applies strokes (the JSON of stroke files) to an asset and commits them: strokes, dabs, changed pages.
-#[pyfunction]
-pub(crate) fn paint(
-    py: Python<'_>,
-    asset: PathBuf,
-    strokes: PathBuf,
-    folder: PathBuf,
-    history: bool,
-    memory: usize,
-) -> PyResult<(usize, usize, usize)> {
-    watched(py, None, |_| {
-        let file = StrokeFile::load(&strokes)?;
-        let mut painter = Painter::open(&asset, &PaintOptions { memory_bytes: memory, history })?;
-        let summary = replay(&mut painter, &file, &folder)?;
-        painter.commit()?;
-        Ok((summary.strokes, summary.dabs, summary.pages))
-    })
-}
-
-/// A picture of 8 bits per sample as a PNG file: grey, RGB or RGBA.
-#[pyfunction]
-pub(crate) fn encode_png<'py>(
-    py: Python<'py>,
-    picture: PyReadonlyArray3<'py, u8>,
-) -> PyResult<Bound<'py, PyBytes>> {
-    let [height, width, channels] = *picture.shape() else {
-        return Err(PyValueError::new_err("a picture has rows, columns and channels"));
-    };
-    if !(1..=4).contains(&channels) || width == 0 || height == 0 {
-        let shape = format!("({height}, {width}, {channels})");
-        return Err(PyValueError::new_err(format!("a picture has the shape (h, w, 1 to 4), not {shape}")));
-    }
-    let image = Image {
-        width: width as u32,
-        height: height as u32,
-        channels: channels as u8,
-        space: ColorSpace::Srgb,
-        samples: Samples::U8(picture.as_array().iter().copied().collect()),
-    };
-    let bytes = py.detach(|| image.encoded("picture.png")).map_err(exception)?;
-    Ok(PyBytes::new(py, &bytes))
 }

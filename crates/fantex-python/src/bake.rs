@@ -1,15 +1,16 @@
 //! Bakes, from everything that the command line takes and from Python's own functions.
 
-use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex::addresses::Target;
 use fantex::bake::{Prefilter, Source as BakeSource, TexelPoint};
 use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::WorldFromMesh;
 use fantex::photos::CameraFrame;
-use fantex::store::{self, CreateOptions, merge_parts};
-use fantex::{BakeFormat, Baked, Baker, Fit, LongestEdge, PhotoSet, Progress, Quality, Source};
+use fantex::store;
+use fantex::stream::{Replace, open_source};
+use fantex::{BakeFormat, Baked, Baker, Fit, LongestEdge, Merge, PhotoSet, Progress, Quality, Source};
 use numpy::PyReadonlyArray2;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -18,6 +19,7 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::arrays::{array, rows};
 use crate::asset::{Asset, name_of};
 use crate::mesh::Mesh;
+use crate::options::{choice, optional};
 use crate::watch::{Watch, watched};
 
 /// What a source is made of; the Python side makes nothing else.
@@ -61,32 +63,38 @@ impl Job {
         Ok(Self { mesh: Arc::clone(&mesh.0), source, settings: Settings::new(options)? })
     }
 
-    /// Runs `reach` with a baker that does the job, and says what the user should know: triangles, tiles, texels, bytes, channels,
-    /// seconds, notes.
+    /// Runs `reach` with a baker that does the job and the file to write, brings that to `place`, and says what the user should know: triangles,
+    /// tiles, texels, bytes, channels, seconds, notes; of photographs and baked light more.
     fn run<'py>(
         self,
         py: Python<'py>,
         progress: Option<&Bound<'py, PyAny>>,
-        reach: impl FnOnce(Baker<'_>) -> fantex::Result<Baked> + Send,
+        place: &Path,
+        reach: impl FnOnce(Baker<'_>, &Path) -> fantex::Result<Baked> + Send,
     ) -> PyResult<Bound<'py, PyDict>> {
         let Self { mesh, source, settings } = self;
         let baked = watched(py, progress, |watch| {
+            let target = Target::new(place)?;
+            target.check(settings.overwrite)?;
+            let file = target.file();
             let baker = settings.baker(&mesh).progress(watch);
-            match source {
-                JobSource::OfModel => reach(baker),
-                JobSource::Named(named) => reach(baker.source(named.source())),
+            let baked = match source {
+                JobSource::OfModel => reach(baker, file),
+                JobSource::Named(named) => reach(baker.source(named.source()), file),
                 JobSource::Detailed(detailed) => {
-                    reach(baker.source(Source::loaded_mesh(&detailed.get().0, settings.cage)))
+                    reach(baker.source(Source::loaded_mesh(&detailed.get().0, settings.cage)), file)
                 }
                 JobSource::Asset(detailed) => {
-                    reach(baker.source(Source::asset(detailed.get().asset(), settings.cage)))
+                    reach(baker.source(Source::asset(detailed.get().asset(), settings.cage)), file)
                 }
                 JobSource::Function(callable) => {
                     let world_from_mesh = mesh.world_from_mesh;
                     let function = FunctionSource { callable, world_from_mesh, watch };
-                    reach(baker.source(Source::custom(&function)))
+                    reach(baker.source(Source::custom(&function)), file)
                 }
-            }
+            }?;
+            target.finish(&replaced(settings.overwrite), watch)?;
+            Ok(baked)
         })?;
         let figures = PyDict::new(py);
         figures.set_item("triangles", baked.triangles)?;
@@ -97,8 +105,30 @@ impl Job {
         figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
         figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
         figures.set_item("notes", [mesh.notes(), &baked.notes[..]].concat())?;
+        if let Some(report) = &baked.photos {
+            figures.set_item("photos", report.photographs)?;
+            figures.set_item("photos_used", report.used)?;
+            figures.set_item("photos_masked", report.masked)?;
+            figures.set_item("unseen_share", report.unseen_share)?;
+            let gains: Vec<[f32; 3]> = report.gains.iter().map(|gain| gain.to_array()).collect();
+            figures.set_item("gains", gains)?;
+            figures.set_item("scratch_bytes", report.scratch_bytes)?;
+        }
+        if let Some(noise) = &baked.summary.light {
+            let light = PyDict::new(py);
+            light.set_item("mean_samples", noise.mean_samples)?;
+            light.set_item("mean_light", noise.mean_value)?;
+            light.set_item("error", noise.mean_error)?;
+            light.set_item("error_left", noise.mean_error_left)?;
+            figures.set_item("light", light)?;
+        }
         Ok(figures)
     }
+}
+
+/// What an object in a store may take the place of.
+fn replaced(overwrite: bool) -> Replace {
+    if overwrite { Replace::Anything } else { Replace::Nothing }
 }
 
 /// Bakes into a file.
@@ -111,7 +141,7 @@ pub(crate) fn bake<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    Job::new(mesh, source, options)?.run(py, progress.as_ref(), |baker| baker.write(&path))
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| baker.write(file))
 }
 
 /// A plan in memory: everything of an asset but its texels.
@@ -120,10 +150,10 @@ pub(crate) struct Plan(store::Plan);
 
 #[pymethods]
 impl Plan {
-    /// Reads a plan.
+    /// Reads a plan at a path or an address.
     #[new]
-    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        watched(py, None, |_| store::Plan::open(&path)).map(Self)
+    fn open(py: Python<'_>, place: PathBuf) -> PyResult<Self> {
+        watched(py, None, |_| store::Plan::open_source(&*open_source(&place)?)).map(Self)
     }
 
     /// What its writer noted.
@@ -155,7 +185,8 @@ pub(crate) fn plan<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    Job::new(mesh, source, options)?.run(py, progress.as_ref(), |baker| baker.write_plan(&path, about))
+    Job::new(mesh, source, options)?
+        .run(py, progress.as_ref(), &path, |baker, file| baker.write_plan(file, about))
 }
 
 /// Bakes shard `shard[0]` of `shard[1]` of a plan.
@@ -173,10 +204,10 @@ pub(crate) fn bake_part<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let [number, count] = shard;
     Job::new(mesh, source, options)?
-        .run(py, progress.as_ref(), |baker| baker.write_part(&plan.0, number, count, &path))
+        .run(py, progress.as_ref(), &path, |baker, file| baker.write_part(&plan.0, number, count, file))
 }
 
-/// Merges parts into an asset, or only checks them; gives the bytes written.
+/// Merges parts into an asset, or only checks them; gives the bytes written, and what is to be known of it.
 #[pyfunction]
 pub(crate) fn merge(
     py: Python<'_>,
@@ -185,27 +216,14 @@ pub(crate) fn merge(
     path: Option<PathBuf>,
     overwrite: bool,
     progress: Option<Bound<'_, PyAny>>,
-) -> PyResult<u64> {
-    let options = CreateOptions { force: overwrite, ..CreateOptions::default() };
-    let written = watched(py, progress.as_ref(), |watch| {
-        let output = path.as_deref().map(|path| (path, &options));
-        merge_parts(&plan.0, &parts, output, &|done, total| {
-            watch.report(done, total);
-            if watch.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
+) -> PyResult<(u64, Option<String>)> {
+    let merged = watched(py, progress.as_ref(), |watch| {
+        let merge = Merge { plan: &plan.0, parts: &parts, force: overwrite };
+        let Some(path) = &path else { return merge.check(watch) };
+        Target::new(path)?.check(overwrite)?;
+        merge.write(path, [watch; 3])
     })?;
-    Ok(written.bytes)
-}
-
-/// The value of a key that may be missing or None.
-fn optional<'py, T>(parts: &Bound<'py, PyDict>, key: &str) -> PyResult<Option<T>>
-where
-    T: for<'a> FromPyObject<'a, 'py, Error: Into<PyErr>>,
-{
-    match parts.get_item(key)?.filter(|value| !value.is_none()) {
-        Some(value) => value.extract().map(Some).map_err(Into::into),
-        None => Ok(None),
-    }
+    Ok((merged.written.bytes, merged.note))
 }
 
 enum NamedSource {
@@ -344,15 +362,6 @@ fn longest_edge(options: &Bound<'_, PyDict>) -> PyResult<Option<LongestEdge>> {
 enum LongestEdgeArg {
     Texels(u32),
     Word(String),
-}
-
-/// One of several words; the first where none is given.
-fn choice<T: Copy>(options: &Bound<'_, PyDict>, key: &str, choices: &[(&str, T)]) -> PyResult<T> {
-    let Some(word) = optional::<String>(options, key)? else { return Ok(choices[0].1) };
-    choices.iter().find(|(name, _)| *name == word).map(|(_, value)| *value).ok_or_else(|| {
-        let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
-        PyValueError::new_err(format!("{key} {word:?} is none of {}", names.join(", ")))
-    })
 }
 
 /// A Python function of positions (world) and normals that gives linear RGBA, all as arrays with a row per point.

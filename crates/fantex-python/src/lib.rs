@@ -6,21 +6,40 @@
 mod arrays;
 mod asset;
 mod bake;
+mod change;
+mod export;
+mod looks;
 mod mesh;
+mod options;
+mod picture;
+mod places;
 mod watch;
+mod world;
 
 // Free-threaded interpreters need no lock for it: classes are frozen, what they share is behind locks of its own or never changes
 // (`Asset`'s page cache), and arrays are copied before work begins.
 #[pyo3::pymodule(gil_used = false)]
 mod _native {
     #[pymodule_export]
-    use crate::asset::{Asset, encode_png, is_asset, paint};
+    use crate::asset::{Asset, kind};
     #[pymodule_export]
     use crate::bake::{Plan, bake, bake_part, merge, plan};
     #[pymodule_export]
+    use crate::change::{make_preview, paint, remove_preview, save_strokes};
+    #[pymodule_export]
+    use crate::looks::{look_figures, normal_map, render_look, table};
+    #[pymodule_export]
     use crate::mesh::{Mesh, parametrize};
     #[pymodule_export]
+    use crate::options::set_read_limits;
+    #[pymodule_export]
+    use crate::picture::{compare, compare_pictures, encode_png};
+    #[pymodule_export]
+    use crate::places::{check_target, is_there, remove_object};
+    #[pymodule_export]
     use crate::watch::Error;
+    #[pymodule_export]
+    use crate::world::{World, change_world, split, verify_index};
 
     /// The version of fantex.
     #[pymodule_export]

@@ -5,18 +5,33 @@ use std::sync::Arc;
 
 use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
-use fantex::mesh::{CornerAttributes, ImageSource, Material, Model, TextureRef, WrapMode};
+use fantex::look::look_of_model;
+use fantex::mesh::{
+    CornerAttributes, ImageSource, Material, Mesh as Geometry, Model, TextureRef, Topology, VertexCorners,
+    WrapMode, WriteGeometry, write_model,
+};
+use fantex::render::LookSurface;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::arrays::{array, rows, triangles};
 use crate::asset::Asset;
+use crate::export::check_is_path;
+use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
 
 /// A mesh, loaded and cleaned.
 #[pyclass(frozen, module = "fantex")]
 pub(crate) struct Mesh(pub(crate) Arc<fantex::Mesh>);
+
+impl Mesh {
+    /// The triangles, with what lies at their corners.
+    pub(crate) fn geometry(&self) -> &Geometry {
+        &self.0
+    }
+}
 
 #[pymethods]
 impl Mesh {
@@ -82,6 +97,60 @@ impl Mesh {
     /// The same shape with about so many triangles.
     fn simplified(&self, py: Python<'_>, triangles: usize) -> PyResult<Self> {
         watched(py, None, |_| self.0.simplified(triangles)).map(|mesh| Self(Arc::new(mesh)))
+    }
+
+    /// Writes positions and triangles: `.ply`, `.obj` or `.glb`.
+    fn save(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<()> {
+        let mesh = self.geometry();
+        watched(py, None, |_| {
+            check_is_path(&path)?;
+            let positions: Vec<DVec3> =
+                mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)).collect();
+            let geometry = WriteGeometry { positions: &positions, triangles: &mesh.triangles, colors: None };
+            write_model(&path, &geometry, overwrite)
+        })
+    }
+
+    /// Its own materials as a look, TOML.
+    fn look(&self, py: Python<'_>) -> PyResult<String> {
+        let path = self.0.path();
+        let text = watched(py, None, |_| {
+            look_of_model(self.geometry()).look.to_toml().map_err(|problem| problem.in_file(path))
+        })?;
+        Ok(format!("# The materials of {}, as a look.\n\n{text}", path.display()))
+    }
+
+    /// A picture of it with its own materials: rows, columns, RGBA of 8 bits in sRGB.
+    fn render<'py>(&self, py: Python<'py>, options: &Bound<'py, PyDict>) -> PyResult<Rendered<'py>> {
+        let view = View::new(options)?;
+        let mesh = self.geometry();
+        let picture = watched(py, None, |_| {
+            let surface = LookSurface::of_model(mesh, view.filter())?;
+            view.take(mesh, &surface, &view.camera(mesh))
+        })?;
+        rendered(py, &picture, Vec::new())
+    }
+
+    /// Counts of what it is made of, and its shape.
+    fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let mesh = self.geometry();
+        let shape = watched(py, None, |_| {
+            let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+            Ok(Topology::of(&mesh.triangles, &corners))
+        })?;
+        let figures = PyDict::new(py);
+        figures.set_item("kind", "model")?;
+        figures.set_item("triangles", mesh.triangles.len())?;
+        figures.set_item("vertices", mesh.positions.len())?;
+        figures.set_item("components", shape.components)?;
+        figures.set_item("boundary_edges", shape.edges_boundary)?;
+        figures.set_item("nonmanifold_edges", shape.edges_non_manifold)?;
+        figures.set_item("nonmanifold_vertices", shape.vertices_non_manifold)?;
+        figures.set_item("genus", shape.genus())?;
+        figures.set_item("materials", mesh.materials.len())?;
+        figures.set_item("uv_sets", mesh.corners.uv_sets.len())?;
+        figures.set_item("has_colors", self.0.has_vertex_colors())?;
+        Ok(figures)
     }
 
     #[getter]

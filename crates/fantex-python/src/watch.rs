@@ -2,11 +2,12 @@
 
 use std::io;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use fantex::addresses::is_address;
 use fantex::{ErrorKind, Progress};
 use pyo3::exceptions::{
     PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyRuntimeError,
@@ -21,9 +22,27 @@ pyo3::create_exception!(
     "What cannot be done: a damaged or unsupported file, a limit, a missing channel. `path` is the file, or None."
 );
 
+/// Flags in the library's sentences, and what stands for them in Python; what is longer comes first.
+const ARGUMENTS: [(&str, &str); 13] = [
+    ("use --force", "give overwrite=True"),
+    ("with --force", "with overwrite=True"),
+    ("allow more (--memory)", "allow more by fantex.set_read_limits(memory=...)"),
+    ("(--allow-outside)", "by fantex.set_read_limits(allow_outside=True)"),
+    ("--memory", "memory="),
+    ("--uv source", "uv=\"source\""),
+    ("--uv", "uv="),
+    ("--model", "uv=fantex.Mesh.load(...)"),
+    ("--size", "resolution="),
+    ("--source", "source="),
+    ("--texture", "texture="),
+    ("--add-channel", "add_channels="),
+    ("--look", "look="),
+];
+
 /// The exception that stands for an error. Its text is the command line's, with an argument where that names a flag.
 pub(crate) fn exception(error: fantex::Error) -> PyErr {
-    let text = error.to_string().replace("use --force", "give overwrite=True").replace("--memory", "memory=");
+    let text =
+        ARGUMENTS.iter().fold(error.to_string(), |text, (flag, argument)| text.replace(flag, argument));
     match error.kind() {
         ErrorKind::NotFound if error.path().is_some() => PyFileNotFoundError::new_err(text),
         ErrorKind::AlreadyExists => PyFileExistsError::new_err(text),
@@ -40,7 +59,11 @@ pub(crate) fn exception(error: fantex::Error) -> PyErr {
 /// An [`Error`] whose attribute `path` names the file, where there is one.
 fn damaged(text: String, path: Option<&Path>) -> PyErr {
     let raised = Error::new_err(text);
-    let named = Python::attach(|py| raised.value(py).setattr("path", path));
+    let named = Python::attach(|py| match path.filter(|path| is_address(path)) {
+        // Python's paths have one slash where addresses have two.
+        Some(address) => raised.value(py).setattr("path", address.to_string_lossy()),
+        None => raised.value(py).setattr("path", path),
+    });
     named.err().unwrap_or(raised)
 }
 
@@ -52,8 +75,8 @@ fn io_kind(error: &fantex::Error) -> Option<io::ErrorKind> {
 /// Progress of work on another thread, and the wish that it end.
 #[derive(Default)]
 pub(crate) struct Watch {
-    done: AtomicU64,
-    total: AtomicU64,
+    /// Done and total.
+    state: Mutex<(u64, u64)>,
     is_cancelled: AtomicBool,
     /// Why.
     failure: Mutex<Option<PyErr>>,
@@ -65,12 +88,17 @@ impl Watch {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(reason);
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
+
+    fn state(&self) -> MutexGuard<'_, (u64, u64)> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Progress for Watch {
     fn report(&self, done: u64, total: u64) {
-        self.total.store(total, Ordering::Relaxed);
-        self.done.fetch_max(done, Ordering::Relaxed);
+        let mut state = self.state();
+        // With another total, another step has begun; within one, threads may report out of order.
+        *state = if state.1 == total { (state.0.max(done), total) } else { (done, total) };
     }
 
     fn is_cancelled(&self) -> bool {
@@ -102,7 +130,7 @@ pub(crate) fn watched<T: Send>(
             if let Err(signal) = py.check_signals() {
                 watch.fail(signal);
             }
-            let state = (watch.done.load(Ordering::Relaxed), watch.total.load(Ordering::Relaxed));
+            let state = *watch.state();
             if let Some(progress) = progress.filter(|_| state != told && !watch.is_cancelled()) {
                 told = state;
                 if let Err(raised) = progress.call1(state) {

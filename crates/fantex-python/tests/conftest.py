@@ -1,4 +1,6 @@
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +53,41 @@ def waves(sphere, tmp_path_factory):
     """A sphere with a smooth pattern, as an asset."""
     path = tmp_path_factory.mktemp("waves") / "waves.fan"
     return fantex.bake(sphere, path, texels=200_000, source=pattern, format="float")
+
+
+@pytest.fixture(scope="session")
+def globe(tmp_path_factory):
+    """The same on a finer sphere: 14 160 triangles."""
+    path = tmp_path_factory.mktemp("globe") / "globe.fan"
+    return fantex.bake(grid_sphere(60, 120), path, texels=150_000, source=pattern)
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    """A bucket, ``s3://scans``, in the object store that tests of the command line use; gives the folder that holds its objects."""
+    folder = tmp_path / "bucket"
+    folder.mkdir()
+    program = ROOT / "crates" / "fantex-cli" / "tests" / "cli" / "object_store.py"
+    # Those of Amazon's examples.
+    keys = ("AKIAIOSFODNN7EXAMPLE", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY")
+    server = subprocess.Popen(
+        [sys.executable, str(program), str(folder), "scans", *keys, "public.fan"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        port = server.stdout.readline().strip()
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+        monkeypatch.setenv("AWS_REGION", "eu-west-1")
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", keys[0])
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", keys[1])
+        for name in ("AWS_SESSION_TOKEN", "AWS_ENDPOINT_URL_S3"):
+            monkeypatch.delenv(name, raising=False)
+        yield folder
+    finally:
+        server.kill()
+        server.communicate()
 
 
 def pattern(points, normals=None):

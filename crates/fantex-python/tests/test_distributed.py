@@ -96,6 +96,44 @@ def test_files_and_default_shards(tmp_path, client, bottle):
         fantex.distributed.bake(client, bottle, tmp_path / "farm.fan", texels=100_000)
 
 
+@pytest.fixture
+def cluster_of_store(store):
+    """Workers that have the keys of the bucket."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=30
+    ) as cluster:
+        yield cluster
+
+
+def test_parts_in_a_bucket(tmp_path, store, cluster_of_store, sphere):
+    source = fantex.solid("marble")
+    fantex.bake(sphere, tmp_path / "whole.fan", texels=50_000, source=source)
+    whole = (tmp_path / "whole.fan").read_bytes()
+    with distributed.Client(cluster_of_store) as client:
+        client.wait_for_workers(2)
+        bake = fantex.distributed.bake
+        seen = []
+
+        def progress(done, total):
+            """Removes a part once, as soon as all are there."""
+            seen.append(sorted(path.name for path in store.glob("farm/.a.fan.parts-*/*")))
+            if len(seen) == 4:
+                (part,) = store.glob("farm/.a.fan.parts-*/2.part")
+                part.unlink()
+
+        place = "s3://scans/farm/a.fan"
+        asset = bake(client, sphere, place, texels=50_000, source=source, shards=4, progress=progress)
+        assert asset.place == place and (store / "farm" / "a.fan").read_bytes() == whole
+        assert len(seen) == 5 and seen[-1] == ["1.part", "2.part", "3.part", "4.part", "plan"]
+        with pytest.raises(FileExistsError, match="farm/a.fan exists"):
+            bake(client, sphere, place, texels=50_000, source=source)
+        # The result may lie elsewhere than the parts.
+        bake(client, sphere, tmp_path / "b.fan", texels=50_000, source=source, shards=2, folder="s3://scans/parts/")
+        assert (tmp_path / "b.fan").read_bytes() == whole
+        left = [path.name for path in store.rglob("*") if path.is_file()]
+        assert left == ["a.fan"] and not leftovers(tmp_path)
+
+
 @pytest.mark.parametrize("harm", ["damage", "remove"])
 def test_bad_parts_are_baked_anew(tmp_path, client, sphere, monkeypatch, harm):
     source = fantex.solid("marble")

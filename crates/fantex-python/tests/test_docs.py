@@ -19,7 +19,7 @@ def write_ply(path, positions, faces, colors):
             file.write(f"3 {face[0]} {face[1]} {face[2]}\n")
 
 
-def test_the_tour(tmp_path, monkeypatch):
+def test_the_tour(tmp_path, monkeypatch, store):
     for file in (ROOT / "assets" / "WaterBottle").iterdir():
         if file.is_file():
             shutil.copy(file, tmp_path / file.name.replace("WaterBottle.gltf", "bottle.gltf"))

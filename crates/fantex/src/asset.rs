@@ -55,6 +55,30 @@ impl FileKind {
         }
     }
 
+    /// Refuses what is no asset, with a sentence that says what to give.
+    ///
+    /// # Errors
+    /// It is something else, or cannot be read.
+    pub fn check_is_asset(path: &Path) -> Result<()> {
+        match Self::of(path)? {
+            Self::Asset => Ok(()),
+            Self::Look => Err(Self::look_instead(path)),
+            Self::World => Err(Self::world_instead(path)),
+            Self::Model => Err(Error::unsupported(format!(
+                "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
+                path.display()
+            ))),
+        }
+    }
+
+    /// The error of a look where a model or an asset is taken.
+    pub fn look_instead(path: &Path) -> Error {
+        let path = path.display();
+        Error::unsupported(format!(
+            "{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"
+        ))
+    }
+
     /// The error of a world where a single asset or model is taken.
     pub fn world_instead(path: &Path) -> Error {
         let shown = path.display();

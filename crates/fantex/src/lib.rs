@@ -42,7 +42,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `gpu` | [`gpu`]: drawing on wgpu, into a host's own frames too |
-//! | `http` | assets at `http://`, `https://`, `s3://`, `gs://` and `az://` addresses |
+//! | `http` | assets at `http://`, `https://`, `s3://`, `gs://` and `az://` addresses, and writing to stores ([`addresses`]) |
 //! | `paint` | [`paint`]: strokes, layers, undo |
 //! | `photos` | [`photos`]: photographs with cameras as a source |
 //! | `export` | [`export`]: models with ordinary texture coordinates, unwrapping |
@@ -75,15 +75,27 @@
 //! `examples/` holds short programs: sampling, baking a closure, drawing into a host's frame, streaming without a GPU, painting,
 //! unwrapping.
 
+#[cfg(feature = "http")]
+pub mod addresses;
 mod asset;
 mod baker;
 mod coarse;
 mod joined;
 pub mod look_scene;
+mod look_table;
+#[cfg(feature = "http")]
+mod merge;
 mod model;
+mod notes;
 mod preview;
 mod refined;
 mod split;
+#[cfg(feature = "http")]
+mod store_folder;
+mod surroundings;
+mod view_comparison;
+#[cfg(feature = "http")]
+mod world_change;
 mod world_check;
 #[cfg(feature = "export")]
 mod world_export;
@@ -104,10 +116,20 @@ pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
 pub use fantex_stream::{WORLD_EXTENSION, World, WorldCoarse, WorldObject, WorldPreview};
+pub use look_table::{LookTable, look_texture};
+#[cfg(feature = "http")]
+pub use merge::{Merge, Merged};
 pub use model::Mesh;
+pub use notes::{damage_note, not_verified};
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use split::{SectorPreviews, Split, SplitOptions, split};
+#[cfg(feature = "http")]
+pub use store_folder::StoreFolder;
+pub use surroundings::Surroundings;
+pub use view_comparison::{ModelPicture, ViewComparison};
+#[cfg(feature = "http")]
+pub use world_change::{WorldChange, WorldChanged, change_world};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
 #[cfg(feature = "export")]
 pub use world_export::{export_world, export_world_fans};

@@ -56,8 +56,13 @@ impl Preview {
     /// # Errors
     /// Nothing is left of its mesh at so few triangles; too few texels; there is no room for a temporary file of the preview's size.
     pub fn of(asset: &Arc<Asset>, options: &PreviewOptions) -> Result<Self> {
+        Self::of_watched(asset, options, &NoProgress)
+    }
+
+    /// As [`of`](Self::of). Of `progress` only cancellation counts.
+    fn of_watched(asset: &Arc<Asset>, options: &PreviewOptions, progress: &dyn Progress) -> Result<Self> {
         let kept = if options.keeps_borders { border_vertices(asset.mesh()) } else { Vec::new() };
-        Self::keeping(asset, options, &kept, &NoProgress)
+        Self::keeping(asset, options, &kept, progress)
     }
 
     /// As [`of`](Self::of); these vertices stay. Of `progress` only cancellation counts.
@@ -81,10 +86,31 @@ impl Preview {
     /// # Errors
     /// As [`of`](Self::of); the asset cannot be changed: somebody else does, or the disk is full.
     pub fn add_to(path: &Path, options: &PreviewOptions) -> Result<Self> {
+        Self::add_to_watched(path, options, &NoProgress)
+    }
+
+    /// As [`add_to`](Self::add_to). Of `progress` only cancellation counts.
+    fn add_to_watched(path: &Path, options: &PreviewOptions, progress: &dyn Progress) -> Result<Self> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
-        let preview = Self::of(editor.asset(), options)?;
+        let preview = Self::of_watched(editor.asset(), options, progress)?;
         preview.attach(&mut editor)?;
         Ok(preview)
+    }
+
+    /// As [`add_to`](Self::add_to), of an asset at a path or in a store. `fetching` and `sending` count the bytes of what lies in a store, and either
+    /// may end the work.
+    ///
+    /// # Errors
+    /// As [`add_to`](Self::add_to) and [`change`](crate::addresses::change); somebody wants to stop.
+    #[cfg(feature = "http")]
+    pub fn add_at(
+        place: &Path,
+        options: &PreviewOptions,
+        [fetching, sending]: [&dyn Progress; 2],
+    ) -> Result<Self> {
+        crate::addresses::change(place, [fetching, sending], |file| {
+            Self::add_to_watched(file, options, fetching)
+        })
     }
 
     /// Puts it into an asset and commits.
@@ -104,6 +130,18 @@ impl Preview {
         editor.detach(PREVIEW);
         editor.commit()?;
         Ok(is_there)
+    }
+
+    /// As [`remove_from`](Self::remove_from), of an asset at a path or in a store, as [`add_at`](Self::add_at) takes it.
+    ///
+    /// # Errors
+    /// As [`remove_from`](Self::remove_from) and [`change`](crate::addresses::change).
+    #[cfg(feature = "http")]
+    pub fn remove_at(place: &Path, transfers: [&dyn Progress; 2]) -> Result<bool> {
+        // An object without a preview need not be put back.
+        let is_there = !crate::addresses::is_object(place)
+            || fantex_stream::open_asset(place)?.attachment_bytes(PREVIEW)?.is_some();
+        Ok(is_there && crate::addresses::change(place, transfers, Self::remove_from)?)
     }
 }
 
@@ -126,7 +164,7 @@ pub(crate) fn write_coarse(
 }
 
 /// Passes on that somebody wants to stop, and nothing else.
-struct CancelOnly<'a>(&'a dyn Progress);
+pub(crate) struct CancelOnly<'a>(pub(crate) &'a dyn Progress);
 
 impl Progress for CancelOnly<'_> {
     fn report(&self, _done: u64, _total: u64) {}

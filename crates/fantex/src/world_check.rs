@@ -15,7 +15,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::coarse::joined;
-use crate::{World, WorldCoarse, WorldObject, WorldPreview};
+use crate::{World, WorldCoarse, WorldObject, WorldPreview, not_verified};
 
 /// What verification of a world found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +32,29 @@ pub struct WorldReport {
     pub largest_jump: f32,
     /// The two objects between which it is; none where there is no jump at all.
     pub worst_seam: Option<[usize; 2]>,
+}
+
+impl WorldReport {
+    /// All faults, a sentence each.
+    pub fn faults(&self) -> Vec<String> {
+        let mut faults = Vec::new();
+        for object in self.objects.iter().chain(&self.coarse) {
+            if let Some(found) = object.asset.as_ref().filter(|found| !found.ok) {
+                faults.push(not_verified(&object.place, found).to_string());
+            }
+            faults.extend(object.faults.iter().map(|fault| format!("{}: {fault}", object.place.display())));
+        }
+        if self.largest_jump > JUMP_BOUND
+            && let Some(seam) = self.worst_seam
+        {
+            let [a, b] = seam.map(|number| self.objects[number].place.display());
+            let jump = self.largest_jump;
+            faults.push(format!(
+                "the texture jumps by {jump:.1e} between {a} and {b}, more than the bound of {JUMP_BOUND:.0e}"
+            ));
+        }
+        faults
+    }
 }
 
 /// What verification of one object, or of one coarse asset, found.

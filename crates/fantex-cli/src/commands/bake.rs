@@ -5,13 +5,13 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Args;
+use fantex::addresses::Target;
 use fantex::bake::{BakeSummary, LightMapNoise, Progress};
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
-use crate::addresses::Target;
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
@@ -310,7 +310,7 @@ impl BakeJob<'_> {
             context.note(format!("{}: {note}", output.display()));
         }
         baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
-        target.finish(&context.replace(), context)?;
+        target.finish(&context.replace(), &context.step("uploading", "MB"))?;
         let BakeSummary {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
         } = baked.summary;

@@ -3,15 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fantex::glam::Vec3;
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
-use fantex::render::{Background, Camera, Picture, RenderOptions, Surface};
-use fantex::texture::compare::{Comparison, compare_where, difference_picture, psnr_db};
-use fantex::texture::{Filter, Image};
-use fantex::{Error, Result};
+use fantex::render::{Background, Camera, RenderOptions, Surface};
+use fantex::texture::Filter;
+use fantex::texture::compare::difference_picture;
+use fantex::{Error, ModelPicture, Result, ViewComparison};
 use serde::Serialize;
 
 use crate::commands::render::show_damaged_tiles;
@@ -96,59 +95,6 @@ struct CompareInfo {
     per_view: Vec<ViewInfo>,
 }
 
-/// What is seen behind models in the pictures that are compared, linear.
-const BACKDROP: Vec3 = Vec3::splat(0.46);
-
-/// A picture on the backdrop, linear light, and which of its pixels show a model.
-struct Seen {
-    image: Image,
-    is_model: Vec<bool>,
-}
-
-impl Seen {
-    /// Of a picture without background.
-    fn new(picture: &Picture) -> Self {
-        let on_backdrop =
-            |&[r, g, b, alpha]: &[f32; 4]| BACKDROP.lerp(Vec3::new(r, g, b), alpha).extend(1.0).to_array();
-        let texels: Vec<[f32; 4]> = picture.rgba.iter().map(on_backdrop).collect();
-        Self {
-            image: Image::from_linear_rgb(picture.width, picture.height, &texels),
-            is_model: picture.rgba.iter().map(|pixel| pixel[3] > 0.0).collect(),
-        }
-    }
-}
-
-/// Measures of a pair of pictures.
-#[derive(Clone, Copy)]
-struct ViewComparison {
-    /// Over the pixels that show either model.
-    model: Comparison,
-    model_share: f64,
-    whole_psnr_db: f64,
-}
-
-impl ViewComparison {
-    fn new([reference, test]: &[Seen; 2]) -> Result<Self> {
-        let is_model: Vec<bool> = reference.is_model.iter().zip(&test.is_model).map(|(a, b)| a | b).collect();
-        Ok(Self {
-            model: compare_where(&reference.image, &test.image, &is_model)?,
-            model_share: is_model.iter().filter(|is| **is).count() as f64 / is_model.len() as f64,
-            whole_psnr_db: psnr_db(&reference.image, &test.image)?,
-        })
-    }
-
-    fn shows_model(&self) -> bool {
-        self.model_share > 0.0
-    }
-}
-
-/// The mean over the pictures that differ; infinite where all are equal.
-fn mean_db(ratios: impl Iterator<Item = f64>) -> f64 {
-    let differing = ratios.filter(|db| *db < f64::INFINITY || db.is_nan());
-    let (sum, count) = differing.fold((0.0, 0_u32), |(sum, count), db| (sum + db, count + 1));
-    if count == 0 { f64::INFINITY } else { sum / f64::from(count) }
-}
-
 #[derive(Clone, Copy)]
 pub(crate) struct Subject<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -156,9 +102,9 @@ pub(crate) struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Seen> {
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<ModelPicture> {
         let options = RenderOptions { background: Background::Transparent, ..options.clone() };
-        Ok(Seen::new(&photograph(self.mesh, self.surface, camera, &options)?.picture))
+        Ok(ModelPicture::new(&photograph(self.mesh, self.surface, camera, &options)?.picture))
     }
 }
 
@@ -229,14 +175,14 @@ impl<'a> Prepared<'a> {
     }
 
     /// A look has its size and samples already.
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Seen> {
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<ModelPicture> {
         match self {
             Self::Scene { scene, surface } => {
                 Subject { mesh: scene.mesh(), surface: surface.as_ref() }.picture(camera, options)
             }
             Self::Look(look) => {
                 let time = look.times().first().copied().unwrap_or(0.0);
-                Ok(Seen::new(&look.render_from(camera, time)?.picture))
+                Ok(ModelPicture::new(&look.render_from(camera, time)?.picture))
             }
         }
     }
@@ -284,7 +230,7 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     }
     let mean = |of: fn(&ViewComparison) -> f64| shown.iter().map(of).sum::<f64>() / shown.len() as f64;
     let mean_min = |of: fn(&ViewComparison) -> f64| MeanMin {
-        mean: finite(mean_db(shown.iter().map(of))),
+        mean: finite(ViewComparison::mean_db(shown.iter().map(of))),
         min: finite(shown.iter().map(of).fold(f64::INFINITY, f64::min)),
     };
     let info = CompareInfo {
@@ -312,7 +258,7 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
 
 /// Measures, and pictures written.
 fn compare_view(
-    pictures: &[Seen; 2],
+    pictures: &[ModelPicture; 2],
     files: Option<[PathBuf; 3]>,
     series: Option<&mut Series<'_>>,
 ) -> Result<(ViewComparison, Vec<PathBuf>)> {
@@ -339,7 +285,7 @@ pub(crate) fn mean_psnr_db(
         ratios.push(ViewComparison::new(&pictures)?.model.psnr_db);
         context.check_interrupt()?;
     }
-    Ok(mean_db(ratios.into_iter()))
+    Ok(ViewComparison::mean_db(ratios.into_iter()))
 }
 
 fn finite(value: f64) -> Option<f64> {
@@ -372,17 +318,4 @@ fn text(info: &CompareInfo) -> String {
         text.push_str(&format!("{}\n", path.display()));
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn equal_pictures_have_no_part_in_a_mean() {
-        let mean = |ratios: &[f64]| mean_db(ratios.iter().copied());
-        assert_eq!(mean(&[30.0, f64::INFINITY, 40.0]), 35.0);
-        assert_eq!(mean(&[f64::INFINITY; 2]), f64::INFINITY);
-        assert!(mean(&[30.0, f64::NAN]).is_nan());
-    }
 }

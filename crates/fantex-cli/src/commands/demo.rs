@@ -9,14 +9,13 @@ use fantex::mesh::Mesh;
 use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::render::{Camera, FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, VerifyOptions, verify};
-use fantex::{Baker, Result, Source};
+use fantex::{Baker, Result, Source, not_verified};
 use glam::DVec3;
 use serde::Serialize;
 
 use crate::commands::compare::{Subject, mean_psnr_db};
 use crate::commands::generate::write_landscape;
 use crate::commands::render::save;
-use crate::commands::verify::not_verified;
 use crate::context::Context;
 use crate::scene::{aspect, open_model, photograph, source_surface};
 use crate::shipped::Shipped;

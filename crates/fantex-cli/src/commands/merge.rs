@@ -1,17 +1,13 @@
 //! `fantex merge`: the parts of a planned bake become one asset.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::store::{ByteSource, CreateOptions, PartRun, Plan, WriteSummary, merge_sources, merge_with_gaps};
-use fantex::stream::{Assembled, SharedRun, open_source};
-use fantex::{Error, Result};
+use fantex::{Merge, Result};
 use serde::Serialize;
 
 use super::plan::{of_files, open_plan};
-use crate::addresses::{Target, watched};
 use crate::context::Context;
 use crate::text::{counted, megabytes};
 
@@ -58,21 +54,26 @@ pub(crate) fn run(args: &MergeArgs, context: &Context) -> Result<()> {
         let inputs = args.parts.iter().chain([&args.plan]).map(PathBuf::as_path);
         context.check_target_of(output, inputs)?;
     }
-    let options = CreateOptions { force: context.force, ..CreateOptions::default() };
-    let job = Job { plan: &plan, parts: &args.parts, options, context };
-    let (written, copied_bytes) = {
+    let job = Merge { plan: &plan, parts: &args.parts, force: context.force };
+    let merged = {
         let _deferral = context.defer_interrupt();
-        match args.output.as_deref().map(Target::new).transpose()? {
-            Some(target) => job.write(target)?,
-            None => (job.merge(None)?, 0),
+        match &args.output {
+            Some(output) => {
+                let [reading, copying, sending] =
+                    ["merging", "copying", "uploading"].map(|label| context.step(label, "MB"));
+                job.write(output, [&reading, &copying, &sending])
+            }
+            None => job.check(&context.progress_of_bytes("checking")),
         }
+        .map_err(of_files)?
     };
+    merged.note.iter().for_each(|note| context.note(note));
     let info = MergeInfo {
         output: args.output.clone(),
         parts: args.parts.len() as u64,
-        clusters: written.clusters as u64,
-        bytes: written.bytes,
-        copied_bytes,
+        clusters: merged.written.clusters as u64,
+        bytes: merged.written.bytes,
+        copied_bytes: merged.copied_bytes,
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
@@ -85,68 +86,4 @@ pub(crate) fn run(args: &MergeArgs, context: &Context) -> Result<()> {
         let (output, bytes) = (output.display(), megabytes(info.bytes));
         format!("{output}: {bytes} of {parts} in {:.1} s{copied}", info.seconds)
     })
-}
-
-/// A merge.
-struct Job<'a> {
-    plan: &'a Plan,
-    parts: &'a [PathBuf],
-    options: CreateOptions,
-    context: &'a Context,
-}
-
-impl Job<'_> {
-    /// Writes the asset. Gives how many of its bytes a store has copied, too.
-    fn write(&self, target: Target<'_>) -> Result<(WriteSummary, u64)> {
-        if let Some(made) = self.merge_in_store(&target)? {
-            return Ok(made);
-        }
-        let written = self.merge(Some(target.file()))?;
-        target.finish(&self.context.replace(), self.context)?;
-        Ok((written, 0))
-    }
-
-    /// Reads all parts, and writes a file unless they are only looked at.
-    fn merge(&self, output: Option<&Path>) -> Result<WriteSummary> {
-        let parts = self.parts.iter().map(|part| open_source(part)).collect::<Result<Vec<_>>>()?;
-        let label = if output.is_some() { "merging" } else { "checking" };
-        let bar = self.context.progress_of_bytes(label);
-        let output = output.map(|path| (path, &self.options));
-        let watch = |done, total| watched(&bar, done, total);
-        merge_sources(self.plan, &parts, output, &watch).map_err(of_files)
-    }
-
-    /// Has the store of parts and asset copy the texels. None where they do not lie in one, or it copies nothing.
-    fn merge_in_store(&self, target: &Target<'_>) -> Result<Option<(WriteSummary, u64)>> {
-        let Some(object) = target.object() else { return Ok(None) };
-        let sources: Option<Vec<_>> = self.parts.iter().map(|part| object.source_to_copy(part)).collect();
-        let Some(sources) = sources else { return Ok(None) };
-        let parts: Vec<_> = sources.iter().map(|source| Arc::clone(source) as Arc<dyn ByteSource>).collect();
-        let file = target.file();
-        let (written, gaps) = {
-            let bar = self.context.progress_of_bytes("merging");
-            let watch = |done, total| watched(&bar, done, total);
-            merge_with_gaps(self.plan, &parts, file, &self.options, &watch).map_err(of_files)?
-        };
-        let shared = |PartRun { part, offset, range }| {
-            let source = Arc::clone(&sources[part]);
-            SharedRun { source, offset, range }
-        };
-        let runs: Vec<_> = gaps.into_iter().map(shared).collect();
-        let assembled = {
-            let bar = self.context.progress_of_bytes("copying");
-            let watch = |done, total| watched(&bar, done, total);
-            object.assemble(file, &runs, &self.context.replace(), &watch)?
-        };
-        match assembled {
-            Assembled::Done(copied) => return Ok(Some((written, copied))),
-            Assembled::NotCopied(None) => {}
-            Assembled::NotCopied(Some(why)) => self.context.note(format!(
-                "{}: the store copies no ranges of objects ({why}), so all bytes go through this machine",
-                object.location().display()
-            )),
-        }
-        std::fs::remove_file(file).map_err(|error| Error::writing(file, error))?;
-        Ok(None)
-    }
 }

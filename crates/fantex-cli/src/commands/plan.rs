@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::{Args, Parser as _};
+use fantex::addresses::is_address;
 use fantex::store::Plan;
 use fantex::stream::open_source;
 use fantex::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::addresses::{is_address, with_local_files};
 use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
+use crate::local_files::with_local_files;
 use crate::text::megabytes;
 use crate::{Cli, Command};
 

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::store::PREVIEW;
-use fantex::{Preview, PreviewOptions, Result};
+use fantex::addresses::is_object;
+use fantex::{Preview, PreviewOptions, Progress, Result};
 use serde::Serialize;
 
-use crate::addresses::{self, is_object};
 use crate::context::Context;
-use crate::scene::{check_is_asset_file, open_asset};
+use crate::scene::check_is_asset_file;
 use crate::text::{Count, counted, megabytes};
 
 /// Give an asset a preview: a small asset inside it, which viewers far away show until the rest is there.
@@ -55,11 +54,12 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let mut info = PreviewInfo { asset: args.asset.clone(), triangles: 0, texels: 0, bytes: 0, seconds: 0.0 };
     check_is_asset_file(&args.asset)?;
+    // A file keeps its state when the program ends; of an object, a copy would be left.
+    let _deferral = is_object(&args.asset).then(|| context.defer_interrupt());
+    let [fetching, sending] = &context.transfers();
+    let transfers: [&dyn Progress; 2] = [fetching, sending];
     if args.remove {
-        // An object without a preview need not be put back.
-        let is_without =
-            is_object(&args.asset) && open_asset(&args.asset)?.attachment_bytes(PREVIEW)?.is_none();
-        let was_there = !is_without && addresses::change(&args.asset, context, Preview::remove_from)?;
+        let was_there = Preview::remove_at(&args.asset, transfers)?;
         return context.print(&info, |info| match was_there {
             true => format!("{}: the preview is gone\n", info.asset.display()),
             false => format!("{}: there was no preview\n", info.asset.display()),
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
         keeps_borders: args.keep_borders,
         memory_bytes: context.memory_bytes,
     };
-    let preview = addresses::change(&args.asset, context, |file| Preview::add_to(file, &options))?;
+    let preview = Preview::add_at(&args.asset, &options, transfers)?;
     (info.triangles, info.texels, info.bytes) =
         (preview.triangles, preview.texels, preview.bytes.len() as u64);
     info.seconds = started.elapsed().as_secs_f64();

@@ -13,7 +13,7 @@ use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
-use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
+use fantex::render::{Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
 use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene};
@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::scene::{
     FILTERS, Scene, SurroundingsArgs, check_picture_name, is_look, open_shape, portrait, report_damage,
-    show_notes, size, vector, world_boxes,
+    show_notes, size, vector,
 };
 use crate::series::Series;
 use crate::text::{bytes, counted, one_of};
@@ -154,14 +154,7 @@ fn lights(args: &RenderArgs, camera: &Camera) -> Result<Lights> {
     let sun = args.light.map(|to_light| to_light.as_vec3());
     let mut lights = sun.map_or_else(|| Lights::behind(camera), Lights::sun);
     if let Some(surroundings) = args.surroundings.load(sun)? {
-        lights.ambient = AmbientLight::environment(surroundings.light);
-        lights.lamps.retain_mut(|lamp| match surroundings.sun {
-            Some(color) => {
-                lamp.color = color;
-                true
-            }
-            None => sun.is_some(),
-        });
+        surroundings.shine(&mut lights, sun.is_some());
     }
     Ok(lights)
 }
@@ -184,7 +177,7 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
     check_picture_name(&args.output)?;
-    let (options, bounds) = (options(args)?, world_boxes(&world, space));
+    let (options, bounds) = (options(args)?, WorldScene::boxes(&world, space));
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));

@@ -8,12 +8,11 @@ use fantex::base::uri_escaped;
 use fantex::store::{Asset, ByteSource};
 use fantex::stream::read::first_ranges;
 use fantex::stream::{open_preview, url_of};
-use fantex::{Error, Result, World};
+use fantex::{Error, FileKind, Result, World};
 use fantex_web::Page;
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::check_is_asset;
 use crate::server::{Content, Server, Site};
 use crate::text::counted;
 
@@ -57,7 +56,7 @@ pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {
         add_assets(&mut site, &args.asset, context)?;
         Vec::new()
     } else {
-        check_is_asset(&args.asset)?;
+        FileKind::check_is_asset(&args.asset)?;
         ranges_ahead(&**Asset::open(&args.asset)?.source())
     };
     let name = file_name(&args.asset)?;

@@ -1,16 +1,13 @@
 //! `fantex split`: a large asset as a world of small ones.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::store::Asset;
-use fantex::stream::ObjectTarget;
-use fantex::{Error, Result, SectorPreviews, Split, SplitOptions, World, split};
+use fantex::addresses::is_address;
+use fantex::{Error, Result, SectorPreviews, SplitOptions, StoreFolder, World, split};
 use serde::Serialize;
 
-use crate::addresses::{is_address, watched};
 use crate::context::Context;
 use crate::scene::open_asset;
 use crate::text::{Count, counted, grouped, megabytes};
@@ -71,7 +68,10 @@ struct SplitInfo {
 pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let in_store = if is_address(&args.output) {
-        Some(Prefix::check(&args.output, &args.asset, context)?)
+        let _deferral = context.defer_interrupt();
+        let folder = StoreFolder::of_split(&args.output, &args.asset, context.force)?;
+        context.check_interrupt()?;
+        Some(folder)
     } else {
         check_folder(&args.output)?;
         None
@@ -90,7 +90,11 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
     let written = {
         let _deferral = context.defer_interrupt();
         match &in_store {
-            Some(prefix) => prefix.split(&asset, &options, context)?,
+            Some(folder) => {
+                let splitting = context.step("split", "M texels");
+                let sending = context.step("uploading", "MB");
+                folder.split(&asset, &options, [&splitting, &sending])?
+            }
             None => split(&asset, &args.output, &options, &context.progress("split"))?,
         }
     };
@@ -129,94 +133,6 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
             info.seconds
         )
     })
-}
-
-/// A folder in an object store: what the keys of a world begin with.
-struct Prefix {
-    /// Ends with a slash.
-    address: String,
-    /// The index's file.
-    index: String,
-}
-
-impl Prefix {
-    /// Refuses, before any work is done, what could not be written.
-    fn check(folder: &Path, asset: &Path, context: &Context) -> Result<Self> {
-        let address = format!("{}/", folder.display().to_string().trim_end_matches('/'));
-        let prefix = Self { address, index: Split::index_name(asset) };
-        for name in [prefix.index.as_str(), "sector-0001.fan"] {
-            context.check_target_of(&prefix.place(name), [asset])?;
-        }
-        Ok(prefix)
-    }
-
-    fn place(&self, name: &str) -> PathBuf {
-        PathBuf::from(format!("{}{name}", self.address))
-    }
-
-    fn object(&self, name: &str) -> Result<ObjectTarget> {
-        ObjectTarget::at(&self.place(name))
-    }
-
-    /// Splits here, then writes the sectors and at last the index. There is no index while a world is exchanged. What was written goes away where
-    /// not all could be.
-    fn split(&self, asset: &Arc<Asset>, options: &SplitOptions, context: &Context) -> Result<Split> {
-        let folder = Context::temporary_folder()?;
-        let mut written = split(asset, folder.path(), options, &context.progress("split"))?;
-        let mut names: Vec<&str> = written.world.assets().collect();
-        let old = if context.force { self.old_assets()? } else { Vec::new() };
-        if context.force {
-            self.object(&self.index)?.remove()?;
-        }
-        names.push(&self.index);
-        let mut done = Vec::new();
-        if let Err(error) = self.put_all(folder.path(), &names, &mut done, context) {
-            // Sectors that cannot be removed either have no index that names them.
-            done.into_iter().for_each(|object| object.remove().unwrap_or_default());
-            return Err(error);
-        }
-        for sector in old.iter().filter(|sector| !names.contains(&sector.as_str())) {
-            self.object(sector)?.remove()?;
-        }
-        written.index = self.place(&self.index);
-        Ok(written)
-    }
-
-    /// The sectors and coarse assets of a world that is there.
-    fn old_assets(&self) -> Result<Vec<String>> {
-        if self.object(&self.index)?.version()?.is_none() {
-            return Ok(Vec::new());
-        }
-        // One that cannot be read is replaced all the same.
-        let world = World::open(self.place(&self.index)).unwrap_or_default();
-        Ok(world.assets().filter(|name| Split::is_asset_name(name)).map(str::to_owned).collect())
-    }
-
-    /// Writes files of a folder, in this order; `done` are those that are there.
-    fn put_all(
-        &self,
-        folder: &Path,
-        names: &[&str],
-        done: &mut Vec<ObjectTarget>,
-        context: &Context,
-    ) -> Result<()> {
-        let bytes = |name: &&str| {
-            let path = folder.join(name);
-            path.metadata().map(|found| found.len()).map_err(|error| Error::reading(path, error))
-        };
-        let lengths = names.iter().map(bytes).collect::<Result<Vec<_>>>()?;
-        let (mut before, total) = (0, lengths.iter().sum());
-        let bar = context.progress_of_bytes("uploading");
-        for (name, length) in names.iter().zip(lengths) {
-            let object = self.object(name)?;
-            object.put(&folder.join(name), &context.replace(), &|sent, _| {
-                watched(&bar, before + sent, total)
-            })?;
-            before += length;
-            done.push(object);
-        }
-        Ok(())
-    }
 }
 
 /// Refuses what can be no folder.

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use fantex::glam::{DVec3, Vec2, Vec3, Vec4};
-use fantex::look::{LookFile, LookImages, Resolver};
-use fantex::texture::{ColorSpace, Filtering, Image, ShadingPoint, Tabulation, Texture, UvPoint};
-use fantex::{Error, Result};
+use fantex::glam::{DVec3, Vec4};
+use fantex::look::LookFile;
+use fantex::texture::{ColorSpace, Image};
+use fantex::{LookTable, Result, look_texture};
 use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, SPACES, saved};
@@ -79,28 +79,7 @@ struct TableInfo {
 
 pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     let file = LookFile::read(&args.look)?;
-    let names: Vec<&String> = file.look().textures.keys().collect();
-    let name = match (&args.texture, names.as_slice()) {
-        (Some(name), _) => name.as_str(),
-        (None, [only]) => only.as_str(),
-        (None, _) => {
-            let names: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-            let sentence = format!(
-                "{} has {} textures; say which with --texture: {}",
-                args.look.display(),
-                names.len(),
-                names.join(", ")
-            );
-            return Err(Error::invalid(sentence));
-        }
-    };
-    let images = LookImages::default();
-    let mut resolver = Resolver::without_model(&file, &images, context.resolve_options());
-    let texture = resolver.texture(name)?;
-    if texture.is_view_dependent() {
-        let sentence = format!("the texture {name} depends on the eye, and a table has none");
-        return Err(Error::invalid(sentence));
-    }
+    let (name, texture) = look_texture(&file, args.texture.as_deref(), context.resolve_options())?;
     let [width, height] = args.size;
     let slices = args.slices.unwrap_or(1);
     let slice_series = |count: u32| Series::all_or_none(context, &args.output, "slice", u64::from(count));
@@ -120,16 +99,17 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
         check_picture_name(&args.output)?;
     }
     let (mut min, mut max) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-    for (slice, path) in paths.iter().enumerate() {
+    let table = LookTable {
+        size: [width, height, slices],
+        from: args.from,
+        to: args.to,
+        samples: args.samples,
+        time: args.time,
+        memory_bytes: context.memory_bytes,
+    };
+    for (slice, path) in (0..).zip(&paths) {
         context.check_interrupt()?;
-        let z = (slice as f32 + 0.5) / slices as f32;
-        let grid = Tabulation {
-            size: [width, height, 1],
-            samples: args.samples,
-            memory_bytes: context.memory_bytes,
-        };
-        let domain = Domain::new(args, slices);
-        let texels = grid.texels(|[u, v, _]| domain.ask(texture.as_ref(), Vec3::new(u, v, z)).to_array())?;
+        let texels = table.slice(texture.as_ref(), slice)?;
         for texel in &texels {
             (min, max) = (min.min(Vec4::from_array(*texel)), max.max(Vec4::from_array(*texel)));
         }
@@ -146,7 +126,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     }
     let info = TableInfo {
         output: args.output.clone(),
-        texture: name.to_owned(),
+        texture: name,
         width,
         height,
         slices,
@@ -165,39 +145,4 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
             info.texture
         )
     })
-}
-
-/// A box of object space, and the part of it that a sample stands for.
-struct Domain {
-    from: Vec3,
-    extent: Vec3,
-    /// Along columns and rows, of `0..1`.
-    steps: Vec2,
-    time: f32,
-}
-
-impl Domain {
-    fn new(args: &TableArgs, slices: u32) -> Self {
-        let (from, extent) = (args.from.as_vec3(), (args.to - args.from).as_vec3());
-        // One slice lies where --from says.
-        let extent = if slices == 1 { extent * Vec3::new(1.0, 1.0, 0.0) } else { extent };
-        let side = |texels: u32| 1.0 / (texels * args.samples) as f32;
-        Self { from, extent, steps: Vec2::from(args.size.map(side)), time: args.time }
-    }
-
-    /// `at` is in `0..1` along each axis.
-    fn ask(&self, texture: &dyn Texture, at: Vec3) -> Vec4 {
-        let steps = [Vec2::new(self.steps.x, 0.0), Vec2::new(0.0, self.steps.y)];
-        texture.evaluate(&ShadingPoint {
-            position: self.from + self.extent * at,
-            position_steps: steps.map(|step| self.extent * step.extend(0.0)),
-            normal: Vec3::Z,
-            normal_steps: [Vec3::ZERO; 2],
-            uv: &[UvPoint { uv: at.truncate(), steps }],
-            vertex_color: Vec4::ONE,
-            to_eye: None,
-            time: self.time,
-            filtering: Filtering::Area,
-        })
-    }
 }

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::store::{self, JUMP_BOUND, VerifyOptions, VerifyReport};
-use fantex::{Error, FileKind, Result};
+use fantex::store::{self, JUMP_BOUND, VerifyOptions};
+use fantex::{FileKind, Result, not_verified};
 use serde::Serialize;
 
 use super::world::verify_and_print;
 use crate::context::Context;
 use crate::scene::open_asset;
 use crate::text::Table;
-use crate::text::{counted, grouped, megabytes};
+use crate::text::{grouped, megabytes};
 
 /// Check an asset, or all assets of a world: structure, checksums, and that the texture is continuous across every edge.
 #[derive(Args, Debug)]
@@ -86,29 +86,6 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
     };
     context.print(&info, |info| text(info, &args.asset))?;
     if report.ok { Ok(()) } else { Err(not_verified(&args.asset, &report)) }
-}
-
-/// Why an asset did not pass.
-pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> Error {
-    let jump = report.continuity.largest_jump;
-    let reason = if let Some(damage) = report.first_damage.first() {
-        format!("it has {}; the first: {damage}", counted(report.damaged_tiles, "damaged tile"))
-    } else if let Some(fault) = report.mesh_faults.first() {
-        format!("its mesh breaks a rule of the format: {fault}")
-    } else if report.damaged_headers > 0 {
-        "one of its two headers is damaged; the other one still opens it".to_owned()
-    } else if report.damaged_attachments > 0 {
-        let attachments = counted(report.damaged_attachments, "damaged attachment");
-        format!("it has {attachments} (layers, history); its texels are sound")
-    } else if report.continuity.needless_splits > 0 {
-        let edges = counted(report.continuity.needless_splits, "edge");
-        format!(
-            "at {edges} the two triangles name different groups, so the texture may jump there; bake it again"
-        )
-    } else {
-        format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
-    };
-    Error::damaged(format!("{} did not pass: {reason}", path.display()))
 }
 
 fn text(info: &VerifyInfo, path: &Path) -> String {

@@ -1,22 +1,14 @@
 //! `fantex world`: an index of assets; and what `fantex info` and `fantex verify` say of one.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::base::input::{self, ReadLimits, ReadOptions};
-use fantex::store::{Asset, JUMP_BOUND, PREVIEW, VerifyOptions};
-use fantex::stream::{ObjectTarget, Replace, url_of};
-use fantex::{
-    Error, Preview, PreviewOptions, Result, WORLD_EXTENSION, World, WorldObject, WorldReport, verify_world,
-};
+use fantex::store::{JUMP_BOUND, VerifyOptions};
+use fantex::{Error, PreviewOptions, Result, World, WorldChange, WorldChanged, change_world, verify_world};
 use serde::Serialize;
 
-use super::verify::not_verified;
-use crate::addresses::{self, Target, is_object};
 use crate::context::Context;
-use crate::scene::open_asset;
 use crate::text::{Table, counted, grouped, megabytes};
 
 /// Make a world, an index of assets that are shown together, or change one.
@@ -45,7 +37,7 @@ pub(crate) struct WorldArgs {
 }
 
 #[derive(Debug, Serialize)]
-struct WorldChange {
+struct WorldChangeInfo {
     index: PathBuf,
     added: u64,
     updated: u64,
@@ -60,116 +52,32 @@ struct WorldChange {
 
 pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    check_index(&args.index)?;
-    let replace = replaced(&args.index)?;
-    let is_there = if is_object(&args.index) { replace != Replace::Nothing } else { args.index.exists() };
-    let mut world = if is_there { open_to_change(&args.index)? } else { World::default() };
-    let coarse_before = world.coarse.len();
-    let mut removed = 0;
-    for asset in &args.remove {
-        remove(&mut world, &args.index, asset)?;
-        removed += 1;
-    }
-    let (mut added, mut updated, mut previews_made) = (0, 0, 0);
-    let known = world.objects.iter().map(|object| World::asset_place(&args.index, object));
-    let others = if args.make_previews { known.collect() } else { Vec::new() };
-    for (place, is_named) in
-        args.assets.iter().map(|asset| (asset, true)).chain(others.iter().map(|asset| (asset, false)))
-    {
-        context.check_interrupt()?;
-        let name = World::name_of(&args.index, place)?;
-        let mut asset = open_asset(place)?;
-        let is_made = args.make_previews && make_preview(place, &mut asset, context)?;
-        previews_made += u64::from(is_made);
-        if is_named || is_made {
-            let is_update = world.put(WorldObject::of(name, &asset)?);
-            *if is_update { &mut updated } else { &mut added } += 1;
-        }
-    }
-    let coarse_removed = (coarse_before - world.coarse.len()) as u64;
-    if coarse_removed > 0 {
-        context.note(format!(
-            "{} showed what has changed and went from the index, so views from afar take more memory; 'fantex split' of the whole asset makes \
-             them anew",
-            counted(coarse_removed, "coarse asset")
-        ));
-    }
-    {
-        let _deferral = context.defer_interrupt();
-        let target = Target::new(&args.index)?;
-        world.write(target.file())?;
-        target.finish(&replace, context)?;
-    }
-    let seconds = started.elapsed().as_secs_f64();
-    let index = args.index.clone();
-    let info = WorldInfo::of(&world);
-    let change =
-        WorldChange { index, added, updated, removed, coarse_removed, previews_made, world: info, seconds };
-    context.print(&change, |change| {
-        let WorldChange { added, updated, removed, world, .. } = change;
-        let counts = format!("{added} added, {updated} updated, {removed} removed");
-        format!("{}: {}, {counts}\n", change.index.display(), counted(world.objects, "asset"))
-    })
-}
-
-/// Opens the index without marking it as an input, which nothing may overwrite.
-fn open_to_change(index: &Path) -> Result<World> {
-    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
-    ReadLimits::new(options).run(|| World::open(index))
-}
-
-/// Which version of an index in a store a changed one replaces. It is known before the index is read, so that no change of somebody else is lost.
-fn replaced(index: &Path) -> Result<Replace> {
-    if !is_object(index) {
-        return Ok(Replace::Anything);
-    }
-    let object = ObjectTarget::at(index)?;
-    object.check(true)?;
-    Ok(object.version()?.map_or(Replace::Nothing, Replace::Version))
-}
-
-fn check_index(index: &Path) -> Result<()> {
-    if let Some(url) = url_of(index).filter(|_| !is_object(index)) {
-        return Err(Error::unsupported(format!("{url} can only be read: change a copy of the index")));
-    }
-    if !World::is_named(index) {
-        let index = index.display();
-        return Err(Error::invalid(format!(
-            "{index} is no name for a world: end it with .{WORLD_EXTENSION}"
-        )));
-    }
-    input::check_output(index)
-}
-
-/// Takes an asset out, by its name in the index or by its path.
-fn remove(world: &mut World, index: &Path, asset: &Path) -> Result<()> {
-    let name = World::name_of(index, asset).ok();
-    let is_it =
-        |object: &WorldObject| Path::new(&object.asset) == asset || Some(&object.asset) == name.as_ref();
-    if world.remove(is_it) == 0 {
-        let (index, asset) = (index.display(), asset.display());
-        return Err(Error::not_found(format!("{index} has no asset {asset} that could be removed")));
-    }
-    Ok(())
-}
-
-/// Gives an asset a preview where it has none; the asset is opened again.
-fn make_preview(place: &Path, asset: &mut Arc<Asset>, context: &Context) -> Result<bool> {
-    if asset.attachment_bytes(PREVIEW)?.is_some() {
-        return Ok(false);
-    }
-    if url_of(place).is_some() && !is_object(place) {
-        context.note(format!("{} has no preview and gets none: it can only be read", place.display()));
-        return Ok(false);
-    }
-    let options = PreviewOptions {
+    let previews = PreviewOptions {
         keeps_borders: true,
         memory_bytes: context.memory_bytes,
         ..PreviewOptions::default()
     };
-    addresses::change(place, context, |file| Preview::add_to(file, &options))?;
-    *asset = open_asset(place)?;
-    Ok(true)
+    let change = WorldChange {
+        put: &args.assets,
+        remove: &args.remove,
+        previews: args.make_previews.then_some(previews),
+    };
+    let changed = {
+        let _deferral = context.defer_interrupt();
+        change_world(&args.index, &change, context)?
+    };
+    changed.notes.iter().for_each(|note| context.note(note));
+    let WorldChanged { added, updated, removed, coarse_removed, previews_made, .. } = changed;
+    let seconds = started.elapsed().as_secs_f64();
+    let index = args.index.clone();
+    let world = WorldInfo::of(&changed.world);
+    let info =
+        WorldChangeInfo { index, added, updated, removed, coarse_removed, previews_made, world, seconds };
+    context.print(&info, |info| {
+        let WorldChangeInfo { added, updated, removed, world, .. } = info;
+        let counts = format!("{added} added, {updated} updated, {removed} removed");
+        format!("{}: {}, {counts}\n", info.index.display(), counted(world.objects, "asset"))
+    })
 }
 
 /// What an index says.
@@ -278,7 +186,7 @@ pub(crate) fn verify_and_print(index: &Path, context: &Context) -> Result<()> {
         let _deferral = context.defer_interrupt();
         verify_world(index, &options, &context.progress("verify"))?
     };
-    let faults = faults(&report);
+    let faults = report.faults();
     let info = WorldVerifyInfo {
         ok: report.ok,
         objects: report.objects.len() as u64,
@@ -298,27 +206,6 @@ pub(crate) fn verify_and_print(index: &Path, context: &Context) -> Result<()> {
         }
         _ => Ok(()),
     }
-}
-
-/// All faults, a sentence each.
-fn faults(report: &WorldReport) -> Vec<String> {
-    let mut faults = Vec::new();
-    for object in report.objects.iter().chain(&report.coarse) {
-        if let Some(found) = object.asset.as_ref().filter(|found| !found.ok) {
-            faults.push(not_verified(&object.place, found).to_string());
-        }
-        faults.extend(object.faults.iter().map(|fault| format!("{}: {fault}", object.place.display())));
-    }
-    if report.largest_jump > JUMP_BOUND
-        && let Some(seam) = report.worst_seam
-    {
-        let [a, b] = seam.map(|number| report.objects[number].place.display());
-        let jump = report.largest_jump;
-        faults.push(format!(
-            "the texture jumps by {jump:.1e} between {a} and {b}, more than the bound of {JUMP_BOUND:.0e}"
-        ));
-    }
-    faults
 }
 
 fn verify_text(info: &WorldVerifyInfo, index: &Path) -> String {

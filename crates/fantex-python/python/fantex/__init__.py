@@ -8,6 +8,7 @@ they meet. The *texture function* that comes out is continuous everywhere, whate
 >>> colors = asset.sample([[0.1, 0.2, 0.3]])                    # at the nearest point of the surface
 >>> asset.render(size=(960, 540)).save("scan.png")
 >>> asset.export("scan.glb", resolution=4096)                   # for programs that want UV coordinates
+>>> world = fantex.split("land.fan", "land")                    # what is too large for one viewer
 
 Conventions: positions are in the units of the model's file, y or z up as it says. Faces are triangles, counter-clockwise seen
 from outside. Colours are linear RGBA as floats, or sRGB as ``uint8``. Texture coordinates have v upwards, so that row 0 of a
@@ -16,7 +17,7 @@ picture lies at v = 1.
 
 from __future__ import annotations
 
-from ._asset import Asset, Atlas, Camera, Fans, Picture, open
+from ._asset import Asset, Atlas, Fans
 from ._bake import (
     Source,
     bake,
@@ -28,9 +29,13 @@ from ._bake import (
     solid,
     vertex_colors,
 )
+from ._files import compare, info, open, render, set_read_limits
+from ._look import NormalMap, normal_map, table
 from ._mesh import Mesh, parametrize
 from ._native import NOTICES, SOLIDS, Error, __version__
-from ._plan import Plan, bake_part, merge, plan
+from ._picture import Camera, Picture, compare_pictures
+from ._plan import Plan, bake_part, check_parts, merge, plan
+from ._world import World, WorldCoarse, WorldObject, WorldPreview, make_world, split
 
 __all__ = [
     "NOTICES",
@@ -41,21 +46,36 @@ __all__ = [
     "Error",
     "Fans",
     "Mesh",
+    "NormalMap",
     "Picture",
     "Plan",
     "Source",
+    "World",
+    "WorldCoarse",
+    "WorldObject",
+    "WorldPreview",
     "__version__",
     "bake",
     "bake_part",
+    "check_parts",
+    "compare",
+    "compare_pictures",
     "image",
+    "info",
     "look",
+    "make_world",
     "merge",
     "mesh",
+    "normal_map",
     "open",
     "own_materials",
     "parametrize",
     "photos",
     "plan",
+    "render",
+    "set_read_limits",
     "solid",
+    "split",
+    "table",
     "vertex_colors",
 ]

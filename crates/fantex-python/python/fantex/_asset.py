@@ -2,47 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import tempfile
-from dataclasses import dataclass
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Union
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from . import _native
-from ._mesh import Progress, _array
+from ._mesh import Mesh, Progress, _array
+from ._picture import Camera, Picture, _taken, _view, _warn
 
 MIB = 1 << 20
-
-
-class Picture(np.ndarray):
-    """A picture, ``(h, w, c)`` uint8 with row 0 on top, that shows itself in a notebook."""
-
-    def to_png(self) -> bytes:
-        """The bytes of a PNG file."""
-        array = np.asarray(self)
-        return _native.encode_png(np.ascontiguousarray(array[:, :, None] if array.ndim == 2 else array))
-
-    def save(self, path: Union[str, os.PathLike]) -> None:
-        """Writes a PNG file."""
-        data = self.to_png()
-        with _builtin_open(path, "wb") as file:
-            file.write(data)
-
-    def _repr_png_(self) -> Optional[bytes]:
-        is_picture = self.dtype == np.uint8 and self.ndim in (2, 3) and self.size > 0
-        return self.to_png() if is_picture and (self.ndim == 2 or self.shape[2] <= 4) else None
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A pinhole camera in the world: place, what it looks at, what is up, vertical opening angle in degrees."""
-
-    eye: Sequence[float]
-    target: Sequence[float] = (0.0, 0.0, 0.0)
-    up: Sequence[float] = (0.0, 1.0, 0.0)
-    fov: float = 35.0
 
 
 class Atlas(NamedTuple):
@@ -110,8 +82,9 @@ class Asset:
 
     @property
     def info(self) -> dict:
-        """Texels per channel, tiles, detail levels and bytes of the file."""
-        return dict(zip(("texels", "tiles", "levels", "bytes"), self._native.figures()))
+        """``kind`` (``"asset"``), ``triangles``, ``vertices``, ``texels`` per channel, ``tiles``, detail ``levels``, ``bytes`` of the
+        file, ``preview_bytes`` (None without a preview), and ``channels``, formats by name."""
+        return self._native.figures()
 
     def nearest(self, points: Any) -> tuple:
         """The nearest points of the surface to points ``(n, 3)`` of the world.
@@ -183,31 +156,41 @@ class Asset:
         camera: Optional[Camera] = None,
         *,
         samples: int = 8,
+        filter: str = "anisotropic",
         light: Optional[Sequence[float]] = None,
         environment: Union[str, os.PathLike, None] = None,
+        environment_strength: float = 1.0,
+        environment_rotation: float = 0.0,
         transparent: bool = False,
     ) -> Picture:
-        """A picture of the asset, made on the CPU.
+        """A picture of the asset, made on the CPU. Where coarser texels stand in for damaged ones, it warns.
 
         Args:
             size: columns and rows.
             camera: from where; all of it from the front, the right and above by default.
             samples: per pixel, 1 to 64.
-            light: direction to the sun, world axes; over the camera's left shoulder by default.
-            environment: picture of the surroundings (``.hdr``, ``.exr``) that lights the scene.
+            filter: of textures: ``nearest``, ``bilinear``, ``bicubic``, ``bicubic-mipmaps``, ``trilinear``, ``anisotropic``, ``ewa``.
+            light: direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment.
+            environment: picture of the surroundings (``.hdr``, ``.exr``) that lights the scene, or ``"sky"`` for a computed one.
+            environment_strength: factor of its light.
+            environment_rotation: degrees by which it is turned to the left.
             transparent: nothing behind the model, alpha 0.
 
         Returns:
             ``(rows, columns, 4)`` uint8, sRGB.
         """
-        view = None
-        if camera is not None:
-            view = ([*map(float, camera.eye)], [*map(float, camera.target)], [*map(float, camera.up)], float(camera.fov))
-        width, height = (int(side) for side in size)
-        light = None if light is None else [*map(float, light)]
-        environment = None if environment is None else os.fspath(environment)
-        picture = self._native.render([width, height], view, samples, light, environment, transparent)
-        return picture.view(Picture)
+        view = _view(
+            size=size,
+            camera=camera,
+            samples=samples,
+            filter=filter,
+            light=light,
+            environment=environment,
+            environment_strength=environment_strength,
+            environment_rotation=environment_rotation,
+            transparent=transparent,
+        )
+        return _taken(self._native.render(view))
 
     def _repr_png_(self) -> Optional[bytes]:
         return self.render(size=(640, 480)).to_png()
@@ -236,8 +219,9 @@ class Asset:
         path: Union[str, os.PathLike],
         *,
         resolution: Optional[int] = None,
+        largest_side: int = 8192,
         padding: Optional[int] = None,
-        uv: str = "atlas",
+        uv: Any = "atlas",
         ktx2: bool = False,
         overwrite: bool = False,
         memory: float = 1 << 30,
@@ -246,19 +230,46 @@ class Asset:
         """Writes a model with texture coordinates: ``.glb`` with its pictures inside, or ``.gltf`` with files beside it.
 
         Args:
-            uv: ``"atlas"``, a packing of its own, or ``"source"``, the coordinates of the model that was baked.
+            resolution: side of the pictures, a power of two; by default as many texels as the asset has.
+            largest_side: the largest side that is taken by default.
+            padding: texels around each piece of an atlas that are its own, a power of two.
+            uv: ``"atlas"``, a packing of its own; ``"source"``, the coordinates of the model that was baked; or that model, a
+                :class:`Mesh` with the asset's triangles, where the asset has not kept them.
             ktx2: write the pictures as KTX2 files, too.
             overwrite: replace existing files.
 
         Returns:
             The paths of all files.
         """
-        if uv not in ("atlas", "source"):
-            raise ValueError(f"uv is 'atlas' or 'source', not {uv!r}")
-        files = self._native.export(
-            os.fspath(path), resolution, padding, uv == "source", ktx2, overwrite, int(memory), progress
-        )
-        return [os.fspath(file) for file in files]
+        options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
+        return _written(self._native.export(os.fspath(path), {**options, "ktx2": ktx2}, progress))
+
+    def export_channels(
+        self,
+        paths: Mapping[str, Union[str, os.PathLike]],
+        *,
+        depth: int = 8,
+        resolution: Optional[int] = None,
+        largest_side: int = 8192,
+        padding: Optional[int] = None,
+        uv: Any = "atlas",
+        overwrite: bool = False,
+        memory: float = 1 << 30,
+        progress: Optional[Progress] = None,
+    ) -> List[str]:
+        """Writes single channels, laid out as :meth:`export` does with the same arguments.
+
+        Args:
+            paths: by name a file each, ``.png``, ``.exr`` (linear floats) or ``.ktx2``. Names are those of :attr:`channels`, and
+                ``opacity``, ``occlusion``, ``roughness`` and ``metallic`` alone.
+            depth: bits per sample of PNG files, 8 or 16.
+
+        Returns:
+            The paths of all files.
+        """
+        options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
+        channels = [(name, os.fspath(path)) for name, path in paths.items()]
+        return _written(self._native.export_channels(channels, depth, options, progress))
 
     def fan_attributes(
         self,
@@ -301,10 +312,8 @@ class Asset:
         Returns:
             The paths of all files.
         """
-        files = self._native.export_fans(
-            os.fspath(path), gutter, largest_side, textures, list(shaders), overwrite, int(memory), progress
-        )
-        return [os.fspath(file) for file in files]
+        options = _fan_options(gutter, largest_side, textures, shaders, overwrite, memory)
+        return _written(self._native.export_fans(os.fspath(path), options, progress))
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
         """A ``trimesh.Trimesh`` with an atlas; needs trimesh and Pillow."""
@@ -321,32 +330,105 @@ class Asset:
         return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
 
     def verify(self) -> dict:
-        """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ..."""
+        """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ...;
+        ``fault`` is a sentence on the first thing that is wrong, or None."""
         return self._native.verify(self._memory)
 
-    def paint(self, strokes: Any, *, history: bool = True) -> dict:
-        """Paints on the file: all strokes or none, and opens it anew.
+    def make_preview(
+        self,
+        *,
+        triangles: float = 5000,
+        texels: float = 100_000,
+        keep_borders: bool = False,
+        memory: float = 1 << 30,
+        progress: Optional[Progress] = None,
+    ) -> dict:
+        """Puts a preview into the file: a small asset that viewers far away show until the rest is there. It takes the place of one that
+        is there, and shows what is in the asset now. An asset in a store is fetched, changed here, and put back whole.
 
         Args:
-            strokes: what a stroke file holds: its path, its dictionary, or the list of its strokes.
-            history: keep what undoes them.
+            triangles: of its mesh, about.
+            texels: of its finest level, per channel.
+            keep_borders: leave open borders as they are, so that previews of assets that meet there fit together; there may be more
+                triangles for it.
+            progress: called with ``(done, total)`` bytes of what lies in a store.
 
         Returns:
-            Numbers of strokes, dabs and changed pages.
+            ``triangles``, ``texels`` and ``bytes`` of the preview.
         """
-        if isinstance(strokes, (str, os.PathLike)):
+        made = _native.make_preview(self._place, int(triangles), int(texels), keep_borders, int(memory), progress)
+        self._reopen()
+        return dict(zip(("triangles", "texels", "bytes"), made))
+
+    def remove_preview(self) -> bool:
+        """Takes the preview out of the file; False where there is none."""
+        was_there = _native.remove_preview(self._place)
+        self._reopen()
+        return was_there
+
+    def paint(
+        self,
+        strokes: Any = None,
+        *,
+        history: bool = True,
+        add_channels: Iterable[str] = (),
+        remove_channels: Iterable[str] = (),
+        alpha: Optional[str] = None,
+    ) -> dict:
+        """Paints on the file: all strokes or none, and opens it anew. A file in a store is fetched, changed here, and put back whole.
+
+        Args:
+            strokes: what a stroke file holds: its path, its dictionary, or the list of its strokes; or another :class:`Asset`, whose
+                strokes are painted on this one, too. None where only channels or ``alpha`` change.
+            history: keep what undoes them.
+            add_channels: channels that it is to have; they show what was seen without them.
+            remove_channels: channels to take out before, with all that was baked and painted in them. That cannot be undone.
+            alpha: what its materials make of the opacity of the base colour: ``"opaque"``, ``"cut-out"``, ``"blend"``; as it is by
+                default.
+
+        Returns:
+            Numbers of ``strokes``, ``dabs`` and changed ``pages``, and of strokes of another asset that were ``unrecorded`` and are missing.
+        """
+        options = {
+            "history": history,
+            "add_channels": list(add_channels),
+            "remove_channels": list(remove_channels),
+            "alpha": alpha,
+            "memory": self._memory,
+        }
+        if strokes is None:
+            painted = _native.paint(self._place, None, None, options)
+        elif isinstance(strokes, Asset):
+            painted = _native.paint(self._place, None, strokes._native, options)
+        elif isinstance(strokes, (str, os.PathLike)):
             path = os.fspath(strokes)
-            painted = _native.paint(self._place, path, os.path.dirname(path) or ".", history, self._memory)
+            painted = _native.paint(self._place, (path, os.path.dirname(path) or "."), None, options)
         else:
             if not isinstance(strokes, dict):
                 strokes = {"version": 1, "strokes": list(strokes)}
             with tempfile.TemporaryDirectory() as folder:
                 path = os.path.join(folder, "strokes.json")
-                with _builtin_open(path, "w", encoding="utf-8") as file:
+                with io.open(path, "w", encoding="utf-8") as file:
                     json.dump(strokes, file)
-                painted = _native.paint(self._place, path, os.getcwd(), history, self._memory)
+                painted = _native.paint(self._place, (path, os.getcwd()), None, options)
+        self._reopen()
+        return dict(zip(("strokes", "dabs", "pages", "unrecorded"), painted))
+
+    def save_strokes(self, path: Union[str, os.PathLike], *, overwrite: bool = False) -> dict:
+        """Writes the strokes that were painted on the asset as a stroke file (``.json``), which :meth:`paint` takes, with the pictures
+        that it mentions in the folder ``files`` beside it.
+
+        Returns:
+            Numbers of ``strokes``, and of those that were ``unrecorded`` and are missing.
+        """
+        path = os.fspath(path)
+        if os.path.lexists(path) and not overwrite:
+            raise FileExistsError(f"{path} exists already; give overwrite=True to overwrite it")
+        return dict(zip(("strokes", "unrecorded"), _native.save_strokes(self._native, path)))
+
+    def _reopen(self) -> None:
+        """Reads the file again after it was changed."""
         self._native = _native.Asset(self._place, self._memory)
-        return dict(zip(("strokes", "dabs", "pages"), painted))
 
     def __repr__(self) -> str:
         figures = self.info
@@ -367,9 +449,39 @@ def _srgb8(values: np.ndarray) -> np.ndarray:
     return result
 
 
-_builtin_open = open
+def _atlas_options(
+    resolution: Optional[int], largest_side: int, padding: Optional[int], uv: Any, overwrite: bool, memory: float
+) -> Dict[str, Any]:
+    """How models with an atlas are written, as the compiled part takes it."""
+    if isinstance(uv, str) and uv not in ("atlas", "source"):
+        raise ValueError(f"uv is 'atlas', 'source' or a model, not {uv!r}")
+    return {
+        "resolution": resolution,
+        "largest_side": largest_side,
+        "padding": padding,
+        "source_uv": isinstance(uv, str) and uv == "source",
+        "model": None if isinstance(uv, str) else Mesh.of(uv)._native,
+        "overwrite": overwrite,
+        "memory": int(memory),
+    }
 
 
-def open(place: Union[str, os.PathLike], *, memory: float = 256 * MIB) -> Asset:
-    """Opens an asset: a path, or an ``https://``, ``s3://``, ``gs://`` or ``az://`` address. Decoded tiles take at most ``memory`` bytes."""
-    return Asset(place, memory=memory)
+def _fan_options(
+    gutter: int, largest_side: int, textures: str, shaders: Sequence[str], overwrite: bool, memory: float
+) -> Dict[str, Any]:
+    """How fans are written, as the compiled part takes it."""
+    return {
+        "gutter": gutter,
+        "largest_side": largest_side,
+        "textures": textures,
+        "shaders": list(shaders),
+        "overwrite": overwrite,
+        "memory": int(memory),
+    }
+
+
+def _written(exported: Tuple[List[Any], List[str]]) -> List[str]:
+    """The files that the compiled part wrote; what is to be known of them becomes warnings of the caller's caller."""
+    files, notes = exported
+    _warn(notes, 4)
+    return [os.fspath(file) for file in files]

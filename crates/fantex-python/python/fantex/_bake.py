@@ -67,7 +67,7 @@ def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
     """Another, more detailed mesh: its materials or colours, and its normals. An :class:`Asset`, or the path or URL of one, gives all
     its channels. ``cage``: how far its surface is looked for, world units; measured where it is not given."""
     is_path = isinstance(other, (str, os.PathLike))
-    if is_path and _native.is_asset(os.fspath(other)):
+    if is_path and _native.kind(os.fspath(other)) == "asset":
         other = Asset(other)
     if isinstance(other, Asset):
         source = Source("mesh", asset=other, cage=cage)
@@ -80,7 +80,11 @@ def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
 def _absolute(place: Union[Path, Asset]) -> str:
     """An absolute path, or an address as it is."""
     place = place.place if isinstance(place, Asset) else os.fspath(place)
-    return place if "://" in place else os.path.abspath(place)
+    return place if _is_address(place) else os.path.abspath(place)
+
+
+def _is_address(place: str) -> bool:
+    return "://" in place
 
 
 def photos(
@@ -137,7 +141,7 @@ def bake(
     Args:
         mesh: a path, ``(positions, faces)``, a :class:`Mesh`, a mesh of trimesh or Open3D; or an :class:`Asset` or its path, whose
             mesh is taken, with a ``source``.
-        path: the asset to write, ``.fan``. It appears at the end, whole, or not at all.
+        path: the asset to write, ``.fan``, also at an ``s3://``, ``gs://`` or ``az://`` address. It appears at the end, whole, or not at all.
         texels: in all; 4 million where nothing else says how many.
         density: texels per world unit of length, instead.
         match: every triangle gets the density of its texture or photograph, instead.
@@ -154,7 +158,11 @@ def bake(
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs may take.
         seed: of recipes.
-        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+        progress: called with ``(done, total)`` texels, then bytes that are sent to a store; what it raises ends the bake.
+
+    Returns:
+        The asset; its ``baked`` has numbers of ``triangles``, ``tiles``, ``texels``, ``bytes``, ``channels``, seconds, and ``notes``, a sentence
+        each; of photographs and of baked light what was found out about them.
 
     Raises:
         ValueError: an argument is out of its range, or the mesh has nothing to bake.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 import os
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Optional, Sequence, Union
 
 import numpy as np
 
 from . import _native
+from ._picture import Camera, Picture, _taken, _view
 
 Progress = Callable[[int, int], Any]
 
@@ -152,6 +153,49 @@ class Mesh:
         """The same shape with about so many faces, without colours, normals and texture coordinates: bake this mesh onto it with
         ``source=fantex.mesh(this)``."""
         return Mesh._of(self._native.simplified(faces))
+
+    def save(self, path: Union[str, os.PathLike], *, overwrite: bool = False) -> None:
+        """Writes positions and faces, without colours, textures and coordinates: ``.ply``, ``.obj`` or ``.glb``."""
+        self._native.save(os.fspath(path), overwrite)
+
+    def look(self) -> str:
+        """The mesh's own materials as a look: text for a ``.toml`` file beside the model, to change and to give to :func:`look` or
+        :func:`render`."""
+        return self._native.look()
+
+    def render(
+        self,
+        size: Sequence[int] = (960, 540),
+        camera: Optional[Camera] = None,
+        *,
+        samples: int = 8,
+        filter: str = "anisotropic",
+        light: Optional[Sequence[float]] = None,
+        environment: Union[str, os.PathLike, None] = None,
+        environment_strength: float = 1.0,
+        environment_rotation: float = 0.0,
+        transparent: bool = False,
+    ) -> Picture:
+        """A picture of the mesh with its own materials and colours, made on the CPU: what a bake of these shows. Takes the arguments of
+        :meth:`Asset.render`, and gives ``(rows, columns, 4)`` uint8, sRGB."""
+        view = _view(
+            size=size,
+            camera=camera,
+            samples=samples,
+            filter=filter,
+            light=light,
+            environment=environment,
+            environment_strength=environment_strength,
+            environment_rotation=environment_rotation,
+            transparent=transparent,
+        )
+        return _taken(self._native.render(view))
+
+    @property
+    def info(self) -> dict:
+        """``kind`` (``"model"``), ``triangles``, ``vertices``, ``components``, ``boundary_edges``, ``nonmanifold_edges``,
+        ``nonmanifold_vertices``, ``genus`` (None where it has none), ``materials``, ``uv_sets``, ``has_colors``, ``notes``."""
+        return {**self._native.figures(), "notes": self.notes}
 
     @property
     def positions(self) -> np.ndarray:

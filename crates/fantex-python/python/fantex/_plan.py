@@ -10,6 +10,7 @@ from . import _native
 from ._asset import Asset
 from ._bake import Function, Path, Source, _absolute, _options, _parts
 from ._mesh import Mesh, Progress
+from ._picture import _warn
 
 # The key of the note in a plan. Plans of the command line note something else.
 _NOTE = "fantex.plan"
@@ -19,7 +20,7 @@ class Plan:
     """A planned bake: the mesh, its tiles and channels, and no texels. :func:`plan` writes such a file.
 
     Args:
-        path: the file.
+        path: the file, also at an ``https://``, ``s3://``, ``gs://`` or ``az://`` address.
 
     Raises:
         FileNotFoundError, OSError: the file cannot be read.
@@ -27,7 +28,7 @@ class Plan:
     """
 
     path: str
-    """Where it lies, absolute."""
+    """Where it lies: an absolute path, or an address."""
     channels: Tuple[str, ...]
     """Names of the channels."""
     texels: int
@@ -36,7 +37,7 @@ class Plan:
     """Number of tiles; more parts than tiles are of no use."""
 
     def __init__(self, path: Path) -> None:
-        self.path = os.path.abspath(path)
+        self.path = _absolute(path)
         self._native = _native.Plan(self.path)
         self.channels = tuple(self._native.channels)
         self.texels, self.tiles, self._triangles = self._native.figures()
@@ -79,8 +80,8 @@ def plan(
 ) -> Plan:
     """Covers a mesh and plans a bake: parts are baked by :func:`bake_part` and joined by :func:`merge`.
 
-    Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write. The plan notes paths of model and
-    source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
+    Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
+    address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
     """
     options = _options(
         texels=texels,
@@ -122,7 +123,7 @@ def bake_part(
     Args:
         plan: what :func:`plan` made, or its path.
         shard: ``(number, count)``: which part, from 1, and how many there are.
-        path: the part to write. It appears at the end, whole, or not at all.
+        path: the part to write, also at an ``s3://``, ``gs://`` or ``az://`` address. It appears at the end, whole, or not at all.
         mesh: the planned mesh, where that was no file.
         source: the planned source, where that was a function or a mesh in memory.
         overwrite: replace an existing file.
@@ -174,10 +175,11 @@ def merge(
 
     Args:
         plan: what :func:`plan` made, or its path.
-        parts: all parts.
-        path: the asset to write. It appears at the end, whole, or not at all.
+        parts: all parts, also at addresses.
+        path: the asset to write, also at an ``s3://``, ``gs://`` or ``az://`` address. It appears at the end, whole, or not at all. A store that
+            has the parts, too, copies most of their texels itself; one that copies none although it might is told of by a warning.
         overwrite: replace an existing file.
-        progress: called with ``(done, total)`` bytes; what it raises ends the merge.
+        progress: called with ``(done, total)`` bytes, then those that a store copies or that are sent to it; what it raises ends the merge.
 
     Raises:
         FileExistsError, OSError: as their names say.
@@ -186,8 +188,21 @@ def merge(
         KeyboardInterrupt: Ctrl-C; nothing is left of the file.
     """
     plan = plan if isinstance(plan, Plan) else Plan(plan)
-    _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite, progress)
+    _, note = _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite, progress)
+    _warn([note] if note else [], 3)
     return Asset(path)
+
+
+def check_parts(plan: Union[Plan, Path], parts: Iterable[Path], *, progress: Optional[Progress] = None) -> None:
+    """Looks whether the parts of a plan are all there and whole, and writes nothing. Raises what :func:`merge` would raise.
+
+    Args:
+        plan: what :func:`plan` made, or its path.
+        parts: all parts, also at addresses.
+        progress: called with ``(done, total)`` bytes.
+    """
+    plan = plan if isinstance(plan, Plan) else Plan(plan)
+    _native.merge(plan._native, [os.fspath(part) for part in parts], None, False, progress)
 
 
 def _noted_mesh(mesh: Any) -> Optional[str]:

@@ -6,11 +6,13 @@ import os
 import shutil
 import tempfile
 import time
+import uuid
+import warnings
 from typing import Any, Dict, List, Optional, Tuple, Union
 
 from . import _native
 from ._asset import Asset
-from ._bake import Function, Path, Source
+from ._bake import Function, Path, Source, _absolute, _is_address
 from ._mesh import Mesh, Progress
 from ._plan import Plan, bake_part, merge, plan
 
@@ -40,17 +42,18 @@ def bake(
     """Bakes on the workers of a Dask client. The file is byte for byte what :func:`fantex.bake` writes.
 
     The calling process plans and merges, so it needs the memory for the mesh and its tiles, and no texels. Parts lie in a folder that
-    all workers and the caller see under one path; so do the model and the pictures that it refers to.
+    all workers and the caller see under one path, or in an object store; the model and the pictures that it refers to are read from paths.
 
     Args:
         client: a ``distributed.Client``, of whatever cluster.
         model: a path, or what is sent to the workers: ``(positions, faces)``, a mesh of trimesh.
-        out: the asset to write, ``.fan``. It appears at the end, whole, or not at all.
+        out: the asset to write, ``.fan``, also at an ``s3://``, ``gs://`` or ``az://`` address. It appears at the end, whole, or not at all.
         source: as for :func:`fantex.bake`; a function is sent to the workers.
         shards: number of parts; four per worker by default.
         retries: how often a part is tried again after an error of a worker's disk, an exception of a function, or a damaged part. What
             cannot get better (wrong arguments, unreadable models) is raised at once. Dask itself moves parts of lost workers to others.
-        folder: where the folder of parts is made, shared; beside ``out`` by default. The parts are removed at the end.
+        folder: where the folder of parts is made: a shared one, or an address in a store, for which all workers have the keys; beside
+            ``out`` by default. The parts are removed at the end.
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs of one part may take.
         progress: called with ``(done, total)`` texels, whenever a part is done; what it raises ends the bake.
@@ -66,34 +69,58 @@ def bake(
     """
     workers = _workers(client)
     model = model.place if isinstance(model, Asset) else model
-    out = os.path.abspath(out)
+    out = _absolute(out)
     if os.path.lexists(out) and not overwrite:
         raise FileExistsError(f"{out} exists; overwrite=True replaces it")
+    _native.check_target(out, overwrite)
     if shards is not None and shards < 1:
         raise ValueError(f"shards is {shards}; at least one part is needed")
     if retries < 0:
         raise ValueError(f"retries is {retries}; it cannot be negative")
     if isinstance(model, Mesh):
         raise TypeError("a fantex.Mesh cannot be sent to workers; give the path or the arrays that it was made of")
-    parent = os.path.dirname(out) if folder is None else os.path.abspath(folder)
-    scratch = tempfile.mkdtemp(prefix=f".{os.path.basename(out)}.parts-", dir=parent)
+    parent = os.path.dirname(out) if folder is None else _absolute(folder).rstrip("/")
+    prefix = f".{os.path.basename(out)}.parts-"
+    if _is_address(parent):
+        scratch = _join(parent, prefix + uuid.uuid4().hex)
+    else:
+        scratch = tempfile.mkdtemp(prefix=prefix, dir=parent)
+    count = 0
     try:
-        planned = plan(model, os.path.join(scratch, "plan"), source=source, memory=memory, **settings)
+        planned = plan(model, _join(scratch, "plan"), source=source, memory=memory, **settings)
         count = min(shards or _PARTS_PER_WORKER * workers, max(planned.tiles, 1))
         run = _Run(client, planned, count, retries, model, source, memory, progress)
         run.finish(range(1, count + 1))
         return run.merge(out, overwrite)
     finally:
-        _remove(scratch)
+        _remove(scratch, count)
 
 
-def _remove(folder: str) -> None:
-    """Removes a folder in which parts of a bake that was given up may still begin files."""
+def _remove(folder: str, parts: int) -> None:
+    """Removes the plan and its parts. In a folder, parts of a bake that was given up may still begin files; in a store, workers remove
+    what they have sent in vain."""
+    if _is_address(folder):
+        for name in ["plan", *(f"{number}.part" for number in range(1, parts + 1))]:
+            try:
+                _native.remove_object(_join(folder, name))
+            except (OSError, _native.Error) as error:
+                warnings.warn(f"what is left of the bake was not removed: {error}", stacklevel=3)
+                return
+        return
     for _ in range(100):
         shutil.rmtree(folder, ignore_errors=True)
         if not os.path.lexists(folder):
             return
         time.sleep(0.1)
+
+
+def _join(folder: str, name: str) -> str:
+    return f"{folder}/{name}" if _is_address(folder) else os.path.join(folder, name)
+
+
+def _is_there(place: str) -> bool:
+    """Whether there is a file or an object."""
+    return _native.is_there(place) if _is_address(place) else os.path.isfile(place)
 
 
 class _Run:
@@ -118,7 +145,7 @@ class _Run:
         self.source = source
 
     def part(self, number: int) -> str:
-        return os.path.join(os.path.dirname(self.plan.path), f"{number}.part")
+        return _join(os.path.dirname(self.plan.path), f"{number}.part")
 
     def finish(self, numbers: Any) -> None:
         """Bakes parts, and returns when all are there."""
@@ -162,7 +189,7 @@ class _Run:
         """Merges, and bakes parts anew that are missing or damaged."""
         parts: List[str] = [self.part(number) for number in range(1, self.count + 1)]
         for attempt in range(self.retries + 1):
-            bad = [number for number, part in enumerate(parts, 1) if not os.path.isfile(part)]
+            bad = [number for number, part in enumerate(parts, 1) if not _is_there(part)]
             if not bad:
                 try:
                     return merge(self.plan, parts, out, overwrite=overwrite)
@@ -186,24 +213,27 @@ def _part(
     memory: float,
 ) -> Optional[BaseException]:
     """The task of a worker. Returns what a second attempt would not change; raises what Dask shall try again."""
-    if not os.path.isfile(plan_path):
+    if not _is_there(plan_path):
         return _native.Error(
             f"a worker does not see {plan_path}; workers and caller need a folder that all of them see (folder=)"
         )
-    looked = time.monotonic()
+    looked, pause = time.monotonic(), 10 if _is_address(plan_path) else 1
 
     def is_wanted(done: int, total: int) -> None:
         # The caller removes the plan when it gives up; tasks that run already end here.
         nonlocal looked
-        if time.monotonic() - looked > 1:
+        if time.monotonic() - looked > pause:
             looked = time.monotonic()
-            if not os.path.exists(plan_path):
+            if not _is_there(plan_path):
                 raise _native.Error("the bake was given up")
 
     try:
         bake_part(
             plan_path, shard, path, mesh=model, source=source, overwrite=True, memory=memory, progress=is_wanted
         )
+        if _is_address(path) and not _is_there(plan_path):
+            # Nobody else would remove it.
+            _native.remove_object(path)
     except _LASTING as error:
         return error
     except (Exception, KeyboardInterrupt, SystemExit):

@@ -6,17 +6,17 @@ use std::time::Instant;
 
 use fantex::base::files::{persist, temporary_file};
 use fantex::mesh::Mesh;
-use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
+use fantex::render::{Camera, Lights, RenderOptions, render};
 use fantex::scene::world_bounds;
 use fantex::texture::{Image, Samples};
-use fantex::{Error, Result};
+use fantex::{Error, Result, Surroundings};
 use glam::DQuat;
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
 use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
-use crate::scene::{Scene, Surroundings, aspect};
+use crate::scene::{Scene, aspect};
 use crate::series::Series;
 use crate::text::counted;
 
@@ -117,13 +117,7 @@ const DIRECTIONS: u32 = 24;
 fn lights(camera: &Camera, surroundings: Option<&Surroundings>) -> Lights {
     let mut lights = Lights::behind(camera);
     if let Some(surroundings) = surroundings {
-        lights.ambient = AmbientLight::environment(surroundings.light.clone());
-        lights.lamps.retain_mut(|lamp| {
-            surroundings.sun.is_some_and(|color| {
-                lamp.color = color;
-                true
-            })
-        });
+        surroundings.shine(&mut lights, false);
     }
     lights
 }

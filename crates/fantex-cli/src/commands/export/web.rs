@@ -11,7 +11,7 @@ use fantex::render::{FilterOptions, RenderOptions};
 use fantex::store::FileSource;
 use fantex::stream::url_of;
 use fantex::texture::Filter;
-use fantex::{Error, Preview, PreviewOptions, Result, World, WorldScene};
+use fantex::{Error, FileKind, Preview, PreviewOptions, Result, World, WorldScene};
 use fantex_web::Page;
 use serde::Serialize;
 use tempfile::TempPath;
@@ -19,7 +19,7 @@ use tempfile::TempPath;
 use super::ExportArgs;
 use crate::commands::serve::{NO_VIEWER, file_name, path_below, ranges_ahead};
 use crate::context::Context;
-use crate::scene::{Scene, check_is_asset, open_asset, photograph, portrait, report_damage, world_boxes};
+use crate::scene::{Scene, open_asset, photograph, portrait, report_damage};
 use crate::text::megabytes;
 
 /// Of the preview, in pixels: what services that show links ask for.
@@ -129,7 +129,7 @@ impl Shown {
             world.space_to_show(path)?;
             return Ok(Self::World(world));
         }
-        check_is_asset(path)?;
+        FileKind::check_is_asset(path)?;
         Ok(Self::Asset(Box::new(Scene::open(path, context)?)))
     }
 
@@ -194,7 +194,7 @@ impl Shown {
                 photograph(scene.mesh(), surface.as_ref(), &camera, &options)?.picture
             }
             Self::World(world) => {
-                let camera = portrait(&world_boxes(world, world.space_to_show(path)?), &options);
+                let camera = portrait(&WorldScene::boxes(world, world.space_to_show(path)?), &options);
                 let scene = WorldScene::open(path, world, &camera, PREVIEW_SIZE, context.memory_bytes)?;
                 let filter = FilterOptions { filter: Filter::Anisotropic, ..FilterOptions::default() };
                 let surface = scene.surface(filter);

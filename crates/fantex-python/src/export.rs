@@ -1,0 +1,150 @@
+//! How models are written for other programs.
+
+use std::path::{Path, PathBuf};
+
+use fantex::Error;
+use fantex::addresses::is_address;
+use fantex::base::counted;
+use fantex::export::{
+    ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
+    SheetPictures, UvChoice,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::mesh::Mesh;
+use crate::options::{choice, named, optional};
+
+/// Files, and what is to be known of them, a sentence each.
+pub(crate) type Exported = (Vec<PathBuf>, Vec<String>);
+
+/// What was written of the asset or world at a place.
+pub(crate) fn exported(place: &Path, written: ExportSummary) -> Exported {
+    let damage = written.damage.map(|(pages, first)| {
+        let tiles = counted(pages, "damaged tile");
+        format!("{}: coarser texels stand in for {tiles}; the first: {first}", place.display())
+    });
+    (written.files.into_iter().map(|(path, _)| path).collect(), damage.into_iter().collect())
+}
+
+/// Refuses addresses: models may have several files.
+pub(crate) fn check_is_path(path: &Path) -> fantex::Result<()> {
+    match is_address(path) {
+        true => Err(Error::invalid(format!(
+            "cannot write {}: files are written here; give a path, and copy them to their addresses afterwards",
+            path.display()
+        ))),
+        false => Ok(()),
+    }
+}
+
+/// How models with an atlas, and single channels, are written.
+pub(crate) struct AtlasFiles {
+    uv: Uv,
+    side: Option<u32>,
+    largest_side: u32,
+    padding: Option<u32>,
+    with_ktx2: bool,
+    force: bool,
+    memory_bytes: u64,
+}
+
+/// Whose texture coordinates.
+enum Uv {
+    Atlas,
+    OfAsset,
+    OfModel(Py<Mesh>),
+}
+
+impl AtlasFiles {
+    pub(crate) fn new(options: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let defaults = ExportOptions::default();
+        let is_of_asset = optional(options, "source_uv")?.unwrap_or(false);
+        let uv = match optional::<Py<Mesh>>(options, "model")? {
+            Some(model) => Uv::OfModel(model),
+            None if is_of_asset => Uv::OfAsset,
+            None => Uv::Atlas,
+        };
+        Ok(Self {
+            uv,
+            side: optional(options, "resolution")?,
+            largest_side: optional(options, "largest_side")?.unwrap_or(defaults.largest_side),
+            padding: optional(options, "padding")?,
+            with_ktx2: optional(options, "ktx2")?.unwrap_or(false),
+            force: optional(options, "overwrite")?.unwrap_or(false),
+            memory_bytes: optional(options, "memory")?.unwrap_or(defaults.memory_bytes),
+        })
+    }
+
+    pub(crate) fn options(&self) -> ExportOptions<'_> {
+        ExportOptions {
+            uv: match &self.uv {
+                Uv::Atlas => UvChoice::Atlas,
+                Uv::OfAsset => UvChoice::OfAsset,
+                Uv::OfModel(model) => UvChoice::OfModel(model.get().geometry()),
+            },
+            side: self.side,
+            largest_side: self.largest_side,
+            padding: self.padding,
+            with_ktx2: self.with_ktx2,
+            force: self.force,
+            memory_bytes: self.memory_bytes,
+        }
+    }
+}
+
+/// How fans are written.
+pub(crate) fn fan_files(options: &Bound<'_, PyDict>) -> PyResult<FanFileOptions> {
+    let defaults = FanSheetOptions::default();
+    let pictures = [
+        ("png", SheetPictures::Png),
+        ("png+ktx2", SheetPictures::PngAndKtx2),
+        ("png+exr", SheetPictures::PngAndExr),
+        ("exr", SheetPictures::Exr),
+    ];
+    let languages = [
+        ("glsl", ShaderLanguage::Glsl),
+        ("wgsl", ShaderLanguage::Wgsl),
+        ("hlsl", ShaderLanguage::Hlsl),
+        ("godot", ShaderLanguage::Godot),
+    ];
+    let shaders: Vec<String> = optional(options, "shaders")?.unwrap_or_default();
+    let sheets = FanSheetOptions {
+        gutter: optional(options, "gutter")?.unwrap_or(defaults.gutter),
+        largest_side: optional(options, "largest_side")?.unwrap_or(defaults.largest_side),
+        memory_bytes: optional(options, "memory")?.unwrap_or(defaults.memory_bytes),
+    };
+    Ok(FanFileOptions {
+        sheets,
+        pictures: choice(options, "textures", &pictures)?,
+        shaders: shaders.iter().map(|name| named("shader", name, &languages)).collect::<PyResult<_>>()?,
+        force: optional(options, "overwrite")?.unwrap_or(false),
+    })
+}
+
+/// A channel by its name on the command line.
+pub(crate) fn channel_map(name: &str) -> PyResult<ChannelMap> {
+    let maps = [
+        ChannelMap::BaseColor,
+        ChannelMap::Opacity,
+        ChannelMap::Normal,
+        ChannelMap::OcclusionRoughnessMetallic,
+        ChannelMap::Occlusion,
+        ChannelMap::Roughness,
+        ChannelMap::Metallic,
+        ChannelMap::Emission,
+        ChannelMap::Displacement,
+        ChannelMap::Light,
+    ];
+    named("channel", name, &maps.map(|map| (map.name(), map)))
+}
+
+/// Bits per sample of a PNG file.
+pub(crate) fn bits(depth: u32) -> PyResult<Depth> {
+    match depth {
+        8 => Ok(Depth::Eight),
+        16 => Ok(Depth::Sixteen),
+        _ => Err(PyValueError::new_err(format!("depth is {depth}; samples have 8 or 16 bits"))),
+    }
+}

@@ -1,0 +1,182 @@
+//! Places that are addresses: results that go to object stores, and assets there that are changed.
+
+use std::fs::File;
+use std::io::Write as _;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use fantex_bake::Progress;
+use fantex_base::{Error, Result};
+use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
+use tempfile::TempDir;
+
+/// Bytes of an object that are fetched at once, over several connections.
+const FETCHED_AT_ONCE: u64 = 24 << 20;
+
+/// Whether a place is no path.
+pub fn is_address(place: &Path) -> bool {
+    scheme(place).is_some_and(|scheme| {
+        !scheme.is_empty()
+            && scheme.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(&byte))
+    })
+}
+
+/// Whether a place names an object in a store that can be written.
+pub fn is_object(place: &Path) -> bool {
+    scheme(place)
+        .is_some_and(|scheme| ["s3", "gs", "az"].iter().any(|known| scheme.eq_ignore_ascii_case(known)))
+}
+
+/// What stands before `://`.
+fn scheme(place: &Path) -> Option<&str> {
+    Some(place.to_str()?.split_once("://")?.0)
+}
+
+/// Where a result goes. To a store it goes by a file on this machine, in the folder for temporary files.
+#[derive(Debug)]
+pub struct Target<'a> {
+    place: &'a Path,
+    staged: Option<Staged>,
+}
+
+#[derive(Debug)]
+struct Staged {
+    object: ObjectTarget,
+    file: PathBuf,
+    /// Goes away with the value.
+    _folder: TempDir,
+}
+
+impl<'a> Target<'a> {
+    /// For an address, makes a temporary folder for the file, which goes away with the value. Sends nothing yet.
+    ///
+    /// # Errors
+    /// The place is an address of no store that is written to, or names no object; there is no room for the folder.
+    pub fn new(place: &'a Path) -> Result<Self> {
+        if !is_address(place) {
+            return Ok(Self { place, staged: None });
+        }
+        let object = ObjectTarget::at(place)?;
+        let folder = temporary_folder()?;
+        let file = folder.path().join(place.file_name().unwrap_or_default());
+        Ok(Self { place, staged: Some(Staged { object, file, _folder: folder }) })
+    }
+
+    /// Refuses, before any work is done, an object that could not be written at its end. Of files nothing is asked.
+    ///
+    /// # Errors
+    /// As [`ObjectTarget::check`].
+    pub fn check(&self, force: bool) -> Result<()> {
+        self.staged.as_ref().map_or(Ok(()), |staged| staged.object.check(force))
+    }
+
+    /// The file to write.
+    pub fn file(&self) -> &Path {
+        self.staged.as_ref().map_or(self.place, |staged| &staged.file)
+    }
+
+    /// The object in a store that it is.
+    pub fn object(&self) -> Option<&ObjectTarget> {
+        self.staged.as_ref().map(|staged| &staged.object)
+    }
+
+    /// Brings what was written to where it goes. `progress` counts bytes that are sent; what is a file is there already.
+    ///
+    /// # Errors
+    /// As [`ObjectTarget::put`].
+    pub fn finish(self, replace: &Replace, progress: &dyn Progress) -> Result<()> {
+        let Some(staged) = self.staged else { return Ok(()) };
+        staged.object.put(&staged.file, replace, &|done, total| watched(progress, done, total))
+    }
+}
+
+/// A folder that goes away with the value.
+pub(crate) fn temporary_folder() -> Result<TempDir> {
+    tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))
+}
+
+/// Reports, and says whether to go on: for what takes such a function.
+pub fn watched(progress: &dyn Progress, done: u64, total: u64) -> ControlFlow<()> {
+    progress.report(done, total);
+    if progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// Refuses what [`change`] cannot change: what lies at an address, but in no store.
+///
+/// # Errors
+/// It is such.
+pub fn check_can_change(place: &Path) -> Result<()> {
+    match url_of(place) {
+        Some(url) if !is_object(place) => {
+            Err(Error::unsupported(format!("{url} can only be read: download it to change it")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Changes a file. An object is fetched, changed here, and put back whole, unless somebody else has changed it meanwhile. Progress counts the bytes
+/// that are fetched, and those that are sent.
+///
+/// # Errors
+/// As [`check_can_change`]; those of the change; the store does not answer or refuses, or the object has changed meanwhile. Then it is as it was.
+pub fn change<T>(
+    place: &Path,
+    [fetching, sending]: [&dyn Progress; 2],
+    change: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
+    check_can_change(place)?;
+    if !is_object(place) {
+        return change(place);
+    }
+    let target = Target::new(place)?;
+    let object = ObjectTarget::at(place)?;
+    object.check(true)?;
+    let version =
+        object.version()?.ok_or_else(|| Error::not_found(format!("there is no {}", place.display())))?;
+    fetch(place, target.file(), fetching)?;
+    let changed = change(target.file())?;
+    target.finish(&Replace::Version(version), sending)?;
+    Ok(changed)
+}
+
+/// Writes what lies at an address into a new file.
+fn fetch(place: &Path, path: &Path, progress: &dyn Progress) -> Result<()> {
+    let reading = |error| Error::reading(place, error);
+    let writing = |error| Error::writing(path, error);
+    let source = open_source(place)?;
+    let length = source.length().map_err(reading)?;
+    let mut file = File::create(path).map_err(writing)?;
+    let mut bytes = vec![0; length.min(FETCHED_AT_ONCE) as usize];
+    let mut done = 0;
+    while done < length {
+        if progress.is_cancelled() {
+            return Err(Error::cancelled(format!("fetching {} was ended", place.display())));
+        }
+        let bytes = &mut bytes[..(length - done).min(FETCHED_AT_ONCE) as usize];
+        source.read_exact_at(bytes, done).map_err(reading)?;
+        file.write_all(bytes).map_err(writing)?;
+        done += bytes.len() as u64;
+        progress.report(done, length);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_told_from_paths() {
+        for place in ["s3://a/b", "GS://a/b", "https://a.org/b", "az://a/b"] {
+            assert!(is_address(Path::new(place)), "{place}");
+        }
+        for place in ["a/b", "/a/b", "C:\\a", "a:b", "://a", "a b://c"] {
+            assert!(!is_address(Path::new(place)), "{place}");
+        }
+        for (place, is_it) in
+            [("S3://a/b", true), ("az://a/b", true), ("https://a.org/b", false), ("a/b", false)]
+        {
+            assert_eq!(is_object(Path::new(place)), is_it, "{place}");
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! Sentences on what was found in assets.
+
+use std::path::Path;
+
+use fantex_base::{Error, grouped, numbered};
+use fantex_store::{Damage, JUMP_BOUND, VerifyReport};
+
+/// What is to be known of an asset in which texels could not be read; none where all could.
+pub fn damage_note(place: &Path, damage: &Damage) -> Option<String> {
+    let (_, page, reason) = damage.first.first()?;
+    let tiles = counted(damage.pages, "damaged tile");
+    Some(format!("{}: coarser texels stand in for {tiles}; the first: {page}: {reason}", place.display()))
+}
+
+/// Why an asset did not pass.
+pub fn not_verified(place: &Path, report: &VerifyReport) -> Error {
+    let jump = report.continuity.largest_jump;
+    let reason = if let Some(damage) = report.first_damage.first() {
+        format!("it has {}; the first: {damage}", counted(report.damaged_tiles, "damaged tile"))
+    } else if let Some(fault) = report.mesh_faults.first() {
+        format!("its mesh breaks a rule of the format: {fault}")
+    } else if report.damaged_headers > 0 {
+        "one of its two headers is damaged; the other one still opens it".to_owned()
+    } else if report.damaged_attachments > 0 {
+        let attachments = counted(report.damaged_attachments, "damaged attachment");
+        format!("it has {attachments} (layers, history); its texels are sound")
+    } else if report.continuity.needless_splits > 0 {
+        let edges = counted(report.continuity.needless_splits, "edge");
+        format!(
+            "at {edges} the two triangles name different groups, so the texture may jump there; bake it again"
+        )
+    } else {
+        format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
+    };
+    Error::damaged(format!("{} did not pass: {reason}", place.display()))
+}
+
+/// `69 451 tiles`.
+fn counted(number: u64, noun: &str) -> String {
+    format!("{} {}", grouped(number, ' '), numbered(number, noun))
+}

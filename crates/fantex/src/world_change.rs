@@ -1,0 +1,170 @@
+//! Changes to the index of a world.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_bake::Progress;
+use fantex_base::{Error, ReadLimits, ReadOptions, Result, counted, input};
+use fantex_store::{Asset, PREVIEW};
+use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
+
+use crate::addresses::{Target, is_object};
+use crate::preview::CancelOnly;
+use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
+
+/// What to change in an index.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WorldChange<'a> {
+    /// Assets to add, and such to read again that have changed: paths or addresses.
+    pub put: &'a [PathBuf],
+    /// Assets to take out, by their names in the index or by their places; their files stay.
+    pub remove: &'a [PathBuf],
+    /// Makes previews, like this, of all assets of the index that have none; these are changed in place.
+    pub previews: Option<PreviewOptions>,
+}
+
+/// An index that was changed, and how.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WorldChanged {
+    /// What it says now.
+    pub world: World,
+    /// Assets that were not in it before.
+    pub added: u64,
+    /// Assets that were read again.
+    pub updated: u64,
+    /// Assets that were taken out.
+    pub removed: u64,
+    /// Coarse assets that showed what has changed or is gone, and went with it; their files stay.
+    pub coarse_removed: u64,
+    /// Previews that were made.
+    pub previews_made: u64,
+    /// What is to be known, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Changes the index at a path, or at an address in a store; makes it where there is none. `progress` counts assets.
+///
+/// # Errors
+/// The index is no name for one, or can only be read; an asset cannot be read, or [cannot be named](World::name_of) in it; there is none of those to
+/// be removed; an object in a store was changed by somebody else meanwhile; somebody wants to stop. Then the index is as it was. Previews that were
+/// made stay.
+pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progress) -> Result<WorldChanged> {
+    check_index(index)?;
+    let replace = replaced(index)?;
+    let is_there = if is_object(index) { replace != Replace::Nothing } else { index.exists() };
+    let mut world = if is_there { open_to_change(index)? } else { World::default() };
+    let mut changed = WorldChanged::default();
+    let coarse_before = world.coarse.len();
+    for asset in change.remove {
+        remove(&mut world, index, asset)?;
+        changed.removed += 1;
+    }
+    let known: Vec<PathBuf> = match &change.previews {
+        Some(_) => world.objects.iter().map(|object| World::asset_place(index, object)).collect(),
+        None => Vec::new(),
+    };
+    let total = (change.put.len() + known.len()) as u64;
+    let places = change.put.iter().map(|asset| (asset, true)).chain(known.iter().map(|asset| (asset, false)));
+    for (done, (place, is_named)) in (1..).zip(places) {
+        check_cancelled(progress)?;
+        let name = World::name_of(index, place)?;
+        let mut asset = open(place)?;
+        let is_made = match &change.previews {
+            Some(options) => make_preview(place, &mut asset, options, progress, &mut changed.notes)?,
+            None => false,
+        };
+        changed.previews_made += u64::from(is_made);
+        if is_named || is_made {
+            let is_update = world.put(WorldObject::of(name, &asset)?);
+            *if is_update { &mut changed.updated } else { &mut changed.added } += 1;
+        }
+        progress.report(done, total);
+    }
+    changed.coarse_removed = (coarse_before - world.coarse.len()) as u64;
+    if changed.coarse_removed > 0 {
+        changed.notes.push(format!(
+            "{} showed what has changed and went from the index, so views from afar take more memory; 'fantex split' of the whole asset makes \
+             them anew",
+            counted(changed.coarse_removed, "coarse asset")
+        ));
+    }
+    check_cancelled(progress)?;
+    let target = Target::new(index)?;
+    world.write(target.file())?;
+    target.finish(&replace, &CancelOnly(progress))?;
+    Ok(WorldChanged { world, ..changed })
+}
+
+fn check_cancelled(progress: &dyn Progress) -> Result<()> {
+    match progress.is_cancelled() {
+        true => Err(Error::cancelled("the change of the world was cancelled")),
+        false => Ok(()),
+    }
+}
+
+/// Opens the index without marking it as an input, which nothing may overwrite.
+fn open_to_change(index: &Path) -> Result<World> {
+    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
+    ReadLimits::new(options).run(|| World::open(index))
+}
+
+/// Which version of an index in a store a changed one replaces. It is known before the index is read, so that no change of somebody else is lost.
+fn replaced(index: &Path) -> Result<Replace> {
+    if !is_object(index) {
+        return Ok(Replace::Anything);
+    }
+    let object = ObjectTarget::at(index)?;
+    object.check(true)?;
+    Ok(object.version()?.map_or(Replace::Nothing, Replace::Version))
+}
+
+fn check_index(index: &Path) -> Result<()> {
+    if let Some(url) = url_of(index).filter(|_| !is_object(index)) {
+        return Err(Error::unsupported(format!("{url} can only be read: change a copy of the index")));
+    }
+    if !World::is_named(index) {
+        let index = index.display();
+        return Err(Error::invalid(format!(
+            "{index} is no name for a world: end it with .{WORLD_EXTENSION}"
+        )));
+    }
+    input::check_output(index)
+}
+
+/// Takes an asset out, by its name in the index or by its path.
+fn remove(world: &mut World, index: &Path, asset: &Path) -> Result<()> {
+    let name = World::name_of(index, asset).ok();
+    let is_it =
+        |object: &WorldObject| Path::new(&object.asset) == asset || Some(&object.asset) == name.as_ref();
+    if world.remove(is_it) == 0 {
+        let (index, asset) = (index.display(), asset.display());
+        return Err(Error::not_found(format!("{index} has no asset {asset} that could be removed")));
+    }
+    Ok(())
+}
+
+fn open(place: &Path) -> Result<Arc<Asset>> {
+    FileKind::check_is_asset(place)?;
+    open_asset(place).map(Arc::new)
+}
+
+/// Gives an asset a preview where it has none; the asset is opened again.
+fn make_preview(
+    place: &Path,
+    asset: &mut Arc<Asset>,
+    options: &PreviewOptions,
+    progress: &dyn Progress,
+    notes: &mut Vec<String>,
+) -> Result<bool> {
+    if asset.attachment_bytes(PREVIEW)?.is_some() {
+        return Ok(false);
+    }
+    if url_of(place).is_some() && !is_object(place) {
+        notes.push(format!("{} has no preview and gets none: it can only be read", place.display()));
+        return Ok(false);
+    }
+    let progress: &dyn Progress = &CancelOnly(progress);
+    Preview::add_at(place, options, [progress; 2])?;
+    *asset = open(place)?;
+    Ok(true)
+}
