@@ -399,6 +399,31 @@ fn every_picture_looks_like_its_golden() {
     assert_eq!(drawn, files(&goldens), "pictures without a golden, or goldens without a picture");
 }
 
+/// Pictures that show the same on purpose: an exported model looks like its asset, an asset like its model.
+const ALIKE: [[&str; 2]; 2] = [["export-1", "export-2"], ["commands-1", "commands-2"]];
+
+/// What tells pictures of an entry apart can be seen: per channel of 255, in the mean.
+const MIN_DIFFERENCE: f64 = 0.3;
+
+#[test]
+fn pictures_of_an_entry_differ() {
+    let goldens = workspace().join("gallery/goldens");
+    let catalogue = fantex_gallery::Catalogue::read(&workspace().join("gallery")).unwrap();
+    for entry in &catalogue.entries {
+        let drawn = (1..).map(|number| format!("{}-{number}", entry.name));
+        let names = drawn.take_while(|name| goldens.join(format!("{name}.png")).exists());
+        let pictures: Vec<_> =
+            names.map(|name| (bytes(&goldens.join(format!("{name}.png"))), name)).collect();
+        for (i, (picture, name)) in pictures.iter().enumerate() {
+            for (other_picture, other) in &pictures[i + 1..] {
+                let difference = mean_difference(picture, other_picture);
+                let is_meant = ALIKE.contains(&[name.as_str(), other.as_str()]);
+                assert!(difference > MIN_DIFFERENCE || is_meant, "{name} and {other}: {difference:.3}");
+            }
+        }
+    }
+}
+
 /// Rows of pixels, three bytes each. An animation's first picture.
 fn bytes(path: &Path) -> ([u32; 2], Vec<u8>) {
     let image =
