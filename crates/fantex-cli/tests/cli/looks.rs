@@ -369,6 +369,53 @@ fn what_is_no_environment_is_refused() {
     fails(2, &["--environment"], &[&"render", &model, &"-o", &picture, &"--background=environment"]);
 }
 
+/// A plane that rises to the right, from 0 to 1.
+const SLOPE: &str = r#"
+[textures.slope]
+kind = "sines"
+place = { unit = "world" }
+waves = [{ direction = [1, 0, 0], length = 8, amplitude = 0.5 }]
+
+[textures.ground]
+kind = "landscape"
+
+[materials.ground]
+base_color = "ground"
+lighting = "unlit"
+displacement = { texture = "slope", height = 1, edge = 0.1 }
+"#;
+
+/// Sand, grass, scree and snow lie by the altitudes of the displaced ground: the flat plane has none.
+#[test]
+fn landscapes_know_what_displacement_has_made_of_a_plane() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(folder.path(), "slope.toml", SLOPE);
+    let plane = write(folder.path(), "plane.obj", "v -2 0 -2\nv 2 0 -2\nv 2 0 2\nv -2 0 2\nf 4 3 2 1\n");
+    let asset = folder.path().join("plane.fan");
+    succeeds(&[&"bake", &plane, &"-o", &asset, &"--look", &look, &"--texels", &"60k"]);
+    let [of_look, of_asset] = ["look.png", "asset.png"].map(|name| folder.path().join(name));
+    let from_above = ["--size=64x48", "--eye=0,6,0.001", "--target=0,0,0", "--fov=36"];
+    let [size, eye, target, fov] = &from_above;
+    succeeds(&[&"render", &plane, &"--look", &look, &"-o", &of_look, size, eye, target, fov]);
+    succeeds(&[&"render", &asset, &"-o", &of_asset, size, eye, target, fov]);
+    for picture in [of_look, of_asset] {
+        let image = Image::load(&picture).unwrap();
+        // The mean of a column's middle, from the lowest to the highest.
+        let column = |x: u32| {
+            let texels = (12..36).map(|y| image.linear_texel(x, y));
+            texels.fold([0.0; 3], |sum, t| [0, 1, 2].map(|channel| sum[channel] + t[channel] / 24.0))
+        };
+        let [sand, grass, scree, snow] = [10, 26, 36, 50].map(column);
+        assert!(sand[0] > 0.35 && sand[0] > 1.5 * sand[2], "sand {sand:?}");
+        assert!(grass[1] < 0.25 && grass[1] > 2.0 * grass[2], "grass {grass:?}");
+        assert!(scree[0] < 0.4 && scree[2] > 0.1, "scree {scree:?}");
+        assert!(snow[0] > 0.7 && snow[2] > snow[0], "snow {snow:?}");
+        let steps = (8..55).map(|x| (column(x + 1)[1] - column(x)[1]).abs());
+        let largest = steps.fold(0.0, f32::max);
+        assert!(largest < 0.4, "{}: a border of {largest}", picture.display());
+    }
+}
+
 /// Width of the goldens, as `cargo xtask goldens` draws them.
 const WIDTH: &str = "320";
 
