@@ -170,15 +170,19 @@ impl TileBaker<'_> {
             // Sources that have nothing to say about a point leave zeros, not what was there before.
             values.clear();
             values.resize(points.len() * channels, Vec4::ZERO);
-            match (light, &smooth) {
-                (None, _) => self.source.evaluate_all(points, &mut values),
-                (Some(_), Some(smooth)) => {
-                    let light: Vec<Vec3> = texels.iter().map(|&texel| smooth[texel as usize]).collect();
-                    self.source.evaluate_lit(points, &light, &mut values);
-                }
+            let known: Option<Vec<Option<Vec3>>> = match (light, &smooth) {
+                (None, _) => None,
+                (Some(_), Some(smooth)) => Some(texels.iter().map(|&texel| smooth[texel as usize]).collect()),
                 (Some(light), None) => {
-                    let light = points.iter().map(|point| light.noisy(point, || self.meter.check()));
-                    self.source.evaluate_lit(points, &light.collect::<Result<Vec<Vec3>>>()?, &mut values);
+                    let noisy = points.iter().map(|point| light.noisy(point, || self.meter.check()));
+                    Some(noisy.collect::<Result<_>>()?)
+                }
+            };
+            match &known {
+                None => self.source.evaluate_all(points, &mut values),
+                Some(known) => {
+                    let light: Vec<Vec3> = known.iter().map(|light| light.unwrap_or_default()).collect();
+                    self.source.evaluate_lit(points, &light, &mut values);
                 }
             }
             self.turn_vectors(group, points, &mut values);
@@ -190,6 +194,10 @@ impl TileBaker<'_> {
                 (own, values) = values.split_at(of_run);
                 raster.values[first * channels..][..of_run].copy_from_slice(own);
                 raster.valid[first..][..run.len()].fill(true);
+            }
+            // Texels that lie under something continue those around them.
+            for (&texel, light) in texels.iter().zip(known.iter().flatten()) {
+                raster.valid[texel as usize] = light.is_some();
             }
             if !cut_outs.is_empty() {
                 for (&texel, point) in texels.iter().zip(points.iter()) {
@@ -243,25 +251,27 @@ impl TileBaker<'_> {
         self.source.light_map().filter(|light| light.denoises())
     }
 
-    /// The light at the texels of a block, without its noise.
+    /// The light at the texels of a block, without its noise; none at those that are hidden.
     fn smooth_light(
         &self,
         light: &LightMapSource<'_>,
         footprints: &Footprints,
         block: TexelBlock,
-    ) -> Result<Vec<Vec3>> {
+    ) -> Result<Vec<Option<Vec3>>> {
         let check = || self.meter.check();
         let mut noisy = NoisyLight::new(block.extent);
         self.for_each_point(footprints, block, |texel, point| {
             if texel.is_multiple_of(LIT_TEXELS) {
                 check()?;
             }
-            noisy.set(texel as usize, &light.estimate(&point, check)?, &point);
+            if let Some(estimate) = light.estimate(&point, check)? {
+                noisy.set(texel as usize, &estimate, &point);
+            }
             Ok(())
         })?;
         let smooth = noisy.smoothed(check)?;
         light.count_left(&smooth);
-        Ok(smooth.values)
+        Ok(noisy.known(smooth.values))
     }
 
     fn plane(&self, triangle: &TexelTriangle) -> Plane {
