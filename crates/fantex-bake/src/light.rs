@@ -14,6 +14,9 @@
 //!
 //! Noise is measured, not guessed: every texel is estimated four times, independently, and the spread of the four is the
 //! standard error of their mean. A bake then takes out what the errors explain (`denoise.rs`). Nothing depends on threads.
+//!
+//! Texels are larger than the foot of what stands on them. What lies under it is dark, and nobody sees it: it does not count in the mean of a
+//! texel, and a texel that lies there as a whole continues those around it.
 
 mod denoise;
 mod sky_table;
@@ -41,6 +44,9 @@ const ESTIMATES: u32 = 4;
 
 /// Paths of an estimate between two looks at whether the user wants to stop: a fraction of a millisecond.
 const PATHS_PER_CHECK: u32 = 64;
+
+/// Points of each estimate that tell whether a part of the texel is enclosed: a sixteenth of it is enough.
+const ENCLOSURE_TESTS: u32 = 4;
 
 /// For work that nobody ends early.
 pub(crate) fn unwatched() -> Result<(), Infallible> {
@@ -102,67 +108,93 @@ impl<'a> LightMapSource<'a> {
     }
 
     /// Light at a point; `lambda_steps` are the sides of the parallelogram around it over which the mean is taken, as changes
-    /// of the barycentric coordinates (zero: the point alone). It is not denoised.
+    /// of the barycentric coordinates (zero: the point alone). What lies under or inside something where no light comes is left out. It is
+    /// not denoised.
     pub fn illumination(&self, at: SurfacePoint, lambda_steps: [Vec3; 2]) -> Illumination {
-        let Ok((light, _)) = self.estimates(at, lambda_steps, unwatched);
-        light
+        let Ok(light) = self.texel_light(at, lambda_steps, unwatched);
+        light.light
     }
 
-    /// Light at a texel, for [`NoisyLight`]; its noise is counted. Ends early with the error of `check`.
+    /// Light at a texel, for [`NoisyLight`]; its noise is counted. None where the texel is hidden. Ends early with the error of `check`.
     pub(crate) fn estimate<E>(
         &self,
         point: &TexelPoint,
         check: impl Fn() -> Result<(), E>,
-    ) -> Result<Estimate, E> {
-        let (light, [a, b, c, d]) = self.estimates(point.at, point.lambda_steps, check)?;
+    ) -> Result<Option<Estimate>, E> {
+        let TexelLight { light, estimates, is_hidden } =
+            self.texel_light(point.at, point.lambda_steps, check)?;
+        if is_hidden {
+            return Ok(None);
+        }
         self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);
+        let [a, b, c, d] = estimates;
         // Half as many paths have twice the variance.
-        Ok(Estimate { halves: [(a + b) / 2.0, (c + d) / 2.0], variance: 2.0 * light.standard_error.powi(2) })
+        let variance = 2.0 * light.standard_error.powi(2);
+        Ok(Some(Estimate { halves: [(a + b) / 2.0, (c + d) / 2.0], variance }))
     }
 
     /// The light of a texel as it is where nothing is denoised; otherwise as [`estimate`](Self::estimate).
-    pub(crate) fn noisy<E>(&self, point: &TexelPoint, check: impl Fn() -> Result<(), E>) -> Result<Vec3, E> {
-        let [a, b] = self.estimate(point, check)?.halves;
-        Ok(0.5 * (a + b))
+    pub(crate) fn noisy<E>(
+        &self,
+        point: &TexelPoint,
+        check: impl Fn() -> Result<(), E>,
+    ) -> Result<Option<Vec3>, E> {
+        let estimate = self.estimate(point, check)?;
+        Ok(estimate.map(|Estimate { halves: [a, b], .. }| 0.5 * (a + b)))
     }
 
-    /// Light at a point, and the estimates that it is the mean of.
-    fn estimates<E>(
+    fn texel_light<E>(
         &self,
         at: SurfacePoint,
         lambda_steps: [Vec3; 2],
         check: impl Fn() -> Result<(), E>,
-    ) -> Result<(Illumination, [Vec3; ESTIMATES as usize]), E> {
+    ) -> Result<TexelLight, E> {
         let options = &self.tracer.options;
         let seed = at
             .lambda
             .to_array()
             .iter()
             .fold(mixed(options.seed) ^ at.triangle, |seed, x| mixed(seed ^ x.to_bits()));
-        let sequences: [Sequence; ESTIMATES as usize] =
-            std::array::from_fn(|i| Sequence::new(seed.wrapping_add(i as u32)));
+        let sequences: Sequences = std::array::from_fn(|i| Sequence::new(seed.wrapping_add(i as u32)));
         let mut sums = [DVec3::ZERO; ESTIMATES as usize];
         let (mut done, mut goal) = (0, options.samples.div_ceil(ESTIMATES));
         let most = options.max_samples.div_ceil(ESTIMATES);
+        let is_enclosed =
+            |sequence: &Sequence, index: u32| self.tracer.is_enclosed(at, lambda_steps, sequence, index);
+        let tested = sequences.iter().flat_map(|sequence| (0..ENCLOSURE_TESTS).map(move |i| (sequence, i)));
+        let may_hide = tested.clone().any(|(sequence, index)| is_enclosed(sequence, index));
+        // Of texels that may be hidden the light of every sample.
+        let mut samples: [Vec<Vec3>; ESTIMATES as usize] = Default::default();
         loop {
-            for (sequence, sum) in sequences.iter().zip(&mut sums) {
+            for ((sequence, sum), samples) in sequences.iter().zip(&mut sums).zip(&mut samples) {
                 for index in done..goal {
                     let light = self.tracer.sample(at, lambda_steps, sequence, index);
                     *sum += light.as_dvec3();
+                    if may_hide {
+                        samples.push(light);
+                    }
                     if index % PATHS_PER_CHECK == PATHS_PER_CHECK - 1 {
                         check()?;
                     }
                 }
             }
             done = goal;
-            let (value, standard_error) = mean_and_error(&sums, done);
+            let (_, standard_error) = mean_and_error(&sums.map(|sum| sum / f64::from(done)));
             let good = options.target_error.is_none_or(|target| standard_error <= target);
             if good || done >= most {
-                let light = Illumination { value, standard_error, samples: done * ESTIMATES };
-                return Ok((light, sums.map(|sum| (sum / f64::from(done)).as_vec3())));
+                break;
             }
             goal = (2 * done).min(most);
         }
+        let is_dark = may_hide && sums.iter().all(|sum| *sum == DVec3::ZERO);
+        let counts = if is_dark && tested.clone().all(|(sequence, index)| is_enclosed(sequence, index)) {
+            [0; ESTIMATES as usize]
+        } else if may_hide {
+            free_samples(&sequences, &samples, is_enclosed, check)?
+        } else {
+            [done; ESTIMATES as usize]
+        };
+        Ok(TexelLight::new(sums, counts, done))
     }
 
     /// Whether bakes take the noise out.
@@ -181,12 +213,62 @@ impl<'a> LightMapSource<'a> {
     }
 }
 
-/// Mean of the estimates and its standard error, from sums of `count` samples each.
-fn mean_and_error(sums: &[DVec3; ESTIMATES as usize], count: u32) -> (Vec3, f32) {
+type Sequences = [Sequence; ESTIMATES as usize];
+
+/// How many samples of each estimate are not enclosed; all of them where light reaches enclosed ones, too, through a window or of a lamp.
+fn free_samples<E>(
+    sequences: &Sequences,
+    samples: &[Vec<Vec3>; ESTIMATES as usize],
+    is_enclosed: impl Fn(&Sequence, u32) -> bool,
+    check: impl Fn() -> Result<(), E>,
+) -> Result<[u32; ESTIMATES as usize], E> {
+    let mut counts = [0; ESTIMATES as usize];
+    for ((sequence, samples), count) in sequences.iter().zip(samples).zip(&mut counts) {
+        for (index, &light) in (0..).zip(samples) {
+            if !is_enclosed(sequence, index) {
+                *count += 1;
+            } else if light != Vec3::ZERO {
+                return Ok([samples.len() as u32; ESTIMATES as usize]);
+            }
+            if index % PATHS_PER_CHECK == PATHS_PER_CHECK - 1 {
+                check()?;
+            }
+        }
+    }
+    Ok(counts)
+}
+
+/// Light at a texel, and what it is the mean of.
+struct TexelLight {
+    light: Illumination,
+    estimates: [Vec3; ESTIMATES as usize],
+    /// Nothing of the texel can be seen.
+    is_hidden: bool,
+}
+
+impl TexelLight {
+    /// From the sums of light, the numbers of samples that count, and how many there were in each.
+    fn new(sums: [DVec3; ESTIMATES as usize], counts: [u32; ESTIMATES as usize], done: u32) -> Self {
+        let count: u32 = counts.iter().sum();
+        let all = sums.iter().sum::<DVec3>() / f64::from(count.max(1));
+        let mut estimates = [all; ESTIMATES as usize];
+        for ((estimate, sum), count) in estimates.iter_mut().zip(sums).zip(counts) {
+            // An estimate without samples knows no more than the others.
+            if count > 0 {
+                *estimate = sum / f64::from(count);
+            }
+        }
+        let (value, standard_error) = mean_and_error(&estimates);
+        let light = Illumination { value, standard_error, samples: done * ESTIMATES };
+        Self { light, estimates: estimates.map(|e| e.as_vec3()), is_hidden: count == 0 }
+    }
+}
+
+/// Mean of the estimates and its standard error.
+fn mean_and_error(estimates: &[DVec3; ESTIMATES as usize]) -> (Vec3, f32) {
     let n = f64::from(ESTIMATES);
-    let estimates = sums.map(|sum| sum / f64::from(count));
     let mean = estimates.iter().sum::<DVec3>() / n;
-    let squares: f64 = estimates.iter().map(|e| (e - mean).length_squared() / 3.0).sum();
+    let squares: f64 = estimates.iter().map(|e| (*e - mean).length_squared() / 3.0).sum();
     (mean.as_vec3(), (squares / (n * (n - 1.0))).sqrt() as f32)
 }
 
@@ -202,7 +284,7 @@ impl Source for LightMapSource<'_> {
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let Ok(light) = self.noisy(point, unwatched);
-        values[0] = light.extend(1.0);
+        values[0] = light.unwrap_or_default().extend(1.0);
     }
 
     fn light_map(&self) -> Option<&LightMapSource<'_>> {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use fantex_texture::levels::Raster;
+use fantex_texture::levels::{AlphaScales, Covered, Raster};
 use glam::Vec4;
 
 use crate::{Fit, Prefilter};
@@ -36,8 +36,8 @@ pub(crate) struct Fitting<'a> {
     strength: Option<f32>,
     /// Per channel.
     overshoots: Vec<Overshoot>,
-    /// What the alpha of a cut-out is multiplied by.
-    alpha_scale: Option<f32>,
+    /// What the alpha of cut-outs is multiplied by.
+    alpha_scales: AlphaScales,
 }
 
 impl<'a> Fitting<'a> {
@@ -59,13 +59,13 @@ impl<'a> Fitting<'a> {
             raster,
             strength,
             overshoots: (0..raster.channels).map(overshoot).collect(),
-            alpha_scale: None,
+            alpha_scales: AlphaScales::default(),
         }
     }
 
     /// The values as they are.
     pub(crate) fn of_values(raster: &'a Raster) -> Self {
-        Self { raster, strength: None, overshoots: Vec::new(), alpha_scale: None }
+        Self { raster, strength: None, overshoots: Vec::new(), alpha_scales: AlphaScales::default() }
     }
 
     /// The values of a texel, channel by channel.
@@ -73,10 +73,8 @@ impl<'a> Fitting<'a> {
         let raster = self.raster;
         let center = raster.texel(texel);
         let mut store = |channel: usize, value: Vec4| {
-            store(match self.alpha_scale {
-                Some(scale) if raster.coverage == Some(channel) => value.with_w((value.w * scale).min(1.0)),
-                _ => value,
-            });
+            let is_coverage = raster.coverage == Some(channel);
+            store(if is_coverage { raster.scaled(texel, value, &self.alpha_scales) } else { value });
         };
         let strength = match self.strength {
             Some(strength) if raster.valid[texel] => strength,
@@ -119,13 +117,13 @@ impl<'a> Fitting<'a> {
         alpha
     }
 
-    /// Scales the alpha of a cut-out so that the share of it that is there stays what it is, whatever its holes are beside texels.
-    /// `covered` is that share, if it is known already.
-    pub(crate) fn keep_coverage(&mut self, covered: &mut Option<f32>) {
+    /// Scales the alpha of cut-outs so that the share of each that is there stays what it is, whatever its holes are beside texels.
+    /// `covered` are those shares, where they are known already.
+    pub(crate) fn keep_coverage(&mut self, covered: &mut Covered) {
         let raster = self.raster;
-        if let (Some(_), Some(channel)) = (raster.cut_out, raster.coverage) {
+        if let (true, Some(channel)) = (raster.has_cut_outs(), raster.coverage) {
             let alpha: Vec<f32> = (0..raster.valid.len()).map(|texel| self.alpha(texel, channel)).collect();
-            self.alpha_scale = raster.alpha_scale(&alpha, covered);
+            self.alpha_scales = raster.alpha_scales(&alpha, covered);
         }
     }
 
@@ -225,7 +223,8 @@ impl Mean {
 
 #[cfg(test)]
 mod tests {
-    use fantex_texture::levels::CutOut;
+    use fantex_mesh::AlphaMode;
+    use fantex_texture::levels::CutOuts;
     use proptest::prelude::*;
 
     use super::*;
@@ -293,9 +292,11 @@ mod tests {
                 raster.read[texel] = holes[texel % 37] && texel % 16 < 9;
             }
             raster.coverage = Some(0);
-            raster.cut_out = is_cut_out.then_some(CutOut { threshold: 0.5, has_shares: true });
+            let mode = if is_cut_out { AlphaMode::Mask(0.5) } else { AlphaMode::Opaque };
+            let mut raster = raster.with_cut_outs(&CutOuts::of([mode], true));
+            (0..raster.valid.len()).for_each(|texel| raster.set_alpha_mode(texel, mode));
             let mut fitting = Fitting::new(&raster, Fit::Sharp, Prefilter::Box, |_| Overshoot::COLOR);
-            fitting.keep_coverage(&mut Some(0.3));
+            fitting.keep_coverage(&mut Covered(vec![Some(0.3)]));
             let whole = fitting.rows(0..24);
             let parts = [fitting.rows(0..4), fitting.rows(4..16), fitting.rows(16..24)];
             prop_assert_eq!(&whole.values, &parts.iter().flat_map(|p| p.values.clone()).collect::<Vec<_>>());

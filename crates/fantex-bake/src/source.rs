@@ -320,7 +320,7 @@ impl Source for LitSource<'_> {
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let Ok(light) = self.light.noisy(point, unwatched);
-        self.evaluate_lit(std::slice::from_ref(point), &[light], values);
+        self.evaluate_lit(std::slice::from_ref(point), &[light.unwrap_or_default()], values);
     }
 
     fn light_map(&self) -> Option<&LightMapSource<'_>> {

@@ -22,7 +22,7 @@ use fantex_store::{
     page_extent, page_grid, page_origin,
 };
 use fantex_texture::color::{srgb8_from_linear, unorm8};
-use fantex_texture::levels::{CutOut, Raster};
+use fantex_texture::levels::{Covered, CutOuts, Raster};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -58,8 +58,8 @@ pub(crate) struct BakedTile {
     pub(crate) pages: Vec<EncodedPage>,
     /// Mean linear value per channel.
     pub(crate) means: Vec<[f32; 4]>,
-    /// The share of a cut-out that is there, once it is known.
-    covered: Option<f32>,
+    /// The shares of cut-outs that are there, once they are known.
+    covered: Covered,
     pub(crate) bake_time: Duration,
     pub(crate) encode_time: Duration,
 }
@@ -69,16 +69,16 @@ impl TileBaker<'_> {
     pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile> {
         let extent = self.cover.groups[group as usize].extent;
         let started = Instant::now();
-        let cut_out = self.cut_out(triangles);
+        let cut_outs = self.cut_outs(triangles);
         let triangles = self.texel_triangles(group, triangles);
         let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
         if extent.iter().all(|&n| n <= MAX_BLOCK_SIDE) {
             let block = TexelBlock { origin: [0, 0], extent };
-            let raster = self.evaluate(group, triangles, block, cut_out, &mut tile)?;
+            let raster = self.evaluate(group, triangles, block, &cut_outs, &mut tile)?;
             self.finish_levels(group, 0, raster, &mut tile)?;
             self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         } else {
-            self.bake_blocks(group, &triangles, cut_out, &mut tile)?;
+            self.bake_blocks(group, &triangles, &cut_outs, &mut tile)?;
         }
         Ok(tile)
     }
@@ -99,7 +99,7 @@ impl TileBaker<'_> {
         &self,
         group: u32,
         triangles: &[TexelTriangle],
-        cut_out: Option<CutOut>,
+        cut_outs: &CutOuts,
         tile: &mut BakedTile,
     ) -> Result<()> {
         let shape = &self.cover.groups[group as usize];
@@ -109,12 +109,12 @@ impl TileBaker<'_> {
         let at_once = (self.in_work / u64::from(MAX_BLOCK_SIDE).pow(2)).max(1) as usize;
         let mut baked = Vec::with_capacity(blocks.len());
         for blocks in blocks.chunks(at_once) {
-            let bake = |block: &TileBlock| self.bake_block(group, triangles, block, cut_out);
+            let bake = |block: &TileBlock| self.bake_block(group, triangles, block, cut_outs);
             baked.append(&mut blocks.par_iter().map(bake).collect::<Result<Vec<_>>>()?);
         }
-        let mut shared = Raster { cut_out, ..self.empty_raster(shared_extent) };
-        let known: Vec<f32> = baked.iter().filter_map(|(block, ..)| block.covered).collect();
-        tile.covered = (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32);
+        let mut shared = self.empty_raster(shared_extent).with_cut_outs(cut_outs);
+        let known: Vec<Covered> = baked.iter().map(|(block, ..)| block.covered.clone()).collect();
+        tile.covered = Covered::mean(&known);
         for (block, part, origin) in baked {
             shared.paste(origin, &part);
             tile.pages.extend(block.pages);
@@ -131,13 +131,13 @@ impl TileBaker<'_> {
         group: u32,
         triangles: &[TexelTriangle],
         block: &TileBlock,
-        cut_out: Option<CutOut>,
+        cut_outs: &CutOuts,
     ) -> Result<(BakedTile, Raster, [u32; 2])> {
         self.meter.check()?;
         let near: Vec<TexelTriangle> =
             triangles.iter().filter(|t| t.touches(block.around)).copied().collect();
         let mut tile = BakedTile::default();
-        let mut raster = self.evaluate(group, near, block.around, cut_out, &mut tile)?;
+        let mut raster = self.evaluate(group, near, block.around, cut_outs, &mut tile)?;
         for level in 0..SHARED_LEVEL {
             self.encode_level(group, level, &raster, block.at_level(level), &mut tile)?;
             raster = raster.halved(block.halved(level, raster.extent));
@@ -152,13 +152,13 @@ impl TileBaker<'_> {
         group: u32,
         triangles: Vec<TexelTriangle>,
         block: TexelBlock,
-        cut_out: Option<CutOut>,
+        cut_outs: &CutOuts,
         tile: &mut BakedTile,
     ) -> Result<Raster> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
-        let mut raster = Raster { cut_out, ..self.empty_raster(block.extent) };
+        let mut raster = self.empty_raster(block.extent).with_cut_outs(cut_outs);
         let channels = self.plans.len();
         let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
         let mut values = Vec::with_capacity(POINTS * channels);
@@ -170,15 +170,19 @@ impl TileBaker<'_> {
             // Sources that have nothing to say about a point leave zeros, not what was there before.
             values.clear();
             values.resize(points.len() * channels, Vec4::ZERO);
-            match (light, &smooth) {
-                (None, _) => self.source.evaluate_all(points, &mut values),
-                (Some(_), Some(smooth)) => {
-                    let light: Vec<Vec3> = texels.iter().map(|&texel| smooth[texel as usize]).collect();
-                    self.source.evaluate_lit(points, &light, &mut values);
-                }
+            let known: Option<Vec<Option<Vec3>>> = match (light, &smooth) {
+                (None, _) => None,
+                (Some(_), Some(smooth)) => Some(texels.iter().map(|&texel| smooth[texel as usize]).collect()),
                 (Some(light), None) => {
-                    let light = points.iter().map(|point| light.noisy(point, || self.meter.check()));
-                    self.source.evaluate_lit(points, &light.collect::<Result<Vec<Vec3>>>()?, &mut values);
+                    let noisy = points.iter().map(|point| light.noisy(point, || self.meter.check()));
+                    Some(noisy.collect::<Result<_>>()?)
+                }
+            };
+            match &known {
+                None => self.source.evaluate_all(points, &mut values),
+                Some(known) => {
+                    let light: Vec<Vec3> = known.iter().map(|light| light.unwrap_or_default()).collect();
+                    self.source.evaluate_lit(points, &light, &mut values);
                 }
             }
             self.turn_vectors(group, points, &mut values);
@@ -190,6 +194,16 @@ impl TileBaker<'_> {
                 (own, values) = values.split_at(of_run);
                 raster.values[first * channels..][..of_run].copy_from_slice(own);
                 raster.valid[first..][..run.len()].fill(true);
+            }
+            // Texels that lie under something continue those around them.
+            for (&texel, light) in texels.iter().zip(known.iter().flatten()) {
+                raster.valid[texel as usize] = light.is_some();
+            }
+            if !cut_outs.is_empty() {
+                for (&texel, point) in texels.iter().zip(points.iter()) {
+                    let mode = self.mesh.alpha_mode(point.at.triangle as usize);
+                    raster.set_alpha_mode(texel as usize, mode);
+                }
             }
             points.clear();
             texels.clear();
@@ -237,25 +251,27 @@ impl TileBaker<'_> {
         self.source.light_map().filter(|light| light.denoises())
     }
 
-    /// The light at the texels of a block, without its noise.
+    /// The light at the texels of a block, without its noise; none at those that are hidden.
     fn smooth_light(
         &self,
         light: &LightMapSource<'_>,
         footprints: &Footprints,
         block: TexelBlock,
-    ) -> Result<Vec<Vec3>> {
+    ) -> Result<Vec<Option<Vec3>>> {
         let check = || self.meter.check();
         let mut noisy = NoisyLight::new(block.extent);
         self.for_each_point(footprints, block, |texel, point| {
             if texel.is_multiple_of(LIT_TEXELS) {
                 check()?;
             }
-            noisy.set(texel as usize, &light.estimate(&point, check)?, &point);
+            if let Some(estimate) = light.estimate(&point, check)? {
+                noisy.set(texel as usize, &estimate, &point);
+            }
             Ok(())
         })?;
         let smooth = noisy.smoothed(check)?;
         light.count_left(&smooth);
-        Ok(smooth.values)
+        Ok(noisy.known(smooth.values))
     }
 
     fn plane(&self, triangle: &TexelTriangle) -> Plane {
@@ -359,10 +375,10 @@ impl TileBaker<'_> {
         Raster::empty(extent, self.plans.len(), self.plans.iter().position(|p| p.has_alpha))
     }
 
-    /// Where all triangles of a tile are cut-outs of the same threshold.
-    fn cut_out(&self, triangles: &[u32]) -> Option<CutOut> {
+    /// The cut-outs among the triangles of a tile.
+    fn cut_outs(&self, triangles: &[u32]) -> CutOuts {
         let modes = triangles.iter().map(|&triangle| self.mesh.alpha_mode(triangle as usize));
-        CutOut::of_all(modes, self.source.has_shares())
+        CutOuts::of(modes, self.source.has_shares())
     }
 
     fn overshoot(&self, channel: usize) -> Overshoot {
@@ -560,7 +576,8 @@ mod tests {
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let raster = |block| {
             let triangles = baker.texel_triangles(0, &all);
-            baker.evaluate(0, triangles, block, None, &mut BakedTile::default()).unwrap()
+            let (none, mut tile) = (CutOuts::default(), BakedTile::default());
+            baker.evaluate(0, triangles, block, &none, &mut tile).unwrap()
         };
         let extent = cover.groups[0].extent;
         let whole = raster(TexelBlock { origin: [0, 0], extent });

@@ -144,9 +144,9 @@ impl<'a> Resolver<'a> {
             T::Brick(solid) => self.solid(solid, key)?,
             T::Rock(solid) => self.solid(solid, key)?,
             T::Landscape(solid) => {
-                let [low, high] = self.altitudes;
-                let half_height = (0.5 * (high - low) / self.radius()).max(1e-6);
-                let texture = Landscape { half_height, ..solid.texture };
+                let [low, high] = self.altitudes.map(|y| solid.place.height(y, self.radius()));
+                let half_height = (0.5 * (high - low).abs()).max(1e-6);
+                let texture = Landscape { half_height, middle: 0.5 * (low + high), ..solid.texture };
                 self.solid(&InPlace { texture, place: solid.place }, key)?
             }
             T::Ramp(node) => {

@@ -2,7 +2,7 @@
 //!
 //! Texels that are averaged anew differ a little from those of the bake. So coarser pages under layers are put aside like those of
 //! level 0 (`layers.rs`), and come back block by block: where all finer texels that a block is made of are the base's, so is
-//! the block. Those of a cut-out come back where all of level 0 that their scale is found from is the base's (`cut_outs.rs`). A stroke
+//! the block. Those of cut-outs come back where all of level 0 that their scale is found from is the base's (`cut_outs.rs`). A stroke
 //! on the base brings them up to date.
 
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use fantex_base::Result;
 use fantex_store::{AssetEditor, Channel, PageId, page_extent, page_origin};
 
 use crate::composite::copy_blocks;
-use crate::cut_outs::{cut_out_of, made_of};
+use crate::cut_outs::{cut_outs_of, made_of};
 use crate::history::PageStep;
 use crate::layers::{base_bytes, base_mean_name, base_name, base_page, base_page_of_suffix, prefix};
 use crate::levels::{CoarserLevels, fine_rect, pages_of};
@@ -50,7 +50,8 @@ impl Painter {
         let mut layered: BTreeMap<PageId, Vec<Vec<Rect>>> = BTreeMap::new();
         let ids: Vec<PageId> = steps.keys().copied().collect();
         let group = ids.first().map(|id| id.group);
-        let cut_out = group.and_then(|group| cut_out_of(&self.surface, self.editor.asset(), group));
+        let cut_outs = group.and_then(|group| cut_outs_of(&self.surface, self.editor.asset(), group));
+        let alpha = cut_outs.map(|(_, channel)| channel);
         // Of parts of level 0, by their corners.
         let mut is_base_below: BTreeMap<[[u32; 2]; 2], bool> = BTreeMap::new();
         for id in ids {
@@ -60,7 +61,7 @@ impl Painter {
             let [fine, coarse] = [shape.level_extent(id.level - 1), shape.level_extent(id.level)];
             let extent = page_extent(coarse, id.page);
             for (channel, _, after) in &mut step.channels {
-                if cut_out.is_some_and(|(_, alpha)| alpha == *channel) {
+                if alpha == Some(*channel) {
                     let part = made_of(&shape, id);
                     let is_base = match is_base_below.entry([part.low, part.high]) {
                         Entry::Occupied(known) => *known.get(),

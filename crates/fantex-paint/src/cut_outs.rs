@@ -1,11 +1,11 @@
 //! Coarser levels of cut-outs.
 //!
-//! In a mean of alpha, holes that are smaller than a texel close, and what is thinner than a texel goes. So the levels of a tile whose
-//! triangles are all cut-outs of one threshold are made as in the bake (`fantex_texture::levels`): means of level 0, with the alpha of
-//! each level scaled so that the same share of the tile is there. One factor holds for all of a level, so whatever changes in the tile,
-//! its levels are made anew as a whole. In tiles that the bake cuts into blocks, the levels finer than [`SHARED_LEVEL`] have a factor per
-//! block, and are made anew in blocks that something changes in; from that level on the tile is whole. Where materials of one tile
-//! differ, its coarser levels hold the mean, in all blocks, as in the bake.
+//! In a mean of alpha, holes that are smaller than a texel close, and what is thinner than a texel goes. So the levels of a tile that shows
+//! cut-outs are made as in the bake (`fantex_texture::levels`): means of level 0, with the alpha of each level scaled so that the same share
+//! of each cut-out is there. Its factor holds for all of a level, so whatever changes in the tile, its levels are made anew as a whole. In
+//! tiles that the bake cuts into blocks, the levels finer than [`SHARED_LEVEL`] have factors per block, and are made anew in blocks that
+//! something changes in; from that level on the tile is whole. Materials of other thresholds have factors of their own; what is blended
+//! holds the mean.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use fantex_base::Result;
 use fantex_cover::{BLOCK_MARGIN, BlockPart, Group, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TileBlock};
 use fantex_mesh::AlphaMode;
 use fantex_store::{Asset, ChannelKind, PageId, page_extent, page_origin};
-use fantex_texture::levels::{CutOut, Raster};
+use fantex_texture::levels::{AlphaScales, Covered, CutOuts, Raster};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -23,12 +23,16 @@ use crate::painter::Changes;
 use crate::texel_page::{Rect, TexelPage};
 use crate::{History, Painter, Surface};
 
-/// What a tile is a cut-out of, and the channel that has its alpha.
-pub(crate) fn cut_out_of(surface: &Surface, asset: &Asset, group: u32) -> Option<(CutOut, usize)> {
+/// The cut-outs that a tile shows, if it shows any, and the channel that has their alpha.
+pub(crate) fn cut_outs_of(surface: &Surface, asset: &Asset, group: u32) -> Option<(CutOuts, usize)> {
     let channel = asset.channel_of_kind(ChannelKind::BaseColor)?;
+    let cut_outs = all_cut_outs(surface, group);
+    (!cut_outs.is_empty()).then_some((cut_outs, channel))
+}
+
+fn all_cut_outs(surface: &Surface, group: u32) -> CutOuts {
     let triangles = surface.triangles_of_group(group).iter();
-    let modes = triangles.map(|&triangle| surface.mesh().alpha_mode(triangle as usize));
-    Some((CutOut::of_all(modes, false)?, channel))
+    CutOuts::of(triangles.map(|&triangle| surface.mesh().alpha_mode(triangle as usize)), false)
 }
 
 /// Pages of level 0 whose texel maps are wanted at once; none in tiles that are worked on block by block.
@@ -73,48 +77,48 @@ fn rect_of(block: TexelBlock) -> Rect {
 struct Block {
     raster: Raster,
     first: [u32; 2],
-    covered: Option<f32>,
+    covered: Covered,
     pages: Vec<PageChange>,
 }
 
 impl LevelJob<'_> {
-    /// Appends the coarser pages of a cut-out, and the mean. `dirty`: what has changed at level 0.
-    pub(crate) fn run_cut_out(
+    /// Appends the coarser pages of a tile with cut-outs, and the mean. `dirty`: what has changed at level 0.
+    pub(crate) fn run_cut_outs(
         &self,
-        cut_out: CutOut,
+        cut_outs: &CutOuts,
         dirty: &Dirty,
         result: &mut CoarserLevels,
     ) -> Result<()> {
         let shape = self.surface.cover().groups[self.group as usize];
-        let mut covered = None;
+        let mut covered = Covered::default();
         let (first_level, mut raster) = if is_one_block(&shape) {
-            (0, self.finest(cut_out, TexelBlock { origin: [0, 0], extent: shape.extent })?)
+            (0, self.finest(cut_outs, TexelBlock { origin: [0, 0], extent: shape.extent })?)
         } else {
-            let mut shared = Raster::empty(shape.level_extent(SHARED_LEVEL), 1, Some(0));
-            shared.cut_out = Some(cut_out);
+            let extent = shape.level_extent(SHARED_LEVEL);
+            let mut shared = Raster::empty(extent, 1, Some(0)).with_cut_outs(cut_outs);
             let (mut known, mut pages) = (Vec::new(), Vec::new());
             let at_once = (self.budget_bytes / WORKING_BYTES_PER_BLOCK).max(1);
             for blocks in TileBlock::all(shape.extent, BLOCK_MARGIN).chunks(at_once) {
-                let made = blocks.par_iter().map(|block| self.block(cut_out, block, dirty));
+                let made = blocks.par_iter().map(|block| self.block(cut_outs, block, dirty));
                 for block in made.collect::<Result<Vec<Block>>>()? {
                     shared.paste(block.first, &block.raster);
-                    known.extend(block.covered);
+                    known.push(block.covered);
                     pages.extend(block.pages);
                 }
             }
             pages.sort_by_key(|change: &PageChange| change.id.level);
             result.pages.extend(pages);
-            covered = (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32);
+            covered = Covered::mean(&known);
             (SHARED_LEVEL, shared)
         };
         for level in first_level..shape.level_count() {
             if level > first_level {
                 raster = raster.halved(shape.level_extent(level));
             }
-            let scale = alpha_scale(&raster, &mut covered);
+            let scales = alpha_scales(&raster, &mut covered);
             if level > 0 {
                 let all = BlockPart { start: [0, 0], size: raster.extent, first: [0, 0] };
-                result.pages.extend(self.stored(level, &raster, scale, all)?);
+                result.pages.extend(self.stored(level, &raster, &scales, all)?);
             }
         }
         let valid = raster.values.iter().zip(&raster.valid).filter(|(_, valid)| **valid);
@@ -127,16 +131,16 @@ impl LevelJob<'_> {
     }
 
     /// A block of a large tile.
-    fn block(&self, cut_out: CutOut, block: &TileBlock, dirty: &Dirty) -> Result<Block> {
+    fn block(&self, cut_outs: &CutOuts, block: &TileBlock, dirty: &Dirty) -> Result<Block> {
         let around = rect_of(block.around);
         let is_changed = dirty.values().any(|rect| !rect.intersection(around).is_empty());
-        let mut raster = self.finest(cut_out, block.around)?;
-        let (mut covered, mut pages) = (None, Vec::new());
+        let mut raster = self.finest(cut_outs, block.around)?;
+        let (mut covered, mut pages) = (Covered::default(), Vec::new());
         for level in 0..SHARED_LEVEL {
             if is_changed || level == 0 {
-                let scale = alpha_scale(&raster, &mut covered);
+                let scales = alpha_scales(&raster, &mut covered);
                 if level > 0 {
-                    pages.extend(self.stored(level, &raster, scale, block.at_level(level))?);
+                    pages.extend(self.stored(level, &raster, &scales, block.at_level(level))?);
                 }
             }
             raster = raster.halved(block.halved(level, raster.extent));
@@ -146,11 +150,10 @@ impl LevelJob<'_> {
     }
 
     /// The texels of level 0 in a rectangle, as they are stored.
-    fn finest(&self, cut_out: CutOut, block: TexelBlock) -> Result<Raster> {
+    fn finest(&self, cut_outs: &CutOuts, block: TexelBlock) -> Result<Raster> {
         let extent = self.surface.cover().groups[self.group as usize].extent;
         let rect = rect_of(block);
-        let mut raster = Raster::empty(block.extent, 1, Some(0));
-        raster.cut_out = Some(cut_out);
+        let mut raster = Raster::empty(block.extent, 1, Some(0)).with_cut_outs(cut_outs);
         for page in pages_of(rect) {
             let id = PageId { group: self.group, level: 0, page };
             let map = match self.maps.get(&id) {
@@ -160,12 +163,15 @@ impl LevelJob<'_> {
             let texels = self.pages.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
             let origin = page_origin(page);
             for [x, y] in rect.intersection(page_rect(extent, page)).texels() {
-                let from = map.texel([x - origin[0], y - origin[1]]);
+                let place = [x - origin[0], y - origin[1]];
+                let from = map.texel(place);
                 let to = ((y - rect.low[1]) * block.extent[0] + (x - rect.low[0])) as usize;
                 raster.read[to] = map.is_in_region(from);
                 if map.is_known(from) {
                     raster.values[to] = Vec4::from(texels.rgba[from]);
                     raster.valid[to] = true;
+                    let triangle = map.triangle(place).triangle as usize;
+                    raster.set_alpha_mode(to, self.surface.mesh().alpha_mode(triangle));
                 }
             }
         }
@@ -177,7 +183,7 @@ impl LevelJob<'_> {
         &self,
         level: u32,
         raster: &Raster,
-        scale: Option<f32>,
+        scales: &AlphaScales,
         BlockPart { start, size, first }: BlockPart,
     ) -> Result<Vec<PageChange>> {
         let asset = self.pages.asset();
@@ -196,8 +202,7 @@ impl LevelJob<'_> {
                 let [column, row] = [0, 1].map(|k| at[k] + origin[k] - first[k] + start[k]);
                 let from = (row * raster.extent[0] + column) as usize;
                 if raster.valid[from] {
-                    let value = raster.values[from];
-                    values[texel] = scale.map_or(value, |scale| value.with_w((value.w * scale).min(1.0)));
+                    values[texel] = raster.scaled(from, raster.values[from], scales);
                     known[texel] = true;
                 }
             }
@@ -213,9 +218,9 @@ impl LevelJob<'_> {
 }
 
 /// What the alpha of a level is to be multiplied by.
-fn alpha_scale(raster: &Raster, covered: &mut Option<f32>) -> Option<f32> {
+fn alpha_scales(raster: &Raster, covered: &mut Covered) -> AlphaScales {
     let alpha: Vec<f32> = raster.values.iter().map(|value| value.w).collect();
-    raster.alpha_scale(&alpha, covered)
+    raster.alpha_scales(&alpha, covered)
 }
 
 // What materials make of alpha.
@@ -248,12 +253,13 @@ impl Painter {
     fn make_levels_of(&mut self, alpha: AlphaMode) -> Result<()> {
         let asset = Arc::clone(self.editor.asset());
         let Some(channel) = asset.channel_of_kind(ChannelKind::BaseColor) else { return Ok(()) };
-        let threshold = CutOut::of_all([alpha], false).map(|cut_out| cut_out.threshold);
+        let cut_outs = CutOuts::of([alpha], false);
         let mut changes = Changes { is_base: true, ..Changes::default() };
         for (group, shape) in (0u32..).zip(&asset.cover().groups) {
-            let before = cut_out_of(&self.surface, &asset, group).map(|(cut_out, _)| cut_out.threshold);
+            let before = all_cut_outs(&self.surface, group);
+            let is_same = before == cut_outs || (before.is_empty() && cut_outs.is_empty());
             let is_opaque = self.editor.mean(channel, group)[3] >= 1.0 && !self.keeps_base_levels(group);
-            if is_opaque || before == threshold {
+            if is_opaque || is_same {
                 continue;
             }
             for page in pages_of(Rect::of(shape.extent)) {

@@ -13,14 +13,14 @@ use fantex_base::{Error, Result};
 use fantex_store::{
     AssetEditor, ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin,
 };
-use fantex_texture::levels::{CutOut, Raster};
+use fantex_texture::levels::{CutOuts, Raster};
 use glam::Vec4;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Surface;
 use crate::composite::replace_blocks;
-use crate::cut_outs::{cut_out_of, maps_read, working_bytes};
+use crate::cut_outs::{cut_outs_of, maps_read, working_bytes};
 use crate::layers::base_page;
 use crate::texel_page::{Rect, TexelPage, TexelPages};
 
@@ -284,10 +284,10 @@ pub(crate) struct LevelWork {
 }
 
 impl LevelWork {
-    /// What a tile is a cut-out of, where the channel that has its alpha changes.
-    pub(crate) fn cut_out(&self, group: u32) -> Option<(CutOut, usize)> {
-        let cut_out = cut_out_of(&self.surface, self.pages.asset(), group);
-        cut_out.filter(|(_, channel)| self.channels.contains(channel))
+    /// The cut-outs that a tile shows, where the channel that has their alpha changes.
+    pub(crate) fn cut_outs(&self, group: u32) -> Option<(CutOuts, usize)> {
+        let cut_outs = cut_outs_of(&self.surface, self.pages.asset(), group);
+        cut_outs.filter(|(_, channel)| self.channels.contains(channel))
     }
 
     /// Does the work, in parallel; results in the order of the groups. With `base` the levels are those of what lies under the layers,
@@ -307,7 +307,7 @@ impl LevelWork {
     /// What a group takes beside its texel maps.
     fn working_bytes(&self, group: u32) -> usize {
         let shape = &self.surface.cover().groups[group as usize];
-        self.cut_out(group).map_or(0, |_| working_bytes(shape, self.budget_bytes))
+        self.cut_outs(group).map_or(0, |_| working_bytes(shape, self.budget_bytes))
     }
 
     fn run_batch(
@@ -321,16 +321,16 @@ impl LevelWork {
             .par_iter()
             .map(|(group, dirty)| (*group, dirty_levels(surface, *group, dirty.clone())))
             .collect();
-        let cut_outs: BTreeMap<u32, (CutOut, usize)> =
-            groups.iter().filter_map(|(group, _)| Some((*group, self.cut_out(*group)?))).collect();
+        let with_cut_outs: BTreeMap<u32, (CutOuts, usize)> =
+            groups.iter().filter_map(|(group, _)| Some((*group, self.cut_outs(*group)?))).collect();
         let has_means = |(group, _): &&(u32, Vec<Dirty>)| {
-            let cut_out = cut_outs.get(group);
-            cut_out.is_none_or(|(_, alpha)| self.channels.iter().any(|channel| channel != alpha))
+            let cut_outs = with_cut_outs.get(group);
+            cut_outs.is_none_or(|(_, alpha)| self.channels.iter().any(|channel| channel != alpha))
         };
         let with_means = jobs.iter().filter(has_means);
         let mut ids: BTreeSet<PageId> =
             with_means.flat_map(|(group, levels)| pages_read(surface, *group, levels)).collect();
-        for &group in cut_outs.keys() {
+        for &group in with_cut_outs.keys() {
             ids.extend(maps_read(&surface.cover().groups[group as usize], group));
         }
         let ids: Vec<PageId> = ids.into_iter().collect();
@@ -344,9 +344,9 @@ impl LevelWork {
                     let (group, pages, budget_bytes) = (*group, &self.pages, self.budget_bytes);
                     let maps = &maps;
                     let job = LevelJob { surface, pages, base, group, channel, maps, budget_bytes };
-                    match cut_outs.get(&group) {
-                        Some((cut_out, alpha)) if *alpha == channel => {
-                            job.run_cut_out(*cut_out, &levels[0], &mut result)?;
+                    match with_cut_outs.get(&group) {
+                        Some((cut_outs, alpha)) if *alpha == channel => {
+                            job.run_cut_outs(cut_outs, &levels[0], &mut result)?;
                         }
                         _ => job.run(levels, &mut result)?,
                     }

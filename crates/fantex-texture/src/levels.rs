@@ -1,5 +1,5 @@
 //! Values over a rectangle of texels, of which only some show a surface: halving for coarser levels, and cut-outs that stay as
-//! dense at all of them.
+//! dense at all of them, each by itself where materials of a tile differ.
 //!
 //! Bakes and painting make the coarser levels of tiles by these.
 
@@ -20,33 +20,94 @@ pub struct Raster {
     pub channels: usize,
     /// The channel whose alpha is coverage, if any.
     pub coverage: Option<usize>,
-    /// Where everything is a cut-out of the same threshold.
-    pub cut_out: Option<CutOut>,
+    cut_outs: CutOuts,
+    /// Per texel, what its material makes of alpha, see [`CutOuts::class`]; empty where nothing is cut out.
+    classes: Vec<u8>,
     /// True where the texel shows a surface.
     pub valid: Vec<bool>,
     /// True where a look-up of the texture function falls into the texel.
     pub read: Vec<bool>,
 }
 
-/// A cut-out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CutOut {
-    /// Least alpha that is seen, 0..1.
-    pub threshold: f32,
+/// The cut-outs among the materials of a part of a surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CutOuts {
+    /// Least alphas that are seen, 0..1, ascending: one for each cut-out.
+    thresholds: Vec<f32>,
+    has_opaque: bool,
+    has_blended: bool,
     /// Alpha is the share of a texel that is there.
-    pub has_shares: bool,
+    has_shares: bool,
 }
 
-impl CutOut {
-    /// What all materials of a part of a surface are, by their modes; none where they are not all cut-outs of the same threshold, or
-    /// where there are none.
-    pub fn of_all(modes: impl IntoIterator<Item = AlphaMode>, has_shares: bool) -> Option<Self> {
-        let mut modes = modes.into_iter();
-        let first = modes.next()?;
-        let AlphaMode::Mask(threshold) = first else { return None };
-        modes.all(|mode| mode == first).then_some(Self { threshold, has_shares })
+/// Cut-outs of a tile that are told apart; those of higher thresholds hold the mean of alpha.
+const MAX_CUT_OUTS: usize = 16;
+
+/// The class of texels whose alpha is ignored: any scale of it will do.
+const OPAQUE: u8 = 254;
+
+/// The class of texels whose alpha stays as it is.
+const UNSCALED: u8 = 255;
+
+impl CutOuts {
+    /// What the materials of a part of a surface are, by their modes. `has_shares`: alpha is the share of a texel that is there.
+    pub fn of(modes: impl IntoIterator<Item = AlphaMode>, has_shares: bool) -> Self {
+        let mut cut_outs = Self { has_shares, ..Self::default() };
+        for mode in modes {
+            match mode {
+                AlphaMode::Opaque => cut_outs.has_opaque = true,
+                AlphaMode::Blend => cut_outs.has_blended = true,
+                AlphaMode::Mask(threshold) => {
+                    if cut_outs.place(threshold).is_none() {
+                        cut_outs.thresholds.push(threshold);
+                    }
+                }
+            }
+        }
+        cut_outs.thresholds.sort_unstable_by(f32::total_cmp);
+        cut_outs.thresholds.truncate(MAX_CUT_OUTS);
+        cut_outs
+    }
+
+    /// True where nothing is cut out.
+    pub fn is_empty(&self) -> bool {
+        self.thresholds.is_empty()
+    }
+
+    fn place(&self, threshold: f32) -> Option<usize> {
+        self.thresholds.iter().position(|known| known.total_cmp(&threshold).is_eq())
+    }
+
+    /// The number of a material's cut-out, or [`OPAQUE`] or [`UNSCALED`].
+    fn class(&self, mode: AlphaMode) -> u8 {
+        match mode {
+            AlphaMode::Opaque => OPAQUE,
+            AlphaMode::Blend => UNSCALED,
+            AlphaMode::Mask(threshold) => self.place(threshold).map_or(UNSCALED, |place| place as u8),
+        }
     }
 }
+
+/// The share of each cut-out of a tile that is there, where it is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Covered(pub Vec<Option<f32>>);
+
+impl Covered {
+    /// The means of what is known of parts of a tile.
+    pub fn mean(parts: &[Self]) -> Self {
+        let count = parts.iter().map(|part| part.0.len()).max().unwrap_or(0);
+        let mean = |cut_out: usize| {
+            let known: Vec<f32> =
+                parts.iter().filter_map(|part| part.0.get(cut_out).copied().flatten()).collect();
+            (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32)
+        };
+        Self((0..count).map(mean).collect())
+    }
+}
+
+/// What the alpha of each cut-out is multiplied by at a level, where it does not stay.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AlphaScales(Vec<Option<f32>>);
 
 /// A share that passes the threshold and a mean of alpha that differ by less belong to a cut-out that texels resolve.
 const RESOLVED: f32 = 0.05;
@@ -77,7 +138,7 @@ impl Raster {
                 .map(|texel| Overlap::of(texel, fine[k], coarse[k], coarse[k]).counted_from(origin[k]))
                 .collect()
         });
-        let mut part = Self { cut_out: self.cut_out, ..Self::empty(extent, self.channels, self.coverage) };
+        let mut part = Self::empty(extent, self.channels, self.coverage).with_cut_outs(&self.cut_outs);
         let are_halves = fine == coarse.map(|n| 2 * n);
         let mut target = 0;
         for row in &rows {
@@ -133,24 +194,101 @@ impl Raster {
             if let Some(channel) = self.coverage {
                 values[channel] = unweighted(values[channel]);
             }
+            if let Some(class) = coarse.classes.get_mut(target) {
+                *class = self.most_of(columns, rows);
+            }
         }
     }
 
-    /// What the alpha of a cut-out is to be multiplied by (and capped at 1), so that the share of it that is there stays what it is,
-    /// whatever its holes are beside texels; none where it may stay, and where there is no cut-out. `alpha`: that of each texel, as it
-    /// would be stored. `covered` is the share that is there, if it is known already; else it is taken from here.
-    pub fn alpha_scale(&self, alpha: &[f32], covered: &mut Option<f32>) -> Option<f32> {
-        let cut_out = self.cut_out?;
-        let threshold = cut_out.threshold;
+    /// The class of most of the valid part of a footprint; of equal parts that of the first.
+    fn most_of(&self, columns: &Overlap, rows: &Overlap) -> u8 {
         let width = self.extent[0] as usize;
-        let shown: Vec<usize> =
-            (0..self.valid.len()).filter(|&texel| self.valid[texel] && self.read[texel]).collect();
+        let mut parts: [(u8, f32); MAX_CUT_OUTS + 2] = [(UNSCALED, 0.0); MAX_CUT_OUTS + 2];
+        let mut count = 0;
+        for (row, row_weight) in rows.parents() {
+            for (column, column_weight) in columns.parents() {
+                let texel = row * width + column;
+                if !self.valid[texel] {
+                    continue;
+                }
+                let class = self.classes[texel];
+                let known = parts[..count].iter().position(|part| part.0 == class);
+                let place = known.unwrap_or(count);
+                count = count.max(place + 1);
+                parts[place] = (class, parts[place].1 + row_weight * column_weight);
+            }
+        }
+        let most = |best: (u8, f32), part: &(u8, f32)| if part.1 > best.1 { *part } else { best };
+        parts[..count].iter().fold((UNSCALED, 0.0), most).0
+    }
+
+    /// The same with materials whose cut-outs are told apart; see [`Raster::set_alpha_mode`].
+    #[must_use]
+    pub fn with_cut_outs(mut self, cut_outs: &CutOuts) -> Self {
+        self.classes = if cut_outs.is_empty() { Vec::new() } else { vec![UNSCALED; self.valid.len()] };
+        self.cut_outs.clone_from(cut_outs);
+        self
+    }
+
+    /// Whether anything is cut out.
+    pub fn has_cut_outs(&self) -> bool {
+        !self.cut_outs.is_empty()
+    }
+
+    /// Says what a texel's material makes of alpha.
+    pub fn set_alpha_mode(&mut self, texel: usize, mode: AlphaMode) {
+        if let Some(class) = self.classes.get_mut(texel) {
+            *class = self.cut_outs.class(mode);
+        }
+    }
+
+    /// What the alpha of each cut-out is to be multiplied by, so that the share of it that is there stays what it is, whatever its holes
+    /// are beside texels. `alpha`: that of each texel, as it would be stored. `covered` are the shares that are there, where they are known
+    /// already; else they are taken from here.
+    pub fn alpha_scales(&self, alpha: &[f32], covered: &mut Covered) -> AlphaScales {
+        let thresholds = &self.cut_outs.thresholds;
+        covered.0.resize(thresholds.len(), None);
+        let cut_outs = thresholds.iter().zip(&mut covered.0).enumerate();
+        AlphaScales(
+            cut_outs
+                .map(|(i, (&threshold, covered))| self.alpha_scale(i, threshold, alpha, covered))
+                .collect(),
+        )
+    }
+
+    /// The value of a texel with its alpha scaled, and capped at 1.
+    #[inline]
+    pub fn scaled(&self, texel: usize, value: Vec4, scales: &AlphaScales) -> Vec4 {
+        let scale = self.cut_out_of(texel).and_then(|cut_out| scales.0.get(cut_out).copied().flatten());
+        scale.map_or(value, |scale| value.with_w((value.w * scale).min(1.0)))
+    }
+
+    /// The cut-out whose scale a texel takes. Opaque texels take one, so that what is beside them reads no other scale than its own.
+    fn cut_out_of(&self, texel: usize) -> Option<usize> {
+        match *self.classes.get(texel)? {
+            UNSCALED => None,
+            OPAQUE => Some(0),
+            cut_out => Some(usize::from(cut_out)),
+        }
+    }
+
+    fn alpha_scale(
+        &self,
+        cut_out: usize,
+        threshold: f32,
+        alpha: &[f32],
+        covered: &mut Option<f32>,
+    ) -> Option<f32> {
+        let width = self.extent[0] as usize;
+        let is_shown = |&texel: &usize| {
+            self.valid[texel] && self.read[texel] && usize::from(self.classes[texel]) == cut_out
+        };
+        let shown: Vec<usize> = (0..self.valid.len()).filter(is_shown).collect();
         // Between texels, too, where all four are there.
+        let is_there =
+            |&texel: &usize| self.valid.get(texel) == Some(&true) && self.cut_out_of(texel) == Some(cut_out);
         let is_whole = |texel: usize| {
-            texel % width + 1 < width
-                && [texel + 1, texel + width, texel + width + 1]
-                    .iter()
-                    .all(|&t| self.valid.get(t).copied().unwrap_or(false))
+            texel % width + 1 < width && [texel + 1, texel + width, texel + width + 1].iter().all(is_there)
         };
         let mut alphas = Vec::new();
         for &texel in &shown {
@@ -170,26 +308,28 @@ impl Raster {
         let mean = shown.iter().map(|&texel| alpha[texel]).sum::<f32>() / shown.len() as f32;
         let passed = alphas.iter().filter(|&&a| a >= threshold).count() as f32 / alphas.len() as f32;
         // Where texels resolve the cut-out, its edges are where they are.
-        let is_unresolved = cut_out.has_shares && (passed - mean).abs() > RESOLVED;
+        let is_unresolved = self.cut_outs.has_shares && (passed - mean).abs() > RESOLVED;
         let goal = *covered.get_or_insert(if is_unresolved { mean } else { passed });
         ((passed - goal).abs() >= 1e-3).then(|| coverage_scale(alphas, threshold, goal))
     }
 
     /// A rectangle of it.
     pub fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Self {
-        let Self { channels, coverage, cut_out, .. } = *self;
-        let mut window = Self { extent, channels, coverage, cut_out, ..Self::default() };
+        let Self { channels, coverage, .. } = *self;
+        let cut_outs = self.cut_outs.clone();
+        let mut window = Self { extent, channels, coverage, cut_outs, ..Self::default() };
         for row in origin[1]..origin[1] + extent[1] {
             let start = row as usize * self.extent[0] as usize + origin[0] as usize;
             let end = start + extent[0] as usize;
             window.values.extend_from_slice(&self.values[start * self.channels..end * self.channels]);
             window.valid.extend_from_slice(&self.valid[start..end]);
             window.read.extend_from_slice(&self.read[start..end]);
+            window.classes.extend_from_slice(self.classes.get(start..end).unwrap_or_default());
         }
         window
     }
 
-    /// Puts another raster of as many channels there.
+    /// Puts another raster of as many channels and the same cut-outs there.
     pub fn paste(&mut self, origin: [u32; 2], from: &Self) {
         let width = from.extent[0] as usize;
         for row in 0..from.extent[1] as usize {
@@ -199,6 +339,11 @@ impl Raster {
                 .copy_from_slice(&from.values[at * self.channels..(at + width) * self.channels]);
             self.valid[to..to + width].copy_from_slice(&from.valid[at..at + width]);
             self.read[to..to + width].copy_from_slice(&from.read[at..at + width]);
+            if let (Some(to), Some(from)) =
+                (self.classes.get_mut(to..to + width), from.classes.get(at..at + width))
+            {
+                to.copy_from_slice(from);
+            }
         }
     }
 
@@ -210,7 +355,8 @@ impl Raster {
             values: vec![Vec4::ZERO; texels * channels],
             channels,
             coverage,
-            cut_out: None,
+            cut_outs: CutOuts::default(),
+            classes: Vec::new(),
             valid: vec![false; texels],
             read: vec![false; texels],
         }
@@ -356,11 +502,58 @@ mod tests {
     #[test]
     fn cut_outs_are_those_of_all_materials() {
         use AlphaMode::{Blend, Mask, Opaque};
-        let of = |modes: &[AlphaMode]| CutOut::of_all(modes.iter().copied(), false).map(|cut| cut.threshold);
-        assert_eq!(of(&[Mask(0.5), Mask(0.5)]), Some(0.5));
-        assert_eq!(of(&[Mask(0.3)]), Some(0.3));
-        for modes in [&[Mask(0.5), Mask(0.3)][..], &[Mask(0.5), Opaque], &[Blend], &[]] {
-            assert_eq!(of(modes), None, "{modes:?}");
+        let of = |modes: &[AlphaMode]| CutOuts::of(modes.iter().copied(), false);
+        assert_eq!(of(&[Mask(0.5), Mask(0.3), Mask(0.5)]).thresholds, [0.3, 0.5]);
+        assert_eq!(of(&[Mask(0.5), Opaque]).thresholds, [0.5]);
+        assert_eq!(of(&[Mask(0.5), Mask(0.5)]), of(&[Mask(0.5)]));
+        assert_ne!(of(&[Mask(0.5), Opaque]), of(&[Mask(0.5)]), "opaque parts would be cut out");
+        assert!([&[Blend][..], &[Opaque], &[]].iter().all(|modes| of(modes).is_empty()));
+        let many: Vec<AlphaMode> = (0..100).map(|i| Mask(i as f32 / 100.0)).collect();
+        let all = of(&many);
+        assert_eq!(all.thresholds.len(), MAX_CUT_OUTS);
+        assert_eq!([all.class(many[3]), all.class(many[99])], [3, UNSCALED]);
+    }
+
+    /// Each cut-out keeps its own share, at every level: columns of one threshold beside columns of another, beside opaque and blended ones.
+    #[test]
+    fn each_cut_out_keeps_its_share() {
+        use AlphaMode::{Blend, Mask, Opaque};
+        let modes = [Mask(0.3), Opaque, Mask(0.8), Blend];
+        let mode = |texel: usize, side: usize| modes[texel % side * 4 / side];
+        let hash = |x: u32, y: u32| {
+            let mixed = x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77);
+            (mixed ^ mixed >> 15).wrapping_mul(0x2C1B_3C6D) >> 16
+        };
+        let mut level = raster([256, 256], |x, y| f32::from(u8::from(hash(x, y) % 100 < 70)));
+        level.coverage = Some(0);
+        level = level.with_cut_outs(&CutOuts::of(modes, false));
+        (0..level.valid.len()).for_each(|texel| level.set_alpha_mode(texel, mode(texel, 256)));
+        let mut covered = Covered::default();
+        for side in [256, 128, 64, 32] {
+            if side < 256 {
+                level = level.halved([side as u32; 2]);
+            }
+            let alpha: Vec<f32> = level.values.iter().map(|value| value.w).collect();
+            let scales = level.alpha_scales(&alpha, &mut covered);
+            let scaled = |texel: usize| level.scaled(texel, level.values[texel], &scales).w;
+            for (cut_out, threshold) in [0.3, 0.8].into_iter().enumerate() {
+                let is_own = |&texel: &usize| {
+                    [0, 1, side, side + 1].iter().all(|next| mode(texel + next, side) == Mask(threshold))
+                };
+                let (mut there, mut all) = (0.0, 0.0);
+                for texel in (0..side * (side - 1) - 1).filter(is_own) {
+                    let [a, b, c, d] = [0, 1, side, side + 1].map(|next| scaled(texel + next));
+                    for [x, y] in [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]] {
+                        let (upper, lower) = (a + (b - a) * x, c + (d - c) * x);
+                        there += f32::from(u8::from(upper + (lower - upper) * y >= threshold));
+                        all += 1.0;
+                    }
+                }
+                let (share, expected) = (there / all, covered.0[cut_out].unwrap());
+                assert!((share - expected).abs() < 0.06, "{threshold} at {side}: {share}, not {expected}");
+            }
+            let blended = (0..alpha.len()).filter(|&texel| mode(texel, side) == Blend);
+            blended.for_each(|t| assert_eq!(level.scaled(t, level.values[t], &scales), level.values[t]));
         }
     }
 }

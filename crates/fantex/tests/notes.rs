@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use fantex::{Baker, Mesh, NoProgress, Progress};
+use fantex::{Baker, Mesh, NoProgress, Progress, Source};
 use fantex_mesh::{LoadOptions, load};
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{Mat3, Vec2};
@@ -107,4 +107,19 @@ fn textures_of_squares_are_told_of_unless_there_are_texels_enough() {
     assert!(!is_told(&notes(true, 1.0, 66_000)));
     // Half of one texel, as of a palette.
     assert!(!is_told(&notes(true, 0.5 / SIDE as f32, 1)));
+}
+
+/// The squares of such lengths are infinite.
+#[test]
+fn positions_at_the_end_of_single_precision_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("far.obj");
+    let far = f32::MAX;
+    std::fs::write(&model, format!("v {far} 0 0\nv -{far} {far} 0\nv 0 -{far} {far}\nf 1 2 3\n")).unwrap();
+    let mesh = Mesh::load(&model).unwrap();
+    let path = folder.path().join("far.fan");
+    let error = Baker::new(&mesh).source(Source::solid("wood")).texels(1000).write(&path).unwrap_err();
+    let expected = "the model is about 3e38 units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices";
+    assert_eq!(error.to_string(), expected);
+    assert!(!path.exists());
 }

@@ -98,6 +98,11 @@ impl NoisyLight {
         self.sides[texel] = u.max(v);
     }
 
+    /// Values of texels, where there is an estimate.
+    pub(crate) fn known(&self, values: Vec<Vec3>) -> Vec<Option<Vec3>> {
+        values.into_iter().zip(&self.valid).map(|(value, &valid)| (valid != 0.0).then_some(value)).collect()
+    }
+
     /// Takes the noise out. Ends early with the error of `check`.
     pub(crate) fn smoothed<E>(&self, check: impl Fn() -> Result<(), E>) -> Result<SmoothLight, E> {
         let texels = self.valid.len();

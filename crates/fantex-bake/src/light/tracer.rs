@@ -31,6 +31,20 @@ const SKY: u32 = PER_VERTEX - 1;
 /// of both.
 const MARGIN: f32 = 4.0 * SURFACE_OFFSET;
 
+/// Directions in which a point is looked at to know whether it is enclosed: their distance from the normal as a sine, and their angle around
+/// it in degrees. The first is the one that most often leads into the open.
+const PROBES: [[f32; 2]; 9] = [
+    [0.0, 0.0],
+    [0.6, 0.0],
+    [0.6, 120.0],
+    [0.6, 240.0],
+    [0.97, 36.0],
+    [0.97, 108.0],
+    [0.97, 180.0],
+    [0.97, 252.0],
+    [0.97, 324.0],
+];
+
 /// Lamps that are all sampled at the first vertex of a path; of more, so many are chosen.
 const FEW_LAMPS: usize = 4;
 
@@ -66,15 +80,46 @@ impl Tracer<'_> {
         sequence: &Sequence,
         index: u32,
     ) -> Vec3 {
-        let [u, v] = sequence.pair(index, TEXEL);
-        let moved = at.lambda + lambda_steps[0] * (u - 0.5) + lambda_steps[1] * (v - 0.5);
-        let receiver = self.receiver(self.inside(SurfacePoint { lambda: moved, ..at }.clamped()));
+        let receiver = self.receiver(self.place(at, lambda_steps, sequence, index));
         if self.options.quantity == LightQuantity::AmbientOcclusion {
             let direction = cosine_weighted(receiver.normal, sequence.pair(index, DIRECTION));
             let open = !self.is_shadowed(receiver.origin, direction, self.occlusion_distance);
             return Vec3::splat(f32::from(u8::from(open)));
         }
         self.arriving_light(receiver, sequence, index)
+    }
+
+    /// Where in the texel a sample is taken.
+    fn place(
+        &self,
+        at: SurfacePoint,
+        lambda_steps: [Vec3; 2],
+        sequence: &Sequence,
+        index: u32,
+    ) -> SurfacePoint {
+        let [u, v] = sequence.pair(index, TEXEL);
+        let moved = at.lambda + lambda_steps[0] * (u - 0.5) + lambda_steps[1] * (v - 0.5);
+        self.inside(SurfacePoint { lambda: moved, ..at }.clamped())
+    }
+
+    /// Whether a sample is taken inside or under something, such as on the floor below a box: on all sides there are surfaces, seen from
+    /// behind. It does not depend on the directions in which the sample looks.
+    pub(crate) fn is_enclosed(
+        &self,
+        at: SurfacePoint,
+        lambda_steps: [Vec3; 2],
+        sequence: &Sequence,
+        index: u32,
+    ) -> bool {
+        let Receiver { origin, normal } = self.receiver(self.place(at, lambda_steps, sequence, index));
+        let (x, y) = normal.any_orthonormal_pair();
+        PROBES.iter().all(|&[sine, degrees]| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let direction = (x * cos + y * sin) * sine + normal * (1.0 - sine * sine).sqrt();
+            let accept = |hit: &RayHit| self.reflector.is_solid(hit.point);
+            let hit = self.bvh.first_hit_where(origin, direction.normalize(), f32::INFINITY, accept);
+            hit.is_some_and(|hit| !hit.front)
+        })
     }
 
     /// A point of a triangle that is not on its sides: there it would lie in the plane of the neighbour, and see past it. It is moved

@@ -8,7 +8,7 @@ use fantex_bake::{
 };
 use fantex_mesh::{Mesh, Model, SurfacePoint, TriangleBvh, generate, interpolate};
 use fantex_store::{ChannelKind, VerifyOptions, verify};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use crate::common;
 use crate::common::{OfPosition, baked, cleaned, cover, data_folder, float_options, loaded, sample};
@@ -479,7 +479,7 @@ mod many_lamps {
     use fantex_bake::{BakeLight, Illumination, LightMapOptions, LightMapSource, LightScene};
     use fantex_mesh::SurfacePoint;
     use fantex_test::ball_on_a_plane;
-    use glam::{DVec3, Vec3};
+    use glam::{DMat3, DVec3, Vec3};
 
     fn gray(_: SurfacePoint) -> Vec3 {
         Vec3::splat(0.5)
@@ -588,6 +588,65 @@ fn closed_rooms_are_dark_up_to_their_edges() {
             }
         }
     }
+}
+
+/// The middle of the box, and half its side: it stands a little in the floor, turned against its texels.
+const BLOCK: (DVec3, f64) = (DVec3::new(0.02, 0.29, 0.05), 0.3);
+
+/// A floor with a box on it, and from the box' space to the world.
+fn block_on_a_floor() -> (Mesh, impl Fn(DVec3) -> DVec3) {
+    let (center, half) = BLOCK;
+    let to_world = move |p: DVec3| DMat3::from_rotation_y(0.3) * p * half + center;
+    let mut block = generate::cube(1);
+    block.positions.iter_mut().for_each(|p| *p = to_world(*p));
+    (cleaned(joined(&[generate::grid(6), block])), to_world)
+}
+
+/// Floor texels that lie half under a box have the light of the half that is seen, at coarser levels, too.
+#[test]
+fn floors_are_not_dark_at_the_foot_of_a_box() {
+    let (mesh, to_world) = block_on_a_floor();
+    let (center, half) = BLOCK;
+    let bvh = TriangleBvh::new(&mesh);
+    let on_floor = |place: DVec3| {
+        let place = mesh.world_from_mesh.inverse_point(place.with_y(0.0));
+        bvh.nearest_point(place, 1e-3).unwrap().point
+    };
+    let scene = LightScene { lights: Vec::new(), sky: &white, reflector: &gray };
+    let quantity = LightQuantity::AmbientOcclusion;
+    let options = LightMapOptions { quantity, samples: 1024, ..LightMapOptions::default() };
+    let exact = LightMapOptions { samples: 4096, ..options };
+    let exact = LightMapSource::new(&mesh, &scene, exact).unwrap();
+    let sides = [DVec3::X, DVec3::NEG_X, DVec3::Z, DVec3::NEG_Z];
+    let mut places = Vec::new();
+    for side in sides {
+        let along = DVec3::new(side.z, 0.0, side.x);
+        for i in -6..=6 {
+            places.extend([0.01, 0.025].map(|distance| {
+                on_floor(to_world(side * (1.0 + distance / half) + along * (0.15 * f64::from(i))))
+            }));
+        }
+    }
+    for denoise in [false, true] {
+        let source = LightMapSource::new(&mesh, &scene, LightMapOptions { denoise, ..options }).unwrap();
+        let asset = baked(&mesh, &cover(&mesh, 64, 3000), &source, &float_options(Fit::Box));
+        for &place in &places {
+            let expected = exact.illumination(place, [Vec3::ZERO; 2]).value.x;
+            assert!(expected > 0.45, "{place:?}: {expected}");
+            for level in 0..3 {
+                let light = sample(&asset.cache, 0, level, place.index(), place.lambda).x;
+                assert!(light > expected - 0.12, "{place:?}, level {level}: {light}, not {expected}");
+            }
+        }
+    }
+    // A lamp in the box lights the floor there.
+    let lamp = BakeLight::Point { position: center.with_y(half), color: Vec3::splat(0.09), radius: 0.0 };
+    let scene = LightScene { lights: vec![lamp], sky: &black, reflector: &gray };
+    let source = LightMapSource::new(&mesh, &scene, direct(64)).unwrap();
+    let asset = baked(&mesh, &cover(&mesh, 64, 3000), &source, &float_options(Fit::Box));
+    let below = on_floor(center);
+    let light = sample(&asset.cache, 0, 0, below.index(), below.lambda).x;
+    assert!((light - 1.0).abs() < 0.1, "{light}");
 }
 
 /// Root mean square difference of two bakes over the surface.

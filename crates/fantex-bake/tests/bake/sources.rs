@@ -121,24 +121,23 @@ impl Texture for Discs {
     }
 }
 
-#[test]
-fn cut_outs_keep_their_coverage_at_every_level() {
-    let mut mesh = cleaned(generate::grid(8));
+/// Of discs that the mesh's first material cuts out, at every level, in tiles so large.
+fn assert_coverage(mut mesh: Mesh, tile: u32) {
     for cells in [12.0, 60.0, 500.0] {
         let texture: Arc<dyn Texture> = Arc::new(Discs { cells, radius: 0.3 });
-        let material = LookMaterial {
+        let cut_out = LookMaterial {
             base_color: Slot::Texture(texture),
             opacity: Opacity::Mask { threshold: 0.7 },
             ..LookMaterial::default()
         };
-        let materials = vec![Arc::new(material)];
+        let materials = vec![Arc::new(cut_out), Arc::new(LookMaterial::default())];
         mesh.materials = baked_materials(&materials);
         let AlphaMode::Mask(threshold) = mesh.materials[0].alpha else { panic!() };
         let source = LookSource::new(&mesh, materials, 0.0).unwrap();
-        let baked = baked(&mesh, &cover(&mesh, 128, 60_000), &source, &float_options(Fit::Sharp));
+        let baked = baked(&mesh, &cover(&mesh, tile, 60_000), &source, &float_options(Fit::Sharp));
         for level in 0..4 {
             let (mut there, mut all) = (0.0, 0.0);
-            for triangle in 0..mesh.triangles.len() {
+            for triangle in (0..mesh.triangles.len()).filter(|&triangle| mesh.material_of(triangle) == 0) {
                 for lambda in barycentric_points(16) {
                     let alpha = sample(&baked.cache, 0, level, triangle, lambda).w;
                     there += f32::from(u8::from(alpha >= threshold));
@@ -150,6 +149,24 @@ fn cut_outs_keep_their_coverage_at_every_level() {
             assert!((covered - expected).abs() < 0.06, "{cells} cells, level {level}: {covered}");
         }
     }
+}
+
+#[test]
+fn cut_outs_keep_their_coverage_at_every_level() {
+    assert_coverage(cleaned(generate::grid(8)), 128);
+}
+
+/// A tile that is opaque on one side.
+#[test]
+fn cut_outs_beside_what_is_opaque_keep_their_coverage() {
+    let mut mesh = cleaned(generate::grid(8));
+    let is_right = |triangle: usize| {
+        let [a, b, c] = mesh.triangle_positions(triangle);
+        a.x + b.x + c.x > 0.0
+    };
+    mesh.triangle_materials = (0..mesh.triangles.len()).map(|t| u32::from(is_right(t))).collect();
+    assert_eq!(cover(&mesh, 256, 60_000).groups.len(), 1);
+    assert_coverage(mesh, 256);
 }
 
 #[test]

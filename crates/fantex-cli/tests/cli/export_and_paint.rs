@@ -397,3 +397,21 @@ fn painting_is_measured() {
     }
     assert!(std::fs::read(at("a.fan")).unwrap() == before, "it works on a copy");
 }
+
+/// What the loader reads twice comes from its cache: that is no figure of the disk.
+#[test]
+fn disks_are_not_measured_through_a_cache() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let key = r#"{"seconds": 0, "eye": [2, 2, 3], "target": [0, 0, 0], "up": [0, 1, 0], "fov_degrees": 40}"#;
+    let path = format!("{{\"keys\": [{key}, {}]}}", key.replace("\"seconds\": 0", "\"seconds\": 0.1"));
+    std::fs::write(at("flight.json"), path).unwrap();
+    let output = succeeds(&[&"bench", &"stream", &at("a.fan"), &"--path", &at("flight.json")]);
+    let said = stderr(&output);
+    assert!(said.contains("what it gets out of the disk cannot be measured; take a larger asset"), "{said}");
+    let rows = String::from_utf8_lossy(&output.stdout);
+    assert!(rows.contains("plain loop of direct reads"), "{rows}");
+    assert!(!rows.contains("clusters read and unpacked") && !rows.contains("texels delivered"), "{rows}");
+}

@@ -369,6 +369,53 @@ fn what_is_no_environment_is_refused() {
     fails(2, &["--environment"], &[&"render", &model, &"-o", &picture, &"--background=environment"]);
 }
 
+/// A plane that rises to the right, from 0 to 1.
+const SLOPE: &str = r#"
+[textures.slope]
+kind = "sines"
+place = { unit = "world" }
+waves = [{ direction = [1, 0, 0], length = 8, amplitude = 0.5 }]
+
+[textures.ground]
+kind = "landscape"
+
+[materials.ground]
+base_color = "ground"
+lighting = "unlit"
+displacement = { texture = "slope", height = 1, edge = 0.1 }
+"#;
+
+/// Sand, grass, scree and snow lie by the altitudes of the displaced ground: the flat plane has none.
+#[test]
+fn landscapes_know_what_displacement_has_made_of_a_plane() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(folder.path(), "slope.toml", SLOPE);
+    let plane = write(folder.path(), "plane.obj", "v -2 0 -2\nv 2 0 -2\nv 2 0 2\nv -2 0 2\nf 4 3 2 1\n");
+    let asset = folder.path().join("plane.fan");
+    succeeds(&[&"bake", &plane, &"-o", &asset, &"--look", &look, &"--texels", &"60k"]);
+    let [of_look, of_asset] = ["look.png", "asset.png"].map(|name| folder.path().join(name));
+    let from_above = ["--size=64x48", "--eye=0,6,0.001", "--target=0,0,0", "--fov=36"];
+    let [size, eye, target, fov] = &from_above;
+    succeeds(&[&"render", &plane, &"--look", &look, &"-o", &of_look, size, eye, target, fov]);
+    succeeds(&[&"render", &asset, &"-o", &of_asset, size, eye, target, fov]);
+    for picture in [of_look, of_asset] {
+        let image = Image::load(&picture).unwrap();
+        // The mean of a column's middle, from the lowest to the highest.
+        let column = |x: u32| {
+            let texels = (12..36).map(|y| image.linear_texel(x, y));
+            texels.fold([0.0; 3], |sum, t| [0, 1, 2].map(|channel| sum[channel] + t[channel] / 24.0))
+        };
+        let [sand, grass, scree, snow] = [10, 26, 36, 50].map(column);
+        assert!(sand[0] > 0.35 && sand[0] > 1.5 * sand[2], "sand {sand:?}");
+        assert!(grass[1] < 0.25 && grass[1] > 2.0 * grass[2], "grass {grass:?}");
+        assert!(scree[0] < 0.4 && scree[2] > 0.1, "scree {scree:?}");
+        assert!(snow[0] > 0.7 && snow[2] > snow[0], "snow {snow:?}");
+        let steps = (8..55).map(|x| (column(x + 1)[1] - column(x)[1]).abs());
+        let largest = steps.fold(0.0, f32::max);
+        assert!(largest < 0.4, "{}: a border of {largest}", picture.display());
+    }
+}
+
 /// Width of the goldens, as `cargo xtask goldens` draws them.
 const WIDTH: &str = "320";
 
@@ -397,6 +444,31 @@ fn every_picture_looks_like_its_golden() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     drawn.sort();
     assert_eq!(drawn, files(&goldens), "pictures without a golden, or goldens without a picture");
+}
+
+/// Pictures that show the same on purpose: an exported model looks like its asset, an asset like its model.
+const ALIKE: [[&str; 2]; 2] = [["export-1", "export-2"], ["commands-1", "commands-2"]];
+
+/// What tells pictures of an entry apart can be seen: per channel of 255, in the mean.
+const MIN_DIFFERENCE: f64 = 0.3;
+
+#[test]
+fn pictures_of_an_entry_differ() {
+    let goldens = workspace().join("gallery/goldens");
+    let catalogue = fantex_gallery::Catalogue::read(&workspace().join("gallery")).unwrap();
+    for entry in &catalogue.entries {
+        let drawn = (1..).map(|number| format!("{}-{number}", entry.name));
+        let names = drawn.take_while(|name| goldens.join(format!("{name}.png")).exists());
+        let pictures: Vec<_> =
+            names.map(|name| (bytes(&goldens.join(format!("{name}.png"))), name)).collect();
+        for (i, (picture, name)) in pictures.iter().enumerate() {
+            for (other_picture, other) in &pictures[i + 1..] {
+                let difference = mean_difference(picture, other_picture);
+                let is_meant = ALIKE.contains(&[name.as_str(), other.as_str()]);
+                assert!(difference > MIN_DIFFERENCE || is_meant, "{name} and {other}: {difference:.3}");
+            }
+        }
+    }
 }
 
 /// Rows of pixels, three bytes each. An animation's first picture.

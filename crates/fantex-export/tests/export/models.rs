@@ -105,6 +105,19 @@ fn the_bunny_looks_the_same() {
     assert!(db > 40.0, "{db} dB");
 }
 
+/// A scan's atlas is a few large pieces.
+#[test]
+fn the_bunny_has_few_charts_and_a_full_atlas() {
+    let Some(folder) = data_folder() else { return };
+    let mesh = opened(&folder.join("meshes/bunny/stanford_bunny.ply"));
+    let baked = baked(&mesh, &Waves::color(40.0), 1 << 20, BakeFormat::Rgba8);
+    let options = ExportOptions { padding: Some(4), ..ExportOptions::default() };
+    let summary = export_model(&baked.asset, &baked.path("out.glb"), &options, &NoProgress).unwrap();
+    assert!(summary.charts < 60, "{} charts", summary.charts);
+    assert!(summary.used_share > 0.6, "{} of the atlas", summary.used_share);
+    assert_eq!(summary.overlapping_share, 0.0);
+}
+
 #[test]
 fn all_channels_of_a_sphere_go_round() {
     use ChannelKind::{BaseColor, Emission, Normal, OcclusionRoughnessMetallic};

@@ -83,6 +83,10 @@ fn fields_say_where_a_point_is() {
     close(value(&field("facing"), p, 0.0), [0.8, 0.8, 0.8, 1.0]);
     close(value(&field("time"), p, 2.5), [2.5, 2.5, 2.5, 1.0]);
     close(value(&field("vertex_color"), p, 0.0), [0.1, 0.2, 0.3, 1.0]);
+    let distance = |keys: &str| field("distance") + keys;
+    close(value(&distance("center = [0.5, 2, 1]\n"), p, 0.0), [3.0, 3.0, 3.0, 1.0]);
+    let from_axis = distance("center = [-2.5, 9, -3]\naxis = [0, -2, 0]\n");
+    close(value(&from_axis, p, 0.0), [5.0, 5.0, 5.0, 1.0]);
 }
 
 #[test]

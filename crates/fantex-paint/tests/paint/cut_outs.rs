@@ -66,15 +66,20 @@ fn punch_holes(painter: &mut Painter) {
 
 /// The share of the surface whose alpha is at least a half at a level.
 fn covered(baked: &Baked, level: u32) -> f32 {
+    covered_where(baked, level, 0.5, |_| true)
+}
+
+/// The share of some triangles whose alpha reaches a threshold at a level.
+fn covered_where(baked: &Baked, level: u32, threshold: f32, counts: impl Fn(usize) -> bool) -> f32 {
     const STEPS: u32 = 23;
     let cache = baked.cache();
     let (mut there, mut all) = (0.0, 0.0);
-    for triangle in 0..cache.asset().mesh().triangles.len() {
+    for triangle in (0..cache.asset().mesh().triangles.len()).filter(|&triangle| counts(triangle)) {
         for i in 0..STEPS {
             for j in 0..STEPS - i {
                 let [a, b] = [i, j].map(|n| (n as f32 + 1.0 / 3.0) / STEPS as f32);
                 let alpha = sample(&cache, 0, level, triangle, Vec3::new(a, b, 1.0 - a - b)).0.w;
-                there += f32::from(u8::from(alpha >= 0.5));
+                there += f32::from(u8::from(alpha >= threshold));
                 all += 1.0;
             }
         }
@@ -115,16 +120,63 @@ fn painted_holes_keep_their_coverage_at_every_level() {
     }
 }
 
-/// In the mean of alpha the holes close, also where tiles show several materials.
+/// In the mean of alpha the holes close.
 #[test]
 fn other_materials_hold_the_mean() {
-    use AlphaMode::{Blend, Mask, Opaque};
-    for alphas in [&[Opaque][..], &[Blend], &[Mask(0.5), Mask(0.3)], &[Mask(0.5), Opaque]] {
+    use AlphaMode::{Blend, Opaque};
+    for alphas in [&[Opaque][..], &[Blend], &[Blend, Opaque]] {
         let baked = fence_of(alphas);
         let mut painter = baked.painter();
         punch_holes(&mut painter);
         painter.commit().unwrap();
         assert!(covered(&baked, 3) > 0.97, "{alphas:?}");
+    }
+}
+
+/// Where one tile shows several materials, each cut-out keeps its own coverage.
+#[test]
+fn materials_of_one_tile_keep_their_own_coverage() {
+    use AlphaMode::{Blend, Mask, Opaque};
+    let is_right = |mesh: &Mesh, triangle: usize| {
+        let [a, b, c] = mesh.triangle_positions(triangle);
+        a.x + b.x + c.x > 0.0
+    };
+    for (alphas, by_turns) in [
+        ([Mask(0.5), Mask(0.3)], false),
+        ([Mask(0.4), Blend], false),
+        ([Mask(0.5), Opaque], false),
+        // Opaque texels take the scale of those beside them.
+        ([Mask(0.5), Opaque], true),
+    ] {
+        let mut mesh = grid(8, &alphas);
+        if !by_turns {
+            let sides = (0..mesh.triangles.len()).map(|triangle| u32::from(is_right(&mesh, triangle)));
+            mesh.triangle_materials = sides.collect();
+        }
+        let cover = cover(&mesh, 256, 60_000);
+        assert_eq!(cover.groups.len(), 1);
+        let baked = Baked::new(&mesh, &cover, BakeFormat::Float);
+        let mut painter = baked.painter();
+        punch_holes(&mut painter);
+        painter.commit().unwrap();
+        for (material, alpha) in (0..).zip(alphas) {
+            let AlphaMode::Mask(threshold) = alpha else { continue };
+            let share = |level: u32| {
+                covered_where(&baked, level, threshold, |triangle| {
+                    mesh.triangle_materials[triangle] == material
+                })
+            };
+            let first = share(0);
+            assert!((first - (1.0 - OPEN)).abs() < 0.06, "{alpha:?} of {alphas:?}: {first}");
+            for level in 1..4 {
+                let found = share(level);
+                assert!(
+                    (found - first).abs() < 0.07,
+                    "{alpha:?} of {alphas:?}, level {level}: {found} of {first}"
+                );
+            }
+        }
+        assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
     }
 }
 
@@ -196,11 +248,12 @@ fn with_opaque_middle() -> Mesh {
 }
 
 /// Where painting makes the coarser levels of a baked tile anew, they are those that the bake made: of a cut-out, of one that shows
-/// something opaque, too, and of tiles that are cut into blocks.
+/// something opaque or other cut-outs, too, and of tiles that are cut into blocks.
 #[test]
 fn painted_levels_are_those_of_a_bake() {
+    use AlphaMode::{Blend, Mask};
     for side in [200, 1300] {
-        for mesh in [grid(3, &[AlphaMode::Mask(0.4)]), with_opaque_middle()] {
+        for mesh in [grid(3, &[Mask(0.4)]), with_opaque_middle(), grid(3, &[Mask(0.4), Mask(0.7), Blend])] {
             assert_levels_of_a_bake(&mesh, side);
         }
     }

@@ -304,17 +304,26 @@ impl Place {
     /// # Errors
     /// A number is out of range.
     pub fn matrix(&self, model_radius: f32) -> fantex_base::Result<SpaceMatrix> {
-        let unit = match self.unit {
-            PlaceUnit::World => 1.0,
-            PlaceUnit::Model => f64::from(model_radius),
-        };
-        let scale = DVec3::from_array(self.scale.axes()) * unit;
+        let scale = DVec3::from_array(self.scale.axes()) * self.unit_length(model_radius);
         let [x, y, z] = self.rotate.map(f64::to_radians);
         let rotation = DQuat::from_euler(EulerRot::ZYX, z, y, x);
         let object_from_pattern =
             DAffine3::from_scale_rotation_translation(scale, rotation, DVec3::from_array(self.center));
         SpaceMatrix::new(DMat4::from(object_from_pattern.inverse()).as_mat4())?
             .moving(-self.spin, -self.shift_per_second)
+    }
+
+    /// Where a height of the object lies along the y axis of a pattern that is not turned. `model_radius` as in [`Place::matrix`].
+    pub fn height(&self, y: f32, model_radius: f32) -> f32 {
+        let unit = self.unit_length(model_radius) * self.scale.axes()[1];
+        ((f64::from(y) - self.center[1]) / unit) as f32
+    }
+
+    fn unit_length(&self, model_radius: f32) -> f64 {
+        match self.unit {
+            PlaceUnit::World => 1.0,
+            PlaceUnit::Model => f64::from(model_radius),
+        }
     }
 }
 

@@ -9,7 +9,9 @@
 //! * paraboloids: what the other paraboloid holds there; across the rim the two cross-fade over three texels;
 //! * mirror ball: the mean around the rim, which is one direction.
 
-use glam::{Vec2, Vec3, Vec3A};
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 
 use super::form::paraboloid_uv;
@@ -163,6 +165,24 @@ impl Level {
         }
     }
 
+    /// A coarser level as look-ups read it. Towards the poles of a sphere its texels get ever narrower than they are high; each becomes the
+    /// mean of so many of its row that all are as wide as high, and a level fits a footprint by its angle alone.
+    pub(super) fn evened(mut self) -> Self {
+        if self.form != EnvironmentForm::Sphere {
+            return self;
+        }
+        let [width, height] = self.size.map(|n| n as usize);
+        let own = self.apron..self.apron + width;
+        let texels_along = width as f64 / (2 * height) as f64;
+        let rows = self.texels.par_chunks_exact_mut(self.stride).skip(self.apron).take(height);
+        rows.enumerate().for_each(|(y, row)| {
+            let polar = (y as f64 + 0.5) / height as f64 * PI;
+            blur_ring(&mut row[own.clone()], texels_along / polar.sin());
+        });
+        self.surround_sphere();
+        self
+    }
+
     fn is_own(&self, x: i32, y: i32) -> bool {
         let n = self.size[0] as i32;
         (0..n).contains(&x) && (0..n).contains(&y) && self.form.is_inside(self.texel_uv(x, y))
@@ -224,6 +244,34 @@ impl Level {
             let index = self.index(0, x, y);
             self.texels[index] = self.rim;
         }
+    }
+}
+
+/// Each texel of a ring becomes the mean of `width` texels around it.
+fn blur_ring(ring: &mut [Vec3A], width: f64) {
+    let count = ring.len();
+    let width = width.min(count as f64);
+    if width <= 1.0 {
+        return;
+    }
+    // The sum of all texels before each: the mean over an interval is a difference of two.
+    let mut sums = Vec::with_capacity(count + 1);
+    let mut total = DVec3::ZERO;
+    sums.push(total);
+    for texel in ring.iter() {
+        total += Vec3::from(*texel).as_dvec3();
+        sums.push(total);
+    }
+    let up_to = |place: f64| {
+        let turns = (place / count as f64).floor();
+        let place = place - turns * count as f64;
+        let texel = (place as usize).min(count - 1);
+        total * turns + sums[texel] + (sums[texel + 1] - sums[texel]) * (place - texel as f64)
+    };
+    for (x, texel) in ring.iter_mut().enumerate() {
+        let center = x as f64 + 0.5;
+        let mean = (up_to(center + 0.5 * width) - up_to(center - 0.5 * width)) / width;
+        *texel = Vec3A::from(mean.as_vec3()).max(Vec3A::ZERO);
     }
 }
 

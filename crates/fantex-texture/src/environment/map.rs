@@ -1,5 +1,6 @@
 //! A map and its look-ups.
 
+use std::f32::consts::PI;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -82,8 +83,10 @@ impl EnvironmentMap {
             })
             .collect();
         let mut levels = vec![Level::new(form, size, &inner)];
-        while let Some(coarser) = levels.last().and_then(halve) {
-            levels.push(coarser);
+        let mut coarser = halve(&levels[0]);
+        while let Some(level) = coarser {
+            coarser = halve(&level);
+            levels.push(level.evened());
         }
         let bytes: usize = levels.iter().map(Level::byte_len).sum();
         Self { levels, _held: hold(bytes as u64) }
@@ -189,13 +192,16 @@ impl EnvironmentMap {
     /// A change of a unit direction in texels of level 0.
     fn in_texels(&self, d: Vec3, step: Vec3) -> Vec2 {
         let [width, height] = self.levels[0].size.map(|n| n as f32);
-        if self.form() == EnvironmentForm::MirrorBall {
+        let texels_per_radian = match self.form() {
             // Towards the rim the texels get ever longer and thinner, and first order means little; but each has the solid
             // angle of a square of 4 / width.
-            let (right, down) = d.any_orthonormal_pair();
-            return Vec2::new(right.dot(step), down.dot(step)) * (width / 4.0);
-        }
-        self.form().uv_step(d, step) * Vec2::new(width, height)
+            EnvironmentForm::MirrorBall => width / 4.0,
+            // Towards the poles they get ever narrower, but what coarser levels hold of them does not.
+            EnvironmentForm::Sphere => height / PI,
+            form => return form.uv_step(d, step) * Vec2::new(width, height),
+        };
+        let (right, down) = d.any_orthonormal_pair();
+        Vec2::new(right.dot(step), down.dot(step)) * texels_per_radian
     }
 
     /// Light from a direction, linear RGB, at a level between 0 and the last, linear between levels.

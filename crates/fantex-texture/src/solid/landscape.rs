@@ -19,6 +19,9 @@ parameters! {
         /// Half of the range of altitudes, in units of the place.
         #[serde(skip)]
         pub half_height: f32 = 1.0,
+        /// The altitude in the middle of that range.
+        #[serde(skip)]
+        pub middle: f32 = 0.0,
     }
 }
 
@@ -77,7 +80,7 @@ impl Landscape {
 
     /// What grows and lies where, at a point with a noise that makes borders ragged.
     fn cover(&self, at: &SolidPoint, ragged: f32) -> GroundCover {
-        let altitude = 0.5 + 0.5 * at.p.y / self.half_height + 0.09 * ragged;
+        let altitude = 0.5 + 0.5 * (at.p.y - self.middle) / self.half_height + 0.09 * ragged;
         let flatness = at.n.y + 0.16 * ragged;
         GroundCover {
             scree: smoothstep(0.5, 0.68, altitude),

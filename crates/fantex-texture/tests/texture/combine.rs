@@ -106,6 +106,10 @@ fn fields_say_what_the_surface_is() {
     assert_eq!(number(Parameter::default()), 2.0);
     assert_eq!(number(Parameter::Along { origin: Vec3::X, direction: 2.0 * Vec3::Z }), 6.0);
     assert_eq!(number(Parameter::Distance { center: Vec3::new(1.0, 2.0, -1.0) }), 4.0);
+    // However long the axis' direction is, and wherever along it the point lies.
+    let center = Vec3::new(-2.0, 7.0, -1.0);
+    assert_eq!(number(Parameter::AxisDistance { center, direction: 3.0 * Vec3::Y }), 5.0);
+    assert_eq!(number(Parameter::AxisDistance { center: Vec3::Z, direction: Vec3::new(1.0, 2.0, 2.0) }), 0.0);
     assert!((number(Parameter::Slope { up: Vec3::Z }) - 90.0).abs() < 1e-4);
     assert_eq!(number(Parameter::Slope { up: 2.0 * Vec3::Y }), 0.0);
     assert_eq!(number(Parameter::Facing), 1.0);
@@ -116,6 +120,7 @@ fn fields_say_what_the_surface_is() {
     assert_value(&Field::Uv { set: 3 }, Vec4::W, "no such set");
     assert!(Field::Position { min: Vec3::ZERO, max: Vec3::X }.check().is_err());
     assert!(Parameter::Slope { up: Vec3::ZERO }.check().is_err());
+    assert!(Parameter::AxisDistance { center, direction: Vec3::ZERO }.check().is_err());
 }
 
 #[test]
@@ -130,6 +135,7 @@ fn parameters_change_as_their_steps_say() {
     for parameter in [
         Parameter::Along { origin: Vec3::ONE, direction: Vec3::new(1.0, 2.0, -0.5) },
         Parameter::Distance { center: Vec3::X },
+        Parameter::AxisDistance { center: Vec3::X, direction: Vec3::new(1.0, 2.0, -0.5) },
         Parameter::Slope { up: Vec3::Y },
         Parameter::Facing,
         Parameter::U { set: 0 },

@@ -64,9 +64,11 @@ fn look_ups_have_no_seams() {
                 seams.map(Vec3::normalize).into_iter().chain(Vec3::AXES).chain(Vec3::AXES.map(|a| -a));
             let rim = (0..40).map(|i| Vec3::new((i as f32).cos(), (i as f32).sin(), 0.0));
             let date_line = (0..40).map(|i| Vec3::new(0.0, (i as f32 * 0.1).cos(), (i as f32 * 0.1).sin()));
+            // Coarser levels of a sphere are made by rows.
+            let levels: &[f32] = if form == EnvironmentForm::Sphere { &[0.0, 1.0, 2.5] } else { &[0.0] };
             for d in special.chain(rim).chain(date_line) {
-                for towards in sphere(24) {
-                    let [a, b] = [d - towards * h, d + towards * h].map(|d| map.sample(d, NO_FOOTPRINT));
+                for (towards, &level) in sphere(24).flat_map(|d| levels.iter().map(move |level| (d, level))) {
+                    let [a, b] = [d - towards * h, d + towards * h].map(|d| map.sample_level(d, level));
                     let jump = (a - b).abs().max_element();
                     assert!(jump <= most.min(0.5), "{form:?} {side} at {d} towards {towards}: {jump}");
                 }
@@ -186,6 +188,36 @@ fn footprints_average() {
                 / 1024.0;
             let seen = map.sample(d, steps);
             assert!((seen - truth).length() < 0.15, "{form:?} at {d}: {seen}, the mean is {truth}");
+        }
+    }
+}
+
+/// Fine stripes along all axes, under small footprints: of a panorama, poles show what is seen at other latitudes.
+#[test]
+fn panoramas_are_sharp_at_their_poles() {
+    let stripes =
+        |d: Vec3, _: [Vec3; 2]| Vec3::from(d.to_array().map(|along| 0.5 + 0.5 * (150.0 * along).sin()));
+    let map = EnvironmentMap::from_function(EnvironmentForm::Sphere, 1024, stripes);
+    let beside_poles = [0.0, 0.002, 0.01, 0.03, 0.1].into_iter().flat_map(|polar: f32| {
+        let around = (0..8).map(move |i| (i as f32).sin_cos());
+        around.flat_map(move |(sin, cos)| {
+            [1.0, -1.0].map(|side| Vec3::new(polar.sin() * sin, side * polar.cos(), polar.sin() * cos))
+        })
+    });
+    for (i, d) in beside_poles.chain(sphere(60)).enumerate() {
+        let (right, down) = d.any_orthonormal_pair();
+        let (sin, cos) = (0.7 * i as f32).sin_cos();
+        let [along, across] = [right * cos + down * sin, down * cos - right * sin];
+        for [length, width] in [[0.005, 0.005], [0.03, 0.004]] {
+            let steps = [along * length, across * width];
+            let offset = |i: u32| (i as f32 + 0.5) / 16.0 - 0.5;
+            let truth = (0..256_u32)
+                .map(|i| map.sample(d + steps[0] * offset(i % 16) + steps[1] * offset(i / 16), NO_FOOTPRINT))
+                .sum::<Vec3>()
+                / 256.0;
+            let seen = map.sample(d, steps);
+            let error = (seen - truth).abs().max_element();
+            assert!(error < 0.06, "{length} x {width} at {d}: {seen}, the mean is {truth}");
         }
     }
 }

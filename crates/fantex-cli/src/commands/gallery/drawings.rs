@@ -1,6 +1,7 @@
-//! Pictures that no look can make: of covers, of maps between images, of surroundings unfolded, of baked light, of streaming.
+//! Pictures that no look can make: of fans and covers, of maps between images, of surroundings unfolded, of baked light, of streaming.
 
 mod library;
+mod steps;
 mod streaming;
 
 use fantex::scene::world_bounds;
@@ -35,6 +36,7 @@ pub(super) type Pictures = Result<Vec<(String, Image)>>;
 /// What draws an entry's pictures.
 pub(super) fn by_name(name: &str) -> Option<fn(&Gallery<'_>) -> Pictures> {
     match name {
+        "steps" => Some(steps::steps),
         "cover" => Some(cover),
         "pyramid" => Some(pyramid),
         "gouraud" => Some(gouraud),
