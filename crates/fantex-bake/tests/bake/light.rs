@@ -479,7 +479,7 @@ mod many_lamps {
     use fantex_bake::{BakeLight, Illumination, LightMapOptions, LightMapSource, LightScene};
     use fantex_mesh::SurfacePoint;
     use fantex_test::ball_on_a_plane;
-    use glam::{DMat3, DVec3, Vec3};
+    use glam::{DVec3, Vec3};
 
     fn gray(_: SurfacePoint) -> Vec3 {
         Vec3::splat(0.5)
