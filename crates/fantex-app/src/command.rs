@@ -39,6 +39,8 @@ pub enum Command {
     ToggleInspector,
     ToggleAtlas,
     ToggleGraphs,
+    /// Tell what the pointer is on, or no longer.
+    ToggleReadout,
     ToggleAllPanels,
     ToggleHelp,
     ToggleStreaming,

@@ -29,6 +29,7 @@ use crate::notices::Notices;
 use crate::pacing::Pacing;
 use crate::paint::{PaintTool, Painting, PenEvent, StickerKind};
 use crate::pen::PenReadings;
+use crate::readout::Readout;
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
@@ -173,6 +174,8 @@ pub struct Viewer {
     pub failure: Option<String>,
     pub figures: StreamFigures,
     pub graphs: Graphs,
+    /// What the pointer is on.
+    pub readout: Readout,
     pub pacing: Pacing,
     pub has_help: bool,
     pub painting: Option<Painting>,
@@ -329,6 +332,7 @@ impl Viewer {
         self.path_state = PathState::Still;
         self.figures = StreamFigures::default();
         self.graphs.clear();
+        self.readout = Readout::default();
         self.walker.leave();
         self.fly.stop();
         self.pacing.changed();
@@ -341,6 +345,7 @@ impl Viewer {
         self.poll_ground();
         self.poll_map();
         self.poll_export();
+        self.poll_readout();
         let now = self.now();
         if let Some(camera) = self.live.as_mut().and_then(|live| live.poll(now)) {
             self.set_camera(&camera);
@@ -485,6 +490,7 @@ impl Viewer {
             Command::ToggleInspector => toggle(&mut self.settings.panels.has_inspector),
             Command::ToggleAtlas => toggle(&mut self.settings.panels.has_atlas),
             Command::ToggleGraphs => toggle(&mut self.settings.panels.has_graphs),
+            Command::ToggleReadout => toggle(&mut self.settings.panels.has_readout),
             Command::ToggleAllPanels => self.toggle_all_panels(),
             Command::ToggleHelp => toggle(&mut self.has_help),
             Command::ToggleStreaming => toggle(&mut self.settings.streaming.is_running),
@@ -551,7 +557,8 @@ impl Viewer {
             }
             _ => {
                 self.panels_before = Some(*panels);
-                (panels.has_inspector, panels.has_atlas, panels.has_graphs) = (false, false, false);
+                let tab = panels.tab;
+                *panels = PanelSettings { tab, ..PanelSettings::NONE };
             }
         }
     }
@@ -831,3 +838,4 @@ fn toggle(switch: &mut bool) {
 mod channels;
 mod exporting;
 mod opening;
+mod pointing;

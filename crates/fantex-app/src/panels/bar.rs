@@ -119,6 +119,9 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         let text = if viewer.kept.is_some() { "Stop comparing" } else { "Keep picture to compare (A/B)" };
         item(ui, (has_document, is_painting), text, Command::Compare, commands);
         ui.separator();
+        let panels = viewer.settings.panels;
+        check(ui, panels.has_readout, "Tile and values under the pointer", Command::ToggleReadout, commands);
+        ui.separator();
         item(ui, (has_document, is_painting), "Record camera path", Command::ToggleRecording, commands);
         item(ui, (viewer.path.is_some(), is_painting), "Play camera path", Command::TogglePlayback, commands);
         item(ui, (true, is_painting), "Load camera path…", Command::LoadPath, commands);
@@ -139,6 +142,15 @@ fn item(
     let keys = keys_of(is_painting, &command).unwrap_or_default();
     let button = Button::new(text).shortcut_text(RichText::new(keys).color(theme::FAINT));
     if ui.add_enabled(is_enabled, button).clicked() {
+        commands.push(command);
+        ui.close();
+    }
+}
+
+/// A line of a menu that is on or off.
+fn check(ui: &mut Ui, is_on: bool, text: &str, command: Command, commands: &mut Vec<Command>) {
+    let mut is_on = is_on;
+    if ui.checkbox(&mut is_on, text).clicked() {
         commands.push(command);
         ui.close();
     }

@@ -4,14 +4,15 @@
 //!  +------------------------------ bar ------------------------------+
 //!  |                                         |             |         |
 //!  |                  scene                  | live atlas  | inspec- |
-//!  |                                         |             | tor     |
+//!  +----------- what is pointed at ----------+             | tor     |
 //!  +---------------- graphs -----------------+-------------|         |
 //!  +------------------------- status --------------------------------+
 //! ```
 
 use eframe::egui;
 use eframe::egui::{
-    Align2, Color32, Frame, Grid, Margin, Order, Panel, RichText, Stroke, TextureId, Ui, Window, vec2,
+    Align2, Color32, Frame, Grid, Margin, Order, Panel, RichText, Stroke, TextureId, Ui, UiBuilder, Window,
+    vec2,
 };
 
 use crate::command::{Command, GESTURES, PAINT_GESTURES, Section, shortcuts};
@@ -26,6 +27,7 @@ mod compare;
 mod inspector;
 mod live;
 mod paint;
+mod readout;
 mod scene;
 mod streaming;
 mod widgets;
@@ -92,7 +94,12 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures) -> Show
     }
     let mut input = SceneInput::default();
     egui::CentralPanel::no_frame().show(ui, |ui| {
-        input = scene::show(ui, viewer, textures);
+        let (scene, line) = readout::split(viewer, ui.max_rect());
+        ui.scope_builder(UiBuilder::new().max_rect(scene), |ui| input = scene::show(ui, viewer, textures));
+        viewer.point_at(input.cursor);
+        if let Some(line) = line {
+            readout::show(ui, viewer, line);
+        }
     });
     if viewer.has_help {
         show_help(ui, viewer);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use eframe::wgpu;
 use fantex::base::Result;
 use fantex::cover::Cover;
+use fantex::glam::Vec2;
 use fantex::gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
 use fantex::mesh::Mesh;
 use fantex::scene::Camera;
@@ -187,6 +188,11 @@ impl FanScene {
             damaged_count: now.damaged as u64,
             objects: None,
         }
+    }
+
+    /// The finest level from `level` on that a group has at a place of its tile, 0..1 along the sides; none where that is its mean.
+    pub(super) fn drawn_level(&self, group: u32, level: u32, uv: Vec2) -> Option<u32> {
+        self.streamed.streamer.drawn_level(group, level, uv)
     }
 
     /// Whether the picture stays as it is until the view changes.

@@ -111,6 +111,9 @@ impl SceneView {
         let has_arrived = model.stream(&self.gpu, viewer, (&camera, size), elapsed as f32)?;
         self.capture_awaited(seconds)?;
         let Some(model) = &mut self.model else { return Ok(false) };
+        if let Some(scene) = model.fan() {
+            viewer.readout.follow(|group, level, uv| scene.drawn_level(group, level, uv));
+        }
         if has_arrived {
             // A stroke wants quick pictures, as a camera that moves.
             match viewer.painting.as_ref().is_some_and(Painting::is_drawing) {

@@ -14,6 +14,7 @@ mod painting;
 mod panels;
 mod pen;
 mod placing;
+mod pointing;
 mod session;
 mod settings;
 mod shell;

@@ -19,11 +19,11 @@ use fantex_app::settings::{PanelSettings, Settings, Tab};
 use fantex_app::theme;
 use fantex_app::viewer::{FileDialog, Request, Viewer};
 
-fn empty() -> Viewer {
+pub(crate) fn empty() -> Viewer {
     Viewer::new(Settings::default(), None, Arc::new(|| {}))
 }
 
-fn with_model() -> Viewer {
+pub(crate) fn with_model() -> Viewer {
     let model = fantex::mesh::generate::torus(24, 12);
     let (mesh, report) = fantex::mesh::clean(model, &fantex::mesh::CleanOptions::default()).unwrap();
     let mut viewer = empty();
@@ -32,7 +32,7 @@ fn with_model() -> Viewer {
     viewer
 }
 
-fn harness(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
+pub(crate) fn harness(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
     let mut is_dressed = false;
     Harness::builder().with_size(vec2(size[0], size[1])).build_ui_state(
         move |ui, viewer: &mut Viewer| {
@@ -98,7 +98,7 @@ fn every_page_is_shown_at_every_size() {
         for (tab, _) in Tab::ALL {
             for mut viewer in [empty(), with_model()] {
                 viewer.settings.panels =
-                    PanelSettings { has_inspector: true, tab, has_atlas: true, has_graphs: true };
+                    PanelSettings { tab, has_atlas: true, has_graphs: true, ..PanelSettings::default() };
                 viewer.has_help = true;
                 viewer
                     .notices
@@ -205,7 +205,7 @@ fn facts_stand_beside_their_names() {
     harness.get_by_label("BC5");
 }
 
-fn with_painting(folder: &std::path::Path) -> Viewer {
+pub(crate) fn with_painting(folder: &std::path::Path) -> Viewer {
     let path = crate::painting::small_asset(folder);
     let painter = fantex::paint::Painter::open(&path, &fantex::paint::PaintOptions::default()).unwrap();
     let asset = painter.editor().asset().clone();
@@ -217,7 +217,7 @@ fn with_painting(folder: &std::path::Path) -> Viewer {
 }
 
 /// Until the painter has done what it was asked for.
-fn wait_painted(viewer: &mut Viewer) {
+pub(crate) fn wait_painted(viewer: &mut Viewer) {
     let started = std::time::Instant::now();
     loop {
         let is_busy = viewer.painting.as_ref().unwrap().is_busy();
