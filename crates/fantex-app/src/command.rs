@@ -39,6 +39,8 @@ pub enum Command {
     ToggleInspector,
     ToggleAtlas,
     ToggleGraphs,
+    /// Show the axes of the world in a corner of the scene, or no longer.
+    ToggleGizmo,
     /// Tell what the pointer is on, or no longer.
     ToggleReadout,
     ToggleAllPanels,

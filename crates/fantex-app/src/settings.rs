@@ -96,6 +96,8 @@ pub struct PanelSettings {
     pub has_graphs: bool,
     /// The line below the scene that tells what the pointer is on.
     pub has_readout: bool,
+    /// The axes of the world in a corner of the scene.
+    pub has_gizmo: bool,
 }
 
 impl PanelSettings {
@@ -106,12 +108,13 @@ impl PanelSettings {
         has_atlas: false,
         has_graphs: false,
         has_readout: false,
+        has_gizmo: false,
     };
 }
 
 impl Default for PanelSettings {
     fn default() -> Self {
-        Self { has_inspector: true, has_readout: true, ..Self::NONE }
+        Self { has_inspector: true, has_readout: true, has_gizmo: true, ..Self::NONE }
     }
 }
 

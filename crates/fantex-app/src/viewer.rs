@@ -490,6 +490,7 @@ impl Viewer {
             Command::ToggleInspector => toggle(&mut self.settings.panels.has_inspector),
             Command::ToggleAtlas => toggle(&mut self.settings.panels.has_atlas),
             Command::ToggleGraphs => toggle(&mut self.settings.panels.has_graphs),
+            Command::ToggleGizmo => toggle(&mut self.settings.panels.has_gizmo),
             Command::ToggleReadout => toggle(&mut self.settings.panels.has_readout),
             Command::ToggleAllPanels => self.toggle_all_panels(),
             Command::ToggleHelp => toggle(&mut self.has_help),

@@ -121,6 +121,7 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         ui.separator();
         let panels = viewer.settings.panels;
         check(ui, panels.has_readout, "Tile and values under the pointer", Command::ToggleReadout, commands);
+        check(ui, panels.has_gizmo, "Axes in the corner", Command::ToggleGizmo, commands);
         ui.separator();
         item(ui, (has_document, is_painting), "Record camera path", Command::ToggleRecording, commands);
         item(ui, (viewer.path.is_some(), is_painting), "Play camera path", Command::TogglePlayback, commands);

@@ -24,6 +24,7 @@ use crate::viewer::{SceneInput, Viewer};
 mod asked;
 mod bar;
 mod compare;
+mod gizmo;
 mod inspector;
 mod live;
 mod paint;

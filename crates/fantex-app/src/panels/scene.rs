@@ -8,7 +8,7 @@ use fantex::glam::DVec2;
 
 use super::bar::short_place;
 use super::widgets::dot;
-use super::{Textures, compare, paint};
+use super::{Textures, compare, gizmo, paint};
 use crate::camera::MoveInput;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
@@ -48,6 +48,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, textures: &Textures) -> Sce
             paint::overlay(ui, viewer, rect, input.cursor);
         }
         legend(ui, viewer, rect);
+        gizmo::show(ui, viewer, rect, &mut input);
     } else if viewer.opening.is_none() && viewer.asked.is_none() {
         welcome(ui, viewer, rect);
     }

@@ -8,6 +8,7 @@ mod document;
 mod exchange;
 mod export;
 mod figures;
+mod gizmo;
 mod layer_groups;
 mod live;
 mod painting;
