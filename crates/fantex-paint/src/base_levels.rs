@@ -16,7 +16,7 @@ use crate::cut_outs::{cut_out_of, made_of};
 use crate::history::PageStep;
 use crate::layers::{base_bytes, base_mean_name, base_name, base_page, base_page_of_suffix, prefix};
 use crate::levels::{CoarserLevels, fine_rect, pages_of};
-use crate::painter::Changes;
+use crate::steps::Changes;
 use crate::texel_page::{Rect, blocks_of};
 use crate::{Painter, Target};
 

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::composite::replace_blocks;
 use crate::levels::{CoarserLevels, Dirty, LevelJob, PageChange, continue_values, page_rect, pages_of};
-use crate::painter::Changes;
+use crate::steps::Changes;
 use crate::texel_page::{Rect, TexelPage};
 use crate::{History, Painter, Surface};
 

@@ -17,7 +17,7 @@
 //! | `paint`, `composite`, `smudge` | what covered texels become |
 //! | `stroke_page` | what a stroke has gathered on each page |
 //! | `levels`, `cut_outs` | coarser levels, at once or beside the painting |
-//! | `painter` | the [`Painter`]: an open stroke, and how it ends |
+//! | `painter`, `steps` | the [`Painter`]: an open stroke; how it ends, and what it leaves in the history |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
 //! | `layer_groups`, `layer_moves` | layers in groups; copies, merges, what layers hold |
@@ -58,6 +58,7 @@ mod removed;
 mod replay;
 mod room;
 mod smudge;
+mod steps;
 mod stroke;
 mod stroke_file;
 mod stroke_page;

@@ -8,7 +8,8 @@ use fantex_store::{PageId, page_origin};
 use crate::Target;
 use crate::history::PageStep;
 use crate::levels::Dirty;
-use crate::painter::{Changes, Painter};
+use crate::painter::Painter;
+use crate::steps::Changes;
 
 /// A page of a coarser level under an open stroke.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::display::ShadingView;
-use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
+use crate::document::{Answer, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
 use crate::paint::{
@@ -82,7 +82,7 @@ impl Viewer {
         }
         let Some(document) = self.document.clone() else { return };
         let streaming = self.settings.streaming;
-        match Job::spawn("move", self.waker(), move || prepare(&document, streaming)) {
+        match Job::spawn("move", self.waker(), move || prepare(&document, streaming, &|_| {})) {
             Ok(job) => self.moving = Some(job),
             Err(error) => self.notices.error(format!("cannot start a thread to draw again: {error}")),
         }
@@ -183,7 +183,8 @@ impl Viewer {
                 (Document::open(&from, &for_thread)?, None)
             };
             for_thread.enter(Stage::Preparing)?;
-            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose()?;
+            let progress = for_thread.part(if painting.is_some() { PAINTER_SHARE } else { 0.0 }, 1.0);
+            let model = prepare.map(|prepare| prepare(&document, streaming, &progress)).transpose()?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
             Ok(Loaded::Document(Box::new(document), model, painting))
