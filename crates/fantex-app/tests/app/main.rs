@@ -11,6 +11,7 @@ mod figures;
 mod gizmo;
 mod layer_groups;
 mod live;
+mod narrow;
 mod painting;
 mod panels;
 mod pen;
