@@ -9,6 +9,7 @@ mod exchange;
 mod export;
 mod figures;
 mod gizmo;
+mod glyphs;
 mod layer_groups;
 mod live;
 mod narrow;

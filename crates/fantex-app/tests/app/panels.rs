@@ -163,7 +163,7 @@ fn keys_in_the_scene_become_wishes() {
 }
 
 /// An asset on a page of the inspector.
-fn with_asset(tab: Tab) -> Viewer {
+pub(crate) fn with_asset(tab: Tab) -> Viewer {
     let folder = tempfile::tempdir().unwrap();
     let path = crate::painting::small_asset(folder.path());
     let mut viewer = empty();

@@ -88,9 +88,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         );
         percent(ui, "Vary size", &mut brush.jitter.size, "Random change from dab to dab");
         percent(ui, "Vary flow", &mut brush.jitter.flow, "Random change from dab to dab");
-        percent(ui, "Pen → size", &mut brush.pressure.size, "How far pressure goes into the size");
+        percent(ui, "Pressure: size", &mut brush.pressure.size, "How far pressure goes into the size");
+        percent(ui, "Pressure: flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
         asks_stamp = stamp(ui, brush);
-        percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
         let tip = "Above 0 less force does more, below 0 more force is needed";
         number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
         let tip =
