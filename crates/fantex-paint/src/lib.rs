@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `surface` | the mesh with the adjacency that painting needs |
 //! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
+//! | `tips` | shapes of dabs that come with the program |
 //! | `region`, `open_edges`, `dab` | which part of the surface a dab covers, by distance along it (across gaps, too), and how far |
 //! | `fill` | which triangles, and which texels, a fill takes |
 //! | `picture`, `projection`, `graph` | stickers and texts, pictures through a camera, textures of looks |
@@ -65,6 +66,7 @@ mod stroke_page;
 mod stroke_preview;
 mod surface;
 mod texel_page;
+mod tips;
 mod work;
 
 pub use dab::{Dab, Stamp, is_shaped_by_alpha};
@@ -95,4 +97,5 @@ pub use stroke_file::{
 };
 pub use stroke_preview::PreviewPage;
 pub use surface::Surface;
+pub use tips::Tip;
 pub use work::WorkProgress;

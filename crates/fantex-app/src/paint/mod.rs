@@ -28,7 +28,7 @@ mod thumbnails;
 mod worker;
 
 pub use bake::{NewAsset, asset_beside, bake_model, model_texels};
-pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
+pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, TIPS, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};

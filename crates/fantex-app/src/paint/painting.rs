@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
-use fantex::paint::{Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress};
+use fantex::paint::{
+    Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, Tip, WorkProgress,
+};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, Channel, ChannelKind};
 use fantex::texture::color::srgb_from_linear;
@@ -63,7 +65,8 @@ pub struct Painting {
     pub(super) source: Option<SurfacePoint>,
     /// Where the last stroke ended.
     pub(super) last: Option<SurfacePoint>,
-    pub(super) stamp: Option<(PathBuf, Arc<Stamp>)>,
+    /// What shapes the dabs, with the picture or the tip that it was made of.
+    pub(super) stamp: Option<((Option<PathBuf>, Option<Tip>), Arc<Stamp>)>,
     pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
     pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
     /// How far something is that takes long.

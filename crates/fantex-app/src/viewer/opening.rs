@@ -310,6 +310,18 @@ impl Viewer {
         }
     }
 
+    /// Takes a brush from those that are kept, by its name.
+    ///
+    /// # Errors
+    /// There is none of this name.
+    pub fn take_preset(&mut self, name: &str) -> Result<()> {
+        let kept = self.painting.as_ref().map_or(&[][..], |painting| &painting.presets.brushes);
+        let brush = kept.iter().find(|brush| brush.name == name);
+        let none = || Error::not_found(format!("there is no brush named {name:?}"));
+        self.settings.paint.brush = brush.ok_or_else(none)?.clone();
+        Ok(())
+    }
+
     pub fn layer_action(&mut self, action: &LayerAction) {
         if let Some(painting) = &mut self.painting
             && let Err(reason) = painting.layer_action(action, &self.settings.paint)

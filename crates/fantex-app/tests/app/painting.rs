@@ -9,7 +9,7 @@ use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
-use fantex::paint::{BlendMode, LayerPlace, MaskMeasure, PaintOptions, Painter, Target};
+use fantex::paint::{BlendMode, LayerPlace, MaskMeasure, PaintOptions, Painter, Target, Tip};
 use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
@@ -413,6 +413,26 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     let summary = log.replay(&mut again).unwrap();
     assert_eq!((summary.strokes, summary.unrecorded), (3, 0));
     drop(folder);
+}
+
+#[test]
+fn tips_shape_strokes_and_are_in_the_log() {
+    let shown_with = |tip: Option<Tip>| {
+        let mut studio = Studio::open();
+        studio.settings.brush.tip = tip;
+        studio.stroke();
+        assert_eq!(crate::errors(&studio.notices), 0);
+        let shown = studio.painting.exchange().take_fresh().0;
+        let path = studio.path.clone();
+        let _folder = studio.close();
+        let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+        assert_eq!(log.strokes.strokes[0].brush.tip, tip);
+        shown
+    };
+    let round = shown_with(None);
+    let chalk = shown_with(Some(Tip::Chalk));
+    assert!(chalk == shown_with(Some(Tip::Chalk)), "the same each time");
+    assert!(chalk != round && chalk != shown_with(Some(Tip::Sponge)));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
-use fantex::paint::Target;
+use fantex::paint::{Target, Tip};
 use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
@@ -257,6 +257,23 @@ fn tools_and_layers_are_chosen_with_the_mouse() {
     harness.get_by_label("Rim").click();
     harness.run_steps(2);
     assert!(fantex_app::light::LightPreset::Rim.is_in(&harness.state().settings.light));
+}
+
+#[test]
+fn textured_brushes_are_taken_by_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = harness(with_painting(folder.path()), [1380.0, 1500.0]);
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    harness.get_by_label("Chalk").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().settings.paint.brush.tip, Some(Tip::Chalk));
+    // As sessions do.
+    harness.state_mut().take_preset("Grass").unwrap();
+    assert_eq!(harness.state().settings.paint.brush.tip, Some(Tip::Rake));
+    let refused = harness.state_mut().take_preset("Feather").unwrap_err().to_string();
+    assert!(refused.contains("Feather"), "{refused}");
+    assert_eq!(harness.state().settings.paint.brush.name, "Grass", "it stays as it was");
 }
 
 /// What is asked before a model is painted on, answered with clicks.
