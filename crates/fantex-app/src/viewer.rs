@@ -35,6 +35,7 @@ use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
 pub use exporting::Exporting;
+pub use keys::{BRUSH_KEY, KeyPhase};
 pub use opening::{Asked, Opening};
 
 /// Larger models get their tree of triangles only when somebody wants to walk.
@@ -133,6 +134,8 @@ pub struct SceneInput {
     pub modifiers: [bool; 2],
     /// Whether the modifier that turns the sun is held.
     pub turns_sun: bool,
+    /// Whether the key is held with which drags change the brush.
+    pub adjusts_brush: bool,
     /// Notches of the wheel, away from the user positive.
     pub wheel: f64,
     /// Where the cursor is, 0..1 along the scene's sides.
@@ -203,6 +206,10 @@ pub struct Viewer {
     pub picture_folder: PathBuf,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
+    /// A drag that changes the brush.
+    brush_drag: Option<keys::BrushDrag>,
+    /// All is shown when the brush's key is let go.
+    frames_on_release: bool,
     /// The user was told that closing loses something.
     was_warned: bool,
     /// The shading to go back to when nothing is seen instead of the base colour any more.
@@ -838,5 +845,6 @@ fn toggle(switch: &mut bool) {
 
 mod channels;
 mod exporting;
+mod keys;
 mod opening;
 mod pointing;

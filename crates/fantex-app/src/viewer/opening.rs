@@ -30,12 +30,6 @@ pub struct Opening {
     is_all: bool,
 }
 
-/// Steps of the brush's size over the scene's height, dragged with Ctrl and the right button; tenths of its hardness likewise.
-const BRUSH_STEPS: f64 = 40.0;
-
-/// See [`BRUSH_STEPS`].
-const BRUSH_TENTHS: f64 = 20.0;
-
 impl Opening {
     pub fn stage(&self) -> Stage {
         self.progress.stage()
@@ -384,21 +378,22 @@ impl Viewer {
 
     /// Lets the pen paint; what is left of the input moves the camera.
     pub(super) fn paint(&mut self, input: &SceneInput) -> SceneInput {
+        let pen = self.drag_brush(input);
         let view = self.viewpoint();
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
         painting.follow_placing(settings, &view, &mut self.notices);
         if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
-            painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices);
+            painting.pen(&pen, settings, &view, input.modifiers, &mut self.notices);
         }
         // With Ctrl wheel and right button are for the brush.
         if input.turns_sun && !painting.is_drawing() {
-            let side = input.side_drag - input.middle_drag;
-            settings.brush.change_size((BRUSH_STEPS * side.x + input.wheel) as f32);
-            settings.brush.change_hardness((-BRUSH_TENTHS * side.y) as f32);
+            settings.brush.change_size(input.wheel as f32);
+            self.change_brush(input.side_drag - input.middle_drag);
             left.wheel = 0.0;
         }
+        let Some(painting) = &self.painting else { return left };
         let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };
         let sun = if input.turns_sun && !painting.is_drawing() { input.drag } else { DVec2::ZERO };
         let (mut side, middle) = (input.side_drag - input.middle_drag, input.middle_drag);

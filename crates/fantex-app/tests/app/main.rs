@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
+mod adjusting;
 mod brush;
 mod camera;
 mod document;
