@@ -157,7 +157,7 @@ impl LevelJob<'_> {
                 Some(map) => Arc::clone(map),
                 None => Arc::new(TexelPage::build(self.surface, id)),
             };
-            let texels = self.pages.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
+            let texels = self.editor.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
             let origin = page_origin(page);
             for [x, y] in rect.intersection(page_rect(extent, page)).texels() {
                 let from = map.texel([x - origin[0], y - origin[1]]);
@@ -180,7 +180,7 @@ impl LevelJob<'_> {
         scale: Option<f32>,
         BlockPart { start, size, first }: BlockPart,
     ) -> Result<Vec<PageChange>> {
-        let asset = self.pages.asset();
+        let asset = self.editor.asset();
         let channel = &asset.channels()[self.channel];
         let mut pages = Vec::new();
         for page in pages_of(Rect::of(size).moved(first)) {

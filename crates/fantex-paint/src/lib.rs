@@ -17,7 +17,7 @@
 //! | `texel_page`, `cover` | which texels a dab covers, and how far |
 //! | `paint`, `composite`, `smudge` | what covered texels become |
 //! | `stroke_page` | what a stroke has gathered on each page |
-//! | `levels`, `cut_outs` | coarser levels, at once or beside the painting |
+//! | `levels`, `cut_outs`, `due_levels` | coarser levels, at once or after the end of a stroke |
 //! | `painter`, `steps` | the [`Painter`]: an open stroke; how it ends, and what it leaves in the history |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
@@ -37,6 +37,7 @@ mod composite;
 mod cover;
 mod cut_outs;
 mod dab;
+mod due_levels;
 mod error;
 mod fill;
 mod graph;

@@ -9,9 +9,9 @@
 //! and the texture function stays as continuous as the stroke. Coverage is gathered over the stroke and applied to the texels as
 //! they were before it: that is what caps a stroke at its opacity, and repeated showing costs no quality.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use fantex_base::{Error, Result};
 use fantex_store::{
@@ -23,11 +23,11 @@ use rayon::prelude::*;
 use crate::composite::{PaintContext, composite, look_up_now};
 use crate::cover::{Patch, cover_page, cover_page_colored, touched_pages};
 use crate::dab::PlacedDab;
+use crate::due_levels::DueLevels;
 use crate::graph::FillTextures;
 use crate::layer_groups::{COLLAPSED, load_collapsed};
 use crate::layer_stack::LayerStack;
 use crate::layers::{LayeredPage, Layers, ShownPage, page_name};
-use crate::levels::LevelsUnderway;
 use crate::log::{self, Portable, Recording};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
@@ -100,9 +100,10 @@ pub struct Painter {
     pub(crate) fills: FillTextures,
     pub(crate) stroke: Option<OpenStroke>,
     pub(crate) room: Room,
-    /// Coarser levels that another thread computes, and its texel maps.
-    pub(crate) levels: Option<LevelsUnderway>,
-    pub(crate) level_maps: Arc<Mutex<TexelPages>>,
+    /// Coarser levels that steps owe, those of the oldest first.
+    pub(crate) due: VecDeque<DueLevels>,
+    /// Coarser pages that have changed since that was last asked for.
+    pub(crate) made: BTreeSet<PageId>,
     pub(crate) next_stroke: u64,
     pub(crate) work: Option<Work>,
 }
@@ -159,8 +160,8 @@ impl Painter {
             fills: FillTextures::default(),
             stroke: None,
             room: Room::default(),
-            levels: None,
-            level_maps: Arc::default(),
+            due: VecDeque::new(),
+            made: BTreeSet::new(),
             next_stroke,
             work: None,
         };
@@ -397,10 +398,7 @@ impl Painter {
     pub fn show(&mut self) -> Result<Vec<PageId>> {
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let stale = stroke.pages.stale();
-        if stale.len() > PAGE_BATCH {
-            // Memory may have to be relieved on the way, and what another thread reads must stay where it is.
-            self.finish_levels()?;
-        }
+        self.settle(&stale)?;
         let Some(stroke) = &mut self.stroke else { return Ok(Vec::new()) };
         let budget = self.options.budget();
         for ids in stale.chunks(PAGE_BATCH) {

@@ -1,24 +1,19 @@
 //! Steps: what a stroke or a change of the layers leaves behind it, coarser levels and the history included.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, PoisonError};
 
 use fantex_base::Result;
 use fantex_store::{PageId, page_origin};
 
 use crate::error::encoded;
 use crate::history::PageStep;
-use crate::layers::{base_bytes, base_name, page_name};
-use crate::levels::{Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
+use crate::layers::{base_name, page_name};
+use crate::levels::Dirty;
 use crate::log::{self, Portable, portable};
 use crate::painter::OpenStroke;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::Rect;
 use crate::{Painter, StrokeSettings, StrokeSummary, Target};
-
-/// Pages of level 0, times channels, whose coarser levels are left to another thread; those of more are computed at once, part by
-/// part, so that memory stays bounded.
-const MAX_PAGES_IN_BACKGROUND: usize = 2048;
 
 /// Changed texels of level 0, group by group.
 #[derive(Clone, Debug, Default)]
@@ -38,14 +33,6 @@ impl Changes {
 }
 
 impl Painter {
-    /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
-    ///
-    /// # Errors
-    /// Pages cannot be read, encoded or written.
-    pub fn end(&mut self) -> Result<StrokeSummary> {
-        self.end_stroke(false)
-    }
-
     /// Drops the open stroke: everything is as it was before it, and there is no step in the history. Does nothing where none is open.
     ///
     /// # Errors
@@ -80,70 +67,8 @@ impl Painter {
         self.relieve()
     }
 
-    /// As [`end`](Self::end), but coarser levels are left to another thread: they (and the step in the history) are there once
-    /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
-    /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
-    ///
-    /// # Errors
-    /// As [`end`](Self::end).
-    pub fn end_in_background(&mut self) -> Result<StrokeSummary> {
-        self.end_stroke(true)
-    }
-
-    fn end_stroke(&mut self, is_in_background: bool) -> Result<StrokeSummary> {
-        self.finish_levels()?;
-        let Some((mut summary, changes, channels)) = self.close_stroke()? else {
-            return Ok(StrokeSummary::default());
-        };
-        let is_under_layers = changes.is_base && changes.groups.keys().any(|&g| self.keeps_base_levels(g));
-        let is_small = summary.pages * channels.len().max(1) <= MAX_PAGES_IN_BACKGROUND;
-        if is_in_background && is_small && !is_under_layers {
-            let work = self.level_work(changes.clone(), &channels);
-            // Nothing is under way: nobody holds them.
-            let mut known = self.level_maps.lock().unwrap_or_else(PoisonError::into_inner);
-            known.share(&self.maps, self.options.budget());
-            drop(known);
-            self.levels = LevelsUnderway::start(work, &self.level_maps);
-        }
-        if self.levels.is_none() {
-            summary.coarser_pages = self.finish_changes(changes, &channels)?;
-            self.history.finish(&mut self.editor)?;
-        }
-        Ok(summary)
-    }
-
-    /// Takes over coarser levels that are ready, and returns the pages that they change (none twice, channels together); `None`
-    /// while they are still being computed.
-    ///
-    /// # Errors
-    /// As [`end`](Self::end).
-    pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>> {
-        let Some(underway) = &self.levels else { return Ok(Some(Vec::new())) };
-        let Some(results) = underway.poll() else { return Ok(None) };
-        self.levels = None;
-        self.take_over(results).map(Some)
-    }
-
-    /// Waits for coarser levels that are being computed, and returns the pages that they change.
-    ///
-    /// # Errors
-    /// As [`end`](Self::end).
-    pub fn finish_levels(&mut self) -> Result<Vec<PageId>> {
-        let Some(underway) = self.levels.take() else { return Ok(Vec::new()) };
-        self.take_over(underway.wait())
-    }
-
-    fn take_over(&mut self, results: Result<LevelResults>) -> Result<Vec<PageId>> {
-        let applied = results.and_then(|results| self.apply_levels(results));
-        // What is there of the step can be undone in any case.
-        self.history.finish(&mut self.editor)?;
-        let mut ids = applied?;
-        ids.dedup();
-        Ok(ids)
-    }
-
     /// Shows the open stroke for the last time and enters what it changed at level 0 into the history.
-    fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>> {
+    pub(crate) fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>> {
         self.show()?;
         let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
         self.room.let_go();
@@ -240,72 +165,6 @@ impl Painter {
         }
     }
 
-    /// Computes the coarser levels of what has changed; returns how many pages that changes. More of the step may come.
-    pub(crate) fn finish_changes(&mut self, changes: Changes, channels: &[usize]) -> Result<usize> {
-        if changes.is_base {
-            self.finish_base_levels(&changes, channels)?;
-        }
-        let mut work = self.level_work(changes, channels);
-        let mut groups = std::mem::take(&mut work.groups).into_iter();
-        let mut count = 0;
-        loop {
-            // So many at a time that their results fit into memory.
-            work.groups = groups.by_ref().take(GROUP_BATCH).collect();
-            if work.groups.is_empty() {
-                break;
-            }
-            work.pages = self.editor.snapshot();
-            let results = work.run(None, &mut self.maps)?;
-            count += self.apply_levels(results)?.len();
-        }
-        Ok(count)
-    }
-
-    pub(crate) fn level_work(&self, changes: Changes, channels: &[usize]) -> LevelWork {
-        let is_layered = |(&group, dirty): (&u32, &Dirty)| {
-            let is_kept = |page| self.editor.has_attachment(&base_name(PageId { group, level: 0, page }));
-            let is_first_layered = || !changes.is_base && dirty.keys().copied().any(is_kept);
-            (self.keeps_base_levels(group) || is_first_layered()).then_some(group)
-        };
-        LevelWork {
-            surface: Arc::clone(&self.surface),
-            pages: self.editor.snapshot(),
-            layered: changes.groups.iter().filter_map(is_layered).collect(),
-            groups: changes.groups.into_iter().collect(),
-            channels: channels.to_vec(),
-            budget_bytes: self.options.budget(),
-        }
-    }
-
-    /// Puts coarser levels in their places; returns the pages, one for each channel that changes.
-    fn apply_levels(&mut self, results: LevelResults) -> Result<Vec<PageId>> {
-        let mut ids = Vec::new();
-        for (group, mut result) in results {
-            if result.is_layered {
-                self.keep_means(group)?;
-            }
-            for step in self.page_steps(&mut result)? {
-                let id = step.id;
-                if step.is_first_layered {
-                    self.editor.attach(&base_name(id), base_bytes(&self.editor, id, None)?.concat())?;
-                }
-                for (channel, _, after) in &step.channels {
-                    ids.push(id);
-                    self.editor.replace(id, *channel, after.clone())?;
-                }
-                self.remember(step)?;
-            }
-            for (channel, mean) in result.means {
-                let before = self.editor.mean(channel, group);
-                self.editor.set_mean(channel, group, mean);
-                // As it is stored, so that it comes back exactly.
-                let after = self.editor.mean(channel, group);
-                self.history.add_mean(channel, group, before, after);
-            }
-        }
-        Ok(ids)
-    }
-
     pub(crate) fn remember(&mut self, change: PageStep) -> Result<()> {
         self.history.add_page(change, &mut self.editor)?;
         self.relieve()
@@ -354,8 +213,6 @@ impl Painter {
     /// Moves changes from memory to the file where they exceed the budget.
     pub(crate) fn relieve(&mut self) -> Result<()> {
         if self.editor.pending_bytes() > self.options.budget() {
-            // What another thread reads must stay where it is.
-            self.finish_levels()?;
             self.room.relieve(&mut self.editor, self.options.budget())?;
         }
         Ok(())

@@ -37,8 +37,11 @@ const RETRY_DELAY: Duration = Duration::from_secs(3);
 /// Orders that arrive within this time are shown together.
 const COALESCE_WINDOW: Duration = Duration::from_millis(6);
 
-/// How often to poll for coarser levels.
-const LEVEL_POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// During strokes, coarser levels of earlier ones are made when no order has come for so long,
+const LEVEL_GAP: Duration = Duration::from_millis(3);
+
+/// and at least so often.
+const LEVEL_INTERVAL: Duration = Duration::from_millis(60);
 
 /// Pictures of layers are made when nothing was asked for so long.
 const THUMBNAIL_DELAY: Duration = Duration::from_millis(150);
@@ -83,6 +86,7 @@ impl PaintThread {
             wake,
             stroke: None,
             has_levels_due: false,
+            levels_made: Instant::now(),
             waiting: VecDeque::new(),
             is_stuck: false,
             told_share: None,
@@ -164,8 +168,10 @@ struct Worker {
     done: Arc<AtomicU64>,
     wake: Wake,
     stroke: Option<LiveStroke>,
-    /// Coarser levels of a stroke are being computed.
+    /// Coarser levels of strokes are still to be made.
     has_levels_due: bool,
+    /// When some were last made.
+    levels_made: Instant,
     /// Orders that wait for what takes long.
     waiting: VecDeque<Order>,
     /// What takes long has failed, and so has giving it up: it is tried again when it is asked for.
@@ -222,9 +228,10 @@ impl Worker {
 
     /// Waits for orders and carries them out. False at the end.
     fn turn(&mut self) -> bool {
-        let wait = match self.has_levels_due {
-            true => Some(Instant::now() + LEVEL_POLL_INTERVAL),
-            false => self.save_due(),
+        let wait = match (self.has_levels_due, self.is_drawing()) {
+            (true, true) => Some(Instant::now() + LEVEL_GAP),
+            (true, false) => Some(Instant::now()),
+            (false, _) => self.save_due(),
         };
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
@@ -267,7 +274,7 @@ impl Worker {
             }
         }
         self.work_on();
-        self.check(Self::take_levels);
+        self.check(|worker| worker.make_levels(count == 0));
         self.check(Self::publish);
         self.answer_pages();
         self.note_changes();
@@ -282,17 +289,19 @@ impl Worker {
         goes_on
     }
 
-    /// Coarser levels that another thread has computed.
-    fn take_levels(&mut self) -> Result<()> {
-        if self.has_levels_due {
-            let levels = self.painter.poll_levels();
-            self.has_levels_due = matches!(levels, Ok(None));
-            if !self.has_levels_due {
-                self.tell_state();
-            }
-            levels?;
+    /// Makes some of the coarser levels that are due. Who draws comes first, unless there is nothing to do for it (`is_quiet`).
+    fn make_levels(&mut self, is_quiet: bool) -> Result<()> {
+        let is_later = self.is_drawing() && !is_quiet && self.levels_made.elapsed() < LEVEL_INTERVAL;
+        if !self.has_levels_due || is_later {
+            return Ok(());
         }
-        Ok(())
+        let levels = self.painter.poll_levels();
+        self.levels_made = Instant::now();
+        self.has_levels_due = !matches!(levels, Ok(Some(_)));
+        if !self.has_levels_due {
+            self.tell_state();
+        }
+        levels.map(drop)
     }
 
     fn make_thumbnail(&mut self) -> Result<()> {
@@ -336,8 +345,7 @@ impl Worker {
                     self.go_to(&sample, true)?;
                 }
                 self.stroke = None;
-                self.painter.end_in_background()?;
-                self.has_levels_due = true;
+                self.end_stroke()?;
             }
             Order::Fill(start, point, fill) => {
                 let surface = self.painter.surface();
@@ -351,8 +359,7 @@ impl Worker {
             Order::Apply => {
                 self.is_placing = false;
                 self.previewed.clear();
-                self.painter.end_in_background()?;
-                self.has_levels_due = true;
+                self.end_stroke()?;
             }
             Order::TakeAway => {
                 self.is_placing = false;
@@ -498,6 +505,13 @@ impl Worker {
         self.painter.dab(&dabs)
     }
 
+    /// Ends the open stroke; its coarser levels come later.
+    fn end_stroke(&mut self) -> Result<()> {
+        self.painter.end_in_background()?;
+        self.has_levels_due = true;
+        Ok(())
+    }
+
     /// Brings what has changed to the atlas.
     fn publish(&mut self) -> Result<()> {
         let shown = self.painter.show()?;
@@ -564,7 +578,9 @@ impl Worker {
 
     /// When to commit next, if nothing else happens.
     fn save_due(&self) -> Option<Instant> {
-        self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)
+        let due = self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)?;
+        // A commit would make all levels that are due at once.
+        Some(if self.has_levels_due { due + MAX_COMMIT_DELAY } else { due })
     }
 
     fn note_changes(&mut self) {

@@ -4,6 +4,7 @@
 
 mod added;
 mod cut_outs;
+mod due_levels;
 mod groups;
 mod layers;
 mod opacity;
