@@ -39,6 +39,10 @@ pub enum Command {
     ToggleInspector,
     ToggleAtlas,
     ToggleGraphs,
+    /// Show the axes of the world in a corner of the scene, or no longer.
+    ToggleGizmo,
+    /// Tell what the pointer is on, or no longer.
+    ToggleReadout,
     ToggleAllPanels,
     ToggleHelp,
     ToggleStreaming,
@@ -145,14 +149,15 @@ pub fn shortcuts() -> Vec<Shortcut> {
 }
 
 /// What mouse and pen do while something is painted on: not commands, but on the help sheet.
-pub const PAINT_GESTURES: [(&str, &str); 11] = [
+pub const PAINT_GESTURES: [(&str, &str); 12] = [
     ("Drag", "Paint"),
     ("Drag beside the model", "Turn the view"),
     ("Right drag", "Turn the view"),
     ("Middle drag", "Shift the view"),
     ("Wheel", "Closer, farther"),
     ("Ctrl + wheel", "Size of the brush"),
-    ("Ctrl + right drag", "Size (sideways) and hardness (up, down)"),
+    ("F + drag", "Size (sideways) and hardness (up, down)"),
+    ("Ctrl + right drag", "The same"),
     ("Shift + click", "Straight line from the last end"),
     ("Alt + click", "Pick a colour; with Clone: from where"),
     ("Ctrl + drag", "Turn the sun"),

@@ -124,8 +124,13 @@ pub enum ChannelChange {
 impl ChannelChange {
     /// Opens an asset to paint on, with this change. Where it cannot be made, the asset shows what it showed, and the reason comes back,
     /// too.
-    fn open(&self, path: &Path, options: &PaintOptions) -> Result<(Painter, Result<()>)> {
-        let mut painter = Painter::open(path, options)?;
+    fn open(
+        &self,
+        path: &Path,
+        options: &PaintOptions,
+        progress: &OpenProgress,
+    ) -> Result<(Painter, Result<()>)> {
+        let mut painter = Painter::open_with_progress(path, options, &progress.part(0.0, 0.3))?;
         let made = match self {
             Self::Add(kinds) => painter.add_channels(kinds),
             Self::Remove(kinds) => painter.remove_channels(kinds),
@@ -155,6 +160,9 @@ impl Stage {
     ];
 }
 
+/// Share of the preparation of what is painted on that its painter takes; the rest is the graphics card's.
+pub const PAINTER_SHARE: f32 = 0.6;
+
 /// The thread that opens and the one that shows talk through this.
 #[derive(Debug, Default)]
 pub struct OpenProgress {
@@ -181,7 +189,16 @@ impl OpenProgress {
 
     /// How much of the stage is done, 0..1; none where that is not known.
     pub fn share(&self) -> Option<f32> {
-        (self.stage() == Stage::Baking).then(|| self.counted())
+        matches!(self.stage(), Stage::Baking | Stage::Preparing).then(|| self.counted())
+    }
+
+    /// What takes the shares of a part of the stage, which goes from one share of it to another.
+    pub fn part(&self, from: f32, to: f32) -> impl Fn(f32) + Sync {
+        move |share| {
+            let of_stage = from + (to - from) * share.clamp(0.0, 1.0);
+            // Threads may tell theirs in any order.
+            self.share.fetch_max((1000.0 * of_stage) as u16, Relaxed);
+        }
     }
 
     /// How much of what is counted is done, 0..1.
@@ -194,7 +211,9 @@ impl OpenProgress {
     /// # Errors
     /// The user does not want it any more ([`Error::is_cancelled`]).
     pub fn enter(&self, stage: Stage) -> Result<()> {
-        self.stage.store(stage as u8, Relaxed);
+        if self.stage.swap(stage as u8, Relaxed) != stage as u8 {
+            self.share.store(0, Relaxed);
+        }
         if self.is_cancelled.load(Relaxed) { Err(cancelled()) } else { Ok(()) }
     }
 
@@ -291,11 +310,12 @@ impl Document {
         let options = PaintOptions { memory_bytes, history: true };
         progress.enter(if change.is_some() { Stage::Channels } else { Stage::Preparing })?;
         let painter = match change {
-            None => Painter::open(&path, &options)?,
+            None => Painter::open_with_progress(&path, &options, &progress.part(0.0, PAINTER_SHARE))?,
             Some(change) => {
-                let (painter, made) = change.open(&path, &options)?;
+                let (painter, made) = change.open(&path, &options, progress)?;
                 notes.extend(made.err().map(|error| error.to_string()));
                 progress.enter(Stage::Preparing)?;
+                progress.part(0.0, PAINTER_SHARE)(1.0);
                 painter
             }
         };

@@ -43,6 +43,8 @@ pub mod panels;
 #[doc(hidden)]
 pub mod pen;
 #[doc(hidden)]
+pub mod readout;
+#[doc(hidden)]
 pub mod scene_view;
 #[doc(hidden)]
 pub mod session;

@@ -145,6 +145,8 @@ pub enum Step {
     PaintTool(PaintTool),
     /// Takes a brush; what is left out is as usual.
     Brush(BrushSettings),
+    /// Takes the brush of this name from those that are kept.
+    Preset(String),
     /// Lays this text with the next click of the tool `sticker`.
     Text(String),
     /// Takes a colour: `#d8452e`.

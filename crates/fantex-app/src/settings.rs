@@ -94,11 +94,27 @@ pub struct PanelSettings {
     pub tab: Tab,
     pub has_atlas: bool,
     pub has_graphs: bool,
+    /// The line below the scene that tells what the pointer is on.
+    pub has_readout: bool,
+    /// The axes of the world in a corner of the scene.
+    pub has_gizmo: bool,
+}
+
+impl PanelSettings {
+    /// The scene alone.
+    pub const NONE: Self = Self {
+        has_inspector: false,
+        tab: Tab::Model,
+        has_atlas: false,
+        has_graphs: false,
+        has_readout: false,
+        has_gizmo: false,
+    };
 }
 
 impl Default for PanelSettings {
     fn default() -> Self {
-        Self { has_inspector: true, tab: Tab::Model, has_atlas: false, has_graphs: false }
+        Self { has_inspector: true, has_readout: true, has_gizmo: true, ..Self::NONE }
     }
 }
 

@@ -29,11 +29,13 @@ use crate::notices::Notices;
 use crate::pacing::Pacing;
 use crate::paint::{PaintTool, Painting, PenEvent, StickerKind};
 use crate::pen::PenReadings;
+use crate::readout::Readout;
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
 pub use exporting::Exporting;
+pub use keys::{BRUSH_KEY, KeyPhase};
 pub use opening::{Asked, Opening};
 
 /// Larger models get their tree of triangles only when somebody wants to walk.
@@ -132,6 +134,8 @@ pub struct SceneInput {
     pub modifiers: [bool; 2],
     /// Whether the modifier that turns the sun is held.
     pub turns_sun: bool,
+    /// Whether the key is held with which drags change the brush.
+    pub adjusts_brush: bool,
     /// Notches of the wheel, away from the user positive.
     pub wheel: f64,
     /// Where the cursor is, 0..1 along the scene's sides.
@@ -173,6 +177,8 @@ pub struct Viewer {
     pub failure: Option<String>,
     pub figures: StreamFigures,
     pub graphs: Graphs,
+    /// What the pointer is on.
+    pub readout: Readout,
     pub pacing: Pacing,
     pub has_help: bool,
     pub painting: Option<Painting>,
@@ -200,6 +206,10 @@ pub struct Viewer {
     pub picture_folder: PathBuf,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
+    /// A drag that changes the brush.
+    brush_drag: Option<keys::BrushDrag>,
+    /// All is shown when the brush's key is let go.
+    frames_on_release: bool,
     /// The user was told that closing loses something.
     was_warned: bool,
     /// The shading to go back to when nothing is seen instead of the base colour any more.
@@ -329,6 +339,7 @@ impl Viewer {
         self.path_state = PathState::Still;
         self.figures = StreamFigures::default();
         self.graphs.clear();
+        self.readout = Readout::default();
         self.walker.leave();
         self.fly.stop();
         self.pacing.changed();
@@ -341,6 +352,7 @@ impl Viewer {
         self.poll_ground();
         self.poll_map();
         self.poll_export();
+        self.poll_readout();
         let now = self.now();
         if let Some(camera) = self.live.as_mut().and_then(|live| live.poll(now)) {
             self.set_camera(&camera);
@@ -485,6 +497,8 @@ impl Viewer {
             Command::ToggleInspector => toggle(&mut self.settings.panels.has_inspector),
             Command::ToggleAtlas => toggle(&mut self.settings.panels.has_atlas),
             Command::ToggleGraphs => toggle(&mut self.settings.panels.has_graphs),
+            Command::ToggleGizmo => toggle(&mut self.settings.panels.has_gizmo),
+            Command::ToggleReadout => toggle(&mut self.settings.panels.has_readout),
             Command::ToggleAllPanels => self.toggle_all_panels(),
             Command::ToggleHelp => toggle(&mut self.has_help),
             Command::ToggleStreaming => toggle(&mut self.settings.streaming.is_running),
@@ -551,7 +565,8 @@ impl Viewer {
             }
             _ => {
                 self.panels_before = Some(*panels);
-                (panels.has_inspector, panels.has_atlas, panels.has_graphs) = (false, false, false);
+                let tab = panels.tab;
+                *panels = PanelSettings { tab, ..PanelSettings::NONE };
             }
         }
     }
@@ -830,4 +845,6 @@ fn toggle(switch: &mut bool) {
 
 mod channels;
 mod exporting;
+mod keys;
 mod opening;
+mod pointing;

@@ -9,8 +9,8 @@ use std::sync::{Arc, LazyLock};
 use fantex_base::Random;
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, Mesh, Model, clean, generate};
-use fantex_store::{PageId, page_extent, page_grid};
-use glam::DVec3;
+use fantex_store::{PAGE, PageId, page_extent, page_grid};
+use glam::{DVec3, Vec2};
 use proptest::prelude::*;
 
 use fantex_bench::simulate::{
@@ -461,4 +461,30 @@ fn a_flight_over_a_landscape_is_sharp_in_the_end() {
     let report = simulate(geometry as Arc<dyn Geometry>, &path, &SimulationOptions::default());
     assert!(report.slowest_to_sharp().is_some() && report.is_settled);
     assert!(report.hit_rate > 0.9 && report.peak_occupancy < 1.0, "{report}");
+}
+
+/// The level that is told for a place is that of the finest page there that the table has.
+#[test]
+fn the_level_that_is_drawn_is_that_of_the_finest_page_there() {
+    for geometry in GEOMETRIES.iter() {
+        let mut stage = Stage::new(geometry, AtlasShape { side: 512, layers: 1 }, DiskModel::default());
+        stage.settle(Some(&CameraKeyframe::looking(0.0, DVec3::new(1.0, 0.6, 2.5), DVec3::ZERO)));
+        let mut found = 0;
+        for (group, shape) in (0u32..).zip(&geometry.cover.groups) {
+            for uv in [Vec2::ZERO, Vec2::new(0.3, 0.8), Vec2::ONE] {
+                let is_there = |level: u32| {
+                    let extent = shape.level_extent(level);
+                    let at = |k: usize| ((uv[k] * extent[k] as f32) as u32).min(extent[k] - 1) / PAGE;
+                    let page = PageId { group, level, page: [at(0), at(1)] };
+                    stage.shadow.table[stage.shadow.indices[&page] as usize].place().is_some()
+                };
+                for from in 0..shape.level_count().min(2) {
+                    let expected = (from..shape.level_count()).find(|&level| is_there(level));
+                    assert_eq!(stage.streamer.drawn_level(group, from, uv), expected);
+                    found += usize::from(expected.is_some());
+                }
+            }
+        }
+        assert!(found > 10, "{found}");
+    }
 }

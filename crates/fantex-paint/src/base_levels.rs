@@ -16,7 +16,6 @@ use crate::cut_outs::{cut_outs_of, made_of};
 use crate::history::PageStep;
 use crate::layers::{base_bytes, base_mean_name, base_name, base_page, base_page_of_suffix, prefix};
 use crate::levels::{CoarserLevels, fine_rect, pages_of};
-use crate::painter::Changes;
 use crate::texel_page::{Rect, blocks_of};
 use crate::{Painter, Target};
 
@@ -184,37 +183,27 @@ impl Painter {
         self.editor.has_attachment(&base_mean_name(group))
     }
 
-    /// Brings the base's coarser levels up to date after a stroke on it.
-    pub(crate) fn finish_base_levels(&mut self, changes: &Changes, channels: &[usize]) -> Result<()> {
-        for (&group, dirty) in &changes.groups {
-            if !self.keeps_base_levels(group) {
-                continue;
-            }
-            let groups = BTreeMap::from([(group, dirty.clone())]);
-            let work = self.level_work(Changes { groups, is_base: false }, channels);
-            for (_, result) in work.run(Some(&self.editor), &mut self.maps)? {
-                let mut bases: BTreeMap<PageId, Vec<Vec<u8>>> = BTreeMap::new();
-                for change in result.pages {
-                    let base = match bases.entry(change.id) {
-                        Entry::Occupied(known) => known.into_mut(),
-                        Entry::Vacant(new) => new.insert(self.base_of(change.id)?),
-                    };
-                    base[change.channel] = change.after;
-                }
-                for (id, base) in bases {
-                    self.attach(&base_name(id), base.concat())?;
-                }
-                let name = base_mean_name(group);
-                let mut means = self.editor.attachment(&name)?.unwrap_or_default();
-                for (channel, mean) in result.means {
-                    if let Some(kept) = means.chunks_exact_mut(MEAN_BYTES).nth(channel) {
-                        kept.copy_from_slice(&mean.map(f32::to_le_bytes).concat());
-                    }
-                }
-                self.attach(&name, means)?;
+    /// Keeps the coarser levels of what lies under the layers of a group.
+    pub(crate) fn put_base_levels(&mut self, group: u32, result: CoarserLevels) -> Result<()> {
+        let mut bases: BTreeMap<PageId, Vec<Vec<u8>>> = BTreeMap::new();
+        for change in result.pages {
+            let base = match bases.entry(change.id) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(new) => new.insert(self.base_of(change.id)?),
+            };
+            base[change.channel] = change.after;
+        }
+        for (id, base) in bases {
+            self.attach(&base_name(id), base.concat())?;
+        }
+        let name = base_mean_name(group);
+        let mut means = self.editor.attachment(&name)?.unwrap_or_default();
+        for (channel, mean) in result.means {
+            if let Some(kept) = means.chunks_exact_mut(MEAN_BYTES).nth(channel) {
+                kept.copy_from_slice(&mean.map(f32::to_le_bytes).concat());
             }
         }
-        Ok(())
+        self.attach(&name, means)
     }
 }
 

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::composite::replace_blocks;
 use crate::levels::{CoarserLevels, Dirty, LevelJob, PageChange, continue_values, page_rect, pages_of};
-use crate::painter::Changes;
+use crate::steps::Changes;
 use crate::texel_page::{Rect, TexelPage};
 use crate::{History, Painter, Surface};
 
@@ -160,7 +160,7 @@ impl LevelJob<'_> {
                 Some(map) => Arc::clone(map),
                 None => Arc::new(TexelPage::build(self.surface, id)),
             };
-            let texels = self.pages.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
+            let texels = self.editor.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
             let origin = page_origin(page);
             for [x, y] in rect.intersection(page_rect(extent, page)).texels() {
                 let place = [x - origin[0], y - origin[1]];
@@ -186,7 +186,7 @@ impl LevelJob<'_> {
         scales: &AlphaScales,
         BlockPart { start, size, first }: BlockPart,
     ) -> Result<Vec<PageChange>> {
-        let asset = self.pages.asset();
+        let asset = self.editor.asset();
         let channel = &asset.channels()[self.channel];
         let mut pages = Vec::new();
         for page in pages_of(Rect::of(size).moved(first)) {

@@ -11,7 +11,7 @@ use fantex_texture::Image;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use crate::region::IndexHash;
-use crate::{Region, RegionTriangle, Surface, SurfacePoint};
+use crate::{Region, RegionTriangle, Surface, SurfacePoint, Tip};
 
 /// One touch of the brush.
 #[derive(Clone, Debug)]
@@ -148,6 +148,16 @@ impl Stamp {
         Ok(Self { extent: [width as usize, height as usize], coverage: coverage_of(image), _held })
     }
 
+    /// A shape that comes with the program.
+    ///
+    /// # Errors
+    /// The budget of memory for input does not allow it.
+    pub fn of_tip(tip: Tip) -> Result<Self> {
+        let bytes = (Tip::SIDE * Tip::SIDE * size_of::<f32>()) as u64;
+        let _held = reserve(format_args!("the tip of a brush"), bytes)?;
+        Ok(Self { extent: [Tip::SIDE; 2], coverage: tip.texels().to_vec(), _held })
+    }
+
     /// Columns and rows, and the coverage of each texel, row-major.
     pub(crate) fn texels(&self) -> ([usize; 2], &[f32]) {
         (self.extent, &self.coverage)
@@ -155,7 +165,7 @@ impl Stamp {
 
     /// Bilinear coverage at a place of the brush: x to the right and y upwards, -1..1 over the picture's longer side; 0
     /// outside, with the picture's border fading over a texel.
-    pub(crate) fn coverage(&self, x: f32, y: f32) -> f32 {
+    pub fn coverage(&self, x: f32, y: f32) -> f32 {
         let [width, height] = self.extent;
         let scale = 0.5 * width.max(height) as f32;
         let column = x * scale + 0.5 * width as f32 - 0.5;

@@ -52,12 +52,16 @@ struct Index {
 pub struct History {
     index: Index,
     open: Option<OpenStep>,
+    /// Steps that are listed already, and to which something is to be added.
+    late: Vec<OpenStep>,
 }
 
 #[derive(Debug)]
 struct OpenStep {
     step: HistoryStep,
     bytes: Vec<u8>,
+    /// It is among the steps that were done.
+    is_listed: bool,
 }
 
 /// What a step changes on a page. It comes into one part of the step, as a whole.
@@ -110,7 +114,7 @@ impl History {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
         let index = serde_json::from_slice(&bytes)
             .map_err(|_| damaged(editor.asset(), "history", "its index cannot be read"))?;
-        Ok(Self { index, open: None })
+        Ok(Self { index, ..Self::default() })
     }
 
     /// Steps that can be undone, oldest first.
@@ -169,10 +173,31 @@ impl History {
     pub(crate) fn finish(&mut self, editor: &mut AssetEditor) -> Result<()> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open.write_part_of(1, editor)?;
-        if open.step.parts > 0 {
-            self.index.done.push(open.step);
+        let place = self.index.done.iter().rposition(|step| step.id == open.step.id);
+        match place.filter(|_| open.is_listed) {
+            Some(place) if open.step.parts == 0 => drop(self.index.done.remove(place)),
+            Some(place) => self.index.done[place] = open.step,
+            None if open.step.parts > 0 => self.index.done.push(open.step),
+            None => {}
         }
         self.save(editor)
+    }
+
+    /// Lists the open step as done and lets others begin before it ends; returns its number.
+    pub(crate) fn leave_open(&mut self) -> Option<u64> {
+        let mut open = self.open.take()?;
+        if !std::mem::replace(&mut open.is_listed, true) {
+            self.index.done.push(open.step.clone());
+        }
+        let number = open.step.id;
+        self.late.push(open);
+        Some(number)
+    }
+
+    /// Goes on with a step that was left open.
+    pub(crate) fn resume(&mut self, number: Option<u64>) {
+        let place = self.late.iter().position(|open| Some(open.step.id) == number);
+        self.open = place.map(|place| self.late.remove(place));
     }
 
     /// Writes what is recorded of the open step so far; returns the step as it is then.
@@ -186,7 +211,7 @@ impl History {
 
     /// Goes on with a step, if there is one.
     pub(crate) fn take_up(&mut self, step: Option<HistoryStep>) {
-        self.open = step.map(|step| OpenStep { step, bytes: Vec::new() });
+        self.open = step.map(|step| OpenStep { step, bytes: Vec::new(), is_listed: false });
     }
 
     pub(crate) fn next_step(&self, direction: Direction) -> Option<&HistoryStep> {

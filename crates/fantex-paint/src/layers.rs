@@ -29,7 +29,7 @@ use crate::graph::{check_files, found_folder, kept_folder};
 use crate::history::PageStep;
 use crate::layer_groups::{check_depth, move_layer, tidy};
 use crate::layer_stack::LayerStack;
-use crate::painter::Changes;
+use crate::steps::Changes;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::Rect;
 use crate::work::{FlattenWork, Work};

@@ -6,17 +6,13 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::Arc;
 
-use fantex_base::{Error, Result};
-use fantex_store::{
-    AssetEditor, ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin,
-};
+use fantex_base::Result;
+use fantex_store::{Asset, AssetEditor, ChannelKind, PAGE, PageId, page_extent, page_grid, page_origin};
 use fantex_texture::levels::{CutOuts, Raster};
 use glam::Vec4;
 use rayon::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Surface;
 use crate::composite::replace_blocks;
@@ -116,9 +112,9 @@ pub(crate) fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec
 
 pub(crate) struct LevelJob<'a> {
     pub(crate) surface: &'a Surface,
-    pub(crate) pages: &'a EditorSnapshot,
-    /// Where what lies under the layers is read from; without it, what is shown is read.
-    base: Option<&'a AssetEditor>,
+    pub(crate) editor: &'a AssetEditor,
+    /// What lies under the layers is read, not what is shown.
+    is_base: bool,
     pub(crate) group: u32,
     pub(crate) channel: usize,
     pub(crate) maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
@@ -164,7 +160,7 @@ impl LevelJob<'_> {
         let below = self.window(id, fine, under, finer)?;
         let means = below.halved_part(under.low, [fine, coarse], rect.low, rect.extent());
         let before = self.read(id)?;
-        let asset = self.pages.asset();
+        let asset = self.editor.asset();
         let decoded = asset.decode_page_raw(self.channel, id, &before)?;
         let extent = decoded.extent;
         let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
@@ -198,7 +194,7 @@ impl LevelJob<'_> {
     /// Reads a page that has not changed, unless it is there.
     fn load(&self, id: PageId, pages: &mut LevelPages) -> Result<()> {
         if let Entry::Vacant(place) = pages.entry(id.page) {
-            let texels = self.pages.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
+            let texels = self.editor.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
             let known = self.known(id, texels.rgba.len());
             place.insert(where_known(texels.rgba, &known));
         }
@@ -206,15 +202,15 @@ impl LevelJob<'_> {
     }
 
     pub(crate) fn read(&self, id: PageId) -> Result<Vec<u8>> {
-        match self.base {
-            Some(editor) => base_page(editor, self.channel, id),
-            None => self.pages.read_page_raw(self.channel, id),
+        match self.is_base {
+            true => base_page(self.editor, self.channel, id),
+            false => self.editor.read_page_raw(self.channel, id),
         }
     }
 
     /// Values of a rectangle of the level below a page, where they are known.
     fn window(&self, id: PageId, extent: [u32; 2], rect: Rect, finer: &mut LevelPages) -> Result<Raster> {
-        let is_color = self.pages.asset().channels()[self.channel].kind == ChannelKind::BaseColor;
+        let is_color = self.editor.asset().channels()[self.channel].kind == ChannelKind::BaseColor;
         // Colours count by their coverage.
         let mut window = Raster::empty(rect.extent(), 1, is_color.then_some(0));
         for page in pages_of(rect) {
@@ -264,7 +260,7 @@ pub(crate) fn continue_values(
     }
 }
 
-// Coarser levels of a step, at once or beside the painting.
+// Coarser levels of some groups.
 
 /// Most groups whose levels are worked on at a time.
 pub(crate) const GROUP_BATCH: usize = 64;
@@ -274,7 +270,6 @@ pub(crate) type LevelResults = Vec<(u32, CoarserLevels)>;
 #[derive(Debug)]
 pub(crate) struct LevelWork {
     pub(crate) surface: Arc<Surface>,
-    pub(crate) pages: EditorSnapshot,
     pub(crate) groups: Vec<(u32, Dirty)>,
     /// Those that layers lie over.
     pub(crate) layered: BTreeSet<u32>,
@@ -285,44 +280,52 @@ pub(crate) struct LevelWork {
 
 impl LevelWork {
     /// The cut-outs that a tile shows, where the channel that has their alpha changes.
-    pub(crate) fn cut_outs(&self, group: u32) -> Option<(CutOuts, usize)> {
-        let cut_outs = cut_outs_of(&self.surface, self.pages.asset(), group);
+    fn cut_outs(&self, asset: &Asset, group: u32) -> Option<(CutOuts, usize)> {
+        let cut_outs = cut_outs_of(&self.surface, asset, group);
         cut_outs.filter(|(_, channel)| self.channels.contains(channel))
     }
 
-    /// Does the work, in parallel; results in the order of the groups. With `base` the levels are those of what lies under the layers,
-    /// which is read from there as it is asked for; without it, of what is shown.
-    pub(crate) fn run(&self, base: Option<&AssetEditor>, maps: &mut TexelPages) -> Result<LevelResults> {
+    /// Does the work, in parallel; results in the order of the groups. The levels are those of what is shown, or (`is_base`) of what
+    /// lies under the layers.
+    pub(crate) fn run(
+        &self,
+        editor: &AssetEditor,
+        is_base: bool,
+        maps: &mut TexelPages,
+    ) -> Result<LevelResults> {
         let mut results = Vec::with_capacity(self.groups.len());
         let mut left = self.groups.as_slice();
         while !left.is_empty() {
-            let bytes = left.iter().map(|(group, _)| self.working_bytes(*group));
+            let bytes = left.iter().map(|(group, _)| self.working_bytes(editor.asset(), *group));
             let (batch, others) = left.split_at(batch_length(bytes, self.budget_bytes));
-            results.extend(self.run_batch(batch, base, maps)?);
+            results.extend(self.run_batch(batch, editor, is_base, maps)?);
             left = others;
         }
         Ok(results)
     }
 
     /// What a group takes beside its texel maps.
-    fn working_bytes(&self, group: u32) -> usize {
+    fn working_bytes(&self, asset: &Asset, group: u32) -> usize {
         let shape = &self.surface.cover().groups[group as usize];
-        self.cut_outs(group).map_or(0, |_| working_bytes(shape, self.budget_bytes))
+        self.cut_outs(asset, group).map_or(0, |_| working_bytes(shape, self.budget_bytes))
     }
 
     fn run_batch(
         &self,
         groups: &[(u32, Dirty)],
-        base: Option<&AssetEditor>,
+        editor: &AssetEditor,
+        is_base: bool,
         maps: &mut TexelPages,
     ) -> Result<LevelResults> {
-        let surface = &*self.surface;
+        let (surface, budget_bytes) = (&*self.surface, self.budget_bytes);
         let jobs: Vec<(u32, Vec<Dirty>)> = groups
             .par_iter()
             .map(|(group, dirty)| (*group, dirty_levels(surface, *group, dirty.clone())))
             .collect();
-        let with_cut_outs: BTreeMap<u32, (CutOuts, usize)> =
-            groups.iter().filter_map(|(group, _)| Some((*group, self.cut_outs(*group)?))).collect();
+        let with_cut_outs: BTreeMap<u32, (CutOuts, usize)> = groups
+            .iter()
+            .filter_map(|(group, _)| Some((*group, self.cut_outs(editor.asset(), *group)?)))
+            .collect();
         let has_means = |(group, _): &&(u32, Vec<Dirty>)| {
             let cut_outs = with_cut_outs.get(group);
             cut_outs.is_none_or(|(_, alpha)| self.channels.iter().any(|channel| channel != alpha))
@@ -334,26 +337,37 @@ impl LevelWork {
             ids.extend(maps_read(&surface.cover().groups[group as usize], group));
         }
         let ids: Vec<PageId> = ids.into_iter().collect();
-        let maps = maps.get(surface, &ids, self.budget_bytes);
+        let maps = maps.get(surface, &ids, budget_bytes);
         let maps: BTreeMap<_, _> = ids.into_iter().zip(maps).collect();
-        jobs.par_iter()
-            .map(|(group, levels)| {
-                let is_layered = self.layered.contains(group);
-                let mut result = CoarserLevels { is_layered, ..CoarserLevels::default() };
-                for &channel in &self.channels {
-                    let (group, pages, budget_bytes) = (*group, &self.pages, self.budget_bytes);
-                    let maps = &maps;
-                    let job = LevelJob { surface, pages, base, group, channel, maps, budget_bytes };
-                    match with_cut_outs.get(&group) {
-                        Some((cut_outs, alpha)) if *alpha == channel => {
-                            job.run_cut_outs(cut_outs, &levels[0], &mut result)?;
-                        }
-                        _ => job.run(levels, &mut result)?,
-                    }
+        // A few groups with their channels keep all threads busy.
+        let parts: Vec<(usize, usize)> = (0..jobs.len())
+            .flat_map(|index| self.channels.iter().map(move |&channel| (index, channel)))
+            .collect();
+        let run = |&(index, channel): &(usize, usize)| -> Result<CoarserLevels> {
+            let (group, levels) = &jobs[index];
+            let mut result = CoarserLevels::default();
+            let maps = &maps;
+            let job = LevelJob { surface, editor, is_base, group: *group, channel, maps, budget_bytes };
+            match with_cut_outs.get(group) {
+                Some((cut_outs, alpha)) if *alpha == channel => {
+                    job.run_cut_outs(cut_outs, &levels[0], &mut result)?;
                 }
-                Ok((*group, result))
-            })
-            .collect()
+                _ => job.run(levels, &mut result)?,
+            }
+            Ok(result)
+        };
+        let made = parts.par_iter().map(run).collect::<Result<Vec<CoarserLevels>>>()?;
+        let mut made = made.into_iter();
+        let whole = jobs.iter().map(|(group, _)| {
+            let is_layered = self.layered.contains(group);
+            let mut whole = CoarserLevels { is_layered, ..CoarserLevels::default() };
+            for part in made.by_ref().take(self.channels.len()) {
+                whole.pages.extend(part.pages);
+                whole.means.extend(part.means);
+            }
+            (*group, whole)
+        });
+        Ok(whole.collect())
     }
 }
 
@@ -365,49 +379,6 @@ fn batch_length(bytes: impl Iterator<Item = usize>, budget_bytes: usize) -> usiz
         sum <= budget_bytes
     };
     bytes.take(GROUP_BATCH).take_while(fits).count().max(1)
-}
-
-#[derive(Debug)]
-pub(crate) struct LevelsUnderway(Receiver<Result<LevelResults>>);
-
-impl LevelsUnderway {
-    /// Hands work to the thread for levels: one for all painters, so that dabs keep theirs. None where there is no such
-    /// thread.
-    pub(crate) fn start(work: LevelWork, maps: &Arc<Mutex<TexelPages>>) -> Option<Self> {
-        static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-        let name = |_| "paint levels".to_owned();
-        let pool = POOL
-            .get_or_init(|| ThreadPoolBuilder::new().num_threads(1).thread_name(name).build().ok())
-            .as_ref()?;
-        let (sender, receiver) = channel();
-        let maps = Arc::clone(maps);
-        pool.spawn(move || {
-            let results = work.run(None, &mut maps.lock().unwrap_or_else(PoisonError::into_inner));
-            // The snapshot goes before the results are known.
-            drop(work);
-            // A painter that is gone needs no levels.
-            drop(sender.send(results));
-        });
-        Some(Self(receiver))
-    }
-
-    pub(crate) fn poll(&self) -> Option<Result<LevelResults>> {
-        match self.0.try_recv() {
-            Ok(results) => Some(results),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err(levels_lost())),
-        }
-    }
-
-    pub(crate) fn wait(self) -> Result<LevelResults> {
-        self.0.recv().unwrap_or_else(|_| Err(levels_lost()))
-    }
-}
-
-fn levels_lost() -> Error {
-    let sentence =
-        "the coarser levels of the last stroke could not be computed; undo the stroke and paint it again";
-    Error::unavailable(sentence)
 }
 
 #[cfg(test)]

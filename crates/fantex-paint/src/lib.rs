@@ -10,14 +10,15 @@
 //! |---|---|
 //! | `surface` | the mesh with the adjacency that painting needs |
 //! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
+//! | `tips` | shapes of dabs that come with the program |
 //! | `region`, `open_edges`, `dab` | which part of the surface a dab covers, by distance along it (across gaps, too), and how far |
 //! | `fill` | which triangles, and which texels, a fill takes |
 //! | `picture`, `projection`, `graph` | stickers and texts, pictures through a camera, textures of looks |
 //! | `texel_page`, `cover` | which texels a dab covers, and how far |
 //! | `paint`, `composite`, `smudge` | what covered texels become |
 //! | `stroke_page` | what a stroke has gathered on each page |
-//! | `levels`, `cut_outs` | coarser levels, at once or beside the painting |
-//! | `painter` | the [`Painter`]: an open stroke, and how it ends |
+//! | `levels`, `cut_outs`, `due_levels` | coarser levels, at once or after the end of a stroke |
+//! | `painter`, `steps` | the [`Painter`]: an open stroke; how it ends, and what it leaves in the history |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
 //! | `layer_groups`, `layer_moves` | layers in groups; copies, merges, what layers hold |
@@ -36,6 +37,7 @@ mod composite;
 mod cover;
 mod cut_outs;
 mod dab;
+mod due_levels;
 mod error;
 mod fill;
 mod graph;
@@ -58,12 +60,14 @@ mod removed;
 mod replay;
 mod room;
 mod smudge;
+mod steps;
 mod stroke;
 mod stroke_file;
 mod stroke_page;
 mod stroke_preview;
 mod surface;
 mod texel_page;
+mod tips;
 mod work;
 
 pub use dab::{Dab, Stamp, is_shaped_by_alpha};
@@ -94,4 +98,5 @@ pub use stroke_file::{
 };
 pub use stroke_preview::PreviewPage;
 pub use surface::Surface;
+pub use tips::Tip;
 pub use work::WorkProgress;

@@ -467,8 +467,11 @@ impl Preparation<'_> {
 
     fn stroke(&self, missed: &mut usize) -> Result<Stroke> {
         let brush = self.brush()?;
-        let stamp = brush.stamp.as_ref().map(|path| self.image(path)).transpose()?;
-        let stamp = stamp.map(|image| Stamp::new(&image).map(Arc::new)).transpose()?;
+        let stamp = match (&brush.stamp, brush.tip) {
+            (Some(path), _) => Some(Stamp::new(&self.image(path)?)?),
+            (None, tip) => tip.map(Stamp::of_tip).transpose()?,
+        };
+        let stamp = stamp.map(Arc::new);
         let mut samples = Vec::with_capacity(self.settings.samples.len());
         for (index, sample) in self.settings.samples.iter().enumerate() {
             self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;

@@ -11,7 +11,7 @@ use fantex_base::{Error, Random, Result};
 use glam::{DVec3, Vec3};
 
 use crate::stroke_file::check_axis;
-use crate::{Dab, Stamp, Surface, SurfacePoint};
+use crate::{Dab, Stamp, Surface, SurfacePoint, Tip};
 
 /// The least distance of dabs in texels: closer ones change nothing but the time they take.
 const MIN_SPACING_TEXELS: f32 = 0.5;
@@ -248,6 +248,9 @@ pub struct Brush {
     pub pressure: PressureResponse,
     /// The picture file of a dab, in a stroke file relative to that; round without one. (It is [`Stroke::stamp`] that counts.)
     pub stamp: Option<PathBuf>,
+    /// A shape of a dab that comes with the program; `stamp` goes before it. (It is [`Stroke::stamp`] that counts.)
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip: Option<Tip>,
     /// Of the jitter.
     pub seed: u64,
 }
@@ -268,6 +271,7 @@ impl Default for Brush {
             jitter: Jitter::default(),
             pressure: PressureResponse::default(),
             stamp: None,
+            tip: None,
             seed: 0,
         }
     }

@@ -8,7 +8,7 @@ use fantex_store::{PageId, page_origin};
 use crate::Target;
 use crate::history::PageStep;
 use crate::levels::Dirty;
-use crate::painter::{Changes, Painter};
+use crate::painter::Painter;
 
 /// A page of a coarser level under an open stroke.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,12 +23,11 @@ pub struct PreviewPage {
 
 impl Painter {
     /// The coarser levels of tiles under the open stroke, as [`end`](Self::end) will leave them: to be shown, not kept. `shown`
-    /// are pages of level 0, by [`show`](Self::show). Waits for levels of the stroke before.
+    /// are pages of level 0, by [`show`](Self::show).
     ///
     /// # Errors
     /// Pages cannot be read or encoded.
     pub fn preview(&mut self, shown: &[PageId]) -> Result<Vec<PreviewPage>> {
-        self.finish_levels()?;
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let groups: BTreeSet<u32> = shown.iter().map(|id| id.group).collect();
         let finest = |group: u32| -> Dirty {
@@ -39,13 +38,13 @@ impl Painter {
         };
         let groups = groups.into_iter().map(|group| (group, finest(group))).collect();
         let is_base = stroke.target == Target::Base;
-        let mut work = self.level_work(Changes { groups, is_base }, &stroke.affected);
+        let mut work = self.level_work(groups, is_base, &stroke.affected);
         if is_base {
             // Its coarser levels are those from before the stroke.
             work.layered.clear();
         }
         let mut pages = Vec::new();
-        for (_, mut result) in work.run(None, &mut self.maps)? {
+        for (_, mut result) in work.run(&self.editor, false, &mut self.maps)? {
             for PageStep { id, channels, .. } in self.page_steps(&mut result)? {
                 let preview = |(channel, _, bytes)| PreviewPage { id, channel, bytes };
                 pages.extend(channels.into_iter().map(preview));

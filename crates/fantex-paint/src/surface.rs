@@ -46,12 +46,21 @@ impl Surface {
 
     /// The same from its parts.
     pub fn new(mesh: Arc<Mesh>, cover: Arc<Cover>) -> Self {
+        Self::with_progress(mesh, cover, &|_| {})
+    }
+
+    /// The same; `progress` is told the share that is done, 0..1, ascending.
+    pub(crate) fn with_progress(mesh: Arc<Mesh>, cover: Arc<Cover>, progress: &dyn Fn(f32)) -> Self {
         let opposite = opposite_edges(&mesh);
+        progress(0.35);
         let triangles_of_groups = GroupTriangles::of(&cover);
+        progress(0.4);
         let bvh = TriangleBvh::new(&mesh);
+        progress(0.85);
         let opposed = OpposedTriangles::of(&mesh.triangles);
         let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
         let space = ObjectSpace::of(&mesh);
+        progress(1.0);
         let open_edges = OnceLock::new();
         Self {
             mesh,

@@ -158,17 +158,6 @@ impl TexelPages {
         found
     }
 
-    /// Takes over what others have built.
-    pub(crate) fn share(&mut self, others: &Self, budget_bytes: usize) {
-        for (&id, (used, page)) in &others.pages {
-            if !self.pages.contains_key(&id) {
-                self.bytes += page.memory_bytes();
-                self.pages.insert(id, (*used, Arc::clone(page)));
-            }
-        }
-        self.shrink(budget_bytes);
-    }
-
     fn shrink(&mut self, budget_bytes: usize) {
         if self.bytes <= budget_bytes {
             return;

@@ -7,7 +7,7 @@ use fantex_base::Error;
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use fantex_store::{Asset, PageId};
-use glam::{Mat3, Quat, Vec3};
+use glam::{Mat3, Quat, Vec2, Vec3};
 use web_time::Instant;
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
@@ -223,6 +223,12 @@ impl Streamer {
     /// The finest level of which a group has something; `None` if it has only its mean.
     pub fn resident_level(&self, group: u32) -> Option<u32> {
         self.residency.resident_level(group)
+    }
+
+    /// The finest level from `level` on that a group has at a place of its tile (0..1 along the sides), so that it is drawn there; `None`
+    /// where that is only its mean.
+    pub fn drawn_level(&self, group: u32, level: u32, uv: Vec2) -> Option<u32> {
+        self.residency.drawn_level(group, level, uv)
     }
 
     /// Whether the view needs a parcel that is not resident, and may become so.

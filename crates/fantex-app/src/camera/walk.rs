@@ -7,8 +7,9 @@
 
 use std::sync::Arc;
 
+use fantex::SurfacePoint;
 use fantex::glam::DVec3;
-use fantex::mesh::{Mesh, TriangleBvh};
+use fantex::mesh::{Mesh, OpposedTriangles, RayHit, TriangleBvh};
 
 use crate::camera::{CameraRig, MoveInput, SceneScale};
 
@@ -223,12 +224,25 @@ pub trait Ground {
 pub struct MeshGround {
     mesh: Arc<Mesh>,
     tree: TriangleBvh,
+    opposed: OpposedTriangles,
 }
 
 impl MeshGround {
     /// Builds the tree: two seconds for a million triangles, so in the background.
     pub fn new(mesh: Arc<Mesh>) -> Self {
-        Self { tree: TriangleBvh::new(&mesh), mesh }
+        let opposed = OpposedTriangles::of(&mesh.triangles);
+        Self { tree: TriangleBvh::new(&mesh), opposed, mesh }
+    }
+
+    /// The first point on a ray in world space; of two sides of a leaf that which is seen.
+    pub fn point(&self, origin: DVec3, direction: DVec3) -> Option<SurfacePoint> {
+        let is_seen = |hit: &RayHit| {
+            let triangle = hit.point.index();
+            !self.opposed.contains(triangle) || self.mesh.facet_normal(triangle).dot(direction) <= 0.0
+        };
+        let origin = self.mesh.world_from_mesh.inverse_point(origin);
+        let hit = self.tree.first_hit_where(origin, direction.as_vec3(), f32::INFINITY, is_seen);
+        hit.map(|hit| hit.point)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, ErrorKind, Result};
-use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size};
+use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size, Stamp, Tip};
 use serde::{Deserialize, Serialize};
 
 use crate::settings::{continued, read_limited, write_whole};
@@ -52,9 +52,11 @@ pub struct BrushSettings {
     pub seen_degrees: f32,
     pub jitter: Jitter,
     pub pressure: PressureResponse,
-    /// Angle of the stamp, degrees.
+    /// Angle of tip or stamp, degrees.
     pub angle_degrees: f32,
-    /// A picture that shapes the dab.
+    /// A shape of the dab that comes with the program; round without one.
+    pub tip: Option<Tip>,
+    /// A picture that shapes the dab instead.
     pub stamp: Option<PathBuf>,
 }
 
@@ -76,6 +78,7 @@ impl Default for BrushSettings {
             jitter: Jitter::default(),
             pressure: PressureResponse { size: 0.0, flow: 0.6 },
             angle_degrees: 0.0,
+            tip: None,
             stamp: None,
         }
     }
@@ -103,6 +106,7 @@ impl BrushSettings {
             jitter: self.jitter,
             pressure: self.pressure,
             stamp: self.stamp.clone(),
+            tip: self.tip,
             seed,
         }
     }
@@ -126,6 +130,23 @@ impl BrushSettings {
         self.hardness = (self.hardness + 0.1 * tenths).clamp(0.0, 1.0);
     }
 }
+
+/// Shapes of a dab.
+pub const TIPS: [(Option<Tip>, &str); 13] = [
+    (None, "Round"),
+    (Some(Tip::Bristle), "Bristle"),
+    (Some(Tip::Chalk), "Chalk"),
+    (Some(Tip::Charcoal), "Charcoal"),
+    (Some(Tip::Sponge), "Sponge"),
+    (Some(Tip::Canvas), "Canvas"),
+    (Some(Tip::Grain), "Grain"),
+    (Some(Tip::Hatch), "Hatch"),
+    (Some(Tip::Splatter), "Splatter"),
+    (Some(Tip::Cloud), "Cloud"),
+    (Some(Tip::Cracks), "Cracks"),
+    (Some(Tip::Leaf), "Leaf"),
+    (Some(Tip::Rake), "Rake"),
+];
 
 /// Of layers; brushes have all but erasing.
 pub const BLEND_MODES: [(BlendMode, &str); 18] = [
@@ -157,52 +178,91 @@ const MAX_FILE_BYTES: u64 = 4 << 20;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Presets {
     pub brushes: Vec<BrushSettings>,
+    /// Names of the program's own brushes that were among them once: deleted ones do not come back.
+    #[serde(default)]
+    offered: Vec<String>,
 }
 
 impl Default for Presets {
     fn default() -> Self {
-        let named = |name: &str| BrushSettings { name: name.into(), ..BrushSettings::default() };
-        let none = PressureResponse::default();
-        Self {
-            brushes: vec![
-                named("Soft round"),
-                BrushSettings {
-                    hardness: 0.95,
-                    flow: 1.0,
-                    spacing: 0.08,
-                    pressure: PressureResponse { size: 0.5, flow: 0.0 },
-                    ..named("Hard round")
-                },
-                BrushSettings { hardness: 0.0, flow: 0.08, spacing: 0.06, size: 140.0, ..named("Airbrush") },
-                BrushSettings {
-                    hardness: 0.9,
-                    flow: 1.0,
-                    size: 10.0,
-                    smoothing: 0.5,
-                    spacing: 0.1,
-                    pressure: PressureResponse { size: 0.8, flow: 0.0 },
-                    ..named("Ink pen")
-                },
-                BrushSettings {
-                    hardness: 0.8,
-                    size: 18.0,
-                    flow: 0.8,
-                    spacing: 0.9,
-                    jitter: Jitter { position: 3.0, size: 0.8, flow: 0.5, angle: 0.0 },
-                    pressure: none,
-                    ..named("Splatter")
-                },
-                BrushSettings {
-                    hardness: 0.5,
-                    flow: 0.35,
-                    spacing: 0.25,
-                    jitter: Jitter { position: 0.5, size: 0.5, flow: 0.6, angle: 0.0 },
-                    pressure: none,
-                    ..named("Dry bristle")
-                },
-            ],
-        }
+        Self { brushes: Vec::new(), offered: Vec::new() }.with_own()
     }
+}
+
+/// The program's own brushes.
+fn own_brushes() -> Vec<BrushSettings> {
+    let mut brushes = round_brushes();
+    brushes.extend(textured_brushes());
+    brushes
+}
+
+fn named(name: &str) -> BrushSettings {
+    BrushSettings { name: name.into(), ..BrushSettings::default() }
+}
+
+fn round_brushes() -> Vec<BrushSettings> {
+    let none = PressureResponse::default();
+    vec![
+        named("Soft round"),
+        BrushSettings {
+            hardness: 0.95,
+            flow: 1.0,
+            spacing: 0.08,
+            pressure: PressureResponse { size: 0.5, flow: 0.0 },
+            ..named("Hard round")
+        },
+        BrushSettings { hardness: 0.0, flow: 0.08, spacing: 0.06, size: 140.0, ..named("Airbrush") },
+        BrushSettings {
+            hardness: 0.9,
+            flow: 1.0,
+            size: 10.0,
+            smoothing: 0.5,
+            spacing: 0.1,
+            pressure: PressureResponse { size: 0.8, flow: 0.0 },
+            ..named("Ink pen")
+        },
+        BrushSettings {
+            hardness: 0.8,
+            size: 18.0,
+            flow: 0.8,
+            spacing: 0.9,
+            jitter: Jitter { position: 3.0, size: 0.8, flow: 0.5, angle: 0.0 },
+            pressure: none,
+            ..named("Splatter")
+        },
+        BrushSettings {
+            hardness: 0.5,
+            flow: 0.35,
+            spacing: 0.25,
+            jitter: Jitter { position: 0.5, size: 0.5, flow: 0.6, angle: 0.0 },
+            pressure: none,
+            ..named("Dry bristle")
+        },
+    ]
+}
+
+fn textured_brushes() -> [BrushSettings; 12] {
+    const ANY: f32 = std::f32::consts::PI;
+    // Spacing, flow, and jitter of place, size and angle.
+    let brush = |name: &str, tip: Tip, [spacing, flow]: [f32; 2], [position, size, angle]: [f32; 3]| {
+        let jitter = Jitter { position, size, flow: 0.0, angle };
+        // The tip alone says how far it covers.
+        BrushSettings { tip: Some(tip), hardness: 1.0, size: 90.0, spacing, flow, jitter, ..named(name) }
+    };
+    [
+        brush("Bristle", Tip::Bristle, [0.03, 0.35], [0.0; 3]),
+        brush("Chalk", Tip::Chalk, [0.22, 0.8], [0.0, 0.0, ANY]),
+        brush("Charcoal", Tip::Charcoal, [0.12, 0.6], [0.0, 0.0, 0.2]),
+        brush("Sponge", Tip::Sponge, [0.6, 0.9], [0.3, 0.3, ANY]),
+        brush("Canvas", Tip::Canvas, [0.5, 0.7], [0.0; 3]),
+        brush("Grain", Tip::Grain, [0.2, 0.35], [0.1, 0.0, ANY]),
+        brush("Hatching", Tip::Hatch, [0.5, 0.8], [0.0; 3]),
+        brush("Ink drops", Tip::Splatter, [0.7, 1.0], [0.5, 0.5, ANY]),
+        brush("Cloud", Tip::Cloud, [0.3, 0.25], [0.3, 0.4, ANY]),
+        brush("Cracks", Tip::Cracks, [0.8, 0.9], [0.0, 0.0, ANY]),
+        BrushSettings { size: 50.0, ..brush("Leaves", Tip::Leaf, [0.8, 1.0], [1.2, 0.5, ANY]) },
+        brush("Grass", Tip::Rake, [0.03, 0.6], [0.0; 3]),
+    ]
 }
 
 impl Presets {
@@ -216,13 +276,27 @@ impl Presets {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::default()),
             Err(error) => return Err(continued(error, "; there are the usual ones")),
         };
-        serde_json::from_slice(&text).map_err(|source| {
+        serde_json::from_slice::<Self>(&text).map(Self::with_own).map_err(|source| {
             let name = path.display();
             let sentence = format!(
                 "the brushes {name} are damaged ({source}); there are the usual ones, and the file stays until one is saved"
             );
             Error::malformed(sentence).with_path(path).with_source(source)
         })
+    }
+
+    /// With those of the program's own brushes that were never among them.
+    fn with_own(mut self) -> Self {
+        for brush in own_brushes() {
+            if self.offered.contains(&brush.name) {
+                continue;
+            }
+            self.offered.push(brush.name.clone());
+            if self.brushes.iter().all(|known| known.name != brush.name) {
+                self.brushes.push(brush);
+            }
+        }
+        self
     }
 
     /// Writes them, whole or not at all.
@@ -257,6 +331,7 @@ pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec
             0.5 * height as f32 - (t * std::f32::consts::TAU).sin() * (0.5 * height as f32 - margin).max(0.0);
         [x, y]
     };
+    let stamp = brush.tip.and_then(|tip| Stamp::of_tip(tip).ok());
     let mut random = 0x2545_f491_4f6c_dd1du64 ^ 1;
     let mut draw = || {
         random ^= random << 13;
@@ -273,6 +348,7 @@ pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec
             let pressure = (t * std::f32::consts::PI).sin();
             let lowered = |response: f32| 1.0 - response.clamp(0.0, 1.0) * (1.0 - pressure);
             let [turn, out, smaller, fainter] = [draw(), draw(), draw(), draw()];
+            let lean = if stamp.is_some() { 2.0 * draw() - 1.0 } else { 0.0 };
             let size = diameter * lowered(brush.pressure.size);
             let shift = brush.jitter.position * 0.5 * size * out;
             let (sin, cos) = (turn * std::f32::consts::TAU).sin_cos();
@@ -283,8 +359,9 @@ pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec
                 flow: brush.flow
                     * lowered(brush.pressure.flow)
                     * (1.0 - brush.jitter.flow.clamp(0.0, 1.0) * fainter),
+                angle: brush.angle_degrees.to_radians() + brush.jitter.angle * lean,
             };
-            dab.add(&mut sheet, width, height);
+            dab.add(stamp.as_ref(), &mut sheet, width, height);
             due += (brush.spacing * size).max(0.5);
         }
         t += 0.5 / width as f32;
@@ -298,11 +375,14 @@ struct Dab {
     radius: f32,
     hardness: f32,
     flow: f32,
+    /// Of the stamp, radians, counter-clockwise.
+    angle: f32,
 }
 
 impl Dab {
-    /// As on the surface: full within the hard part, then fading smoothly.
-    fn add(&self, sheet: &mut [f32], width: usize, height: usize) {
+    /// As on the surface: full within the hard part, then fading smoothly, and shaped by the stamp.
+    fn add(&self, stamp: Option<&Stamp>, sheet: &mut [f32], width: usize, height: usize) {
+        let (sin, cos) = self.angle.sin_cos();
         let end = self.radius.max(0.5) + 0.5;
         let start = (self.radius * self.hardness.clamp(0.0, 1.0)).min(end - 1.0).max(0.0);
         let range = |center: f32, most: usize| {
@@ -310,11 +390,17 @@ impl Dab {
         };
         for y in range(self.center[1], height) {
             for x in range(self.center[0], width) {
-                let distance = (x as f32 + 0.5 - self.center[0]).hypot(y as f32 + 0.5 - self.center[1]);
+                let [right, up] = [x as f32 + 0.5 - self.center[0], self.center[1] - y as f32 - 0.5];
+                let distance = right.hypot(up);
                 if distance < end {
                     let s = ((distance - start) / (end - start)).max(0.0);
+                    let shape = stamp.map_or(1.0, |stamp| {
+                        let [along, across] = [right * cos + up * sin, up * cos - right * sin];
+                        stamp.coverage(along / self.radius.max(0.5), across / self.radius.max(0.5))
+                    });
+                    let added = self.flow * (1.0 - s * s * (3.0 - 2.0 * s)) * shape;
                     let coverage = &mut sheet[y * width + x];
-                    *coverage += self.flow * (1.0 - s * s * (3.0 - 2.0 * s)) * (1.0 - *coverage);
+                    *coverage += added * (1.0 - *coverage);
                 }
             }
         }

@@ -193,7 +193,10 @@ impl Painting {
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
         let mut recorded = recorded(&label, &paint, &self.channels, &sources, &self.surface);
-        recorded.brush.stamp = settings.brush.stamp.clone().filter(|_| settings.tool.has_brush());
+        if settings.tool.has_brush() {
+            recorded.brush.stamp.clone_from(&settings.brush.stamp);
+            recorded.brush.tip = settings.brush.tip;
+        }
         if let (ToolSettings::Clone { from }, Some(source)) = (&mut recorded.tool, self.source()) {
             *from = source.to_array();
         }
@@ -346,18 +349,23 @@ impl Painting {
         Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil, sight: None }, sources))
     }
 
-    /// The brush's picture; read once.
+    /// What shapes the brush's dabs; made once.
     fn stamp(&mut self, settings: &mut PaintSettings, notices: &mut Notices) -> Option<Arc<Stamp>> {
-        let path = settings.brush.stamp.clone()?;
+        let wanted = (settings.brush.stamp.clone(), settings.brush.tip);
         if let Some((known, stamp)) = &self.stamp
-            && *known == path
+            && *known == wanted
         {
             return Some(stamp.clone());
         }
-        match Image::load(&path).and_then(|image| Stamp::new(&image)) {
+        let made = match &wanted {
+            (Some(path), _) => Image::load(path).and_then(|image| Stamp::new(&image)),
+            (None, Some(tip)) => Stamp::of_tip(*tip),
+            (None, None) => return None,
+        };
+        match made {
             Ok(stamp) => {
                 let stamp = Arc::new(stamp);
-                self.stamp = Some((path, stamp.clone()));
+                self.stamp = Some((wanted, stamp.clone()));
                 Some(stamp)
             }
             Err(error) => {

@@ -17,6 +17,7 @@ mod exchange;
 mod hand;
 mod layer_actions;
 mod layer_list;
+mod messages;
 mod painting;
 mod placing;
 mod settings;
@@ -27,12 +28,13 @@ mod thumbnails;
 mod worker;
 
 pub use bake::{NewAsset, asset_beside, bake_model, model_texels};
-pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
+pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, TIPS, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
 pub use layer_actions::{Alone, LayerAction, LayerDrag};
 pub use layer_list::{LayerRow, drop_place, layer_rows};
+pub use messages::{LayerChange, Order, Report, SaveState, Snapshot, StrokeStart};
 pub use painting::Painting;
 pub use placing::PlacingOutline;
 pub use settings::{
@@ -43,4 +45,4 @@ pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};
 pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice};
 pub use thumbnails::{THUMBNAIL, Thumbnail};
-pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};
+pub use worker::PaintThread;

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
-use fantex::paint::{Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress};
+use fantex::paint::{
+    Layer, MaskSource, Painter, Sample, Stamp, Surface, SurfacePoint, Target, Tip, WorkProgress,
+};
 use fantex::scene::world_bounds;
 use fantex::store::{Asset, Channel, ChannelKind};
 use fantex::texture::color::srgb_from_linear;
@@ -20,6 +22,7 @@ use crate::paint::{
     PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot,
     StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
+use crate::readout::Values;
 use crate::viewer::Wake;
 
 /// For so long it is told that the pen went down beside the model.
@@ -62,7 +65,8 @@ pub struct Painting {
     pub(super) source: Option<SurfacePoint>,
     /// Where the last stroke ended.
     pub(super) last: Option<SurfacePoint>,
-    pub(super) stamp: Option<(PathBuf, Arc<Stamp>)>,
+    /// What shapes the dabs, with the picture or the tip that it was made of.
+    pub(super) stamp: Option<((Option<PathBuf>, Option<Tip>), Arc<Stamp>)>,
     pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
     pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
     /// How far something is that takes long.
@@ -73,6 +77,11 @@ pub struct Painting {
     /// A newer state of the asset; the older ones are to be let go.
     pub newer: Option<Arc<Asset>>,
     pub(super) section: Section,
+    /// What the channels hold where the pointer was, as far as that is known.
+    pub probed: Option<Values>,
+    /// The point that was asked for, and how many steps there were then; whether the answer is on its way.
+    probing: Option<(SurfacePoint, [usize; 3])>,
+    is_probing: bool,
     /// A layer's name while it is being edited.
     pub renaming: Option<(u64, String)>,
     /// A layer's opacity while it is being dragged.
@@ -121,6 +130,9 @@ impl Painting {
             strokes: 0,
             newer: None,
             section: Section::default(),
+            probed: None,
+            probing: None,
+            is_probing: false,
             renaming: None,
             fading: None,
             shaping: None,
@@ -142,6 +154,17 @@ impl Painting {
 
     pub fn exchange(&self) -> &Arc<Exchange> {
         self.thread.exchange()
+    }
+
+    /// Asks what the channels hold at a point, unless that is known, or changes with every move of the pen.
+    pub fn probe(&mut self, point: SurfacePoint) {
+        let Snapshot { older, done, undone, .. } = &self.snapshot;
+        let probing = Some((point, [*older, done.len(), undone.len()]));
+        if self.is_drawing() || self.is_probing || self.probing == probing {
+            return;
+        }
+        (self.probing, self.is_probing) = (probing, true);
+        self.thread.order(Order::Probe(point));
     }
 
     /// The layer that is painted on or whose mask is.
@@ -282,6 +305,10 @@ impl Painting {
                 }
                 Report::Added(id) => self.target = Target::Layer(id),
                 Report::Picked(values) => self.take_picked(&values, settings),
+                Report::Probed(point, channels) => {
+                    self.is_probing = false;
+                    self.probed = Some(Values { point, channels, since: notices.now });
+                }
                 Report::Work(work) => {
                     if work.is_none() {
                         self.told_view = None;

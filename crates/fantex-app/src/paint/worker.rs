@@ -11,17 +11,15 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use fantex::base::{Error, Result};
-use fantex::glam::{DVec2, Vec4};
-use fantex::paint::{
-    Brush, Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Paint, Painter, Sample,
-    Stamp, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress, move_layer,
-};
-use fantex::store::{Asset, ChannelKind, PageId, group_pages, is_disk_full};
-use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
+use fantex::glam::DVec2;
+use fantex::paint::{Decal, FillArea, GroupKind, Layer, LayerPlace, LiveStroke, Painter, Sample, move_layer};
+use fantex::store::{ChannelKind, PageId, group_pages, is_disk_full};
+use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
 
 use crate::paint::exchange::{page_texels, parcel_texels};
+use crate::paint::messages::{Order, Report, SaveState, Snapshot, StrokeStart};
 use crate::paint::thumbnails::Thumbnails;
-use crate::paint::{Alone, Exchange, Thumbnail, Viewpoint};
+use crate::paint::{Alone, Exchange, Viewpoint};
 use crate::viewer::Wake;
 
 /// Between strokes, changes are committed after this delay.
@@ -39,8 +37,11 @@ const RETRY_DELAY: Duration = Duration::from_secs(3);
 /// Orders that arrive within this time are shown together.
 const COALESCE_WINDOW: Duration = Duration::from_millis(6);
 
-/// How often to poll for coarser levels.
-const LEVEL_POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// During strokes, coarser levels of earlier ones are made when no order has come for so long,
+const LEVEL_GAP: Duration = Duration::from_millis(3);
+
+/// and at least so often.
+const LEVEL_INTERVAL: Duration = Duration::from_millis(60);
 
 /// Pictures of layers are made when nothing was asked for so long.
 const THUMBNAIL_DELAY: Duration = Duration::from_millis(150);
@@ -85,6 +86,7 @@ impl PaintThread {
             wake,
             stroke: None,
             has_levels_due: false,
+            levels_made: Instant::now(),
             waiting: VecDeque::new(),
             is_stuck: false,
             told_share: None,
@@ -166,8 +168,10 @@ struct Worker {
     done: Arc<AtomicU64>,
     wake: Wake,
     stroke: Option<LiveStroke>,
-    /// Coarser levels of a stroke are being computed.
+    /// Coarser levels of strokes are still to be made.
     has_levels_due: bool,
+    /// When some were last made.
+    levels_made: Instant,
     /// Orders that wait for what takes long.
     waiting: VecDeque<Order>,
     /// What takes long has failed, and so has giving it up: it is tried again when it is asked for.
@@ -224,9 +228,10 @@ impl Worker {
 
     /// Waits for orders and carries them out. False at the end.
     fn turn(&mut self) -> bool {
-        let wait = match self.has_levels_due {
-            true => Some(Instant::now() + LEVEL_POLL_INTERVAL),
-            false => self.save_due(),
+        let wait = match (self.has_levels_due, self.is_drawing()) {
+            (true, true) => Some(Instant::now() + LEVEL_GAP),
+            (true, false) => Some(Instant::now()),
+            (false, _) => self.save_due(),
         };
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
@@ -269,7 +274,7 @@ impl Worker {
             }
         }
         self.work_on();
-        self.check(Self::take_levels);
+        self.check(|worker| worker.make_levels(count == 0));
         self.check(Self::publish);
         self.answer_pages();
         self.note_changes();
@@ -284,17 +289,19 @@ impl Worker {
         goes_on
     }
 
-    /// Coarser levels that another thread has computed.
-    fn take_levels(&mut self) -> Result<()> {
-        if self.has_levels_due {
-            let levels = self.painter.poll_levels();
-            self.has_levels_due = matches!(levels, Ok(None));
-            if !self.has_levels_due {
-                self.tell_state();
-            }
-            levels?;
+    /// Makes some of the coarser levels that are due. Who draws comes first, unless there is nothing to do for it (`is_quiet`).
+    fn make_levels(&mut self, is_quiet: bool) -> Result<()> {
+        let is_later = self.is_drawing() && !is_quiet && self.levels_made.elapsed() < LEVEL_INTERVAL;
+        if !self.has_levels_due || is_later {
+            return Ok(());
         }
-        Ok(())
+        let levels = self.painter.poll_levels();
+        self.levels_made = Instant::now();
+        self.has_levels_due = !matches!(levels, Ok(Some(_)));
+        if !self.has_levels_due {
+            self.tell_state();
+        }
+        levels.map(drop)
     }
 
     fn make_thumbnail(&mut self) -> Result<()> {
@@ -338,8 +345,7 @@ impl Worker {
                     self.go_to(&sample, true)?;
                 }
                 self.stroke = None;
-                self.painter.end_in_background()?;
-                self.has_levels_due = true;
+                self.end_stroke()?;
             }
             Order::Fill(start, point, fill) => {
                 let surface = self.painter.surface();
@@ -353,8 +359,7 @@ impl Worker {
             Order::Apply => {
                 self.is_placing = false;
                 self.previewed.clear();
-                self.painter.end_in_background()?;
-                self.has_levels_due = true;
+                self.end_stroke()?;
             }
             Order::TakeAway => {
                 self.is_placing = false;
@@ -409,6 +414,11 @@ impl Worker {
             Order::Pick(point) => {
                 let values = self.painter.pick_all(point)?;
                 self.tell(Report::Picked(values));
+            }
+            Order::Probe(point) => {
+                // A damaged page is no news to who only points at it.
+                let values = self.painter.pick_all(point).unwrap_or_default();
+                self.tell(Report::Probed(point, values));
             }
             Order::Commit => self.save(),
             Order::Release(loader) => drop(loader),
@@ -495,6 +505,13 @@ impl Worker {
         self.painter.dab(&dabs)
     }
 
+    /// Ends the open stroke; its coarser levels come later.
+    fn end_stroke(&mut self) -> Result<()> {
+        self.painter.end_in_background()?;
+        self.has_levels_due = true;
+        Ok(())
+    }
+
     /// Brings what has changed to the atlas.
     fn publish(&mut self) -> Result<()> {
         let shown = self.painter.show()?;
@@ -561,7 +578,9 @@ impl Worker {
 
     /// When to commit next, if nothing else happens.
     fn save_due(&self) -> Option<Instant> {
-        self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)
+        let due = self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)?;
+        // A commit would make all levels that are due at once.
+        Some(if self.has_levels_due { due + MAX_COMMIT_DELAY } else { due })
     }
 
     fn note_changes(&mut self) {
@@ -655,117 +674,6 @@ fn save_problem(error: &Error, path: &Path) -> String {
         "The disk is full: what you paint stays in memory. Make room, and {} is saved by itself.",
         name.display()
     )
-}
-
-// Messages between the window and the paint thread.
-
-/// A change of all layers.
-pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
-
-/// What a stroke starts with.
-#[derive(Clone, Debug)]
-pub struct StrokeStart {
-    pub label: String,
-    pub target: Target,
-    pub paint: Paint,
-    pub brush: Brush,
-    pub stamp: Option<Arc<Stamp>>,
-    pub symmetry: Symmetry,
-    /// The same for the log.
-    pub recorded: StrokeSettings,
-}
-
-pub enum Order {
-    Begin(Box<StrokeStart>, Sample),
-    Move(Vec<Sample>),
-    /// The pen has left the surface; the stroke goes on where it comes back.
-    Lift,
-    /// End the stroke, at a sample where one is still to be reached.
-    End(Option<Sample>),
-    /// Fill, from a point where there is one, with `StrokeStart` without its brush.
-    Fill(Box<StrokeStart>, Option<SurfacePoint>, FillSettings),
-    /// Show a picture on the surface, for `StrokeStart` without its brush, instead of one that is shown so. A text is to stay readable
-    /// in mirror images.
-    Place(Box<StrokeStart>, Decal, bool),
-    /// Apply it.
-    Apply,
-    /// Take it away.
-    TakeAway,
-    /// It is seen from here: what takes long begins with what is seen.
-    Look(Viewpoint),
-    GiveUp,
-    /// Put a layer at a place.
-    AddLayer(Box<Layer>, LayerPlace),
-    DuplicateLayer(u64),
-    MergeLayer(u64),
-    /// Put a layer into a new group of this name.
-    GroupLayer(u64, String),
-    MergeGroup(u64),
-    /// Fold a group in the list, or unfold it.
-    Collapse(u64, bool),
-    /// Move a layer; instead of the last such step where a drag goes on.
-    MoveLayer {
-        id: u64,
-        place: LayerPlace,
-        goes_on: bool,
-    },
-    /// Show something instead of the base colour, or no longer.
-    SeeAlone(Option<Alone>),
-    EditLayers(&'static str, LayerChange),
-    /// Take back steps or do them again until so many are done.
-    GoTo(usize),
-    Undo,
-    Redo,
-    /// Tell the values at a point.
-    Pick(SurfacePoint),
-    /// Answer requests for pages.
-    Pages,
-    /// Drop a loader, which may take a while.
-    Release(Box<dyn ParcelLoader>),
-    Commit,
-    /// Commit and end.
-    Close,
-}
-
-#[derive(Clone, Debug)]
-pub enum Report {
-    State(Box<Snapshot>),
-    /// The number of the layer that was added.
-    Added(u64),
-    /// A picture of what a layer or a mask holds.
-    Thumbnail(Target, Thumbnail),
-    /// Linear values per channel.
-    Picked(Vec<Vec4>),
-    /// How far something is that takes long; none where nothing does.
-    Work(Option<WorkProgress>),
-    Save(SaveState),
-    /// A newer state of the file.
-    Newer(Arc<Asset>),
-    Failed(String),
-}
-
-#[derive(Clone, Debug, Default)]
-pub struct Snapshot {
-    /// From the bottom to the top.
-    pub layers: Vec<Layer>,
-    /// Groups that are folded in the list, by number.
-    pub collapsed: BTreeSet<u64>,
-    /// Steps that are done but too old to be listed.
-    pub older: usize,
-    /// Names of steps that are done, the oldest first.
-    pub done: Vec<String>,
-    /// Names of steps that were taken back, the next one to be done again last.
-    pub undone: Vec<String>,
-}
-
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum SaveState {
-    #[default]
-    Saved,
-    Changed,
-    Saving,
-    /// It cannot be written; painting goes on in memory.
-    Failed(String),
 }
 
 // Long jobs: time-sliced, cancellable, visible tiles first.
@@ -875,6 +783,7 @@ fn ends_placing(order: &Order) -> bool {
             | Order::Release(_)
             | Order::Look(_)
             | Order::Pick(_)
+            | Order::Probe(_)
             | Order::SeeAlone(_)
             | Order::Collapse(..)
             | Order::Close
@@ -891,6 +800,7 @@ fn must_wait(order: &Order) -> bool {
             | Order::GiveUp
             | Order::Commit
             | Order::Pick(_)
+            | Order::Probe(_)
             | Order::SeeAlone(_)
             | Order::Close
     )

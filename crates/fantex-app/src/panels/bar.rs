@@ -1,6 +1,6 @@
 //! The bar above everything: menus, camera mode, what is shown.
 
-use eframe::egui::{Align, Button, Color32, Label, Layout, RichText, Ui};
+use eframe::egui::{Align, Button, Color32, FontId, Label, Layout, RichText, TextStyle, Ui};
 
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::{Command, keys_of};
@@ -9,23 +9,45 @@ use crate::document::{Document, bytes_text};
 use crate::light::LightPreset;
 use crate::paint::PaintCommand;
 use crate::panels::widgets::{named_choice, segments, switch};
+use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{PathState, Viewer};
 
-/// A window of a painter that is narrower shows less in the bar.
-const WIDE_POINTS: f32 = 1250.0;
+/// A part of the bar that goes into the menu *More* where there is no room for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    /// Camera modes; while something is painted on undo, redo and light.
+    Modes,
+    /// Inspector, or the painter's panels.
+    Side,
+    Shading,
+    Graphs,
+    Atlas,
+    Overlay,
+    Wireframe,
+}
 
-/// Room for a choice and the switches after it.
-const CHOICE_POINTS: f32 = 330.0;
+/// The most needed first.
+const PARTS: [Part; 7] =
+    [Part::Modes, Part::Side, Part::Shading, Part::Graphs, Part::Atlas, Part::Overlay, Part::Wireframe];
+
+const MORE: &str = "More";
+
+/// What a separator takes, and what is left free, points.
+const SEPARATOR: f32 = 14.0;
+const SPARE: f32 = 24.0;
+
+/// Of the name of the program.
+const TITLE_SIZE: f32 = 15.0;
 
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let mut commands = Vec::new();
     ui.horizontal(|ui| {
-        ui.label(RichText::new("fantex").color(theme::STRONG).size(15.0));
+        let parts = fitting(ui, viewer);
+        ui.label(RichText::new("fantex").color(theme::STRONG).size(TITLE_SIZE));
         ui.add_space(4.0);
         menus(ui, viewer, &mut commands);
         ui.separator();
-        let is_painting = viewer.painting.is_some();
         let mut paints = viewer.paints;
         ui.scope(|ui| {
             if segments(ui, &mut paints, &[(false, "Look"), (true, "Paint")]) {
@@ -33,24 +55,67 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
         ui.separator();
-        if is_painting {
-            undo(ui, viewer, &mut commands);
-            ui.separator();
-        } else {
-            let mut mode = viewer.settings.camera.mode;
-            ui.scope(|ui| {
-                if segments(ui, &mut mode, &CameraMode::ALL) {
-                    commands.push(Command::Mode(mode));
-                }
-            });
+        if parts.contains(&Part::Modes) {
+            if viewer.painting.is_some() {
+                undo(ui, viewer, &mut commands);
+            } else {
+                let mut mode = viewer.settings.camera.mode;
+                ui.scope(|ui| {
+                    if segments(ui, &mut mode, &CameraMode::ALL) {
+                        commands.push(Command::Mode(mode));
+                    }
+                });
+            }
             ui.separator();
         }
-        choices(ui, viewer, &mut commands);
-        ui.with_layout(Layout::right_to_left(Align::Center), |ui| switches(ui, viewer, &mut commands));
+        choices(ui, viewer, &parts, &mut commands);
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            switches(ui, viewer, &parts, &mut commands);
+        });
     });
     for command in commands {
         viewer.command(command);
     }
+}
+
+/// The parts that there is room for.
+fn fitting(ui: &Ui, viewer: &Viewer) -> Vec<Part> {
+    let text = |text: &str, size: f32| {
+        let font = FontId::proportional(size);
+        ui.painter().layout_no_wrap(text.to_owned(), font, theme::TEXT).size().x
+    };
+    let size = TextStyle::Button.resolve(ui.style()).size;
+    let (padding, gap) = (ui.spacing().button_padding.x, ui.spacing().item_spacing.x);
+    let button = |label: &str| text(label, size) + 2.0 * padding + gap;
+    let list = |name: &str, chosen: &str| {
+        let inner = text(chosen, size) + ui.spacing().icon_width + 2.0 * padding + gap;
+        text(name, size) + gap + inner.max(ui.spacing().combo_width) + gap
+    };
+    let sum = |labels: &[&str]| labels.iter().map(|label| button(label)).sum::<f32>();
+    let display = &viewer.settings.display;
+    let is_painting = viewer.painting.is_some();
+    let width = |part: &Part| match part {
+        Part::Modes if is_painting => sum(&["Undo", "Redo", "Light"]) + SEPARATOR,
+        Part::Modes => sum(&CameraMode::ALL.map(|(_, label)| label)) + SEPARATOR,
+        Part::Side if is_painting => button("Panels"),
+        Part::Side => button("Inspector"),
+        Part::Shading => list("Shading", label_of(&ShadingView::ALL, display.shading)),
+        Part::Overlay => list("Overlay", label_of(&Overlay::ALL, display.overlay)),
+        Part::Graphs => button("Graphs"),
+        Part::Atlas => button("Atlas"),
+        Part::Wireframe => button("Wireframe"),
+    };
+    let always = text("fantex", TITLE_SIZE) + 4.0 + gap + sum(&["File", "View", "Look", "Paint", "?"]);
+    let room = ui.available_width() - always - 2.0 * SEPARATOR - SPARE;
+    if PARTS.iter().map(width).sum::<f32>() <= room {
+        return PARTS.to_vec();
+    }
+    let mut left = room - button(MORE);
+    let fits = |part: &&Part| {
+        left -= width(part);
+        left >= 0.0
+    };
+    PARTS.iter().take_while(fits).copied().collect()
 }
 
 /// One step back, one step forth.
@@ -119,6 +184,10 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         let text = if viewer.kept.is_some() { "Stop comparing" } else { "Keep picture to compare (A/B)" };
         item(ui, (has_document, is_painting), text, Command::Compare, commands);
         ui.separator();
+        let panels = viewer.settings.panels;
+        check(ui, panels.has_readout, "Tile and values under the pointer", Command::ToggleReadout, commands);
+        check(ui, panels.has_gizmo, "Axes in the corner", Command::ToggleGizmo, commands);
+        ui.separator();
         item(ui, (has_document, is_painting), "Record camera path", Command::ToggleRecording, commands);
         item(ui, (viewer.path.is_some(), is_painting), "Play camera path", Command::TogglePlayback, commands);
         item(ui, (true, is_painting), "Load camera path…", Command::LoadPath, commands);
@@ -144,56 +213,115 @@ fn item(
     }
 }
 
-fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
+/// A line of a menu that is on or off.
+fn check(ui: &mut Ui, is_on: bool, text: &str, command: Command, commands: &mut Vec<Command>) {
+    let mut is_on = is_on;
+    if ui.checkbox(&mut is_on, text).clicked() {
+        commands.push(command);
+        ui.close();
+    }
+}
+
+fn choices(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Command>) {
     let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
     let display = &mut viewer.settings.display;
-    if ui.available_width() < CHOICE_POINTS {
-        return;
+    if parts.contains(&Part::Shading) {
+        named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
     }
-    // What looks into the engine is left out where painting needs the room.
-    let is_narrow = viewer.painting.is_some() && ui.ctx().content_rect().width() < WIDE_POINTS;
-    named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
-    if is_narrow {
-        return;
+    if parts.contains(&Part::Overlay) {
+        ui.add_enabled_ui(is_streamed, |ui| {
+            named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL);
+        });
     }
-    ui.add_enabled_ui(is_streamed, |ui| {
-        named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL);
-    });
-    if switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)") {
+    if parts.contains(&Part::Wireframe)
+        && switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)")
+    {
         commands.push(Command::ToggleWireframe);
     }
 }
 
-/// From the right.
-fn switches(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
+/// Switches of what lies beside the scene: whether it is there, name, tip and command.
+fn sides(viewer: &Viewer) -> [(Part, bool, &'static str, &'static str, Command); 3] {
     let panels = viewer.settings.panels;
-    ui.spacing_mut().item_spacing.x = 4.0;
-    let settings = &viewer.settings.paint;
+    let paint = &viewer.settings.paint;
     let side = match viewer.painting {
-        None => (
-            panels.has_inspector,
-            "Inspector",
-            "What the model is and how it is shown (I)",
-            Command::ToggleInspector,
-        ),
-        Some(_) => (
-            settings.has_brush_panel || settings.has_layer_panel,
-            "Panels",
-            "Brush, colours, layers (Tab)",
-            Command::Paint(PaintCommand::TogglePanels),
-        ),
+        None => {
+            let tip = "What the model is and how it is shown (I)";
+            (Part::Side, panels.has_inspector, "Inspector", tip, Command::ToggleInspector)
+        }
+        Some(_) => {
+            let is_shown = paint.has_brush_panel || paint.has_layer_panel;
+            let command = Command::Paint(PaintCommand::TogglePanels);
+            (Part::Side, is_shown, "Panels", "Brush, colours, layers (Tab)", command)
+        }
     };
-    let rows: [(bool, &str, &str, Command); 4] = [
-        (viewer.has_help, "?", "Keys and mouse (F1)", Command::ToggleHelp),
+    let graphs = "Frame time, pool, queue, bandwidth (G)";
+    let atlas = "The live atlas beside the scene (M)";
+    [
         side,
-        (panels.has_graphs, "Graphs", "Frame time, pool, queue, bandwidth (G)", Command::ToggleGraphs),
-        (panels.has_atlas, "Atlas", "The live atlas beside the scene (M)", Command::ToggleAtlas),
-    ];
-    let is_narrow = viewer.painting.is_some() && ui.ctx().content_rect().width() < WIDE_POINTS;
-    let count = if is_narrow { 2 } else { rows.len() };
-    for (is_on, text, tip, command) in rows.into_iter().take(count) {
-        if switch(ui, is_on, text, tip) {
+        (Part::Graphs, panels.has_graphs, "Graphs", graphs, Command::ToggleGraphs),
+        (Part::Atlas, panels.has_atlas, "Atlas", atlas, Command::ToggleAtlas),
+    ]
+}
+
+/// From the right.
+fn switches(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Command>) {
+    ui.spacing_mut().item_spacing.x = 4.0;
+    if switch(ui, viewer.has_help, "?", "Keys and mouse (F1)") {
+        commands.push(Command::ToggleHelp);
+    }
+    for (part, is_on, text, tip, command) in sides(viewer) {
+        if parts.contains(&part) && switch(ui, is_on, text, tip) {
             commands.push(command);
+        }
+    }
+    if parts.len() < PARTS.len() {
+        ui.menu_button(MORE, |ui| more(ui, viewer, parts, commands));
+    }
+}
+
+/// What the bar has no room for.
+fn more(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Command>) {
+    ui.set_min_width(170.0);
+    let lacks = |part| !parts.contains(&part);
+    if lacks(Part::Modes) {
+        if viewer.painting.is_some() {
+            undo(ui, viewer, commands);
+        } else {
+            for (mode, label) in CameraMode::ALL {
+                if ui.selectable_label(viewer.settings.camera.mode == mode, label).clicked() {
+                    commands.push(Command::Mode(mode));
+                    ui.close();
+                }
+            }
+        }
+        ui.separator();
+    }
+    for (part, is_on, text, _, command) in sides(viewer) {
+        if lacks(part) {
+            check(ui, is_on, text, command, commands);
+        }
+    }
+    let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
+    let display = &mut viewer.settings.display;
+    if lacks(Part::Shading) {
+        ui.menu_button("Shading", |ui| one_of(ui, &mut display.shading, &ShadingView::ALL));
+    }
+    if lacks(Part::Overlay) {
+        ui.add_enabled_ui(is_streamed, |ui| {
+            ui.menu_button("Overlay", |ui| one_of(ui, &mut display.overlay, &Overlay::ALL));
+        });
+    }
+    if lacks(Part::Wireframe) {
+        check(ui, display.has_wireframe, "Wireframe", Command::ToggleWireframe, commands);
+    }
+}
+
+/// A menu of which one line is chosen.
+fn one_of<T: Copy + PartialEq>(ui: &mut Ui, value: &mut T, all: &[(T, &str)]) {
+    for &(one, label) in all {
+        if ui.selectable_value(value, one, label).clicked() {
+            ui.close();
         }
     }
 }

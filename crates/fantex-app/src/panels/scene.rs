@@ -8,7 +8,7 @@ use fantex::glam::DVec2;
 
 use super::bar::short_place;
 use super::widgets::dot;
-use super::{Textures, compare, paint};
+use super::{Textures, compare, gizmo, paint};
 use crate::camera::MoveInput;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
@@ -18,7 +18,7 @@ use crate::paint::{PenEvent, PenPhase};
 use crate::pen::felt;
 use crate::settings::label_of;
 use crate::theme;
-use crate::viewer::{SceneInput, Viewer};
+use crate::viewer::{BRUSH_KEY, SceneInput, Viewer};
 
 /// Points of scrolling that count as one notch of the wheel.
 const NOTCH_POINTS: f32 = 50.0;
@@ -45,9 +45,10 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, textures: &Textures) -> Sce
         if viewer.painting.is_some() {
             input.pen = pen(ui, &response, rect, viewer);
             paint::adjust(ui, viewer, &response, rect, &mut input);
-            paint::overlay(ui, viewer, rect, input.cursor);
+            paint::overlay(ui, viewer, rect, viewer.brush_origin().or(input.cursor));
         }
         legend(ui, viewer, rect);
+        gizmo::show(ui, viewer, rect, &mut input);
     } else if viewer.opening.is_none() && viewer.asked.is_none() {
         welcome(ui, viewer, rect);
     }
@@ -92,6 +93,7 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
             pen: Vec::new(),
             modifiers: [i.modifiers.shift, i.modifiers.alt],
             turns_sun: i.modifiers.command,
+            adjusts_brush: held(BRUSH_KEY) > 0.0 && !i.modifiers.alt,
             // With Ctrl the wheel zooms, by a factor of e for each 200 points.
             wheel: if cursor.is_some() {
                 f64::from((i.smooth_scroll_delta().y + 200.0 * i.zoom_delta().ln()) / NOTCH_POINTS)

@@ -7,14 +7,18 @@ use std::sync::Arc;
 use eframe::wgpu;
 use fantex::base::Result;
 use fantex::cover::Cover;
+use fantex::glam::Vec2;
 use fantex::gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
 use fantex::mesh::Mesh;
 use fantex::scene::Camera;
 use fantex::store::{Asset, PageId, cover_level_count};
-use fantex::stream::{FrameChanges, FrameOptions, Geometry, ParcelUpload, Streamer, TableEntry};
+use fantex::stream::{
+    FrameChanges, FrameOptions, Geometry, ParcelLoader, ParcelUpload, Streamer, TableEntry,
+};
 
 use crate::figures::{DamagedPart, LISTED_DAMAGE, LevelFigures, StreamFigures};
 use crate::paint::{Exchange, PaintLoader};
+use crate::scene_view::ShareDone;
 use crate::scene_view::atlas_view::{AtlasPicture, AtlasView};
 use crate::settings::StreamingSettings;
 use crate::viewer::Viewer;
@@ -53,19 +57,21 @@ impl FanScene {
         asset: Arc<Asset>,
         settings: StreamingSettings,
         exchange: Option<Arc<Exchange>>,
+        progress: ShareDone<'_>,
     ) -> Result<Self> {
-        let streamed = match &exchange {
-            None => StreamedModel::open(gpu, asset.clone(), settings.pool_bytes())?,
+        let loader = Box::new(StreamedModel::loader(gpu, &asset)?);
+        let (geometry, loader): (Arc<dyn Geometry>, Box<dyn ParcelLoader>) = match &exchange {
+            None => (asset.clone(), loader),
             Some(exchange) => {
                 exchange.set_formats(&FanModel::atlas_formats(gpu, asset.channels()));
-                let loader =
-                    PaintLoader::new(Box::new(StreamedModel::loader(gpu, &asset)?), exchange.clone());
                 // Older states of what is painted on must not be kept.
-                let geometry =
-                    Arc::new(PaintedGeometry { mesh: asset.shared_mesh(), cover: asset.shared_cover() });
-                StreamedModel::with_pages(gpu, &asset, geometry, Box::new(loader), settings.pool_bytes())?
+                let geometry = PaintedGeometry { mesh: asset.shared_mesh(), cover: asset.shared_cover() };
+                (Arc::new(geometry), Box::new(PaintLoader::new(loader, exchange.clone())))
             }
         };
+        let bytes = settings.pool_bytes();
+        let streamed =
+            StreamedModel::with_pages_and_progress(gpu, &asset, geometry, loader, bytes, progress)?;
         Ok(Self {
             level_texels: level_texels(asset.cover()),
             asset,
@@ -187,6 +193,11 @@ impl FanScene {
             damaged_count: now.damaged as u64,
             objects: None,
         }
+    }
+
+    /// The finest level from `level` on that a group has at a place of its tile, 0..1 along the sides; none where that is its mean.
+    pub(super) fn drawn_level(&self, group: u32, level: u32, uv: Vec2) -> Option<u32> {
+        self.streamed.streamer.drawn_level(group, level, uv)
     }
 
     /// Whether the picture stays as it is until the view changes.

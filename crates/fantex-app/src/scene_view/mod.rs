@@ -111,6 +111,9 @@ impl SceneView {
         let has_arrived = model.stream(&self.gpu, viewer, (&camera, size), elapsed as f32)?;
         self.capture_awaited(seconds)?;
         let Some(model) = &mut self.model else { return Ok(false) };
+        if let Some(scene) = model.fan() {
+            viewer.readout.follow(|group, level, uv| scene.drawn_level(group, level, uv));
+        }
         if has_arrived {
             // A stroke wants quick pictures, as a camera that moves.
             match viewer.painting.as_ref().is_some_and(Painting::is_drawing) {
@@ -338,8 +341,12 @@ fn overlay(overlay: Overlay) -> DrawnOverlay {
     }
 }
 
+/// Is told the share of something that is done, 0..1, from any thread.
+pub type ShareDone<'a> = &'a (dyn Fn(f32) + Sync);
+
 /// Brings a document to the graphics memory; takes long, so on the thread that opens it.
-pub type PrepareScene = Arc<dyn Fn(&Document, StreamingSettings) -> Result<SceneModel> + Send + Sync>;
+pub type PrepareScene =
+    Arc<dyn Fn(&Document, StreamingSettings, ShareDone<'_>) -> Result<SceneModel> + Send + Sync>;
 
 #[derive(Debug)]
 pub enum SceneModel {
@@ -352,10 +359,13 @@ pub enum SceneModel {
 }
 
 pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
-    Arc::new(move |document, settings| match &document.content {
-        Content::Model(mesh) => Ok(SceneModel::Uv(Box::new(UvModel::load(&gpu, mesh)?))),
+    Arc::new(move |document, settings, progress| match &document.content {
+        Content::Model(mesh) => {
+            Ok(SceneModel::Uv(Box::new(UvModel::load_with_progress(&gpu, mesh, progress)?)))
+        }
         Content::Asset(asset) => {
-            let scene = FanScene::new(&gpu, asset.clone(), settings, document.exchange.clone())?;
+            let exchange = document.exchange.clone();
+            let scene = FanScene::new(&gpu, asset.clone(), settings, exchange, progress)?;
             Ok(SceneModel::Fan(Box::new(scene)))
         }
         Content::World(content) => Ok(SceneModel::World(Box::new(WorldScene::new(content, settings)?))),

@@ -77,12 +77,13 @@ impl Driver {
         match self.runner.next(&situation)? {
             Act::Wait => {}
             Act::End => return Ok(false),
-            Act::Do(step) => self.act(ctx, viewer, step),
+            Act::Do(step) => self.act(ctx, viewer, step)?,
         }
         Ok(true)
     }
 
-    fn act(&mut self, ctx: &egui::Context, viewer: &mut Viewer, step: Step) {
+    /// Does a step; fails where it names what is not there.
+    fn act(&mut self, ctx: &egui::Context, viewer: &mut Viewer, step: Step) -> Result<()> {
         match step {
             Step::Key(name) => self.input.press(&name),
             Step::Hold { keys, frames } => self.input.hold(&keys, frames),
@@ -165,6 +166,7 @@ impl Driver {
             Step::Minimize(is_minimized) => ctx.send_viewport_cmd(ViewportCommand::Minimized(is_minimized)),
             Step::PaintTool(tool) => viewer.command(Command::Paint(PaintCommand::Tool(tool))),
             Step::Brush(brush) => viewer.settings.paint.brush = brush,
+            Step::Preset(name) => viewer.take_preset(&name)?,
             Step::Text(text) => {
                 viewer.settings.paint.sticker = StickerKind::Text;
                 viewer.settings.paint.text = text;
@@ -212,6 +214,7 @@ impl Driver {
             | Step::WaitSaved(_)
             | Step::Quit => {}
         }
+        Ok(())
     }
 
     /// Adds keys and mouse of the session to what the window tells.

@@ -19,7 +19,6 @@ use fantex::gpu::Gpu;
 use fantex::texture::Image;
 use workspace::{Start, Workspace};
 
-use crate::command::{Command, command_of};
 use crate::document::Place;
 use crate::panels::{AtlasTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
@@ -216,31 +215,6 @@ impl<'a> Shell<'a> {
             ctx.graphics_mut(|graphics| *graphics = Default::default());
         }
         self.workspace.lost.is_none()
-    }
-
-    fn keys(&mut self, ctx: &egui::Context) {
-        let is_typing = ctx.egui_wants_keyboard_input();
-        let pressed: Vec<_> = ctx.input(|i| {
-            let key_of = |event: &egui::Event| match event {
-                egui::Event::Key { key, pressed: true, repeat, modifiers, .. } => {
-                    Some((*modifiers, *key, *repeat))
-                }
-                _ => None,
-            };
-            i.events.iter().filter_map(key_of).collect()
-        });
-        let is_painting = self.workspace.viewer.painting.is_some();
-        for (modifiers, key, is_repeated) in pressed {
-            let Some(command) = command_of(is_painting, modifiers, key) else { continue };
-            if key == egui::Key::Tab && !is_typing {
-                // It hides panels here and does not go from field to field.
-                ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
-            }
-            let repeats = matches!(&command, Command::Paint(command) if command.repeats());
-            if (!is_typing || modifiers.command) && (!is_repeated || repeats) {
-                self.workspace.viewer.command(command);
-            }
-        }
     }
 
     fn dropped_files(&mut self, ctx: &egui::Context) {
@@ -470,7 +444,7 @@ impl eframe::App for Shell<'_> {
             return;
         }
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
-        self.keys(&ctx);
+        self.workspace.viewer.keys(&ctx);
         self.dropped_files(&ctx);
         self.pasted_pictures(&ctx);
         let textures = Textures { scene: self.scene_texture, kept: self.kept_texture, atlas: self.atlas };

@@ -9,7 +9,7 @@ use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::display::ShadingView;
-use crate::document::{Answer, Document, ForPainting, OpenProgress, Place, Question, Stage};
+use crate::document::{Answer, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
 use crate::paint::{
@@ -29,12 +29,6 @@ pub struct Opening {
     /// Whether there is nothing else to show: where it fails, the program does.
     is_all: bool,
 }
-
-/// Steps of the brush's size over the scene's height, dragged with Ctrl and the right button; tenths of its hardness likewise.
-const BRUSH_STEPS: f64 = 40.0;
-
-/// See [`BRUSH_STEPS`].
-const BRUSH_TENTHS: f64 = 20.0;
 
 impl Opening {
     pub fn stage(&self) -> Stage {
@@ -82,7 +76,7 @@ impl Viewer {
         }
         let Some(document) = self.document.clone() else { return };
         let streaming = self.settings.streaming;
-        match Job::spawn("move", self.waker(), move || prepare(&document, streaming)) {
+        match Job::spawn("move", self.waker(), move || prepare(&document, streaming, &|_| {})) {
             Ok(job) => self.moving = Some(job),
             Err(error) => self.notices.error(format!("cannot start a thread to draw again: {error}")),
         }
@@ -183,7 +177,8 @@ impl Viewer {
                 (Document::open(&from, &for_thread)?, None)
             };
             for_thread.enter(Stage::Preparing)?;
-            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose()?;
+            let progress = for_thread.part(if painting.is_some() { PAINTER_SHARE } else { 0.0 }, 1.0);
+            let model = prepare.map(|prepare| prepare(&document, streaming, &progress)).transpose()?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
             Ok(Loaded::Document(Box::new(document), model, painting))
@@ -309,6 +304,18 @@ impl Viewer {
         }
     }
 
+    /// Takes a brush from those that are kept, by its name.
+    ///
+    /// # Errors
+    /// There is none of this name.
+    pub fn take_preset(&mut self, name: &str) -> Result<()> {
+        let kept = self.painting.as_ref().map_or(&[][..], |painting| &painting.presets.brushes);
+        let brush = kept.iter().find(|brush| brush.name == name);
+        let none = || Error::not_found(format!("there is no brush named {name:?}"));
+        self.settings.paint.brush = brush.ok_or_else(none)?.clone();
+        Ok(())
+    }
+
     pub fn layer_action(&mut self, action: &LayerAction) {
         if let Some(painting) = &mut self.painting
             && let Err(reason) = painting.layer_action(action, &self.settings.paint)
@@ -371,21 +378,22 @@ impl Viewer {
 
     /// Lets the pen paint; what is left of the input moves the camera.
     pub(super) fn paint(&mut self, input: &SceneInput) -> SceneInput {
+        let pen = self.drag_brush(input);
         let view = self.viewpoint();
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
         painting.follow_placing(settings, &view, &mut self.notices);
         if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
-            painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices);
+            painting.pen(&pen, settings, &view, input.modifiers, &mut self.notices);
         }
         // With Ctrl wheel and right button are for the brush.
         if input.turns_sun && !painting.is_drawing() {
-            let side = input.side_drag - input.middle_drag;
-            settings.brush.change_size((BRUSH_STEPS * side.x + input.wheel) as f32);
-            settings.brush.change_hardness((-BRUSH_TENTHS * side.y) as f32);
+            settings.brush.change_size(input.wheel as f32);
+            self.change_brush(input.side_drag - input.middle_drag);
             left.wheel = 0.0;
         }
+        let Some(painting) = &self.painting else { return left };
         let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };
         let sun = if input.turns_sun && !painting.is_drawing() { input.drag } else { DVec2::ZERO };
         let (mut side, middle) = (input.side_drag - input.middle_drag, input.middle_drag);

@@ -7,12 +7,12 @@ use fantex::cover::{CoverOptions, build_cover};
 use fantex::glam::{DVec2, DVec3};
 use fantex::mesh::generate::{icosphere, torus};
 use fantex::mesh::{CleanOptions, Model, clean};
-use fantex::paint::{PicturePlace, Size, Surface, Symmetry};
+use fantex::paint::{PicturePlace, Size, Surface, Symmetry, Tip};
 use fantex_app::camera::{CameraRig, ViewPreset};
 use fantex_app::paint::{
     BrushSettings, ChosenTexture, ColorSource, Colors, Cursor, Presets, SOLIDS, Section, SizeUnit,
-    StencilSettings, SymmetryKind, SymmetrySettings, TextureChoice, Viewpoint, parse_hex, plane_outline,
-    preview_stroke, text_hex,
+    StencilSettings, SymmetryKind, SymmetrySettings, TIPS, TextureChoice, Viewpoint, parse_hex,
+    plane_outline, preview_stroke, text_hex,
 };
 
 #[test]
@@ -48,6 +48,47 @@ fn presets_come_back_from_the_disk() {
     assert_eq!(again.brushes.iter().filter(|b| b.name == "Mine").map(|b| b.size).collect::<Vec<_>>(), [9.0]);
     std::fs::write(&path, "{").unwrap();
     assert!(Presets::load(&path).unwrap_err().to_string().contains("damaged"));
+}
+
+#[test]
+fn a_dozen_brushes_are_textured_and_look_so() {
+    let presets = Presets::default().brushes;
+    let textured: Vec<&BrushSettings> = presets.iter().filter(|brush| brush.tip.is_some()).collect();
+    assert!(presets.len() >= 18 && textured.len() == Tip::ALL.len(), "{}", presets.len());
+    for tip in Tip::ALL {
+        assert!(textured.iter().any(|brush| brush.tip == Some(tip)), "{tip:?} has a brush");
+        assert!(TIPS.iter().any(|(one, _)| *one == Some(tip)), "{tip:?} can be chosen");
+    }
+    let names: std::collections::BTreeSet<_> = presets.iter().map(|brush| &brush.name).collect();
+    assert_eq!(names.len(), presets.len(), "names are there once");
+    let looks: Vec<_> = textured.iter().map(|brush| preview_stroke(brush, 240, 90)).collect();
+    for (i, look) in looks.iter().enumerate() {
+        let name = &textured[i].name;
+        assert!(look.iter().sum::<f32>() > 50.0, "{name} is seen");
+        assert!(look.iter().all(|c| (0.0..=1.0).contains(c)), "{name}");
+        let round = preview_stroke(&BrushSettings { tip: None, ..textured[i].clone() }, 240, 90);
+        assert!(*look != round && looks[..i].iter().all(|other| other != look), "{name}");
+        assert_eq!(*look, preview_stroke(textured[i], 240, 90), "{name} looks the same each time");
+    }
+}
+
+/// Files of older versions get the brushes that they do not know; what was deleted stays so.
+#[test]
+fn new_brushes_of_the_program_come_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("brushes.json");
+    let mine = BrushSettings { name: "Chalk".into(), size: 3.0, ..BrushSettings::default() };
+    let brush = serde_json::to_string(&mine).unwrap();
+    std::fs::write(&path, format!("{{\"brushes\":[{brush}]}}")).unwrap();
+    let mut presets = Presets::load(&path).unwrap();
+    assert_eq!(presets.brushes[0], mine, "the user's own brush goes before one of the same name");
+    assert_eq!(presets.brushes.iter().filter(|brush| brush.name == "Chalk").count(), 1);
+    assert_eq!(presets.brushes.len(), Presets::default().brushes.len());
+    presets.brushes.retain(|brush| brush.name != "Sponge");
+    presets.save(&path).unwrap();
+    let again = Presets::load(&path).unwrap();
+    assert_eq!(again, presets);
+    assert!(again.brushes.iter().all(|brush| brush.name != "Sponge"));
 }
 
 #[test]

@@ -1,13 +1,23 @@
 //! Exports for other programs.
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use fantex::bake::NoProgress;
+use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
+use fantex::paint::{PaintOptions, Painter};
+use fantex::store::{VerifyOptions, group_pages, verify};
 use fantex::texture::{Image, Samples};
+use fantex_app::camera::ViewPreset;
+use fantex_app::command::Command;
+use fantex_app::document::Place;
 use fantex_app::export::{ExportSettings, Preset, export};
-use fantex_app::paint::{NewAsset, bake_model};
+use fantex_app::paint::{LayerAction, NewAsset, PenEvent, PenPhase, bake_model};
+use fantex_app::viewer::{FileDialog, Request, SceneInput, Viewer};
+
+use crate::panels::{wait_painted, with_painting};
 
 fn texels(path: &Path) -> (usize, Vec<u8>) {
     let image = Image::load(path).unwrap();
@@ -54,4 +64,79 @@ fn presets_write_what_programs_want() {
     let count = both.chunks(4).filter(|p| p[0] <= 2 && p[3].abs_diff(102) <= 3).count();
     assert!(count > 256 * 256 / 3, "{count}");
     assert!(!at("y_MetallicSmoothness.part.png").exists());
+}
+
+/// A stroke between two places of the scene.
+fn draw(viewer: &mut Viewer, from: [f64; 2], to: [f64; 2]) {
+    let event = |phase, [x, y]: [f64; 2]| PenEvent { phase, at: DVec2::new(x, y), pressure: 1.0 };
+    let pen = vec![event(PenPhase::Down, from), event(PenPhase::Move, to), event(PenPhase::Up, to)];
+    viewer.navigate(&SceneInput { pen, ..SceneInput::default() }, 0.016);
+    wait_painted(viewer);
+}
+
+/// Until what is asked for is written, or refused.
+fn wait_written(viewer: &mut Viewer) {
+    let started = Instant::now();
+    while viewer.exporting.is_some() {
+        assert!(started.elapsed() < Duration::from_secs(60), "it is not written");
+        viewer.poll();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Steps, layers, and the pages of the first channel.
+fn contents(path: &Path) -> (Vec<String>, usize, Vec<Vec<u8>>) {
+    let painter = Painter::open(path, &PaintOptions::default()).unwrap();
+    let editor = painter.editor();
+    let cover = editor.asset().shared_cover();
+    let ids = (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group));
+    let pages = ids.map(|id| editor.read_page_raw(0, id).unwrap()).collect();
+    let steps = painter.history().done().iter().map(|step| step.label.clone()).collect();
+    (steps, painter.layers().len(), pages)
+}
+
+/// A copy holds what is painted so far, with layers and history; the painter goes on with the asset itself.
+#[test]
+fn copies_hold_what_is_painted_so_far() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    (viewer.scene_pixels, viewer.pixels_per_point) = ([500, 500], 1.0);
+    viewer.show(ViewPreset::Top);
+    wait_painted(&mut viewer);
+    let Some(Place::File(original)) = viewer.document.as_ref().map(|document| document.place.clone()) else {
+        panic!("a file is painted on");
+    };
+    viewer.layer_action(&LayerAction::Add);
+    wait_painted(&mut viewer);
+    draw(&mut viewer, [0.5, 0.85], [0.6, 0.84]);
+    viewer.command(Command::SaveCopy);
+    assert_eq!(viewer.take_requests(), [Request::Dialog(FileDialog::SaveCopy)], "it asks where to");
+    let copy = folder.path().join("copy.fan");
+    viewer.take_file(FileDialog::SaveCopy, copy.clone());
+    wait_written(&mut viewer);
+    assert!(viewer.notices.log().any(|text| text.starts_with("Saved") && text.contains("copy.fan")));
+    assert!(verify(&copy, &VerifyOptions::default()).unwrap().ok);
+    let copied = contents(&copy);
+    assert_eq!((copied.0.as_slice(), copied.1), (&["add layer".to_owned(), "paint".to_owned()][..], 1));
+
+    // What comes later is in the asset alone.
+    let bytes = std::fs::read(&copy).unwrap();
+    draw(&mut viewer, [0.4, 0.83], [0.3, 0.75]);
+    assert_eq!(viewer.document.as_ref().unwrap().place, Place::File(original.clone()));
+    // The asset itself is no copy.
+    viewer.copy_to(original.clone());
+    wait_written(&mut viewer);
+    assert_eq!(crate::errors(&viewer.notices), 1);
+    assert!(viewer.notices.log().any(|text| text.contains("is the asset itself")));
+    viewer.close();
+    assert!(std::fs::read(&copy).unwrap() == bytes);
+    let now = contents(&original);
+    assert_eq!(now.0, ["add layer", "paint", "paint"]);
+    assert!(now.2 != copied.2);
+    // Without its last step it is what the copy is.
+    let mut painter = Painter::open(&original, &PaintOptions::default()).unwrap();
+    assert!(painter.undo().unwrap());
+    painter.commit().unwrap();
+    drop(painter);
+    assert!(contents(&original) == copied);
 }

@@ -39,7 +39,7 @@ fn settle(live: &mut LiveLook, seconds: &mut f64) {
     }
 }
 
-fn open(folder: &std::path::Path) -> (LiveLook, f64) {
+pub(crate) fn open(folder: &std::path::Path) -> (LiveLook, f64) {
     let path = folder.join("ball.toml");
     std::fs::write(&path, LOOK).unwrap();
     let mut live = LiveLook::open(&path, None, || {}).unwrap();

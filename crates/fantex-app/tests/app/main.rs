@@ -2,18 +2,23 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
+mod adjusting;
 mod brush;
 mod camera;
 mod document;
 mod exchange;
 mod export;
 mod figures;
+mod gizmo;
+mod glyphs;
 mod layer_groups;
 mod live;
+mod narrow;
 mod painting;
 mod panels;
 mod pen;
 mod placing;
+mod pointing;
 mod session;
 mod settings;
 mod shell;

@@ -9,8 +9,8 @@ use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
-use fantex::paint::{BlendMode, LayerPlace, MaskMeasure, PaintOptions, Painter, Target};
-use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, verify};
+use fantex::paint::{BlendMode, LayerPlace, MaskMeasure, PaintOptions, Painter, Target, Tip};
+use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, group_pages, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
 use fantex_app::camera::ViewPreset;
@@ -413,6 +413,60 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     let summary = log.replay(&mut again).unwrap();
     assert_eq!((summary.strokes, summary.unrecorded), (3, 0));
     drop(folder);
+}
+
+/// Who paints on at once gets the same as who waits between strokes.
+#[test]
+fn strokes_in_a_hurry_are_the_same() {
+    let pages_after = |waits: bool| {
+        let mut studio = Studio::open();
+        studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
+        studio.wait();
+        studio.stroke();
+        studio.painting.layer_action(&LayerAction::Select(Target::Base), &studio.settings).unwrap();
+        studio.settings.brush.smoothing = 0.0;
+        for i in 0..6 {
+            // Under the layer, and across each other.
+            let (x, y) = (0.35 + 0.05 * f64::from(i), 0.8 + 0.02 * f64::from(i % 3));
+            studio.pen(PenPhase::Down, x, y, [false; 2]);
+            studio.pen(PenPhase::Move, x + 0.1, 0.85, [false; 2]);
+            studio.pen(PenPhase::Up, x + 0.1, 0.85, [false; 2]);
+            if waits {
+                studio.wait();
+            }
+        }
+        studio.wait();
+        assert_eq!(studio.painting.snapshot.done.len(), 8);
+        assert_eq!(crate::errors(&studio.notices), 0);
+        let path = studio.path.clone();
+        let _folder = studio.close();
+        let painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        let editor = painter.editor();
+        let cover = editor.asset().shared_cover();
+        let pages = (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group));
+        pages.map(|page| editor.read_page_raw(0, page).unwrap()).collect::<Vec<_>>()
+    };
+    assert!(pages_after(false) == pages_after(true));
+}
+
+#[test]
+fn tips_shape_strokes_and_are_in_the_log() {
+    let shown_with = |tip: Option<Tip>| {
+        let mut studio = Studio::open();
+        studio.settings.brush.tip = tip;
+        studio.stroke();
+        assert_eq!(crate::errors(&studio.notices), 0);
+        let shown = studio.painting.exchange().take_fresh().0;
+        let path = studio.path.clone();
+        let _folder = studio.close();
+        let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+        assert_eq!(log.strokes.strokes[0].brush.tip, tip);
+        shown
+    };
+    let round = shown_with(None);
+    let chalk = shown_with(Some(Tip::Chalk));
+    assert!(chalk == shown_with(Some(Tip::Chalk)), "the same each time");
+    assert!(chalk != round && chalk != shown_with(Some(Tip::Sponge)));
 }
 
 #[test]

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use eframe::egui::accesskit::Role;
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{AccessKitNode, Queryable};
 
-use fantex::paint::Target;
+use fantex::paint::{Target, Tip};
 use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
+use fantex_app::display::TONE_MAPS;
 use fantex_app::document::{ChannelFact, Document, Fact, Place};
 use fantex_app::figures::{DamagedPart, LevelFigures};
 use fantex_app::paint::LayerAction;
@@ -19,11 +20,11 @@ use fantex_app::settings::{PanelSettings, Settings, Tab};
 use fantex_app::theme;
 use fantex_app::viewer::{FileDialog, Request, Viewer};
 
-fn empty() -> Viewer {
+pub(crate) fn empty() -> Viewer {
     Viewer::new(Settings::default(), None, Arc::new(|| {}))
 }
 
-fn with_model() -> Viewer {
+pub(crate) fn with_model() -> Viewer {
     let model = fantex::mesh::generate::torus(24, 12);
     let (mesh, report) = fantex::mesh::clean(model, &fantex::mesh::CleanOptions::default()).unwrap();
     let mut viewer = empty();
@@ -32,7 +33,7 @@ fn with_model() -> Viewer {
     viewer
 }
 
-fn harness(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
+pub(crate) fn harness(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
     let mut is_dressed = false;
     Harness::builder().with_size(vec2(size[0], size[1])).build_ui_state(
         move |ui, viewer: &mut Viewer| {
@@ -98,7 +99,7 @@ fn every_page_is_shown_at_every_size() {
         for (tab, _) in Tab::ALL {
             for mut viewer in [empty(), with_model()] {
                 viewer.settings.panels =
-                    PanelSettings { has_inspector: true, tab, has_atlas: true, has_graphs: true };
+                    PanelSettings { tab, has_atlas: true, has_graphs: true, ..PanelSettings::default() };
                 viewer.has_help = true;
                 viewer
                     .notices
@@ -120,6 +121,39 @@ fn the_light_page_turns_the_sun_off_and_on() {
     harness.get_by_label("Reset").click();
     harness.run_steps(2);
     assert_eq!(harness.state().settings.light.sun_strength, 1.0);
+}
+
+/// *Reset* brings tone and exposure back, too.
+#[test]
+fn the_tone_curve_is_chosen_and_reset() {
+    let mut viewer = with_model();
+    viewer.settings.panels.tab = Tab::Light;
+    let mut harness = harness(viewer, [1280.0, 1000.0]);
+    let [clip, reinhard, filmic] = TONE_MAPS.map(|(tone, _)| tone);
+    for (shown, name, chosen) in [("Filmic", "Reinhard", reinhard), ("Reinhard", "Clip", clip)] {
+        let is_list = |node: &AccessKitNode<'_>| {
+            node.role() == Role::ComboBox && node.value().as_deref() == Some(shown)
+        };
+        harness.get_by(is_list).click();
+        harness.run_steps(3);
+        harness.get_by_label(name).click();
+        harness.run_steps(3);
+        assert!(harness.state().settings.display.tone == chosen, "{name}");
+    }
+    harness.state_mut().settings.display.exposure_stops = 1.5;
+    harness.run_steps(2);
+    harness.get_by_label("Reset").click();
+    harness.run_steps(2);
+    let display = &harness.state().settings.display;
+    assert!(display.tone == filmic && display.exposure_stops == 0.0);
+}
+
+#[test]
+fn the_view_page_has_the_field_of_view() {
+    let mut viewer = with_model();
+    viewer.settings.panels.tab = Tab::View;
+    let harness = harness(viewer, [1280.0, 800.0]);
+    assert!(harness.query_all_by_label("Field of view").next().is_some());
 }
 
 #[test]
@@ -163,7 +197,7 @@ fn keys_in_the_scene_become_wishes() {
 }
 
 /// An asset on a page of the inspector.
-fn with_asset(tab: Tab) -> Viewer {
+pub(crate) fn with_asset(tab: Tab) -> Viewer {
     let folder = tempfile::tempdir().unwrap();
     let path = crate::painting::small_asset(folder.path());
     let mut viewer = empty();
@@ -202,10 +236,11 @@ fn facts_stand_beside_their_names() {
     let mut harness = harness(viewer, [1280.0, 800.0]);
     harness.run_steps(1);
     harness.get_by_label("Levels");
+    harness.get_by_label("Channels");
     harness.get_by_label("BC5");
 }
 
-fn with_painting(folder: &std::path::Path) -> Viewer {
+pub(crate) fn with_painting(folder: &std::path::Path) -> Viewer {
     let path = crate::painting::small_asset(folder);
     let painter = fantex::paint::Painter::open(&path, &fantex::paint::PaintOptions::default()).unwrap();
     let asset = painter.editor().asset().clone();
@@ -217,7 +252,7 @@ fn with_painting(folder: &std::path::Path) -> Viewer {
 }
 
 /// Until the painter has done what it was asked for.
-fn wait_painted(viewer: &mut Viewer) {
+pub(crate) fn wait_painted(viewer: &mut Viewer) {
     let started = std::time::Instant::now();
     loop {
         let is_busy = viewer.painting.as_ref().unwrap().is_busy();
@@ -257,6 +292,47 @@ fn tools_and_layers_are_chosen_with_the_mouse() {
     harness.get_by_label("Rim").click();
     harness.run_steps(2);
     assert!(fantex_app::light::LightPreset::Rim.is_in(&harness.state().settings.light));
+}
+
+/// A click on *Original* takes all back, one on a step does it again.
+#[test]
+fn the_history_goes_back_to_the_original() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = harness(with_painting(folder.path()), [1380.0, 1500.0]);
+    let click = |harness: &mut Harness<'static, Viewer>, label: &str| {
+        harness.get_by_label(label).click();
+        harness.run_steps(2);
+        wait_painted(harness.state_mut());
+        harness.run_steps(2);
+    };
+    let layers =
+        |harness: &Harness<'static, Viewer>| harness.state().painting.as_ref().unwrap().snapshot.layers.len();
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    harness.get_by_label("Channels");
+    click(&mut harness, "Add");
+    assert_eq!(layers(&harness), 1);
+    click(&mut harness, "Original");
+    assert_eq!(layers(&harness), 0);
+    click(&mut harness, "1   add layer");
+    assert_eq!(layers(&harness), 1);
+}
+
+#[test]
+fn textured_brushes_are_taken_by_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = harness(with_painting(folder.path()), [1380.0, 1500.0]);
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    harness.get_by_label("Chalk").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().settings.paint.brush.tip, Some(Tip::Chalk));
+    // As sessions do.
+    harness.state_mut().take_preset("Grass").unwrap();
+    assert_eq!(harness.state().settings.paint.brush.tip, Some(Tip::Rake));
+    let refused = harness.state_mut().take_preset("Feather").unwrap_err().to_string();
+    assert!(refused.contains("Feather"), "{refused}");
+    assert_eq!(harness.state().settings.paint.brush.name, "Grass", "it stays as it was");
 }
 
 /// What is asked before a model is painted on, answered with clicks.

@@ -21,9 +21,10 @@ fn every_step_has_its_text() {
         {"camera":{"eye":[1,2,3],"target":[0,0,0]}},{"view":"three_quarter"},{"mode":"walk"},
         {"overlay":"blend_bands"},{"shading":"base_color"},{"tab":"light"},{"open":"a.glb"},
         {"surroundings":"sky"},{"pool":16},{"play":"way.json"},{"screenshot":{"path":"a.png","size":[64,32]}},
-        {"window_screenshot":{"path":"b.png"}},{"resize":[0,0]},{"minimize":true},{"expect_message":"x"},"quit"]}"#;
+        {"window_screenshot":{"path":"b.png"}},{"resize":[0,0]},{"minimize":true},{"expect_message":"x"},
+        {"preset":"Chalk"},{"brush":{"tip":"leaf"}},"quit"]}"#;
     let found = session(text).unwrap();
-    assert_eq!(found.steps.len(), 22);
+    assert_eq!(found.steps.len(), 24);
     let Step::Screenshot { path, .. } = &found.steps[16] else { panic!("{:?}", found.steps[16]) };
     assert!(path.is_absolute(), "paths are relative to the session: {}", path.display());
 }

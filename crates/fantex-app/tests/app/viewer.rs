@@ -2,11 +2,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use egui_kittest::kittest::Queryable;
 use fantex::base::Error;
 use fantex::glam::{DVec2, DVec3};
 use fantex::scene::Camera;
 use fantex_app::camera::{CameraMode, Ground, ViewPreset};
 use fantex_app::command::{Command, shortcuts};
+use fantex_app::document::{PAINTER_SHARE, Stage};
 use fantex_app::light::Surroundings;
 use fantex_app::scene_view::PrepareScene;
 use fantex_app::settings::Settings;
@@ -68,7 +70,7 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
     let rig = viewer.rig;
     let asked = Arc::new(Mutex::new(Vec::new()));
     let names = asked.clone();
-    let prepare: PrepareScene = Arc::new(move |document, _| {
+    let prepare: PrepareScene = Arc::new(move |document, _, _| {
         names.lock().unwrap().push(document.place.name());
         Err(Error::unavailable("there are no graphics here"))
     });
@@ -90,6 +92,43 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
         ["torus.ply", "other.ply"].iter().all(|name| asked.iter().any(|asked| asked == name)),
         "{asked:?}"
     );
+}
+
+/// How far the preparation is, is told while it goes on: of what is painted on that of its painter comes first.
+#[test]
+fn preparing_is_told_in_shares() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = crate::painting::small_asset(folder.path());
+    let (go_on, waits) = std::sync::mpsc::channel();
+    let waits = Mutex::new(waits);
+    let prepare: PrepareScene = Arc::new(move |_, _, progress| {
+        progress(0.5);
+        waits.lock().unwrap().recv().unwrap();
+        Err(Error::unavailable("there are no graphics here"))
+    });
+    for (paints, expected) in [(false, 0.5), (true, 0.5 + 0.5 * PAINTER_SHARE)] {
+        let mut viewer = Viewer::new(Settings::default(), Some(prepare.clone()), Arc::new(|| {}));
+        viewer.paints = paints;
+        viewer.open(&path.to_string_lossy());
+        let started = Instant::now();
+        let is_there = |viewer: &Viewer| {
+            let opening = viewer.opening.as_ref().unwrap();
+            opening.stage() == Stage::Preparing
+                && opening.share().is_some_and(|share| (share - expected).abs() < 0.002)
+        };
+        while !is_there(&viewer) || viewer.opening.as_ref().unwrap().seconds() < 0.2 {
+            assert!(started.elapsed() < Duration::from_secs(60), "it is not told");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let mut harness = crate::panels::harness(viewer, [1280.0, 800.0]);
+        harness.run_steps(2);
+        let percent = format!("Preparing textures … {:.0} %", 100.0 * expected);
+        harness.get_by_label_contains(&percent);
+        let mut viewer = std::mem::take(harness.state_mut());
+        go_on.send(()).unwrap();
+        wait(&mut viewer);
+        assert_eq!(crate::errors(&viewer.notices), 1);
+    }
 }
 
 #[test]

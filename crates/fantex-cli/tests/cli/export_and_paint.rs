@@ -392,7 +392,15 @@ fn painting_is_measured() {
     let measured = json(&[&"bench", &"paint", &at("a.fan"), &"--dabs", &"5", &"--brush", &"20"]);
     let names: Vec<&str> =
         measured["rows"].as_array().unwrap().iter().filter_map(|r| r["name"].as_str()).collect();
-    for expected in ["dab, median", "dab, 99 of 100", "undo", "end of the stroke"] {
+    for expected in [
+        "dab, median",
+        "dab, 99 of 100",
+        "undo",
+        "end of the stroke",
+        "first dab of the next one, in the same place",
+        "end of a large stroke, all channels",
+        "end of a stroke under layers",
+    ] {
         assert!(names.contains(&expected), "{names:?}");
     }
     assert!(std::fs::read(at("a.fan")).unwrap() == before, "it works on a copy");

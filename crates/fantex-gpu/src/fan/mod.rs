@@ -40,7 +40,9 @@ use fantex_cover::Cover;
 use fantex_mesh::{Material, Mesh, OpposedTriangles, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::{Asset, Channel, ChannelKind};
-use fantex_stream::drawing::{AtlasGrid, GeometryChunk, GeometrySource, MaterialRun, PageWords};
+use fantex_stream::drawing::{
+    AtlasGrid, CHUNK_TRIANGLES, GeometryChunk, GeometrySource, MaterialRun, PageWords,
+};
 use fantex_stream::{
     AtlasFormat, AtlasShape, FrameChanges, FrameOptions, Geometry, PageTable, ParcelLoader, StreamView,
     Streamer, StreamerOptions, complete_atlas,
@@ -150,7 +152,7 @@ impl FanModel {
     ) -> Result<Self> {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let shape = Self::atlas_shape(gpu, budget_bytes, &formats);
-        Self::with_atlas(gpu, asset, geometry, pages, shape)
+        Self::with_atlas(gpu, asset, geometry, pages, shape, &|_| {})
     }
 
     /// A small asset with all its texels, which stay. Mesh and cover are `geometry`, the asset's own or a copy.
@@ -161,7 +163,7 @@ impl FanModel {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let (shape, changes) = complete_atlas(asset, &formats, gpu.limits().max_texture_dimension_2d)?;
         let pages = PageTable::new(geometry.cover());
-        let mut model = Self::with_atlas(gpu, asset, geometry, &pages, shape)?;
+        let mut model = Self::with_atlas(gpu, asset, geometry, &pages, shape, &|_| {})?;
         model.update(gpu, &changes);
         Ok(model)
     }
@@ -172,12 +174,13 @@ impl FanModel {
         geometry: &dyn Geometry,
         pages: &PageTable,
         shape: AtlasShape,
+        progress: &dyn Fn(f32),
     ) -> Result<Self> {
         let channels = asset.channels();
         let formats = &Self::atlas_formats(gpu, channels)[..];
         let (mesh, cover) = (geometry.mesh(), geometry.cover());
         let source = FanModelSource { mesh, cover, channels, formats, pages, shape };
-        Self::new(gpu, &source, |channel, group| asset.mean(channel, group))
+        Self::with_progress(gpu, &source, |channel, group| asset.mean(channel, group), progress)
     }
 
     /// A model; `mean` gives the mean linear RGBA of a channel and group.
@@ -189,6 +192,16 @@ impl FanModel {
         source: &FanModelSource<'_>,
         mean: impl Fn(usize, u32) -> [f32; 4],
     ) -> Result<Self> {
+        Self::with_progress(gpu, source, mean, &|_| {})
+    }
+
+    /// The same; `progress` is told the share that is done, 0..1, ascending.
+    fn with_progress(
+        gpu: &Gpu,
+        source: &FanModelSource<'_>,
+        mean: impl Fn(usize, u32) -> [f32; 4],
+        progress: &dyn Fn(f32),
+    ) -> Result<Self> {
         let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
         let longest = FanTables::longest_bytes(cover, channels);
@@ -199,12 +212,21 @@ impl FanModel {
         let grid = checked_grid(gpu, shape)?;
         let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(gpu, parts, mean);
+        progress(0.1);
         let normals = shading_normals(mesh);
+        progress(0.3);
         let opposed = OpposedTriangles::of(&mesh.triangles);
         let geometry = GeometrySource { mesh, cover, normals: &normals, opposed: &opposed };
         let [solid, blended] = geometry.order();
-        let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(gpu, chunk)).collect();
+        progress(0.4);
+        let mut chunks = Vec::new();
+        for chunk in geometry.chunks(&solid) {
+            chunks.push(Chunk::new(gpu, chunk));
+            let done = (chunks.len() * CHUNK_TRIANGLES) as f32 / solid.len().max(1) as f32;
+            progress(0.4 + 0.5 * done.min(1.0));
+        }
         let blended = Blended::new(gpu, &geometry, &blended)?;
+        progress(0.95);
         let default_material = [Material::default()];
         let materials =
             if mesh.materials.is_empty() { &default_material[..] } else { mesh.materials.as_slice() };
@@ -522,6 +544,9 @@ impl std::fmt::Debug for StreamedModel {
     }
 }
 
+/// Share of the time of making a model that its streamer takes.
+const STREAMER_SHARE: f32 = 0.3;
+
 /// Seconds after which another atlas is shown even if it lacks pages.
 const MAX_FILLING_SECONDS: f32 = 3.0;
 
@@ -538,10 +563,28 @@ impl StreamedModel {
         loader: Box<dyn ParcelLoader>,
         budget_bytes: u64,
     ) -> Result<Self> {
+        Self::with_pages_and_progress(gpu, asset, geometry, loader, budget_bytes, &|_| {})
+    }
+
+    /// The same; `progress` is told the share that is done, 0..1, ascending.
+    ///
+    /// # Errors
+    /// As [`with_pages`](Self::with_pages).
+    pub fn with_pages_and_progress(
+        gpu: &Gpu,
+        asset: &Asset,
+        geometry: Arc<dyn Geometry>,
+        loader: Box<dyn ParcelLoader>,
+        budget_bytes: u64,
+        progress: &dyn Fn(f32),
+    ) -> Result<Self> {
         let atlas = FanModel::atlas_shape(gpu, budget_bytes, &FanModel::atlas_formats(gpu, asset.channels()));
         let options = StreamerOptions { atlas, ..StreamerOptions::default() };
         let streamer = Streamer::new(Arc::clone(&geometry), loader, options);
-        let model = FanModel::with_atlas(gpu, asset, &*geometry, streamer.table(), atlas)?;
+        progress(STREAMER_SHARE);
+        let in_all = |share: f32| progress(STREAMER_SHARE + (1.0 - STREAMER_SHARE) * share);
+        let model = FanModel::with_atlas(gpu, asset, &*geometry, streamer.table(), atlas, &in_all)?;
+        progress(1.0);
         Ok(Self { model, streamer, filling_seconds: 0.0 })
     }
 

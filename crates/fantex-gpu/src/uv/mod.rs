@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, OpposedTriangles};
 use fantex_scene::FilterOptions;
-use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
+use fantex_texture::material::{MaterialTextures, load_material_textures_with_progress, preserve_coverage};
 use materials::{TexturePool, UvMaterial, material_layout};
 use vertices::{Attributes, MAX_UV_SETS, Vertices, used_uv_sets};
 
@@ -42,15 +42,30 @@ pub struct UvModel {
     key: Option<SurfaceKey>,
 }
 
+/// Share of the time of loading that decoding takes.
+const DECODED_SHARE: f32 = 0.7;
+
 impl UvModel {
     /// Decodes the images that the materials use and uploads everything, as the CPU renderer's surface does.
     ///
     /// # Errors
     /// An image that is used cannot be read; the device cannot take the model.
     pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self> {
-        let mut textures = load_material_textures(mesh)?;
+        Self::load_with_progress(gpu, mesh, &|_| {})
+    }
+
+    /// The same; `progress` is told the share that is done, 0..1, from any thread.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_with_progress(gpu: &Gpu, mesh: &Mesh, progress: &(dyn Fn(f32) + Sync)) -> Result<Self> {
+        let decoded = |share: f32| progress(DECODED_SHARE * share);
+        let mut textures = load_material_textures_with_progress(mesh, &decoded)?;
         preserve_coverage(&mesh.materials, &mut textures);
-        Self::new(gpu, mesh, &textures)
+        progress(DECODED_SHARE);
+        let model = Self::new(gpu, mesh, &textures)?;
+        progress(1.0);
+        Ok(model)
     }
 
     /// Uploads a mesh with decoded textures, an entry per material.

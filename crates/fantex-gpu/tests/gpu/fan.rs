@@ -372,6 +372,20 @@ fn overlays_explain() {
     }
 }
 
+#[test]
+fn making_a_streamed_model_tells_how_far_it_is() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::torus(24, 12));
+    let baked = baked(&mesh, &cover(&mesh, 96, 1 << 14), BakeFormat::Rgba8);
+    let asset = baked.asset();
+    let loader = Box::new(StreamedModel::loader(&gpu, asset).unwrap());
+    let told = std::cell::RefCell::new(Vec::new());
+    let progress = |share: f32| told.borrow_mut().push(share);
+    StreamedModel::with_pages_and_progress(&gpu, asset, asset.clone(), loader, 1 << 24, &progress).unwrap();
+    let told = told.borrow();
+    assert!(told.len() > 5 && told.is_sorted() && told.last() == Some(&1.0), "{told:?}");
+}
+
 /// What a streamer brings for a view is enough for the CPU's picture of it; the live atlas shows it.
 #[test]
 fn a_streamed_view_becomes_sharp() {

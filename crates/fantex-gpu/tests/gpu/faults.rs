@@ -156,6 +156,19 @@ fn too_many_sets_of_coordinates_are_refused() {
 }
 
 #[test]
+fn loading_textures_tells_how_far_it_is() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = loaded("WaterBottle/WaterBottle.gltf");
+    let told = std::sync::Mutex::new(Vec::new());
+    UvModel::load_with_progress(&gpu, &mesh, &|share| told.lock().unwrap().push(share)).unwrap();
+    let mut told = told.into_inner().unwrap();
+    assert_eq!(told.last(), Some(&1.0));
+    // Threads tell theirs in any order.
+    told.sort_by(f32::total_cmp);
+    assert!(told.len() > 4 && told[0] > 0.0 && told[0] < 0.3, "{told:?}");
+}
+
+#[test]
 fn lines_are_drawn_over_the_model() {
     let Some(gpu) = gpu() else { return };
     let scene = Scene { size: [64, 64], shading: Shading::BaseColor, ..Scene::of(ball()) };

@@ -110,7 +110,7 @@ fn painted_holes_keep_their_coverage_at_every_level() {
         assert!(contents(&painter) == before);
         while painter.redo().unwrap() {}
         assert!(contents(&painter) == after);
-        // Another thread makes the same.
+        // Made later they are the same.
         let again = fence(AlphaMode::Mask(threshold));
         let mut painter = again.painter();
         begin_holes(&mut painter);

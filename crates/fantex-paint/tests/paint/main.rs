@@ -4,6 +4,7 @@
 
 mod added;
 mod cut_outs;
+mod due_levels;
 mod groups;
 mod layers;
 mod opacity;
@@ -11,6 +12,7 @@ mod painting;
 mod regions;
 mod relief;
 mod removed;
+mod tips;
 mod tools;
 mod values;
 mod views;

@@ -397,6 +397,17 @@ fn a_log_with_a_stroke_that_met_nothing_is_replayed() {
 }
 
 #[test]
+fn opening_tells_how_far_it_is() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let told = std::cell::RefCell::new(Vec::new());
+    let progress = |share: f32| told.borrow_mut().push(share);
+    Painter::open_with_progress(&baked.path, &PaintOptions::default(), &progress).unwrap();
+    let told = told.borrow();
+    let last = told.last().copied().unwrap_or_default();
+    assert!(told.len() > 3 && told.is_sorted() && (last - 1.0).abs() < 1e-6, "{told:?}");
+}
+
+#[test]
 fn a_painted_bunny_is_certified() {
     let Some(folder) = data_folder() else { return };
     let mesh = loaded(&folder, "meshes/bunny/stanford_bunny.ply");

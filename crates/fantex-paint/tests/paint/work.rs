@@ -327,7 +327,7 @@ fn the_history_of_a_layer_over_everything_keeps_no_bases() {
     assert_eq!(bytes(&painter, "layers/base/"), kept);
 }
 
-// Coarser levels beside the painting, and painting on a full disk.
+// Coarser levels after the end of a stroke, and painting on a full disk.
 
 /// Over the ball, each stroke elsewhere, crossing the others.
 fn way(turn: usize) -> Vec<Vec3> {
@@ -359,19 +359,18 @@ fn levels_in_the_background_are_the_same() {
         let summary = b.end_in_background().unwrap();
         assert!(summary.pages > 3, "{summary:?}");
         if turn == 1 {
-            // Ask until they are there, as a window does.
+            // Slice by slice, as a window does.
             let changed = loop {
                 if let Some(changed) = b.poll_levels().unwrap() {
                     break changed;
                 }
-                std::thread::yield_now();
             };
             assert!(changed.iter().all(|id| id.level > 0) && !changed.is_empty());
             assert!(contents(&a) == contents(&b));
         }
         states.push(contents(&a));
     }
-    // A commit waits.
+    // A commit makes what is left.
     b.commit().unwrap();
     assert!(contents(&a) == contents(&b));
     assert!(verify(&beside.path, &VerifyOptions::default()).unwrap().ok);

@@ -99,6 +99,11 @@ impl TileLookup {
         }
     }
 
+    /// The finer of the two levels that it reads, and the share of the one after it; after the last one comes the group's mean.
+    pub fn levels(&self) -> (u32, f32) {
+        (self.fine.level, self.coarse_share)
+    }
+
     /// The coarser level; none after the last.
     fn coarse(&self) -> Option<TileId> {
         let level = self.fine.level + 1;

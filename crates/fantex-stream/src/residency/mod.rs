@@ -26,7 +26,8 @@ pub(crate) use budget::FRAME_NANOSECONDS;
 use budget::{BiasControl, Item, Task, Work};
 pub use budget::{FrameWork, WORK_COSTS, WORK_KINDS};
 use fantex_base::Error;
-use fantex_store::PageId;
+use fantex_store::{PAGE, PageId};
+use glam::Vec2;
 pub(crate) use pool::COUNTED_LEVELS;
 pub use pool::ParcelCount;
 use pool::Pool;
@@ -193,6 +194,17 @@ impl Residency {
             .rev()
             .filter(|&step| self.pool.is_resident(self.shapes.index(Parcel::bundle_of(group, step))))
             .find_map(|step| shape.level_at_step(step))
+    }
+
+    /// The finest level from `level` on whose page at a place of a tile, 0..1 along its sides, is resident.
+    pub(crate) fn drawn_level(&self, group: u32, level: u32, uv: Vec2) -> Option<u32> {
+        let shape = self.shapes.of(group);
+        (level..shape.level_count()).find(|&level| {
+            let extent = shape.extent(level);
+            let page = [0, 1].map(|k| ((uv[k] * extent[k] as f32) as u32).min(extent[k] - 1) / PAGE);
+            let parcel = self.shapes.parcel_of(PageId { group, level, page });
+            self.pool.is_resident(self.shapes.index(parcel))
+        })
     }
 
     /// Begins a frame. `is_cut`: the camera has jumped.

@@ -13,6 +13,7 @@ mod packed;
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::{
@@ -154,6 +155,20 @@ pub fn read_used_images<T: Send>(
     usable: impl Fn(&TextureRef) -> bool,
     read: impl Fn(&ImageSource, ImageUse) -> Result<T> + Sync,
 ) -> Result<Vec<(ImageUse, T)>> {
+    let loaded: Vec<_> = used_images(mesh, usable)
+        .into_par_iter()
+        .map(|(used, index, channel)| {
+            let failed = |cause| unreadable(channel, &label(index, &mesh.materials[index]), cause);
+            Ok((used, read(&mesh.images[used.image], used).map_err(failed)?))
+        })
+        .collect();
+    // Not collected as one result in parallel: which of several errors that gives is left to chance.
+    loaded.into_iter().collect()
+}
+
+/// Images of textures that are `usable`, each once per way of use, with the first material and channel that use it so; in order of their
+/// numbers.
+fn used_images(mesh: &Mesh, usable: impl Fn(&TextureRef) -> bool) -> Vec<(ImageUse, usize, &'static str)> {
     let mut wanted = BTreeMap::new();
     for (index, material) in mesh.materials.iter().enumerate() {
         for (channel, texture, space) in channels(material).into_array() {
@@ -164,15 +179,7 @@ pub fn read_used_images<T: Send>(
             }
         }
     }
-    let loaded: Vec<_> = wanted
-        .into_par_iter()
-        .map(|(_, (used, index, channel))| {
-            let failed = |cause| unreadable(channel, &label(index, &mesh.materials[index]), cause);
-            Ok((used, read(&mesh.images[used.image], used).map_err(failed)?))
-        })
-        .collect();
-    // Not collected as one result in parallel: which of several errors that gives is left to chance.
-    loaded.into_iter().collect()
+    wanted.into_values().collect()
 }
 
 /// Decodes all images that a mesh's materials use; one entry per material.
@@ -180,7 +187,23 @@ pub fn read_used_images<T: Send>(
 /// # Errors
 /// As [`read_used_images`].
 pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
-    let decode = |source: &ImageSource, used| Ok(Arc::new(decode(source, used)?));
+    load_material_textures_with_progress(mesh, &|_| {})
+}
+
+/// The same; `progress` is told the share that is done, 0..1, from any thread.
+///
+/// # Errors
+/// As [`read_used_images`].
+pub fn load_material_textures_with_progress(
+    mesh: &Mesh,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Vec<MaterialTextures>> {
+    let (all, done) = (used_images(mesh, |_| true).len(), AtomicUsize::new(0));
+    let decode = |source: &ImageSource, used| {
+        let texture = Arc::new(decode(source, used)?);
+        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / all.max(1) as f32);
+        Ok(texture)
+    };
     let textures: HashMap<_, _> = read_used_images(mesh, |_| true, decode)?.into_iter().collect();
     let of_material = |material| {
         channels(material).map(|(_, texture, space)| {

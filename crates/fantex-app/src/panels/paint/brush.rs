@@ -2,7 +2,7 @@
 
 use crate::paint::{
     AlphaShown, BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit,
-    StickerKind, preview_stroke,
+    StickerKind, TIPS, preview_stroke,
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
@@ -88,9 +88,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         );
         percent(ui, "Vary size", &mut brush.jitter.size, "Random change from dab to dab");
         percent(ui, "Vary flow", &mut brush.jitter.flow, "Random change from dab to dab");
-        percent(ui, "Pen → size", &mut brush.pressure.size, "How far pressure goes into the size");
+        percent(ui, "Pressure: size", &mut brush.pressure.size, "How far pressure goes into the size");
+        percent(ui, "Pressure: flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
         asks_stamp = stamp(ui, brush);
-        percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
         let tip = "Above 0 less force does more, below 0 more force is needed";
         number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
         let tip =
@@ -157,25 +157,30 @@ fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
     is_asked
 }
 
-/// The picture that shapes the dabs. Returns whether another one is wanted.
+/// What shapes the dabs. Returns whether another picture is wanted.
 fn stamp(ui: &mut Ui, brush: &mut BrushSettings) -> bool {
     let mut is_asked = false;
+    row(ui, "Tip", |ui| {
+        let tip = "Shape of the dabs, of those that come with the program";
+        choice(ui, "brush tip", &mut brush.tip, &TIPS).on_hover_text(tip)
+    });
     row(ui, "Stamp", |ui| {
         let name = brush
             .stamp
             .as_ref()
             .and_then(|path| path.file_stem())
             .map(|name| name.to_string_lossy().into_owned());
-        let button = Button::new(name.unwrap_or_else(|| "Round …".into())).truncate();
-        let response = ui.add(button).on_hover_text("A picture whose alpha or brightness shapes the brush");
+        let button = Button::new(name.unwrap_or_else(|| "None …".into())).truncate();
+        let tip = "A picture whose alpha or brightness shapes the brush, instead of the tip";
+        let response = ui.add(button).on_hover_text(tip);
         is_asked = response.clicked();
-        if brush.stamp.is_some() && ui.small_button("×").on_hover_text("Round again").clicked() {
+        if brush.stamp.is_some() && ui.small_button("×").on_hover_text("Without a picture").clicked() {
             brush.stamp = None;
         }
         response
     });
-    if brush.stamp.is_some() {
-        number("Angle", "°", 0, "Of the stamp").show(ui, &mut brush.angle_degrees, -180.0..=180.0);
+    if brush.stamp.is_some() || brush.tip.is_some() {
+        number("Angle", "°", 0, "Of tip or stamp").show(ui, &mut brush.angle_degrees, -180.0..=180.0);
         let mut turn = brush.jitter.angle.to_degrees();
         number("Vary angle", "°", 0, "Random change from dab to dab").show(ui, &mut turn, 0.0..=180.0);
         brush.jitter.angle = turn.to_radians();

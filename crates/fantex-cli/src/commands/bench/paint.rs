@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::paint::{
-    BlendMode, Brush, ChannelPaint, Dab, Paint, PaintColor, PaintOptions, Painter, Sample, Size, Stroke,
-    Surface, Symmetry, Tool, dabs_of,
+    BlendMode, Brush, ChannelPaint, Dab, Layer, Paint, PaintColor, PaintOptions, Painter, Sample, Size,
+    Stroke, Surface, Symmetry, Target, Tool, dabs_of,
 };
 use fantex::{Error, Result};
 use glam::{Vec3, Vec4};
@@ -17,7 +17,8 @@ use crate::context::Context;
 use crate::scene::open_asset;
 
 /// Paint a long stroke onto a copy of an asset, dab by dab: what a dab takes up to the visible update, the end of the stroke,
-/// undo, redo, the commit; and how long opening takes, of each asset that is named.
+/// undo, redo, the commit; then what strokes wait for: one right after another in the same place, a large one in all channels, one
+/// under layers; and how long opening takes, of each asset that is named.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -46,6 +47,7 @@ pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>
     std::fs::copy(&args.assets[0], &copy).map_err(|error| Error::reading(&args.assets[0], error))?;
     let mut painter = Painter::open(&copy, &options)?;
     rows.extend(stroke(&mut painter, args)?);
+    rows.extend(strokes_in_a_row(&mut painter, args)?);
     Ok(rows)
 }
 
@@ -69,10 +71,7 @@ fn opening(asset: &Path, options: &PaintOptions) -> Result<Vec<Row>> {
 fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>> {
     let surface = Arc::clone(painter.surface());
     let dabs = dabs_around(&surface, args.brush as f32, args.dabs);
-    let color = PaintColor::Constant(Vec4::new(0.8, 0.1, 0.05, 1.0));
-    let channels = vec![ChannelPaint::new(0, color)];
-    let tool = Tool::Paint(BlendMode::Normal);
-    painter.begin("bench", Paint { tool, opacity: 0.9, channels, stencil: None, sight: None })?;
+    begin(painter, Target::Base, 1)?;
     let mut times = Vec::with_capacity(dabs.len());
     for dab in &dabs {
         let started = Instant::now();
@@ -86,18 +85,71 @@ fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>> {
         Row::new("dab, median", share(0.5).unwrap_or(0.0), "ms"),
         Row::new("dab, 99 of 100", share(0.99).unwrap_or(0.0), "ms"),
     ];
-    let mut timed = |name: &str, run: &mut dyn FnMut() -> Result<()>| {
-        let started = Instant::now();
-        run()?;
-        rows.push(Row::new(name, milliseconds(started), "ms"));
-        Ok::<_, Error>(())
-    };
-    timed("end of the stroke", &mut || painter.end_in_background().map(|_| ()))?;
-    timed("its coarser levels", &mut || painter.finish_levels().map(|_| ()))?;
-    timed("undo", &mut || painter.undo().map(|_| ()))?;
-    timed("redo", &mut || painter.redo().map(|_| ()))?;
-    timed("commit", &mut || painter.commit().map(|_| ()))?;
+    rows.push(timed("end of the stroke", || painter.end_in_background().map(drop))?);
+    rows.push(timed("its coarser levels", || painter.finish_levels().map(drop))?);
+    rows.push(timed("undo", || painter.undo().map(drop))?);
+    rows.push(timed("redo", || painter.redo().map(drop))?);
+    rows.push(timed("commit", || painter.commit().map(drop))?);
     rows.push(Row::new("dabs of the stroke", dabs.len() as f64, ""));
+    Ok(rows)
+}
+
+fn timed(name: &str, run: impl FnOnce() -> Result<()>) -> Result<Row> {
+    let started = Instant::now();
+    run()?;
+    Ok(Row::new(name, milliseconds(started), "ms"))
+}
+
+/// Begins a stroke in the first channels, so many of them at most.
+fn begin(painter: &mut Painter, target: Target, channels: usize) -> Result<()> {
+    let color = PaintColor::Constant(Vec4::new(0.8, 0.1, 0.05, 1.0));
+    let channels = channels.min(painter.editor().asset().channels().len());
+    let channels = (0..channels).map(|channel| ChannelPaint::new(channel, color.clone())).collect();
+    let tool = Tool::Paint(BlendMode::Normal);
+    painter.begin_on(target, "bench", Paint { tool, opacity: 0.9, channels, stencil: None, sight: None })
+}
+
+fn draw(painter: &mut Painter, dabs: &[Dab]) -> Result<()> {
+    for dab in dabs {
+        painter.dab(std::slice::from_ref(dab))?;
+        painter.show()?;
+    }
+    Ok(())
+}
+
+/// What one stroke waits for because of the one before.
+fn strokes_in_a_row(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>> {
+    let surface = Arc::clone(painter.surface());
+    let dabs = dabs_around(&surface, args.brush as f32, args.dabs);
+    // As long a way.
+    let large = dabs_around(&surface, 4.0 * args.brush as f32, args.dabs.div_ceil(4));
+    let first = &dabs[..dabs.len().min(1)];
+    let mut rows = Vec::new();
+    // Right after a stroke, one in the same place: its first dab asks for the levels there.
+    begin(painter, Target::Base, usize::MAX)?;
+    draw(painter, &dabs)?;
+    rows.push(timed("end of a stroke, all channels", || painter.end_in_background().map(drop))?);
+    rows.push(timed("first dab of the next one, in the same place", || {
+        begin(painter, Target::Base, usize::MAX)?;
+        draw(painter, first)
+    })?);
+    draw(painter, &dabs[first.len()..])?;
+    rows.push(timed("end of that", || painter.end_in_background().map(drop))?);
+    rows.push(timed("their coarser levels", || painter.finish_levels().map(drop))?);
+
+    begin(painter, Target::Base, usize::MAX)?;
+    draw(painter, &large)?;
+    rows.push(timed("end of a large stroke, all channels", || painter.end_in_background().map(drop))?);
+    rows.push(timed("coarser levels of that", || painter.finish_levels().map(drop))?);
+
+    let layer = painter.add_layer(Layer::painted("bench"))?;
+    begin(painter, Target::Layer(layer), usize::MAX)?;
+    draw(painter, &dabs)?;
+    painter.end()?;
+    begin(painter, Target::Base, usize::MAX)?;
+    draw(painter, &dabs)?;
+    rows.push(timed("end of a stroke under layers", || painter.end_in_background().map(drop))?);
+    rows.push(timed("coarser levels of that, too", || painter.finish_levels().map(drop))?);
     Ok(rows)
 }
 

@@ -1,0 +1,220 @@
+//! Steps: what a stroke or a change of the layers leaves behind it, coarser levels and the history included.
+
+use std::collections::BTreeMap;
+
+use fantex_base::Result;
+use fantex_store::{PageId, page_origin};
+
+use crate::error::encoded;
+use crate::history::PageStep;
+use crate::layers::{base_name, page_name};
+use crate::levels::Dirty;
+use crate::log::{self, Portable, portable};
+use crate::painter::OpenStroke;
+use crate::stroke_page::StrokePage;
+use crate::texel_page::Rect;
+use crate::{Painter, StrokeSettings, StrokeSummary, Target};
+
+/// Changed texels of level 0, group by group.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Changes {
+    pub(crate) groups: BTreeMap<u32, Dirty>,
+    /// What lies under the layers has changed.
+    pub(crate) is_base: bool,
+}
+
+impl Changes {
+    /// Adds texels of a page, given relative to it.
+    pub(crate) fn add(&mut self, id: PageId, rect: Rect) {
+        let rect = rect.moved(page_origin(id.page));
+        let known = self.groups.entry(id.group).or_default().entry(id.page).or_insert(Rect::EMPTY);
+        *known = known.union(rect);
+    }
+}
+
+impl Painter {
+    /// Drops the open stroke: everything is as it was before it, and there is no step in the history. Does nothing where none is open.
+    ///
+    /// # Errors
+    /// What it was before cannot be read.
+    pub fn abandon(&mut self) -> Result<()> {
+        let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
+        self.room.let_go();
+        for id in stroke.pages.ids() {
+            let Some(mut page) = stroke.pages.take(id)? else { continue };
+            // Never shown: nothing has changed.
+            if page.originals.is_empty() {
+                continue;
+            }
+            if stroke.is_layered(&page) {
+                let before = page.originals.pop().unwrap_or_default();
+                let is_new_base = before.is_empty()
+                    && stroke.target != Target::Base
+                    && self.is_new_base(id, &page.originals, &stroke.affected)?;
+                let name = page_name(stroke.target, id);
+                match before.is_empty() {
+                    true => self.editor.detach(&name),
+                    false => self.editor.attach(&name, before)?,
+                }
+                if is_new_base {
+                    self.editor.detach(&base_name(id));
+                }
+            }
+            for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+                self.editor.replace(id, channel, before)?;
+            }
+        }
+        self.relieve()
+    }
+
+    /// Shows the open stroke for the last time and enters what it changed at level 0 into the history.
+    pub(crate) fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>> {
+        self.show()?;
+        let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
+        self.room.let_go();
+        let ids = stroke.pages.ids();
+        let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
+        self.begin_step(&stroke.label);
+        let mut changes = Changes { is_base: stroke.target == Target::Base, ..Changes::default() };
+        for &id in &ids {
+            let Some(page) = stroke.pages.take(id)? else { continue };
+            changes.add(id, stroke.changed(&self.surface, self.editor.asset(), id, page.touched));
+            self.remember_page(&stroke, id, page)?;
+            self.relieve()?;
+        }
+        self.log_stroke(&stroke)?;
+        Ok(Some((summary, changes, stroke.affected)))
+    }
+
+    /// Enters into the history what a stroke has changed on a page of level 0.
+    pub(crate) fn remember_page(
+        &mut self,
+        stroke: &OpenStroke,
+        id: PageId,
+        mut page: StrokePage,
+    ) -> Result<()> {
+        if !self.options.history {
+            return Ok(());
+        }
+        let mut change = PageStep { id, channels: Vec::new(), is_first_layered: false };
+        if stroke.is_layered(&page) {
+            let before = page.originals.pop().unwrap_or_default();
+            change.is_first_layered = before.is_empty()
+                && stroke.target != Target::Base
+                && self.is_new_base(id, &page.originals, &stroke.affected)?;
+            self.remember_attachment(&page_name(stroke.target, id), before)?;
+        }
+        for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+            change.channels.push((channel, before, self.editor.read_page_raw(channel, id)?));
+        }
+        self.history.add_page(change, &mut self.editor)
+    }
+
+    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<()> {
+        let asset = self.editor.asset();
+        let Portable { stroke: mut settings, files, .. } =
+            portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
+        settings.label.clone_from(&stroke.label);
+        if let Target::Layer(id) | Target::Mask(id) = stroke.target {
+            let name = self.layers.find(id).map(|layer| layer.name.clone()).unwrap_or_default();
+            let layer = settings.layer.get_or_insert_default();
+            (layer.id, layer.name, layer.mask) = (Some(id), name, matches!(stroke.target, Target::Mask(_)));
+            // The layer itself has been logged when it was made.
+            (layer.fill, layer.group, layer.within) = (None, None, None);
+        }
+        for (name, contents) in files {
+            // Names are hashes of contents.
+            let name = log::file_name(&name);
+            if !self.editor.has_attachment(&name) {
+                self.attach(&name, contents)?;
+            }
+        }
+        self.log(&settings)
+    }
+
+    pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<()> {
+        let contents = encoded(settings)?;
+        let name = log::stroke_name(self.next_stroke);
+        self.next_stroke += 1;
+        self.attach(&name, contents)
+    }
+
+    /// Takes the last step back; false where there is none. An open stroke ends first.
+    ///
+    /// # Errors
+    /// The history cannot be read, or the asset not be changed.
+    pub fn undo(&mut self) -> Result<bool> {
+        let is_started = self.start_undo()?;
+        self.finish_work()?;
+        Ok(is_started)
+    }
+
+    /// Does what was taken back last again; false where there is nothing.
+    ///
+    /// # Errors
+    /// As [`undo`](Self::undo).
+    pub fn redo(&mut self) -> Result<bool> {
+        let is_started = self.start_redo()?;
+        self.finish_work()?;
+        Ok(is_started)
+    }
+
+    pub(crate) fn begin_step(&mut self, label: &str) {
+        if self.options.history {
+            self.history.begin(label, &mut self.editor);
+        }
+    }
+
+    pub(crate) fn remember(&mut self, change: PageStep) -> Result<()> {
+        self.history.add_page(change, &mut self.editor)?;
+        self.relieve()
+    }
+
+    /// Changes an attachment of the layers and enters that into the history.
+    pub(crate) fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<()> {
+        let before = self.editor.attachment(name)?.unwrap_or_default();
+        self.editor.attach(name, contents)?;
+        self.remember_attachment(name, before)?;
+        self.relieve()
+    }
+
+    /// Drops an attachment of the layers and enters that into the history.
+    pub(crate) fn detach(&mut self, name: &str) -> Result<()> {
+        let before = self.editor.attachment(name)?.unwrap_or_default();
+        self.editor.detach(name);
+        self.remember_attachment(name, before)?;
+        self.relieve()
+    }
+
+    fn remember_attachment(&mut self, name: &str, before: Vec<u8>) -> Result<()> {
+        if self.options.history {
+            let after = self.editor.attachment(name)?.unwrap_or_default();
+            if before != after {
+                self.history.add_attachment(name, before, after, &mut self.editor)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// True where this stroke has put the base of a page aside: then it is the page as it was.
+    fn is_new_base(&self, id: PageId, originals: &[Vec<u8>], affected: &[usize]) -> Result<bool> {
+        let Some(base) = self.editor.attachment(&base_name(id))? else { return Ok(false) };
+        let channels = self.editor.asset().channels().len();
+        let mut page = Vec::with_capacity(base.len());
+        for channel in 0..channels {
+            match affected.iter().position(|&c| c == channel) {
+                Some(index) => page.extend_from_slice(&originals[index]),
+                None => page.extend(self.editor.read_page_raw(channel, id)?),
+            }
+        }
+        Ok(page == base)
+    }
+
+    /// Moves changes from memory to the file where they exceed the budget.
+    pub(crate) fn relieve(&mut self) -> Result<()> {
+        if self.editor.pending_bytes() > self.options.budget() {
+            self.room.relieve(&mut self.editor, self.options.budget())?;
+        }
+        Ok(())
+    }
+}
