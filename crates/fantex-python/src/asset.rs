@@ -370,8 +370,8 @@ impl Asset {
     }
 
     /// What verification found.
-    fn verify<'py>(&self, py: Python<'py>, memory: usize) -> PyResult<Bound<'py, PyDict>> {
-        let options = VerifyOptions { memory_bytes: memory };
+    fn verify<'py>(&self, py: Python<'py>, texels: bool, memory: usize) -> PyResult<Bound<'py, PyDict>> {
+        let options = VerifyOptions { memory_bytes: memory, texels };
         let report = watched(py, None, |_| Ok(verify_asset(self.asset.shared(), &options)))?;
         let dict = PyDict::new(py);
         dict.set_item("ok", report.ok)?;
@@ -384,6 +384,11 @@ impl Asset {
         dict.set_item("damaged_tiles", report.damaged_tiles)?;
         dict.set_item("damage", report.first_damage)?;
         dict.set_item("mesh_faults", report.mesh_faults.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        if let Some(texels) = report.texels {
+            dict.set_item("texels_compared", texels.compared)?;
+            dict.set_item("contradictions", texels.contradictions + texels.empty_blocks)?;
+            dict.set_item("texel_faults", texels.first)?;
+        }
         Ok(dict)
     }
 

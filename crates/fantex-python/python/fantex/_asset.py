@@ -320,9 +320,13 @@ class Asset:
         visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
         return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
 
-    def verify(self) -> dict:
-        """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ..."""
-        return self._native.verify(self._memory)
+    def verify(self, *, texels: bool = False) -> dict:
+        """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ...
+
+        Args:
+            texels: compare detail levels, too: ``contradictions``, ``texel_faults``, ...
+        """
+        return self._native.verify(texels, self._memory)
 
     def paint(self, strokes: Any, *, history: bool = True) -> dict:
         """Paints on the file: all strokes or none, and opens it anew.
