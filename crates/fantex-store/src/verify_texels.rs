@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use fantex_cover::{Group, GroupTriangles, TexelUses};
+use fantex_cover::{Group, GroupTriangles, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelUses};
 use fantex_mesh::Edges;
 use fantex_texture::filter::{Overlap, overlaps};
 use fantex_texture::levels::CutOut;
@@ -182,6 +182,8 @@ impl TexelCheck<'_> {
         let is_open = self.is_open[group as usize];
         let modes = triangles.iter().map(|&triangle| mesh.alpha_mode(triangle as usize));
         let is_cut_out = CutOut::of_all(modes, false).is_some();
+        // Of a cut-out that is painted on, finer levels are made anew block by block, and from this one on as a whole.
+        let is_large = cover.groups[group as usize].extent.iter().any(|&n| n > MAX_BLOCK_SIDE);
         let mut report = TexelReport::default();
         let mut finer = Level::finest(&uses(0), is_open);
         self.find_empty_blocks((group, 0), &finer, &mut report);
@@ -189,7 +191,9 @@ impl TexelCheck<'_> {
             let coarser = finer.coarser(&uses(level), is_open);
             self.find_empty_blocks((group, level), &coarser, &mut report);
             let [columns, rows] = coarser.extent.map(|n| n.div_ceil(PART));
-            let parts: Vec<TexelReport> = (0..columns * rows)
+            let is_left_out = is_cut_out && is_large && level == SHARED_LEVEL;
+            let count = if is_left_out { 0 } else { columns * rows };
+            let parts: Vec<TexelReport> = (0..count)
                 .into_par_iter()
                 .map(|part| {
                     let low = [part % columns * PART, part / columns * PART];

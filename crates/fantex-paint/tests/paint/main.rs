@@ -11,6 +11,7 @@ mod painting;
 mod regions;
 mod relief;
 mod removed;
+mod texels;
 mod tools;
 mod values;
 mod views;
