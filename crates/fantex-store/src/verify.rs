@@ -39,7 +39,7 @@ pub const JUMP_BOUND: f32 = 1e-4;
 pub struct VerifyOptions {
     /// Bytes of decoded pages to keep.
     pub memory_bytes: usize,
-    /// Compare all texels that look-ups read with the finer ones that they are made of, which takes several times as long.
+    /// Compare all texels that look-ups read with the finer ones that they are made of. Takes time in proportion to the texels.
     pub texels: bool,
 }
 
