@@ -70,13 +70,18 @@ impl TexelTriangle {
         [a.min(b).min(c), a.max(b).max(c)]
     }
 
+    /// What so many texels off each of its sides are in barycentric coordinates.
+    pub(crate) fn reaches(&self, texels: f32) -> Vec3 {
+        Vec3::from_array([0, 1, 2].map(|k| texels * self.slope(k)))
+    }
+
     /// Change of a barycentric coordinate per texel along its gradient.
     fn slope(&self, k: usize) -> f32 {
         Vec2::new(self.steps[0][k], self.steps[1][k]).length()
     }
 
     /// Roughly how many texels a point with these barycentric coordinates lies outside; not positive inside.
-    fn distance_texels(&self, lambda: Vec3) -> f32 {
+    pub(crate) fn distance_texels(&self, lambda: Vec3) -> f32 {
         (0..3).map(|k| -lambda[k] / self.slope(k).max(1e-12)).fold(f32::NEG_INFINITY, f32::max)
     }
 }
@@ -98,7 +103,13 @@ pub struct Footprints {
 }
 
 /// Texels this far off the surface still get a value: what a bilinear look-up at the surface's edge and the fit read.
-const EXTENSION_TEXELS: f32 = 2.0;
+pub(crate) const EXTENSION_TEXELS: f32 = 2.0;
+
+/// How far off the surface texels of a level show it, in texels of that level: a texel of a coarser level does if a texel of level 0
+/// within it does.
+pub fn texel_reach(level: u32) -> f32 {
+    if level == 0 { EXTENSION_TEXELS } else { 0.5 + EXTENSION_TEXELS / (1u64 << level) as f32 }
+}
 
 impl Footprints {
     /// Finds the owners of a block's texels, with the cover's `delta`; `self.triangles` holds the group's triangles.
@@ -181,7 +192,7 @@ impl Footprints {
         let from = (low - origin - margin).ceil().clamp(Vec2::ZERO, end).as_uvec2();
         let to = ((high - origin + margin).floor()).clamp(Vec2::ZERO, end).as_uvec2();
         // What is so far outside of one side that it is out of reach.
-        let reach = Vec3::from_array([0, 1, 2].map(|k| EXTENSION_TEXELS * triangle.slope(k)));
+        let reach = triangle.reaches(EXTENSION_TEXELS);
         let bounds = [from.x as f32, to.x as f32 - 1.0];
         for row in from.y..to.y {
             let start = triangle.lambda(origin + Vec2::new(0.5, row as f32 + 0.5));
@@ -230,7 +241,7 @@ impl Footprints {
 
 /// The first and the last column of those between `bounds` where nothing of `lambda`, which grows by `step` per column from column 0 on, is
 /// negative; the last is below the first where there is none.
-fn columns(bounds: [f32; 2], lambda: Vec3, step: Vec3) -> [f32; 2] {
+pub(crate) fn columns(bounds: [f32; 2], lambda: Vec3, step: Vec3) -> [f32; 2] {
     let [mut first, mut last] = bounds;
     for (l, step) in lambda.to_array().into_iter().zip(step.to_array()) {
         if step > 0.0 {

@@ -30,6 +30,7 @@ mod sheet;
 mod stats;
 mod stored;
 mod surface;
+mod texel_uses;
 mod unfolded;
 mod unroll;
 
@@ -42,4 +43,5 @@ pub use rectangle::{Rectangle, RectangleFinder};
 pub use sheet::Sheet;
 pub use stats::*;
 pub use stored::StoredBlocks;
+pub use texel_uses::TexelUses;
 pub use unfolded::*;

@@ -130,19 +130,19 @@ impl Cover {
         let inside = groups.map(|other| other == id);
         let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
         let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
-        let [columns, rows] = group.extent.map(|n| n / BLOCK);
+        let cells = Cells { side: BLOCK as f32, growth: GROWTH, count: group.extent.map(|n| n / BLOCK) };
         let start = blocks.starts[id as usize - blocks.first_group];
         let in_row = |row: u32, [from, to]: [u32; 2]| {
-            let first = start + u64::from(row) * u64::from(columns);
+            let first = start + u64::from(row) * u64::from(cells.count[0]);
             [from, to].map(|column| first + u64::from(column))
         };
         // Small triangles lie in blocks that their neighbours have marked, mostly.
-        let [first, last] = blocks_around(&corners, [columns, rows]);
+        let [first, last] = cells.around(&corners);
         if (first[1]..=last[1]).all(|row| blocks.are_set(in_row(row, [first[0], last[0]]))) {
             return;
         }
         for piece in region_pieces(corners, inside, self.delta) {
-            for_each_run(&piece, [columns, rows], |row, from, to| blocks.set(in_row(row, [from, to])));
+            cells.for_each_run(&piece, |row, from, to| blocks.set(in_row(row, [from, to])));
         }
     }
 }
@@ -178,47 +178,60 @@ impl StoredBlocks {
     }
 }
 
-/// The first and the last block, column and row, around a polygon (in texels) grown by [`GROWTH`].
-fn blocks_around(polygon: &[Vec2], count: [u32; 2]) -> [[u32; 2]; 2] {
-    let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-    for &p in polygon {
-        low = low.min(p);
-        high = high.max(p);
-    }
-    [low - GROWTH, high + GROWTH].map(|p| [block_at(p.x, count[0]), block_at(p.y, count[1])])
+/// A grid of square cells in which polygons are marked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cells {
+    /// Texels along a side of a cell.
+    pub(crate) side: f32,
+    /// Texels by which polygons grow on all sides.
+    pub(crate) growth: f32,
+    /// Columns and rows.
+    pub(crate) count: [u32; 2],
 }
 
-/// The column or row of blocks, of so many, that a place in texels lies in.
-fn block_at(x: f32, count: u32) -> u32 {
-    ((x / BLOCK as f32).max(0.0) as u32).min(count - 1)
-}
-
-/// The blocks that meet a convex polygon (in texels) grown by [`GROWTH`], as `(row, first column, last column)`.
-fn for_each_run(polygon: &[Vec2], [columns, rows]: [u32; 2], mut visit: impl FnMut(u32, u32, u32)) {
-    let [first, last] = blocks_around(polygon, [columns, rows]);
-    if first == last {
-        return visit(first[1], first[0], first[0]);
+impl Cells {
+    /// The first and the last cell, column and row, around a polygon (in texels) that has grown.
+    fn around(&self, polygon: &[Vec2]) -> [[u32; 2]; 2] {
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for &p in polygon {
+            low = low.min(p);
+            high = high.max(p);
+        }
+        [low - self.growth, high + self.growth].map(|p| [self.at(p.x, 0), self.at(p.y, 1)])
     }
-    for row in first[1]..=last[1] {
-        let band = [(row * BLOCK) as f32 - GROWTH, ((row + 1) * BLOCK) as f32 + GROWTH];
-        let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
-        for (i, &a) in polygon.iter().enumerate() {
-            let b = polygon[(i + 1) % polygon.len()];
-            let mut reach = |x: f32| {
-                from = from.min(x);
-                to = to.max(x);
-            };
-            if a.y >= band[0] && a.y <= band[1] {
-                reach(a.x);
-            }
-            for y in band {
-                if (a.y < y) != (b.y < y) {
-                    reach(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
+
+    /// The column (axis 0) or row (axis 1) that a place in texels lies in.
+    fn at(&self, x: f32, axis: usize) -> u32 {
+        ((x / self.side).max(0.0) as u32).min(self.count[axis] - 1)
+    }
+
+    /// The cells that meet a convex polygon (in texels) that has grown, as `(row, first column, last column)`.
+    pub(crate) fn for_each_run(&self, polygon: &[Vec2], mut visit: impl FnMut(u32, u32, u32)) {
+        let [first, last] = self.around(polygon);
+        if first == last {
+            return visit(first[1], first[0], first[0]);
+        }
+        for row in first[1]..=last[1] {
+            let band = [row as f32 * self.side - self.growth, (row + 1) as f32 * self.side + self.growth];
+            let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
+            for (i, &a) in polygon.iter().enumerate() {
+                let b = polygon[(i + 1) % polygon.len()];
+                let mut reach = |x: f32| {
+                    from = from.min(x);
+                    to = to.max(x);
+                };
+                if a.y >= band[0] && a.y <= band[1] {
+                    reach(a.x);
+                }
+                for y in band {
+                    if (a.y < y) != (b.y < y) {
+                        reach(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
+                    }
                 }
             }
-        }
-        if from <= to {
-            visit(row, block_at(from - GROWTH, columns), block_at(to + GROWTH, columns));
+            if from <= to {
+                visit(row, self.at(from - self.growth, 0), self.at(to + self.growth, 0));
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use fantex_cover::{Footprints, NO_OWNER, TexelBlock, TexelTriangle};
+use fantex_cover::{Footprints, NO_OWNER, TexelBlock, TexelTriangle, texel_reach};
 use fantex_mesh::SurfacePoint;
 use fantex_store::{PageId, page_extent, page_origin};
 use glam::Vec2;
@@ -46,8 +46,7 @@ impl TexelPage {
         footprints.cover(around, cover.delta);
         let own = Rect::of(block.extent).moved([0, 1].map(|k| block.origin[k] - low[k]));
         let texel = |[x, y]: [u32; 2]| (y * around.extent[0] + x) as usize;
-        // A texel of a coarser level counts if a texel of level 0 within it does.
-        let reach = if id.level == 0 { f32::INFINITY } else { 0.5 + 2.0 / (1u64 << id.level) as f32 };
+        let reach = texel_reach(id.level);
         let in_region = own.texels().map(|place| footprints.in_region[texel(place)]).collect();
         let owner = own.texels().map(texel);
         let owner =

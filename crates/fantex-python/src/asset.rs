@@ -333,8 +333,8 @@ impl Asset {
     }
 
     /// What verification found.
-    fn verify<'py>(&self, py: Python<'py>, memory: usize) -> PyResult<Bound<'py, PyDict>> {
-        let options = VerifyOptions { memory_bytes: memory };
+    fn verify<'py>(&self, py: Python<'py>, texels: bool, memory: usize) -> PyResult<Bound<'py, PyDict>> {
+        let options = VerifyOptions { memory_bytes: memory, texels };
         let report = watched(py, None, |_| Ok(verify_asset(self.asset.shared(), &options)))?;
         let fault = (!report.ok).then(|| not_verified(self.asset.path(), &report).to_string());
         let dict = PyDict::new(py);
@@ -352,6 +352,11 @@ impl Asset {
         dict.set_item("damaged_attachments", report.damaged_attachments)?;
         dict.set_item("bytes", report.bytes)?;
         dict.set_item("fault", fault)?;
+        if let Some(texels) = report.texels {
+            dict.set_item("texels_compared", texels.compared)?;
+            dict.set_item("contradictions", texels.contradictions + texels.empty_blocks)?;
+            dict.set_item("texel_faults", texels.first)?;
+        }
         Ok(dict)
     }
 

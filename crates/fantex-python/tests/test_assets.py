@@ -176,7 +176,9 @@ def test_own_materials_pictures_and_exports(tmp_path, bottle):
     with pytest.raises(FileExistsError):
         asset.export(tmp_path / "bottle.glb", resolution=256)
     report = asset.verify()
-    assert report["ok"] and report["largest_jump"] <= report["bound"]
+    assert report["ok"] and report["largest_jump"] <= report["bound"] and "contradictions" not in report
+    report = asset.verify(texels=True)
+    assert report["ok"] and report["contradictions"] == 0 and report["texels_compared"] > 1_000
 
 
 def test_to_trimesh(tmp_path, bottle):

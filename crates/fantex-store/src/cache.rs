@@ -179,6 +179,26 @@ impl PageCache {
         Ok(Arc::new(DecodedPage::new(extent, texels, asset.channels()[channel].srgb)))
     }
 
+    /// Reads texels of a page, linear, by their numbers row by row; none (and a record of it) where it is damaged. The page must exist.
+    pub(crate) fn read_linear<R>(
+        &self,
+        channel: usize,
+        id: PageId,
+        read: impl FnOnce(&dyn Fn(usize) -> [f32; 4]) -> R,
+    ) -> Option<R> {
+        let page = self.page(channel, id)?;
+        Some(read(&|texel| page.at(texel)))
+    }
+
+    /// The bytes of a page in the channel's format.
+    pub(crate) fn page_bytes(&self, channel: usize, id: PageId) -> Result<Vec<u8>> {
+        let shared = &self.shared;
+        match &shared.snapshot {
+            Some(snapshot) => snapshot.read_page_raw(channel, id),
+            None => shared.asset.page_in(&self.cluster(id)?, channel, id).map(<[u8]>::to_vec),
+        }
+    }
+
     fn cluster(&self, id: PageId) -> Loaded<ClusterPages> {
         let shared = &self.shared;
         let cluster_id = shared.asset.cluster_of(id)?;

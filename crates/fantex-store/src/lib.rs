@@ -48,7 +48,11 @@ mod reader;
 mod sampler;
 mod source;
 #[cfg(not(target_arch = "wasm32"))]
+mod texel_bounds;
+#[cfg(not(target_arch = "wasm32"))]
 mod verify;
+#[cfg(not(target_arch = "wasm32"))]
+mod verify_texels;
 #[cfg(not(target_arch = "wasm32"))]
 mod writer;
 
@@ -70,5 +74,7 @@ pub use sampler::*;
 pub use source::*;
 #[cfg(not(target_arch = "wasm32"))]
 pub use verify::*;
+#[cfg(not(target_arch = "wasm32"))]
+pub use verify_texels::TexelReport;
 #[cfg(not(target_arch = "wasm32"))]
 pub use writer::*;

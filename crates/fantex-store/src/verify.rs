@@ -1,4 +1,4 @@
-//! Verifying assets: structure, checksums and the continuity certificate.
+//! Verifying assets: structure, checksums, the continuity certificate, and on request (`verify_texels.rs`) that detail levels agree.
 //!
 //! The continuity certificate: on every edge the texture function, evaluated from either of the triangles that continue each
 //! other there ([`continued`](fantex_mesh::continued)) on the texels as they are stored, gives the same value.
@@ -26,7 +26,8 @@ use fantex_mesh::{Edges, Mesh, is_crease, shading_normals};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{Asset, ClusterId, PageCache, Tile, TileId, TileSource, TileTexels};
+use crate::verify_texels::check_texels;
+use crate::{Asset, ClusterId, PageCache, TexelReport, Tile, TileId, TileSource, TileTexels};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
 /// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up
@@ -38,19 +39,22 @@ pub const JUMP_BOUND: f32 = 1e-4;
 pub struct VerifyOptions {
     /// Bytes of decoded pages to keep.
     pub memory_bytes: usize,
+    /// Compare all texels that look-ups read with the finer ones that they are made of. Takes time in proportion to the texels.
+    pub texels: bool,
 }
 
 impl Default for VerifyOptions {
-    /// 256 MiB.
+    /// 256 MiB, without the texels.
     fn default() -> Self {
-        Self { memory_bytes: 256 << 20 }
+        Self { memory_bytes: 256 << 20, texels: false }
     }
 }
 
 /// What verification found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VerifyReport {
-    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`].
+    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`], no texel that contradicts
+    /// finer ones, where that was asked for.
     pub ok: bool,
     /// Tile levels with damage (all channels of a tile's level count as one).
     pub damaged_tiles: u64,
@@ -64,6 +68,8 @@ pub struct VerifyReport {
     pub mesh_faults: Vec<MeshFault>,
     /// The certificate.
     pub continuity: Continuity,
+    /// Texels beside finer ones, where that was asked for and all could be read.
+    pub texels: Option<TexelReport>,
     /// Detail levels of the tile with the most.
     pub levels: u32,
     /// Length of the file.
@@ -85,6 +91,8 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     let damaged_tiles: BTreeSet<_> = damage.iter().flat_map(|d| &d.tiles).collect();
     let cache = PageCache::new(Arc::clone(asset), options.memory_bytes);
     let continuity = certify(&cache);
+    // In the place of what is damaged coarser levels would be read.
+    let texels = (options.texels && damage.is_empty()).then(|| check_texels(&cache));
     let mut report = VerifyReport {
         ok: false,
         damaged_tiles: damaged_tiles.len() as u64,
@@ -93,6 +101,7 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
         damaged_attachments: count_damaged_attachments(asset),
         mesh_faults: find_faults(asset.mesh()),
         continuity,
+        texels,
         levels: asset.level_count(),
         bytes: asset.file_bytes(),
     };
@@ -101,7 +110,8 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
         && report.damaged_attachments == 0
         && report.mesh_faults.is_empty()
         && report.continuity.needless_splits == 0
-        && report.continuity.largest_jump <= JUMP_BOUND;
+        && report.continuity.largest_jump <= JUMP_BOUND
+        && report.texels.as_ref().is_none_or(TexelReport::is_sound);
     report
 }
 

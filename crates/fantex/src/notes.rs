@@ -29,8 +29,13 @@ pub fn not_verified(place: &Path, report: &VerifyReport) -> Error {
         format!(
             "at {edges} the two triangles name different groups, so the texture may jump there; bake it again"
         )
-    } else {
+    } else if jump > JUMP_BOUND {
         format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
+    } else {
+        let texels = report.texels.as_ref();
+        let count = texels.map_or(0, |texels| texels.contradictions + texels.empty_blocks);
+        let first = texels.and_then(|texels| texels.first.first()).map_or("", String::as_str);
+        format!("its detail levels contradict each other at {}; the first: {first}", counted(count, "texel"))
     };
     Error::damaged(format!("{} did not pass: {reason}", place.display()))
 }

@@ -28,7 +28,8 @@ const WAVE: SineSource = SineSource { k: 30.0 };
 
 fn verified(mesh: &Mesh, cover: &Cover, format: BakeFormat) -> VerifyReport {
     let options = BakeOptions { format, ..BakeOptions::default() };
-    verify(&baked(mesh, cover, &WAVE, &options).path, &VerifyOptions::default()).unwrap()
+    let with_texels = VerifyOptions { texels: true, ..VerifyOptions::default() };
+    verify(&baked(mesh, cover, &WAVE, &options).path, &with_texels).unwrap()
 }
 
 /// A closed cone whose tip is too steep to be projected.

@@ -7,4 +7,5 @@ mod common;
 mod light;
 mod parts;
 mod sources;
+mod texels;
 mod transfer;

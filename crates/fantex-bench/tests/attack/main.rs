@@ -365,7 +365,10 @@ fn strokes_are_refused_or_applied() {
         let applied = replay(&mut painter, &strokes, folder.path());
         drop(painter.commit());
         drop(painter);
-        drop(verify_asset(fantex::Asset::open(&path)?.shared(), &VerifyOptions { memory_bytes: 1 << 20 }));
+        drop(verify_asset(
+            fantex::Asset::open(&path)?.shared(),
+            &VerifyOptions { memory_bytes: 1 << 20, texels: true },
+        ));
         if strict { applied.map(drop) } else { Ok(()) }
     };
     files.iter().for_each(|(name, bytes)| std::fs::write(at(name), bytes).unwrap());
@@ -416,7 +419,7 @@ fn assets_with_right_checksums_are_refused_or_sound() {
         let path = inside.join(name);
         std::fs::write(&path, bytes).unwrap();
         let Ok(asset) = fantex::Asset::open(&path) else { return };
-        drop(verify_asset(asset.shared(), &VerifyOptions { memory_bytes: 1 << 20 }));
+        drop(verify_asset(asset.shared(), &VerifyOptions { memory_bytes: 1 << 20, texels: true }));
         let sampler = asset.sampler(1 << 20);
         let points = [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]].map(|p| asset.nearest_point(p));
         for (point, channel) in points.into_iter().flatten().zip(asset.channels()) {
@@ -489,7 +492,7 @@ fn plans_and_parts_are_refused_or_sound() {
         assert_eq!(merged.is_ok(), is_sound, "a check finds what a merge finds: {merged:?}");
         if is_sound {
             let asset = fantex::Asset::open(at("merged")).unwrap();
-            drop(verify_asset(asset.shared(), &VerifyOptions { memory_bytes: 1 << 20 }));
+            drop(verify_asset(asset.shared(), &VerifyOptions { memory_bytes: 1 << 20, texels: true }));
         }
     });
 }

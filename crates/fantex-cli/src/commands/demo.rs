@@ -140,7 +140,7 @@ impl Demo<'_> {
         let mut part = self.bake(task, &asset_path)?;
         self.context.note(format!("verifying {}", asset_path.display()));
         let memory_bytes = self.context.memory_bytes as usize;
-        let report = verify(&asset_path, &VerifyOptions { memory_bytes })?;
+        let report = verify(&asset_path, &VerifyOptions { memory_bytes, ..VerifyOptions::default() })?;
         if !report.ok {
             return Err(not_verified(&asset_path, &report));
         }

@@ -1,10 +1,10 @@
-//! `fantex verify`: structure, checksums and the continuity certificate of an asset.
+//! `fantex verify`: structure, checksums and the continuity certificate of an asset, and whether its texels agree.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::store::{self, JUMP_BOUND, VerifyOptions};
+use fantex::store::{self, JUMP_BOUND, TexelReport, VerifyOptions};
 use fantex::{FileKind, Result, not_verified};
 use serde::Serialize;
 
@@ -20,14 +20,20 @@ use crate::text::{grouped, megabytes};
 Example:
   fantex verify bottle.fan
   fantex verify bottle.fan --json
+  fantex verify bottle.fan --texels
   fantex verify land/land.fanworld
 
 Checked are both headers, every stored cluster and attachment against its checksum, the mesh, and the texture function on both sides of every
-edge, in all channels, at every level and at mixed levels. Not checked is what the texels show: docs/format.md says more. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree
+edge, in all channels, at every level and at mixed levels. Edges say nothing of what texels show. With --texels, all that look-ups read at coarser
+levels are compared with the finer ones that they are made of; docs/format.md says what that finds and what it cannot. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree
 where they meet.")]
 pub(crate) struct VerifyArgs {
     /// An asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address
     asset: PathBuf,
+
+    /// Compare detail levels, too: all texels that look-ups read, with the finer ones that they are made of
+    #[arg(long)]
+    texels: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -42,6 +48,28 @@ struct ContinuityInfo {
 }
 
 #[derive(Debug, Serialize)]
+struct TexelInfo {
+    compared: u64,
+    contradictions: u64,
+    empty_blocks: u64,
+    left_out: u64,
+    /// The first few, a sentence each.
+    faults: Vec<String>,
+}
+
+impl TexelInfo {
+    fn of(report: &TexelReport) -> Self {
+        Self {
+            compared: report.compared,
+            contradictions: report.contradictions,
+            empty_blocks: report.empty_blocks,
+            left_out: report.left_out,
+            faults: report.first.clone(),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
 struct VerifyInfo {
     ok: bool,
     damaged_tiles: u64,
@@ -50,6 +78,9 @@ struct VerifyInfo {
     damage: Vec<String>,
     mesh_faults: Vec<String>,
     continuity: ContinuityInfo,
+    /// With `--texels`, where everything could be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    texels: Option<TexelInfo>,
     levels: u32,
     bytes: u64,
     seconds: f64,
@@ -58,11 +89,12 @@ struct VerifyInfo {
 pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     if FileKind::of(&args.asset)? == FileKind::World {
-        return verify_and_print(&args.asset, context);
+        return verify_and_print(&args.asset, args.texels, context);
     }
     // Opening says what is wrong with files of other kinds.
     let asset = open_asset(&args.asset)?;
-    let report = store::verify_asset(&asset, &VerifyOptions { memory_bytes: context.memory_bytes as usize });
+    let options = VerifyOptions { memory_bytes: context.memory_bytes as usize, texels: args.texels };
+    let report = store::verify_asset(&asset, &options);
     let continuity = &report.continuity;
     let info = VerifyInfo {
         ok: report.ok,
@@ -80,6 +112,7 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
             exempt_edges: continuity.exempt_edges,
             needless_splits: continuity.needless_splits,
         },
+        texels: report.texels.as_ref().map(TexelInfo::of),
         levels: report.levels,
         bytes: report.bytes,
         seconds: started.elapsed().as_secs_f64(),
@@ -98,7 +131,14 @@ fn text(info: &VerifyInfo, path: &Path) -> String {
         .row("edges compared", grouped(continuity.edges))
         .row("edges left out", grouped(continuity.exempt_edges))
         .row("levels compared", continuity.levels.to_string())
-        .row("values compared", grouped(continuity.samples))
-        .row("result", if info.ok { "passed" } else { "NOT PASSED" });
+        .row("values compared", grouped(continuity.samples));
+    if let Some(texels) = &info.texels {
+        let faults = texels.contradictions + texels.empty_blocks;
+        table.row("texels compared", grouped(texels.compared)).row("contradictions", grouped(faults));
+        if texels.left_out > 0 {
+            table.row("tiles left out", grouped(texels.left_out));
+        }
+    }
+    table.row("result", if info.ok { "passed" } else { "NOT PASSED" });
     table.to_text()
 }

@@ -179,9 +179,9 @@ struct WorldVerifyInfo {
 }
 
 /// `fantex verify` for a world.
-pub(crate) fn verify_and_print(index: &Path, context: &Context) -> Result<()> {
+pub(crate) fn verify_and_print(index: &Path, texels: bool, context: &Context) -> Result<()> {
     let started = Instant::now();
-    let options = VerifyOptions { memory_bytes: context.memory_bytes as usize };
+    let options = VerifyOptions { memory_bytes: context.memory_bytes as usize, texels };
     let report = {
         let _deferral = context.defer_interrupt();
         verify_world(index, &options, &context.progress("verify"))?

@@ -106,7 +106,8 @@ fn coarser_levels_show_the_fill_up_to_the_border() {
     let color = Vec4::new(0.5, 0.5, 0.5, 1.0);
     painter.add_layer(everywhere(color)).unwrap();
     painter.commit().unwrap();
-    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    let with_texels = VerifyOptions { texels: true, ..VerifyOptions::default() };
+    assert!(verify(&baked.path, &with_texels).unwrap().ok);
     let cache = baked.cache();
     for level in 0..cache.asset().level_count() {
         for triangle in 0..cache.asset().mesh().triangles.len() {

@@ -12,6 +12,7 @@ mod painting;
 mod regions;
 mod relief;
 mod removed;
+mod texels;
 mod tips;
 mod tools;
 mod values;

@@ -329,10 +329,14 @@ class Asset:
         visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
         return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
 
-    def verify(self) -> dict:
+    def verify(self, *, texels: bool = False) -> dict:
         """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ...;
-        ``fault`` is a sentence on the first thing that is wrong, or None."""
-        return self._native.verify(self._memory)
+        ``fault`` is a sentence on the first thing that is wrong, or None.
+
+        Args:
+            texels: compare detail levels, too: ``contradictions``, ``texel_faults``, ...
+        """
+        return self._native.verify(texels, self._memory)
 
     def make_preview(
         self,

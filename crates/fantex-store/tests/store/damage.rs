@@ -69,7 +69,7 @@ fn use_all(path: &Path) -> Result<(Arc<Asset>, VerifyReport), Error> {
             assert!(value.iter().all(|x| x.is_finite()));
         }
     }
-    let report = verify_asset(&asset, &VerifyOptions { memory_bytes: 1 << 20 });
+    let report = verify_asset(&asset, &VerifyOptions { memory_bytes: 1 << 20, ..VerifyOptions::default() });
     Ok((asset, report))
 }
 
