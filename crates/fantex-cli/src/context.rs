@@ -211,10 +211,7 @@ impl Context {
     ) -> Result<()> {
         for input in inputs {
             if is_address(place) && place == input {
-                let place = place.display();
-                return Err(Error::conflict(format!(
-                    "{place} is what is read; give what is written another name"
-                )));
+                return Err(input::is_read(place));
             }
             // What is opened is known.
             drop(input::open(input));
