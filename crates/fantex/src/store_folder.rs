@@ -75,8 +75,8 @@ impl StoreFolder {
         let replace = if options.force { Replace::Anything } else { Replace::Nothing };
         let mut done = Vec::new();
         if let Err(error) = self.put_all(folder.path(), &names, &mut done, &replace, sending) {
-            // Sectors that cannot be removed either have no index that names them.
-            done.into_iter().for_each(|object| object.remove().unwrap_or_default());
+            // Sectors that cannot be removed either have no index that names them. Where the store does not answer, one attempt will do.
+            done.iter().try_for_each(ObjectTarget::remove).unwrap_or_default();
             return Err(error);
         }
         for sector in old.iter().filter(|sector| !names.contains(&sector.as_str())) {
