@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -62,6 +62,9 @@ const CONNECTIONS: usize = 4;
 
 /// Requests are tried again for about 25 s.
 const RETRIES: RetryPolicy = RetryPolicy { retries: 7, first_pause: Duration::from_millis(200) };
+
+/// An end is noticed within this time while an upload pauses.
+const MAX_DEAF_TIME: Duration = Duration::from_millis(100);
 
 /// Time for a request, beside what its bytes take at [`MIN_BYTES_PER_SECOND`]. Large objects are put together within it.
 const REQUEST_TIME: Duration = Duration::from_secs(180);
@@ -594,7 +597,7 @@ impl ObjectTarget {
             match self.ask_once(request, content) {
                 Err(_) if is_ended() => return Err(Refusal::cancelled()),
                 Err(refusal) if attempt < RETRIES.retries && refusal.may_pass() => {
-                    std::thread::sleep(RETRIES.pause(attempt));
+                    pause(RETRIES.pause(attempt), is_ended);
                 }
                 result => return result,
             }
@@ -651,6 +654,17 @@ impl ObjectTarget {
         let time = REQUEST_TIME + Duration::from_secs(length / MIN_BYTES_PER_SECOND);
         let request = self.agent.configure_request(request).timeout_global(Some(time)).build();
         self.agent.run(request).map_err(client_error)
+    }
+}
+
+/// Waits for a time, or until the end.
+fn pause(time: Duration, is_ended: impl Fn() -> bool) {
+    let started = Instant::now();
+    while let Some(left) = time.checked_sub(started.elapsed()).filter(|left| !left.is_zero()) {
+        if is_ended() {
+            return;
+        }
+        std::thread::sleep(left.min(MAX_DEAF_TIME));
     }
 }
 
@@ -741,6 +755,16 @@ mod tests {
         assert!(list.ends_with(&format!("<BlockList>{blocks}</BlockList>")), "{list}");
         let said = refusal_of(403, Some("SignatureDoesNotMatch")).error.to_string();
         assert_eq!(said, "the server answered with status 403 Forbidden (SignatureDoesNotMatch)");
+    }
+
+    #[test]
+    fn pauses_end_with_the_upload() {
+        let asked = AtomicUsize::new(0);
+        let started = Instant::now();
+        pause(Duration::from_secs(3600), || asked.fetch_add(1, Relaxed) == 1);
+        assert!(started.elapsed() < Duration::from_secs(60));
+        pause(Duration::from_millis(1), || false);
+        pause(Duration::ZERO, || panic!("there is no pause"));
     }
 
     #[test]
