@@ -14,6 +14,7 @@ use fantex_bake::{
     Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
     bake_part, plan_bake,
 };
+use fantex_base::random::folded_seed;
 use fantex_base::{Error, Result, counted, grouped};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
@@ -709,11 +710,6 @@ impl fantex_bake::Source for FunctionSource<'_> {
 fn rounded(count: f64) -> u64 {
     let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
     (unit * (count / unit).ceil()) as u64
-}
-
-/// Both halves of a seed count.
-pub(crate) fn folded_seed(seed: u64) -> u32 {
-    (seed ^ seed >> 32) as u32
 }
 
 /// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
