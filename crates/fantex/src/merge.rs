@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result, input};
-use fantex_store::{ByteSource, CreateOptions, PartRun, Plan, WriteSummary, merge_sources, merge_with_gaps};
-use fantex_stream::{Assembled, ObjectTarget, Replace, SharedRun, open_source};
+use fantex_store::{
+    ByteSource, CreateOptions, PartRun, PathSource, Plan, WriteSummary, merge_sources, merge_with_gaps,
+};
+use fantex_stream::{Assembled, ObjectTarget, Replace, SharedRun, open_source, url_of};
 
 use crate::addresses::{Target, watched};
 
@@ -72,7 +74,13 @@ impl Merge<'_> {
     }
 
     fn read_all(&self, output: Option<&Path>, progress: &dyn Progress) -> Result<WriteSummary> {
-        let parts = self.parts.iter().map(|part| open_source(part)).collect::<Result<Vec<_>>>()?;
+        let source = |part: &PathBuf| -> Result<Arc<dyn ByteSource>> {
+            match url_of(part) {
+                Some(_) => open_source(part),
+                None => Ok(Arc::new(PathSource::new(part))),
+            }
+        };
+        let parts = self.parts.iter().map(source).collect::<Result<Vec<_>>>()?;
         let options = self.options();
         let output = output.map(|path| (path, &options));
         merge_sources(self.plan, &parts, output, &|done, total| watched(progress, done, total))
