@@ -460,7 +460,7 @@ impl<'a> Baker<'a> {
             if asked < 0.5 * Self::CRISP_TEXELS * own { source.square_texel_materials() } else { 0 };
         let note = format!(
             "the textures of {} are to appear as squares (nearest filtering), but what is baked is blended between texels: edges of squares \
-             are as soft as a texel is wide; about {} texels, {} for each of the textures', make them crisp",
+             are as soft as a texel is wide; about {} texels, {} per texel of the textures, make them crisp",
             counted(materials, "material"),
             grouped(rounded(Self::CRISP_TEXELS * own), ' '),
             Self::CRISP_TEXELS
@@ -521,18 +521,13 @@ impl<'a> Baker<'a> {
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
+        if let (Budget::Matching, None) = (self.budget, &own_density) {
+            return Err(Error::invalid(
+                "the density of textures was asked for, and the source has none; give a number of texels or a density",
+            ));
+        }
         let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
-        let budget = match (self.budget, own_density) {
-            (Budget::Texels(texels), _) => TexelBudget::Total(texels),
-            (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
-            (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density),
-            (Budget::Default, None) => TexelBudget::Total(Self::DEFAULT_TEXELS),
-            (Budget::Matching, None) => {
-                return Err(Error::invalid(
-                    "the density of textures was asked for, and the source has none; give a number of texels or a density",
-                ));
-            }
-        };
+        let budget = self.nominal_budget(mesh, own_density.as_deref());
         self.check_cancelled()?;
         // Larger numbers were told of before.
         let is_told = is_own_density && budget_texels(mesh, &budget) > Self::MANY_TEXELS as f64;
