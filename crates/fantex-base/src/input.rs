@@ -183,12 +183,17 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// It was opened, and inputs are [protected](ReadOptions::protect_inputs).
 pub fn check_output(path: &Path) -> Result<()> {
     let limits = ReadLimits::current();
-    let is_read = |id| locked(&limits.0.opened).contains(&id);
-    if !std::fs::metadata(path).is_ok_and(|found| identity(&found).is_some_and(is_read)) {
+    let is_opened = |id| locked(&limits.0.opened).contains(&id);
+    if !std::fs::metadata(path).is_ok_and(|found| identity(&found).is_some_and(is_opened)) {
         return Ok(());
     }
-    let path = path.display();
-    Err(Error::conflict(format!("{path} is what is read; give what is written another name")))
+    Err(is_read(path))
+}
+
+/// The error of a place that would be written although it is read.
+pub fn is_read(place: &Path) -> Error {
+    let place = place.display();
+    Error::conflict(format!("{place} is what is read; give what is written another name"))
 }
 
 #[cfg(unix)]

@@ -55,6 +55,11 @@ pub fn mix64(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
+/// A seed of 32 bits, for which both halves of one of 64 bits count; a seed that fits stays as it is.
+pub fn folded_seed(seed: u64) -> u32 {
+    (seed ^ (seed >> 32)) as u32
+}
+
 /// The number at `index` of the sequence of a seed: `Random::new(seed)` after `index` calls gives it next.
 #[inline]
 pub fn nth_random(seed: u64, index: u64) -> u64 {

@@ -15,6 +15,7 @@ use fantex::addresses::is_address;
 use fantex::bake::Progress;
 use fantex::base::files::{exists, folder_of, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
+use fantex::base::random::folded_seed;
 use fantex::look::ResolveOptions;
 use fantex::stream::{ObjectTarget, Replace};
 use fantex::{Error, ErrorKind, Result};
@@ -132,7 +133,7 @@ impl Context {
     pub(crate) fn resolve_options(&self) -> ResolveOptions {
         ResolveOptions {
             memory_bytes: self.memory_bytes,
-            seed: (self.seed ^ self.seed >> 32) as u32,
+            seed: folded_seed(self.seed),
             ..ResolveOptions::default()
         }
     }
@@ -211,10 +212,7 @@ impl Context {
     ) -> Result<()> {
         for input in inputs {
             if is_address(place) && place == input {
-                let place = place.display();
-                return Err(Error::conflict(format!(
-                    "{place} is what is read; give what is written another name"
-                )));
+                return Err(input::is_read(place));
             }
             // What is opened is known.
             drop(input::open(input));

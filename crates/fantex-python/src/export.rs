@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::Error;
 use fantex::addresses::is_address;
-use fantex::base::counted;
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
     SheetPictures, UvChoice,
 };
+use fantex::{Error, stand_in_note};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -21,10 +20,7 @@ pub(crate) type Exported = (Vec<PathBuf>, Vec<String>);
 
 /// What was written of the asset or world at a place.
 pub(crate) fn exported(place: &Path, written: ExportSummary) -> Exported {
-    let damage = written.damage.map(|(pages, first)| {
-        let tiles = counted(pages, "damaged tile");
-        format!("{}: coarser texels stand in for {tiles}; the first: {first}", place.display())
-    });
+    let damage = written.damage.map(|(tiles, first)| stand_in_note(place, tiles, first));
     (written.files.into_iter().map(|(path, _)| path).collect(), damage.into_iter().collect())
 }
 

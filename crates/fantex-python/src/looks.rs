@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use fantex::bake::{NormalMapOptions, NormalSpace, bake_normal_map};
 use fantex::base::counted;
+use fantex::base::random::folded_seed;
 use fantex::look::{LookFile, LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::scene::Background;
@@ -18,9 +19,8 @@ use crate::options::{choice, optional};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
 
-/// Both halves of a seed count.
 fn resolve_options(seed: u64, memory_bytes: u64) -> ResolveOptions {
-    ResolveOptions { memory_bytes, seed: (seed ^ seed >> 32) as u32, ..ResolveOptions::default() }
+    ResolveOptions { memory_bytes, seed: folded_seed(seed), ..ResolveOptions::default() }
 }
 
 /// What is in a look.

@@ -55,6 +55,35 @@ impl ByteSource for FileSource {
     }
 }
 
+/// A local file that is open only while it is read: of thousands, as many parts of a bake, systems hold too few open at a time.
+#[derive(Clone, Debug)]
+pub struct PathSource(PathBuf);
+
+impl PathSource {
+    /// The file at a path. Nothing is opened yet.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self(path.into())
+    }
+
+    fn opened(&self) -> io::Result<FileSource> {
+        Ok(FileSource { path: self.0.clone(), file: Arc::new(fantex_base::input::open(&self.0)?) })
+    }
+}
+
+impl ByteSource for PathSource {
+    fn location(&self) -> &Path {
+        &self.0
+    }
+
+    fn length(&self) -> io::Result<u64> {
+        self.opened()?.length()
+    }
+
+    fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        self.opened()?.read_at(bytes, offset)
+    }
+}
+
 #[cfg(unix)]
 fn read_some_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
     std::os::unix::fs::FileExt::read_at(file, bytes, offset)
@@ -117,4 +146,28 @@ pub fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Resul
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_at_a_path_is_read_as_it_is_then() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.part");
+        let source = PathSource::new(&path);
+        assert_eq!(source.location(), path);
+        let kind = |result: io::Result<u64>| result.unwrap_err().kind();
+        assert_eq!(kind(source.length()), io::ErrorKind::NotFound);
+        std::fs::write(&path, b"0123456789").unwrap();
+        assert_eq!(source.length().unwrap(), 10);
+        let mut bytes = [0; 4];
+        source.read_exact_at(&mut bytes, 3).unwrap();
+        assert_eq!(&bytes, b"3456");
+        assert_eq!(source.read_at(&mut bytes, 8).unwrap(), 2);
+        // It is open no longer, so that it can go on every system.
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(kind(source.read_at(&mut bytes, 0).map(|count| count as u64)), io::ErrorKind::NotFound);
+    }
 }

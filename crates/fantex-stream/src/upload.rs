@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -63,6 +63,9 @@ const CONNECTIONS: usize = 4;
 /// Requests are tried again for about 25 s.
 const RETRIES: RetryPolicy = RetryPolicy { retries: 7, first_pause: Duration::from_millis(200) };
 
+/// How often a pause looks whether the upload has ended.
+const CANCEL_POLL_INTERVAL: Duration = Duration::from_millis(100);
+
 /// Time for a request, beside what its bytes take at [`MIN_BYTES_PER_SECOND`]. Large objects are put together within it.
 const REQUEST_TIME: Duration = Duration::from_secs(180);
 
@@ -96,9 +99,9 @@ impl From<io::Error> for Refusal {
     }
 }
 
-/// What the codes begin with by which Azure's store refuses for other reasons, with the status of a condition that does not hold: a lease, a
-/// policy, a container that is being deleted, a blob of another type, no public access.
-const OTHER_CONFLICTS: [&str; 5] = ["Lease", "BlobImmutable", "Container", "InvalidBlobType", "PublicAccess"];
+/// Prefixes of the codes with which Azure's store refuses for other reasons than a condition that does not hold, although the status is the same:
+/// a lease, a policy, a container that is being deleted, a blob of another type, no public access.
+const UNRELATED_CODES: [&str; 5] = ["Lease", "BlobImmutable", "Container", "InvalidBlobType", "PublicAccess"];
 
 /// Azure's code for a list of blocks some of which are not there: the end of one upload drops the blocks of all others to the same name.
 const LOST_PARTS: &str = "InvalidBlockList";
@@ -114,18 +117,18 @@ impl Refusal {
     }
 
     /// Whether the object is not what the request expected: another one was there, or came meanwhile.
-    fn is_of_other(&self) -> bool {
+    fn is_conflict(&self) -> bool {
         let code = self.code.as_deref().unwrap_or_default();
-        matches!(self.status, 409 | 412) && !OTHER_CONFLICTS.iter().any(|start| code.starts_with(start))
+        matches!(self.status, 409 | 412) && !UNRELATED_CODES.iter().any(|start| code.starts_with(start))
     }
 
     /// Whether parts are gone that were there.
-    fn is_of_lost_parts(&self) -> bool {
+    fn has_lost_parts(&self) -> bool {
         self.code.as_deref() == Some(LOST_PARTS)
     }
 
     /// Whether the same request may well succeed a moment later.
-    fn may_pass(&self) -> bool {
+    fn may_succeed_later(&self) -> bool {
         !matches!(self.status, 409 | 412 | 501) && !self.is_cancelled() && is_transient(&self.error)
     }
 }
@@ -336,8 +339,8 @@ impl ObjectTarget {
             _ if refusal.is_cancelled() => {
                 Error::cancelled(format!("writing {} was ended", self.location.display()))
             }
-            Replace::Nothing if refusal.is_of_other() => files::exists(&self.location),
-            Replace::Version(_) if refusal.is_of_other() => {
+            Replace::Nothing if refusal.is_conflict() => files::exists(&self.location),
+            Replace::Version(_) if refusal.is_conflict() => {
                 let location = self.location.display();
                 Error::conflict(format!(
                     "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
@@ -553,7 +556,7 @@ impl ObjectTarget {
             // The answer to an earlier attempt may have been lost.
             Err(_) if matches!(self.head(), Ok(Some(there)) if there.mark.as_deref() == Some(mark)) => Ok(()),
             // Somebody else was faster.
-            Err(refusal) if refusal.is_of_lost_parts() => self.check_replaced(replace).and(Err(refusal)),
+            Err(refusal) if refusal.has_lost_parts() => self.check_replaced(replace).and(Err(refusal)),
             Err(refusal) => Err(refusal),
         }
     }
@@ -593,8 +596,8 @@ impl ObjectTarget {
             }
             match self.ask_once(request, content) {
                 Err(_) if is_ended() => return Err(Refusal::cancelled()),
-                Err(refusal) if attempt < RETRIES.retries && refusal.may_pass() => {
-                    std::thread::sleep(RETRIES.pause(attempt));
+                Err(refusal) if attempt < RETRIES.retries && refusal.may_succeed_later() => {
+                    pause(RETRIES.pause(attempt), is_ended);
                 }
                 result => return result,
             }
@@ -651,6 +654,17 @@ impl ObjectTarget {
         let time = REQUEST_TIME + Duration::from_secs(length / MIN_BYTES_PER_SECOND);
         let request = self.agent.configure_request(request).timeout_global(Some(time)).build();
         self.agent.run(request).map_err(client_error)
+    }
+}
+
+/// Waits for a time, or until `is_ended`.
+fn pause(time: Duration, is_ended: impl Fn() -> bool) {
+    let started = Instant::now();
+    while let Some(left) = time.checked_sub(started.elapsed()).filter(|left| !left.is_zero()) {
+        if is_ended() {
+            return;
+        }
+        std::thread::sleep(left.min(CANCEL_POLL_INTERVAL));
     }
 }
 
@@ -744,6 +758,16 @@ mod tests {
     }
 
     #[test]
+    fn pauses_end_with_the_upload() {
+        let asked = AtomicUsize::new(0);
+        let started = Instant::now();
+        pause(Duration::from_secs(3600), || asked.fetch_add(1, Relaxed) == 1);
+        assert!(started.elapsed() < Duration::from_secs(60));
+        pause(Duration::from_millis(1), || false);
+        pause(Duration::ZERO, || panic!("there is no pause"));
+    }
+
+    #[test]
     fn what_may_pass_is_tried_again() {
         for (status, code, passes) in [
             (500, Some("InternalError"), true),
@@ -755,10 +779,10 @@ mod tests {
             (412, None, false),
             (501, Some("NotImplemented"), false),
         ] {
-            assert_eq!(refusal_of(status, code).may_pass(), passes, "{status}");
+            assert_eq!(refusal_of(status, code).may_succeed_later(), passes, "{status}");
         }
-        assert!(!Refusal::cancelled().may_pass());
-        for (status, code, is_of_other) in [
+        assert!(!Refusal::cancelled().may_succeed_later());
+        for (status, code, is_conflict) in [
             (409, Some("BlobAlreadyExists"), true),
             (412, Some("ConditionNotMet"), true),
             (412, Some("PreconditionFailed"), true),
@@ -767,7 +791,7 @@ mod tests {
             (409, Some("BlobImmutableDueToPolicy"), false),
             (400, Some("InvalidBlockList"), false),
         ] {
-            assert_eq!(refusal_of(status, code).is_of_other(), is_of_other, "{code:?}");
+            assert_eq!(refusal_of(status, code).is_conflict(), is_conflict, "{code:?}");
         }
     }
 

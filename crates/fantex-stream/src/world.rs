@@ -189,6 +189,8 @@ impl World {
             let folder = url_of(index).and_then(|index| Some(&index[..=index.rfind('/')?]));
             let is_object = url.get(..4).is_some_and(|start| !start.eq_ignore_ascii_case("http"));
             let below = folder.filter(|_| is_object).and_then(|folder| url.strip_prefix(folder));
+            // Not a key such as `a//b.fan`: names on a way are tidied up, which would lead to another object.
+            let below = below.filter(|below| Self::path_below(below).as_deref() == Some(*below));
             return Ok(below.unwrap_or(url).to_owned());
         }
         if let Some(index) = url_of(index) {
@@ -433,6 +435,23 @@ mod tests {
         let encoded = Path::new("http://a.b/c/e%20f/%C3%BC%25.fan");
         assert_eq!(at("http://a.b/c/d.fanworld", "./e f/x/../\u{fc}%.fan"), encoded);
         assert_eq!(at("d.fanworld", "https://x.y/e.fan"), Path::new("https://x.y/e.fan"));
+    }
+
+    #[test]
+    fn names_of_objects_in_a_store_lead_back_to_them() {
+        let index = Path::new("s3://bucket/land/d.fanworld");
+        for (asset, name) in [
+            ("s3://bucket/land/e/f.fan", "e/f.fan"),
+            ("s3://bucket/land/e//f.fan", "s3://bucket/land/e//f.fan"),
+            ("s3://bucket/land//f.fan", "s3://bucket/land//f.fan"),
+            ("s3://bucket/land/e:f.fan", "s3://bucket/land/e:f.fan"),
+            ("s3://bucket/g.fan", "s3://bucket/g.fan"),
+            ("https://a.b/land/f.fan", "https://a.b/land/f.fan"),
+        ] {
+            let found = World::name_of(index, Path::new(asset)).unwrap();
+            assert_eq!(found, name);
+            assert_eq!(World::place_of(index, &found).to_str(), Some(asset));
+        }
     }
 
     #[test]

@@ -70,10 +70,16 @@ impl Tabulation {
         Ok(Image::from_linear_rgba(width, height, &texels))
     }
 
+    /// Samples per texel along each axis: a single one along an axis of one texel, in its middle.
+    pub fn sample_counts(&self) -> [u32; 3] {
+        self.size.map(|n| if n == 1 { 1 } else { self.samples })
+    }
+
     fn mean(&self, texel: [usize; 3], function: &impl Fn([f32; 3]) -> [f32; 4]) -> [f32; 4] {
-        let counts = self.size.map(|n| if n == 1 { 1 } else { self.samples });
+        let counts = self.sample_counts().map(u64::from);
+        let count = counts.iter().fold(1_u64, |product, &n| product.saturating_mul(n));
         let mut sum = [0.0_f64; 4];
-        for index in 0..counts.iter().product::<u32>() {
+        for index in 0..count {
             let sub = [index % counts[0], index / counts[0] % counts[1], index / counts[0] / counts[1]];
             let at = std::array::from_fn(|axis| {
                 let inside = (sub[axis] as f32 + 0.5) / counts[axis] as f32;
@@ -82,6 +88,6 @@ impl Tabulation {
             let value = function(at);
             (0..4).for_each(|c| sum[c] += f64::from(value[c]));
         }
-        sum.map(|s| (s / f64::from(counts.iter().product::<u32>())) as f32)
+        sum.map(|s| (s / count as f64) as f32)
     }
 }

@@ -101,4 +101,16 @@ mod tests {
         let plain = Page { title: "x", ..Page::default() }.html();
         assert!(plain.contains("<footer>x</footer>") && !plain.contains("{{"), "{plain}");
     }
+
+    /// The page asks for what the viewer would ask for.
+    #[test]
+    fn requests_of_the_page_last_as_long_as_those_of_the_viewer() {
+        let milliseconds = |source: &str| {
+            let (_, declaration) = source.split_once("const MAX_REQUEST_MILLISECONDS").unwrap();
+            declaration.split(['=', ';']).nth(1).unwrap().trim().to_owned()
+        };
+        let [page, viewer] =
+            [include_str!("../page/viewer.js"), include_str!("../../fantex-stream/src/read/browser.rs")];
+        assert_eq!(milliseconds(page), milliseconds(viewer));
+    }
 }

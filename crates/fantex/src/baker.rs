@@ -14,6 +14,7 @@ use fantex_bake::{
     Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
     bake_part, plan_bake,
 };
+use fantex_base::random::folded_seed;
 use fantex_base::{Error, Result, counted, grouped};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
@@ -459,7 +460,7 @@ impl<'a> Baker<'a> {
             if asked < 0.5 * Self::CRISP_TEXELS * own { source.square_texel_materials() } else { 0 };
         let note = format!(
             "the textures of {} are to appear as squares (nearest filtering), but what is baked is blended between texels: edges of squares \
-             are as soft as a texel is wide; about {} texels, {} for each of the textures', make them crisp",
+             are as soft as a texel is wide; about {} texels, {} per texel of the textures, make them crisp",
             counted(materials, "material"),
             grouped(rounded(Self::CRISP_TEXELS * own), ' '),
             Self::CRISP_TEXELS
@@ -520,18 +521,13 @@ impl<'a> Baker<'a> {
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
+        if let (Budget::Matching, None) = (self.budget, &own_density) {
+            return Err(Error::invalid(
+                "the density of textures was asked for, and the source has none; give a number of texels or a density",
+            ));
+        }
         let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
-        let budget = match (self.budget, own_density) {
-            (Budget::Texels(texels), _) => TexelBudget::Total(texels),
-            (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
-            (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density),
-            (Budget::Default, None) => TexelBudget::Total(Self::DEFAULT_TEXELS),
-            (Budget::Matching, None) => {
-                return Err(Error::invalid(
-                    "the density of textures was asked for, and the source has none; give a number of texels or a density",
-                ));
-            }
-        };
+        let budget = self.nominal_budget(mesh, own_density.as_deref());
         self.check_cancelled()?;
         // Larger numbers were told of before.
         let is_told = is_own_density && budget_texels(mesh, &budget) > Self::MANY_TEXELS as f64;
@@ -709,11 +705,6 @@ impl fantex_bake::Source for FunctionSource<'_> {
 fn rounded(count: f64) -> u64 {
     let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
     (unit * (count / unit).ceil()) as u64
-}
-
-/// Both halves of a seed count.
-pub(crate) fn folded_seed(seed: u64) -> u32 {
-    (seed ^ seed >> 32) as u32
 }
 
 /// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by

@@ -120,7 +120,7 @@ pub use look_table::{LookTable, look_texture};
 #[cfg(feature = "http")]
 pub use merge::{Merge, Merged};
 pub use model::Mesh;
-pub use notes::{damage_note, not_verified};
+pub use notes::{damage_note, not_verified, stand_in_note};
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};
 pub use split::{SectorPreviews, Split, SplitOptions, split};

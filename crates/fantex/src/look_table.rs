@@ -81,17 +81,18 @@ impl LookTable {
         let grid =
             Tabulation { size: [width, height, 1], samples: self.samples, memory_bytes: self.memory_bytes };
         let z = (number as f32 + 0.5) / slices as f32;
-        grid.texels(|[u, v, _]| self.value(texture, Vec3::new(u, v, z)).to_array())
+        let [across, down, _] = grid.sample_counts();
+        // Of what a sample stands for, along columns and rows.
+        let side = |texels: u32, samples: u32| 1.0 / (texels as f32 * samples as f32);
+        let steps = [Vec2::new(side(width, across), 0.0), Vec2::new(0.0, side(height, down))];
+        grid.texels(|[u, v, _]| self.value(texture, Vec3::new(u, v, z), steps).to_array())
     }
 
-    /// `at` is in `0..1` along each axis.
-    fn value(&self, texture: &dyn Texture, at: Vec3) -> Vec4 {
-        let [width, height, slices] = self.size;
+    /// `at` is in `0..1` along each axis, and so are the `steps` along columns and rows.
+    fn value(&self, texture: &dyn Texture, at: Vec3, steps: [Vec2; 2]) -> Vec4 {
+        let [_, _, slices] = self.size;
         let (from, extent) = (self.from.as_vec3(), (self.to - self.from).as_vec3());
         let extent = if slices == 1 { extent * Vec3::new(1.0, 1.0, 0.0) } else { extent };
-        // Of what a sample stands for, along columns and rows.
-        let side = |texels: u32| 1.0 / (texels * self.samples) as f32;
-        let steps = [Vec2::new(side(width), 0.0), Vec2::new(0.0, side(height))];
         texture.evaluate(&ShadingPoint {
             position: from + extent * at,
             position_steps: steps.map(|step| extent * step.extend(0.0)),
@@ -103,5 +104,31 @@ impl LookTable {
             time: self.time,
             filtering: Filtering::Area,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How far a sample reaches.
+    struct Steps;
+
+    impl Texture for Steps {
+        fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+            let [across, down] = at.uv[0].steps;
+            Vec4::new(across.x, down.y, 0.0, 1.0)
+        }
+    }
+
+    #[test]
+    fn a_sample_stands_for_its_share_of_a_texel() {
+        let steps = |size, samples| {
+            let table = LookTable { size, samples, ..LookTable::default() };
+            table.slice(&Steps, 0).unwrap()[0]
+        };
+        assert_eq!(steps([8, 4, 1], 2), [1.0 / 16.0, 1.0 / 8.0, 0.0, 1.0]);
+        // Along a single texel there is a single sample.
+        assert_eq!(steps([1, 4, 1], 2), [1.0, 1.0 / 8.0, 0.0, 1.0]);
     }
 }

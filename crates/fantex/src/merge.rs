@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, Result};
-use fantex_store::{ByteSource, CreateOptions, PartRun, Plan, WriteSummary, merge_sources, merge_with_gaps};
-use fantex_stream::{Assembled, ObjectTarget, Replace, SharedRun, open_source};
+use fantex_base::{Error, Result, input};
+use fantex_store::{
+    ByteSource, CreateOptions, PartRun, PathSource, Plan, WriteSummary, merge_sources, merge_with_gaps,
+};
+use fantex_stream::{Assembled, ObjectTarget, Replace, SharedRun, open_source, url_of};
 
 use crate::addresses::{Target, watched};
 
@@ -45,10 +47,15 @@ impl Merge<'_> {
     /// counts bytes that are read, that the store copies, and that are sent.
     ///
     /// # Errors
-    /// As [`merge_sources`], [`ObjectTarget::assemble`] and [`ObjectTarget::put`]; what is there may not be overwritten. Then no asset is written.
+    /// As [`merge_sources`], [`ObjectTarget::assemble`] and [`ObjectTarget::put`]; what is there may not be overwritten, or is one of the parts. Then
+    /// no asset is written.
     pub fn write(&self, output: &Path, progress: [&dyn Progress; 3]) -> Result<Merged> {
         let [reading, copying, sending] = progress;
         let target = Target::new(output)?;
+        // Of files that is known by what is open.
+        if target.object().is_some() && self.parts.iter().any(|part| part == output) {
+            return Err(input::is_read(output));
+        }
         let note = match self.copied(&target, [reading, copying])? {
             Attempt::Done(merged) => return Ok(merged),
             Attempt::NotCopied(note) => note,
@@ -67,7 +74,13 @@ impl Merge<'_> {
     }
 
     fn read_all(&self, output: Option<&Path>, progress: &dyn Progress) -> Result<WriteSummary> {
-        let parts = self.parts.iter().map(|part| open_source(part)).collect::<Result<Vec<_>>>()?;
+        let source = |part: &PathBuf| -> Result<Arc<dyn ByteSource>> {
+            match url_of(part) {
+                Some(_) => open_source(part),
+                None => Ok(Arc::new(PathSource::new(part))),
+            }
+        };
+        let parts = self.parts.iter().map(source).collect::<Result<Vec<_>>>()?;
         let options = self.options();
         let output = output.map(|path| (path, &options));
         merge_sources(self.plan, &parts, output, &|done, total| watched(progress, done, total))

@@ -1,5 +1,6 @@
 //! Sentences on what was found in assets.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use fantex_base::{Error, grouped, numbered};
@@ -8,8 +9,13 @@ use fantex_store::{Damage, JUMP_BOUND, VerifyReport};
 /// What is to be known of an asset in which texels could not be read; none where all could.
 pub fn damage_note(place: &Path, damage: &Damage) -> Option<String> {
     let (_, page, reason) = damage.first.first()?;
-    let tiles = counted(damage.pages, "damaged tile");
-    Some(format!("{}: coarser texels stand in for {tiles}; the first: {page}: {reason}", place.display()))
+    Some(stand_in_note(place, damage.pages, format_args!("{page}: {reason}")))
+}
+
+/// What is to be known of an asset, or of a world, so many tiles of which could not be read; `first` is the first of them, and why.
+pub fn stand_in_note(place: &Path, tiles: u64, first: impl Display) -> String {
+    let tiles = counted(tiles, "damaged tile");
+    format!("{}: coarser texels stand in for {tiles}; the first: {first}", place.display())
 }
 
 /// Why an asset did not pass.

@@ -120,7 +120,8 @@ pub fn split(
         let mut report = |copied: u64| match progress.is_cancelled() {
             true => Err(Error::cancelled("the split was cancelled")),
             false => {
-                let triangles = u128::from(done) + u128::from(triangles * copied / texels.max(1));
+                let own = u128::from(triangles) * u128::from(copied) / u128::from(texels.max(1));
+                let triangles = u128::from(done) + own;
                 progress.report((u128::from(plan.texels) * triangles / all) as u64, plan.texels);
                 Ok(())
             }

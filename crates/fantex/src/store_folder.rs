@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_store::Asset;
 use fantex_stream::{ObjectTarget, Replace};
 
@@ -24,22 +24,25 @@ impl StoreFolder {
     /// For an asset at a path or an address. Refuses, before any work is done, what could not be written.
     ///
     /// # Errors
-    /// The address is that of no store that is written to, or what would be written is the asset; a world or a sector is there, unless it may be
-    /// replaced (`force`); the store does not answer, or does not let these keys write.
+    /// The address is that of no store that is written to; the asset lies there under a name that a sector or a coarse asset may get; a world or a
+    /// sector is there, unless it may be replaced (`force`); the store does not answer, or does not let these keys write.
     pub fn of_split(folder: &Path, asset: &Path, force: bool) -> Result<Self> {
         let address = format!("{}/", folder.display().to_string().trim_end_matches('/'));
         let prefix = Self { address, index: Split::index_name(asset) };
+        if prefix.may_write_over(asset) {
+            return Err(input::is_read(asset));
+        }
         for name in [prefix.index.as_str(), "sector-0001.fan"] {
-            let place = prefix.place(name);
-            if place == asset {
-                let place = place.display();
-                return Err(Error::conflict(format!(
-                    "{place} is what is read; give what is written another name"
-                )));
-            }
-            ObjectTarget::at(&place)?.check(force)?;
+            prefix.object(name)?.check(force)?;
         }
         Ok(prefix)
+    }
+
+    /// Whether a place is that of the index, or one that a sector or a coarse asset may get.
+    fn may_write_over(&self, place: &Path) -> bool {
+        let name = place.file_name().and_then(|name| name.to_str());
+        let is_written = |name: &str| name == self.index || Split::is_asset_name(name);
+        place.parent() == Some(Path::new(&self.address)) && name.is_some_and(is_written)
     }
 
     fn place(&self, name: &str) -> PathBuf {
@@ -72,8 +75,8 @@ impl StoreFolder {
         let replace = if options.force { Replace::Anything } else { Replace::Nothing };
         let mut done = Vec::new();
         if let Err(error) = self.put_all(folder.path(), &names, &mut done, &replace, sending) {
-            // Sectors that cannot be removed either have no index that names them.
-            done.into_iter().for_each(|object| object.remove().unwrap_or_default());
+            // Sectors that cannot be removed either have no index that names them. Where the store does not answer, one attempt will do.
+            done.iter().try_for_each(ObjectTarget::remove).unwrap_or_default();
             return Err(error);
         }
         for sector in old.iter().filter(|sector| !names.contains(&sector.as_str())) {
@@ -115,5 +118,35 @@ impl StoreFolder {
             done.push(object);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_base::ErrorKind;
+
+    use super::*;
+
+    #[test]
+    fn an_asset_is_not_split_over_itself() {
+        for folder in ["s3://scans/land", "s3://scans/land/"] {
+            for asset in ["sector-0001.fan", "sector-0002.fan", "coarse-0012.fan"] {
+                let asset = Path::new("s3://scans/land").join(asset);
+                let error = StoreFolder::of_split(Path::new(folder), &asset, true).unwrap_err();
+                assert_eq!(error.kind(), ErrorKind::Conflict);
+                assert!(error.to_string().contains("is what is read"), "{error}");
+            }
+        }
+        let folder =
+            StoreFolder { address: "s3://scans/land/".to_owned(), index: "land.fanworld".to_owned() };
+        for (place, may) in [
+            ("s3://scans/land/land.fanworld", true),
+            ("s3://scans/land/land.fan", false),
+            ("s3://scans/sector-0001.fan", false),
+            ("s3://scans/land/old/sector-0001.fan", false),
+            ("land/sector-0001.fan", false),
+        ] {
+            assert_eq!(folder.may_write_over(Path::new(place)), may, "{place}");
+        }
     }
 }

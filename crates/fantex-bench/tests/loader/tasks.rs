@@ -154,6 +154,8 @@ fn a_page_asks_for_64_kib_first_then_for_the_preview_then_for_the_rest() {
     let preview = run_to_end(start.preview()).unwrap().unwrap();
     assert!(preview.mesh().triangles.len() < baked.asset.mesh().triangles.len() / 2);
     let seen = lengths();
+    let ahead = first_ranges(&BytesSource::new("torus.fan", file.clone())).unwrap();
+    assert_eq!(ahead, *fetches.borrow());
     assert!(
         seen.len() <= 3 && seen[1..].iter().sum::<u64>() < preview_bytes + preview_bytes / 100 + 400,
         "{seen:?}"

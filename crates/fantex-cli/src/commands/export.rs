@@ -15,7 +15,7 @@ use fantex::export::{
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
-use fantex::{Error, FileKind, Result, World, export_world, export_world_fans};
+use fantex::{Error, FileKind, Result, World, export_world, export_world_fans, stand_in_note};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -270,6 +270,9 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         }?
     };
     notes(args, &summary, context);
+    if let Some((tiles, first)) = &summary.damage {
+        context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
+    }
     let seconds = started.elapsed().as_secs_f64();
     context.print(&info(args, &input, &summary, seconds), text)
 }
@@ -376,13 +379,6 @@ fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
         };
         context
             .note(format!("{output}: glTF has no place for the {name}; write them with --channel {option}"));
-    }
-    if let Some((pages, first)) = &summary.damage {
-        context.note(format!(
-            "{}: coarser texels stand in for {}; the first: {first}",
-            args.asset.display(),
-            counted(*pages, "damaged tile")
-        ));
     }
 }
 

@@ -330,6 +330,10 @@ fn damaged_tiles_are_said_and_strictly_refused() {
     let strict: [&dyn AsRef<std::ffi::OsStr>; 8] =
         [&"render", &damaged, &"-o", &picture, &"--size", &"512x512", &"--force", &"--strict"];
     fails(1, &["coarser texels stand in"], &strict);
+    let exported = folder.path().join("o.glb");
+    let said = succeeds(&[&"export", &damaged, &"-o", &exported, &"--quiet"]);
+    assert!(stderr(&said).contains("coarser texels stand in"), "{}", stderr(&said));
+    fails(1, &["coarser texels stand in"], &[&"export", &damaged, &"-o", &exported, &"--force", &"--strict"]);
 }
 
 /// Names in files cannot move the cursor, change colours or titles.

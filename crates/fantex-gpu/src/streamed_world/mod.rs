@@ -14,6 +14,7 @@ mod opening;
 #[cfg(not(target_arch = "wasm32"))]
 mod settling;
 
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -73,13 +74,6 @@ pub struct WorldStatistics {
     pub failed: Vec<(String, String)>,
 }
 
-impl WorldStatistics {
-    /// What is drawn: whole objects, previews, coarse assets, triangles.
-    fn drawn(&self) -> [u64; 4] {
-        [self.whole as u64, self.previews as u64, self.coarse as u64, self.triangles]
-    }
-}
-
 /// A world whose objects come and go with the view.
 pub struct StreamedWorld {
     world: Arc<World>,
@@ -99,7 +93,9 @@ pub struct StreamedWorld {
     statistics: WorldStatistics,
     /// Objects and coarse assets that are drawn, the nearest first.
     drawn: Vec<usize>,
-    /// Grows when other objects are drawn.
+    /// The same, ascending, and whether they are whole.
+    shown: Vec<(usize, bool)>,
+    /// Grows when other objects are drawn, or others are whole.
     revision: u64,
 }
 
@@ -187,6 +183,7 @@ impl StreamedWorld {
             opening: 0,
             statistics: WorldStatistics::default(),
             drawn: Vec::new(),
+            shown: Vec::new(),
             revision: 0,
         })
     }
@@ -451,7 +448,6 @@ impl StreamedWorld {
         let distance = |index: &usize| self.shapes[*index].distance(eye);
         drawn.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
         let statistics = &mut self.statistics;
-        let before = statistics.drawn();
         (statistics.whole, statistics.previews, statistics.coarse, statistics.triangles) = (0, 0, 0, 0);
         for &index in &drawn {
             let Some(object) = self.world.objects.get(index) else {
@@ -470,9 +466,12 @@ impl StreamedWorld {
                 }
             }
         }
-        let has_changed = before != statistics.drawn() || drawn.len() != self.drawn.len();
+        let mut shown: Vec<(usize, bool)> =
+            drawn.iter().map(|&index| (index, self.objects[index].is_whole_drawn())).collect();
+        shown.sort_unstable();
+        let has_changed = shown != self.shown;
         self.revision += u64::from(has_changed);
-        self.drawn = drawn;
+        (self.drawn, self.shown) = (drawn, shown);
         has_changed
     }
 
@@ -518,7 +517,13 @@ impl Model for StreamedWorld {
     }
 
     fn shadow_revision(&self) -> u64 {
-        self.revision + self.drawn().map(Model::shadow_revision).sum::<u64>()
+        // Models come and go with revisions of their own: sums of them may be the same for others.
+        let mut hasher = DefaultHasher::new();
+        self.revision.hash(&mut hasher);
+        for &(index, _) in &self.shown {
+            self.objects[index].drawn().map(Model::shadow_revision).hash(&mut hasher);
+        }
+        hasher.finish()
     }
 
     fn prepare(

@@ -11,6 +11,7 @@
 
 use std::f32::consts::{PI, TAU};
 
+use fantex_base::random::folded_seed;
 use glam::{UVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -589,8 +590,7 @@ pub(super) struct Noise {
 
 impl Noise {
     pub(super) fn new(seed: u64, stream: u32) -> Self {
-        let folded = (seed ^ (seed >> 32)) as u32;
-        Self { key: mix(folded ^ mix(stream.wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995)) }
+        Self { key: mix(folded_seed(seed) ^ mix(stream.wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995)) }
     }
 
     /// Smooth noise in the plane, about -0.7..0.7, zero at integer points, feature size one.

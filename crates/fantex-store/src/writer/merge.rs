@@ -22,7 +22,7 @@ use crate::directory::{ALIGNMENT, ClusterEntry};
 use crate::error::damaged;
 use crate::layout::{PAGE, TilePlace, page_grid};
 use crate::limits::MAX_CLUSTER_BYTES;
-use crate::{ByteSource, FileSource, TexelFormat, cover_level_count};
+use crate::{ByteSource, PathSource, TexelFormat, cover_level_count};
 
 /// Bytes of a part that are read at once: enough for several requests to a server. Only one part at a time has them.
 const READ_AHEAD: u64 = 24 << 20;
@@ -282,10 +282,8 @@ pub fn merge_parts(
     output: Option<(&Path, &CreateOptions)>,
     watch: &dyn Fn(u64, u64) -> ControlFlow<()>,
 ) -> Result<WriteSummary> {
-    let open = |path: &PathBuf| -> Result<Arc<dyn ByteSource>> {
-        Ok(Arc::new(FileSource::open(path).map_err(|error| Error::reading(path, error))?))
-    };
-    merge_sources(plan, &parts.iter().map(open).collect::<Result<Vec<_>>>()?, output, watch)
+    let source = |path: &PathBuf| -> Arc<dyn ByteSource> { Arc::new(PathSource::new(path)) };
+    merge_sources(plan, &parts.iter().map(source).collect::<Vec<_>>(), output, watch)
 }
 
 /// As [`merge_parts`], of parts that may lie anywhere.

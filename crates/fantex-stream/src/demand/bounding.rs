@@ -19,9 +19,9 @@ const THREADS: usize = if cfg!(target_arch = "wasm32") { 1 } else { 4 };
 /// Tiles whose pages are bounded at once; the next ones wait for their turn.
 const MAX_OPEN_TILES: usize = 64;
 
-/// Less work than this is not worth waking threads for, in the time that a group takes.
+/// Work from which on it pays to wake threads, in units of a group's bounds.
 const MIN_SHARED_WORK: usize = 1 << 9;
-/// Nor is it to look at fewer tiles.
+/// Tiles from which on it does.
 const MIN_SHARED_TILES: usize = 8;
 
 impl Demand {

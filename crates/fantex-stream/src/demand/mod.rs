@@ -118,9 +118,9 @@ pub(crate) struct Demand {
     view: Option<StreamView>,
     course: Course,
     pub(crate) work: DemandWork,
-    /// The last update might do so much, in the time that a group takes,
+    /// Work that the last update might do, in units of a group's bounds.
     may_do: usize,
-    /// and left so much.
+    /// What it has left of that.
     left: usize,
     /// The block at which the last update ran out of work; the next one begins there, so that all have their turn.
     resume: Option<usize>,

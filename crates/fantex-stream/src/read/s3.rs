@@ -6,7 +6,7 @@
 
 use std::io;
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::{Duration, SystemTime};
 
 use jiff::Timestamp;
 use rusty_s3::signing::sign;
@@ -15,7 +15,7 @@ use rusty_s3::{Bucket, Credentials, Method, UrlStyle};
 /// How long a signed URL holds.
 const SIGNED_TIME: Duration = Duration::from_hours(1);
 
-/// Signed URLs are used for so long; then they are signed anew.
+/// Signed URLs are used for so long; then they are signed anew. Stores go by the time of day, which passes while a machine sleeps.
 const USED_TIME: Duration = Duration::from_mins(30);
 
 const GOOGLE: &str = "https://storage.googleapis.com";
@@ -30,7 +30,7 @@ pub(crate) struct S3Object {
     /// Whether the store copies ranges of objects into others. (Google's documents no such request; it joins whole objects.)
     copies_ranges: bool,
     credentials: Option<Credentials>,
-    signed: Mutex<Option<(Instant, String)>>,
+    signed: Mutex<Option<(SystemTime, String)>>,
 }
 
 impl S3Object {
@@ -78,10 +78,10 @@ impl S3Object {
     pub(crate) fn url(&self) -> String {
         let mut signed = self.signed.lock().unwrap_or_else(PoisonError::into_inner);
         match &*signed {
-            Some((since, url)) if since.elapsed() < USED_TIME => url.clone(),
+            Some((since, url)) if since.elapsed().is_ok_and(|age| age < USED_TIME) => url.clone(),
             _ => {
                 let url = self.signed(Method::Get, &[], &[]);
-                *signed = Some((Instant::now(), url.clone()));
+                *signed = Some((SystemTime::now(), url.clone()));
                 url
             }
         }
@@ -119,6 +119,22 @@ impl S3Object {
             None => {
                 format!("set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, as not everybody may {verb} it")
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_signed_anew_once_they_are_old() {
+        let credentials = Some(Credentials::new("ID", "SECRET"));
+        let object = S3Object::new(("scans", "a.fan"), false, |_| None, credentials).unwrap();
+        let now = SystemTime::now();
+        for (since, is_used) in [(now, true), (now - 2 * USED_TIME, false), (now + 2 * USED_TIME, false)] {
+            *object.signed.lock().unwrap() = Some((since, "known".to_owned()));
+            assert_eq!(object.url() == "known", is_used);
         }
     }
 }

@@ -136,7 +136,7 @@ impl ObjectTarget {
         match made {
             Ok(()) => Ok(Assembled::Done(copied)),
             Err(Failure::NotCopied(why)) => Ok(Assembled::NotCopied(Some(why))),
-            Err(Failure::Refused(refusal)) if may_be_of_copying(&refusal) => {
+            Err(Failure::Refused(refusal)) if may_be_due_to_copying(&refusal) => {
                 Ok(Assembled::NotCopied(Some(refusal.error.to_string())))
             }
             Err(Failure::Refused(refusal)) => Err(self.refused(replace, refusal)),
@@ -239,9 +239,9 @@ impl ObjectTarget {
 }
 
 /// Whether this may be because pieces are copied, so that sending all bytes may help.
-fn may_be_of_copying(refusal: &Refusal) -> bool {
+fn may_be_due_to_copying(refusal: &Refusal) -> bool {
     let is_refused = refusal.status == 501 || (400..500).contains(&refusal.status);
-    is_refused && !refusal.is_of_other() && !is_transient(&refusal.error)
+    is_refused && !refusal.is_conflict() && !is_transient(&refusal.error)
 }
 
 fn changed(location: &Path) -> Error {
@@ -291,9 +291,9 @@ mod tests {
             (500, "InternalError", false),
             (503, "SlowDown", false),
         ] {
-            assert_eq!(may_be_of_copying(&refusal_of(status, Some(code))), is_refused, "{status} {code}");
+            assert_eq!(may_be_due_to_copying(&refusal_of(status, Some(code))), is_refused, "{status} {code}");
         }
-        assert!(!may_be_of_copying(&Refusal::cancelled()));
+        assert!(!may_be_due_to_copying(&Refusal::cancelled()));
     }
 
     #[test]

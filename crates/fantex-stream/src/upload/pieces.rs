@@ -11,15 +11,15 @@
 
 use std::ops::Range;
 
-/// Bytes of a piece that is not the last, at least.
+/// Fewest bytes of a piece that is not the last.
 const MIN_PIECE_BYTES: u64 = 5 << 20;
 
-/// Bytes of a piece, at most.
+/// Most bytes of a piece.
 const MAX_PIECE_BYTES: u64 = 5 << 30;
 
 const MAX_PIECES: usize = 10_000;
 
-/// Of these each kind of pieces has about as many at most, so that there is room for runs that are short.
+/// Pieces of each kind, sent and copied, that long stretches are cut into, about. The rest of [`MAX_PIECES`] is for short ones.
 const USUAL_PIECES: u64 = 4_500;
 
 /// Bytes of a piece that is sent, unless there would be too many. Twice as many are still one piece.
