@@ -136,10 +136,11 @@ impl World {
 pub(crate) fn verify_index<'py>(
     py: Python<'py>,
     place: PathBuf,
+    texels: bool,
     memory: usize,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let options = VerifyOptions { memory_bytes: memory };
+    let options = VerifyOptions { memory_bytes: memory, texels };
     let report = watched(py, progress.as_ref(), |watch| verify_world(&place, &options, watch))?;
     let dict = PyDict::new(py);
     dict.set_item("ok", report.ok)?;

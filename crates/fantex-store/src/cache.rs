@@ -195,7 +195,10 @@ impl PageCache {
         let shared = &self.shared;
         match &shared.snapshot {
             Some(snapshot) => snapshot.read_page_raw(channel, id),
-            None => shared.asset.page_in(&self.cluster(id)?, channel, id).map(<[u8]>::to_vec),
+            None => {
+                let cluster = self.cluster(id)?;
+                shared.asset.page_in(&cluster, channel, id).map(<[u8]>::to_vec)
+            }
         }
     }
 

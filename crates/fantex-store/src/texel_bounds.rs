@@ -63,7 +63,7 @@ pub(crate) fn may_exceed_one(channel: &Channel) -> bool {
 }
 
 impl StoredValues {
-    /// `exceeds_one`: texels nearby are clamped. `is_cut_out`: all triangles of the tile are cut-outs.
+    /// `exceeds_one`: texels nearby are clamped. `is_cut_out`: triangles of the tile are cut-outs.
     pub(crate) fn new(channel: &Channel, exceeds_one: bool, is_cut_out: bool) -> Self {
         let is_float = channel.format == TexelFormat::Rgba32F;
         let is_height = channel.kind == ChannelKind::Displacement;

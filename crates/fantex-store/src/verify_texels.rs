@@ -17,7 +17,7 @@ use std::ops::Range;
 use fantex_cover::{Group, GroupTriangles, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelUses};
 use fantex_mesh::Edges;
 use fantex_texture::filter::{Overlap, overlaps};
-use fantex_texture::levels::CutOut;
+use fantex_texture::levels::CutOuts;
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -181,7 +181,7 @@ impl TexelCheck<'_> {
         let uses = |level| TexelUses::of(cover, mesh, group, triangles, level);
         let is_open = self.is_open[group as usize];
         let modes = triangles.iter().map(|&triangle| mesh.alpha_mode(triangle as usize));
-        let is_cut_out = CutOut::of_all(modes, false).is_some();
+        let is_cut_out = !CutOuts::of(modes, false).is_empty();
         // Of a cut-out that is painted on, finer levels are made anew block by block, and from this one on as a whole.
         let is_large = cover.groups[group as usize].extent.iter().any(|&n| n > MAX_BLOCK_SIDE);
         let mut report = TexelReport::default();

@@ -209,18 +209,19 @@ class World:
         options = _fan_options(gutter, largest_side, textures, (), overwrite, memory)
         return _written(self._native.export_fans(os.fspath(path), options, progress))
 
-    def verify(self, *, progress: Optional[Progress] = None) -> dict:
+    def verify(self, *, texels: bool = False, progress: Optional[Progress] = None) -> dict:
         """Checks every asset, preview and coarse asset as :meth:`Asset.verify` does, that the index says what is there, and that sectors
         of one asset agree where they meet.
 
         Args:
+            texels: compare detail levels, too.
             progress: called with ``(done, total)`` texels.
 
         Returns:
             ``ok``; numbers of ``objects``, ``coarse`` and ``faulty`` ones; ``seam_edges`` that were compared, and the ``largest_jump`` there
             with its ``bound``; ``faults``, a sentence each.
         """
-        return _native.verify_index(self._place, self._memory, progress)
+        return _native.verify_index(self._place, texels, self._memory, progress)
 
     def __len__(self) -> int:
         return len(self.objects)
