@@ -615,6 +615,17 @@ mod tests {
         assert_eq!(triangles, all);
     }
 
+    /// Triangles alike that overlap by less than a cell are cut apart, and cutting ends.
+    #[test]
+    fn triangles_alike_that_cross_get_charts_of_their_own() {
+        let triangle = |x: f32, y: f32| [[x, y], [x + 1.0, y + 2.0], [x + 2.0, y]].map(Vec2::from);
+        let mesh = Mesh { triangles: vec![[0, 1, 2], [3, 4, 5]], ..Mesh::default() };
+        let chart = Chart::new(vec![0, 1], vec![triangle(0.0, 0.0), triangle(0.5, 1.75)]);
+        let charts = cut(&mesh, chart, true, &continued(&mesh), 0.01);
+        let triangles: Vec<_> = charts.into_iter().map(|chart| chart.triangles).collect();
+        assert_eq!(triangles, [[0], [1]]);
+    }
+
     #[test]
     fn neighbours_share_no_cell() {
         let mut count = vec![0; 100];
