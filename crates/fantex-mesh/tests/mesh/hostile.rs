@@ -319,6 +319,22 @@ fn very_many_materials_are_looked_up() {
     assert_eq!(model.materials.len(), 200_000);
 }
 
+/// So are images made of channels of others, here each of a material's own, and twice.
+#[test]
+fn packed_images_are_looked_up() {
+    use std::fmt::Write as _;
+    let (mut text, mut library) = ("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned(), String::new());
+    let count = 3_000;
+    for material in 0..2 * count {
+        writeln!(text, "usemtl {material}\nf 1 2 3").unwrap();
+        writeln!(library, "newmtl {material}\nmap_Kd c.png\nmap_d {}.png", material % count).unwrap();
+    }
+    let model = load_files(&[("a.obj", text.as_bytes()), ("a.mtl", library.as_bytes())]).unwrap();
+    assert_eq!(model.materials.len(), 2 * count);
+    // The colours, opacities, and both together.
+    assert_eq!(model.images.len(), 1 + 2 * count);
+}
+
 #[test]
 fn zeroed_accessors_and_second_vertex_tables_claim_no_memory_and_do_not_confuse() {
     let document = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[{"componentType":5126,"type":"VEC3","count":100000000}]}"#;
