@@ -6,8 +6,9 @@
 //!  block 0,1 | block 1,1      the tile:   SHARED_LEVEL and everything coarser
 //! ```
 //!
-//! Large tiles are cut into blocks with a margin of `BLOCK_MARGIN` texels (`NOISY_MARGIN` for light that is denoised), so that a texel's value does not depend on the cut, and
-//! memory does not grow with the tile.
+//! Large tiles are cut into blocks with a margin of `BLOCK_MARGIN` texels (`NOISY_MARGIN` for light that is denoised), so that a texel's value does
+//! not depend on the cut, and the memory for texels in work does not grow with the tile. Its encoded pages do take more: the writer wants all of
+//! a level before the next.
 
 use std::time::{Duration, Instant};
 
