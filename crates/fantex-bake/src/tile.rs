@@ -182,6 +182,10 @@ impl TileBaker<'_> {
                     self.source.evaluate_lit(points, &light.collect::<Result<Vec<Vec3>>>()?, &mut values);
                 }
             }
+            // What is no number would spread to the texels around it and to all coarser levels.
+            for value in values.iter_mut().filter(|value| !value.is_finite()) {
+                *value = Vec4::from_array(value.to_array().map(|x| if x.is_finite() { x } else { 0.0 }));
+            }
             self.turn_vectors(group, points, &mut values);
             let mut values = values.as_slice();
             // Texels that follow one another are copied together.
