@@ -32,8 +32,8 @@ const BATCH_TEXELS: std::ops::RangeInclusive<u64> = 1 << 16..=8 << 20;
 ///
 /// Where the source [crosses creases](Source::crosses_creases), the asset's mesh has normals without creases.
 ///
-/// Memory besides mesh, cover and source is bounded by `options.memory_bytes`, whatever the number of texels. The asset's
-/// bytes do not depend on the number of threads.
+/// Memory besides mesh, cover and source is bounded by `options.memory_bytes`, whatever the number of texels, but for the encoded pages
+/// of a tile that is larger than a batch. The asset's bytes do not depend on the number of threads.
 ///
 /// # Errors
 /// The file exists already (unless forced), cannot be written, or the bake was cancelled; in all cases nothing is left behind.
@@ -307,7 +307,7 @@ pub struct BakeOptions {
     pub quality: Quality,
     /// Overwrite an existing asset.
     pub force: bool,
-    /// Bytes that texels in flight may take, whatever the texture's size.
+    /// Bytes that texels in flight may take, whatever the texture's size; the encoded pages of one tile may take more.
     pub memory_bytes: u64,
 }
 

@@ -80,7 +80,7 @@ pub trait Source: Sync {
         false
     }
 
-    /// Writes one value per channel.
+    /// Writes one value per channel. What is not finite is baked as 0.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 
     /// The same at many texels, those of a triangle in a row: writes one value per channel and point, those of a point

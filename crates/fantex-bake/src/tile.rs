@@ -6,8 +6,9 @@
 //!  block 0,1 | block 1,1      the tile:   SHARED_LEVEL and everything coarser
 //! ```
 //!
-//! Large tiles are cut into blocks with a margin of `BLOCK_MARGIN` texels (`NOISY_MARGIN` for light that is denoised), so that a texel's value does not depend on the cut, and
-//! memory does not grow with the tile.
+//! Large tiles are cut into blocks with a margin of `BLOCK_MARGIN` texels (`NOISY_MARGIN` for light that is denoised), so that a texel's value does
+//! not depend on the cut, and the memory for texels in work does not grow with the tile. Its encoded pages do take more: the writer wants all of
+//! a level before the next.
 
 use std::time::{Duration, Instant};
 
@@ -184,6 +185,10 @@ impl TileBaker<'_> {
                     let light: Vec<Vec3> = known.iter().map(|light| light.unwrap_or_default()).collect();
                     self.source.evaluate_lit(points, &light, &mut values);
                 }
+            }
+            // What is no number would spread to the texels around it and to all coarser levels.
+            for value in values.iter_mut().filter(|value| !value.is_finite()) {
+                *value = Vec4::from_array(value.to_array().map(|x| if x.is_finite() { x } else { 0.0 }));
             }
             self.turn_vectors(group, points, &mut values);
             let mut values = values.as_slice();

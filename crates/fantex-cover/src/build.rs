@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use fantex_base::{Error, Result, counted, input};
-use fantex_mesh::{FanCorner, Fans, Mesh, VertexCorners, is_crease, shading_normals};
+use fantex_mesh::{FanCorner, Fans, MAX_FAN_TRIANGLES, Mesh, VertexCorners, is_crease, shading_normals};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -52,8 +52,6 @@ impl Default for CoverOptions {
         }
     }
 }
-
-const MAX_TRIANGLES: usize = (1 << 31) / 3;
 
 /// What is known of a triangle and its half fan while a mesh is covered, measured on landscapes.
 const BYTES_PER_TRIANGLE: u64 = 96;
@@ -136,9 +134,9 @@ fn check(mesh: &Mesh, options: &CoverOptions) -> Result<()> {
     if triangles == 0 {
         return Err(Error::invalid("the mesh has no triangles; a cover needs at least one"));
     }
-    if triangles > MAX_TRIANGLES {
+    if triangles > MAX_FAN_TRIANGLES {
         return Err(Error::too_large(format!(
-            "the mesh has {triangles} triangles; a cover handles at most {MAX_TRIANGLES}"
+            "the mesh has {triangles} triangles; a cover handles at most {MAX_FAN_TRIANGLES}"
         )));
     }
     if !(options.delta > 0.0 && options.delta <= 1.0 / 3.0) {

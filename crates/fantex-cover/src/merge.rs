@@ -124,15 +124,10 @@ impl Merger {
 
     /// The neighbours of a group with the longest common borders, with the triangles there.
     fn longest_borders(&self, group: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
-        let mut borders: Vec<(u32, u32)> = Vec::with_capacity(self.neighbours[group as usize].len());
-        for &(g, triangles) in &self.neighbours[group as usize] {
-            let g = self.joined[g as usize];
-            match borders.iter_mut().find(|b| b.0 == g) {
-                _ if g == group => {}
-                Some(border) => border.1 += triangles,
-                None => borders.push((g, triangles)),
-            }
-        }
+        let now = |&(g, triangles): &(u32, u32)| (self.joined[g as usize], triangles);
+        let mut borders: Vec<(u32, u32)> =
+            self.neighbours[group as usize].iter().map(now).filter(|border| border.0 != group).collect();
+        sum_by_name(&mut borders);
         borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
         borders.into_iter().take(CANDIDATES)
     }
@@ -378,6 +373,17 @@ impl WideCone {
     }
 }
 
+/// Makes entries with the same name (the first number) one that has the sum of their counts (the second), ascending by name. By sorting: a
+/// group may have very many neighbours.
+pub(crate) fn sum_by_name(counts: &mut Vec<(u32, u32)>) {
+    counts.sort_unstable();
+    counts.dedup_by(|next, kept| {
+        let is_same = next.0 == kept.0;
+        kept.1 += if is_same { next.1 } else { 0 };
+        is_same
+    });
+}
+
 /// For every group its neighbours with the number of common triangles, ascending.
 pub(crate) fn neighbours(fans: &Fans, fan_groups: &[u32], group_count: usize) -> Vec<Vec<(u32, u32)>> {
     let mut pairs: Vec<(u32, u32)> = (0..fans.triangle_count())
@@ -404,6 +410,13 @@ pub(crate) fn neighbours(fans: &Fans, fan_groups: &[u32], group_count: usize) ->
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn counts_of_one_name_are_summed() {
+        let mut counts = vec![(7, 1), (2, 5), (7, 3), (0, 1), (2, 1), (7, 1)];
+        sum_by_name(&mut counts);
+        assert_eq!(counts, [(0, 1), (2, 6), (7, 5)]);
+    }
 
     proptest! {
         #[test]

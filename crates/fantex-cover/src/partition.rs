@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::cone::Cone;
 use crate::cost::{self, Region};
 use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
+use crate::merge::sum_by_name;
 use crate::nominal::{Demand, NominalDensity};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
@@ -710,7 +711,7 @@ impl<'a> Connector<'a> {
                 .with_min_len(64)
                 .map_init(Vec::new, |borders, fragment| {
                     self.longest_borders(order, seeds, &pieces, fragment, borders);
-                    borders.iter().map(|b| b.1).find(|&seed| {
+                    borders.iter().map(|b| b.0).find(|&seed| {
                         self.sees(pieces[seed as usize].axis.normalize_or_zero(), order, fragment, facing)
                     })
                 })
@@ -726,7 +727,7 @@ impl<'a> Connector<'a> {
         }
     }
 
-    /// The pieces around a fragment that are none themselves, as `(length of the common border, seed)`, the longest first.
+    /// The pieces around a fragment that are none themselves, as `(seed, length of the common border)`, the longest first.
     fn longest_borders(
         &self,
         order: &[u32],
@@ -738,17 +739,13 @@ impl<'a> Connector<'a> {
         borders.clear();
         for &(_, at) in fragment {
             self.for_neighbours(order[at as usize], |_, place| {
-                if place == ALONE || pieces[seeds[place as usize] as usize].is_fragment() {
-                    return;
-                }
-                let seed = seeds[place as usize];
-                match borders.iter_mut().find(|b| b.1 == seed) {
-                    Some(border) => border.0 += 1,
-                    None => borders.push((1, seed)),
+                if place != ALONE && !pieces[seeds[place as usize] as usize].is_fragment() {
+                    borders.push((seeds[place as usize], 1));
                 }
             });
         }
-        borders.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+        sum_by_name(borders);
+        borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
     }
 
     /// True where every triangle around a fragment's fans faces a direction well enough.

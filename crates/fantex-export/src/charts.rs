@@ -20,6 +20,7 @@ use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
 use crate::overlaps::without_crossings;
+use crate::spans::{SLACK, span};
 use crate::unions::unite;
 
 /// A piece of the surface in the plane, none of whose triangles overlap.
@@ -559,8 +560,10 @@ pub(crate) fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let (first, last) = ((low - 0.5).ceil().as_ivec2(), (high - 0.5).floor().as_ivec2());
     for y in first.y..=last.y {
-        for x in first.x..=last.x {
-            let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let row = y as f32 + 0.5;
+        let Some([left, right]) = span(corners, row - SLACK, row + SLACK) else { continue };
+        for x in first.x.max((left - 1.5).floor() as i32)..=last.x.min((right + 0.5).ceil() as i32) {
+            let p = Vec2::new(x as f32 + 0.5, row);
             if sides.iter().all(|(from, along)| along.perp_dot(p - *from) > SHRINK) {
                 visit(IVec2::new(x, y));
             }
@@ -613,6 +616,17 @@ mod tests {
         let mut triangles: Vec<u32> = charts.iter().flat_map(|c| c.triangles.clone()).collect();
         triangles.sort_unstable();
         assert_eq!(triangles, all);
+    }
+
+    /// Triangles alike that overlap by less than a cell are cut apart, and cutting ends.
+    #[test]
+    fn triangles_alike_that_cross_get_charts_of_their_own() {
+        let triangle = |x: f32, y: f32| [[x, y], [x + 1.0, y + 2.0], [x + 2.0, y]].map(Vec2::from);
+        let mesh = Mesh { triangles: vec![[0, 1, 2], [3, 4, 5]], ..Mesh::default() };
+        let chart = Chart::new(vec![0, 1], vec![triangle(0.0, 0.0), triangle(0.5, 1.75)]);
+        let charts = cut(&mesh, chart, true, &continued(&mesh), 0.01);
+        let triangles: Vec<_> = charts.into_iter().map(|chart| chart.triangles).collect();
+        assert_eq!(triangles, [[0], [1]]);
     }
 
     #[test]

@@ -361,8 +361,11 @@ fn folded(mesh: &Mesh, half_edge: u32, [begin, end]: [Vec2; 2]) -> [Vec2; 3] {
 
 // ---- The model's own texture coordinates.
 
-/// Pictures that a triangle's coordinates may reach over.
+/// Pictures that a triangle's coordinates may reach over, along each side.
 const MAX_REPEATS: i32 = 64;
+
+/// Triangles in a picture at most, where one that reaches over several pictures counts once for each: they take some 50 bytes.
+const MAX_COPIES: usize = 1 << 24;
 
 /// The texture coordinates that the asset kept of its model.
 pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>> {
@@ -502,6 +505,13 @@ fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool> {
     let count = last - first + 1;
     if count.x.max(count.y) > MAX_REPEATS {
         return Err(range());
+    }
+    let copies = (count.x * count.y) as usize;
+    if copies > 1 && page.placed.len() + copies > MAX_COPIES {
+        return Err(Error::too_large(format!(
+            "the texture coordinates repeat so often that a picture would have more than {MAX_COPIES} triangles; use an own packing \
+             (without --uv)"
+        )));
     }
     for y in first.y..=last.y {
         for x in first.x..=last.x {

@@ -2,6 +2,7 @@
 //!
 //! All of its triangles lie the same way up, so its border crosses itself where it overlaps, or it overlaps around a point of the border.
 
+use std::cmp::Ordering;
 use std::f64::consts::TAU;
 
 use glam::{DVec2, Vec2};
@@ -78,12 +79,17 @@ pub(crate) fn without_crossings(chart: &Chart, across: &[u32]) -> Vec<bool> {
     is_taken
 }
 
+/// The smaller of two triangles; of two alike the later one, whichever way around they are asked for. So not all triangles of a chart are
+/// the smaller of some two.
 fn smaller(chart: &Chart, one: usize, other: usize) -> usize {
     let area = |index: usize| {
         let [a, b, c] = chart.corners[index];
         (b - a).perp_dot(c - a).abs()
     };
-    if area(one) < area(other) { one } else { other }
+    match area(one).total_cmp(&area(other)).then(other.cmp(&one)) {
+        Ordering::Less => one,
+        Ordering::Equal | Ordering::Greater => other,
+    }
 }
 
 /// Triangles with a corner at the same point of the border that overlap there, in pairs: their sides end at each other and do not cross.
@@ -111,7 +117,7 @@ fn overlaps_at_points(chart: &Chart, sides: &[Side]) -> Vec<[usize; 2]> {
         for (i, &(_, from, span, index)) in around.iter().enumerate() {
             let (_, next, _, other) = around[(i + 1) % around.len()];
             let gap = if i + 1 < around.len() { next - from } else { next + TAU - from };
-            if span > gap + ROUNDING_OF_ANGLES {
+            if index != other && span > gap + ROUNDING_OF_ANGLES {
                 overlaps.push([index, other]);
             }
         }
@@ -144,6 +150,15 @@ mod tests {
             let is_taken = without_crossings(&chart, &continued(&mesh));
             assert_eq!(is_taken.iter().all(|&is| is), is_whole, "{count} of {degrees} degrees: {is_taken:?}");
         }
+    }
+
+    /// The tip of a triangle over the side of its like: seen from left to right, each of the two crosses the other first.
+    #[test]
+    fn one_of_two_alike_that_cross_is_taken() {
+        let triangle = |x: f32, y: f32| [[x, y], [x + 1.0, y + 2.0], [x + 2.0, y]].map(Vec2::from);
+        let mesh = Mesh { triangles: vec![[0, 1, 2], [3, 4, 5]], ..Mesh::default() };
+        let chart = Chart::new(vec![0, 1], vec![triangle(0.0, 0.0), triangle(0.5, 1.75)]);
+        assert_eq!(without_crossings(&chart, &continued(&mesh)), [true, false]);
     }
 
     /// Two squares of two triangles each, the second moved by this much to the right of the first one's left side.

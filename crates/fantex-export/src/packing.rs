@@ -3,6 +3,8 @@
 use glam::Vec2;
 use rayon::prelude::*;
 
+use crate::spans::{SLACK, span};
+
 /// Where a chart lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Place {
@@ -40,7 +42,13 @@ impl Mask {
         let first = low.floor().max(Vec2::ZERO).as_uvec2();
         let last = high.floor().max(Vec2::ZERO).as_uvec2();
         for y in first.y..=last.y.min(self.height - 1) {
-            for x in first.x..=last.x.min(self.width - 1) {
+            // A block is asked for a square that reaches half a block beyond it on all sides.
+            let Some([left, right]) = span(corners, y as f32 - 0.5 - SLACK, y as f32 + 1.5 + SLACK) else {
+                continue;
+            };
+            let from = first.x.max((left - 2.5).max(0.0) as u32);
+            let to = last.x.min(self.width - 1).min((right + 1.5).max(0.0) as u32);
+            for x in from..=to {
                 let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                 if !self.contains(x, y) && touches_square(corners, middle, 1.0) {
                     self.insert(x, y);
@@ -251,6 +259,28 @@ mod tests {
             }
         }
         assert!(!mask.contains(8, 7) && !mask.contains(7, 5));
+    }
+
+    /// Rows are not looked at where a triangle is not: needles have the blocks that they touch all the same.
+    #[test]
+    fn a_mask_has_each_block_that_a_triangle_touches() {
+        let mut random = fantex_base::Random::new(9);
+        for round in 0..200 {
+            let mut point = || Vec2::new(random.unit() as f32, random.unit() as f32) * 60.0 + 2.0;
+            let [a, b, mut c] = [point(), point(), point()];
+            if round % 2 == 0 {
+                c = a.lerp(b, 0.7) + Vec2::new(0.003, -0.002);
+            }
+            let mask = Mask::around(64, 64, std::iter::once([a, b, c]));
+            for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
+                let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                assert_eq!(
+                    mask.contains(x, y),
+                    touches_square([a, b, c], middle, 1.0),
+                    "{a} {b} {c}: {x} {y}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -19,6 +19,7 @@ use rayon::prelude::*;
 
 use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
+use crate::spans::{SLACK, span};
 
 const REGION: u32 = 256;
 
@@ -287,8 +288,13 @@ impl<'a> Search<'a> {
         let end = Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
         let first = (low - NEAR_TEXELS - 0.5).ceil().clamp(Vec2::ZERO, end).as_ivec2();
         let last = (high + NEAR_TEXELS + 0.5).floor().clamp(Vec2::ZERO, end).as_ivec2();
+        let reach = NEAR_TEXELS + SLACK;
         for y in first.y..last.y {
-            for x in first.x..last.x {
+            let row = origin.y + y as f32 + 0.5;
+            let Some([left, right]) = span(placed.corners, row - reach, row + reach) else { continue };
+            let from = first.x.max((left - origin.x - reach - 1.5) as i32);
+            let end = last.x.min((right - origin.x + reach + 1.5) as i32);
+            for x in from..end {
                 let texel = (y * self.extent[0] + x) as usize;
                 if self.owners[texel] == placed.chart {
                     let centre = origin + Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
@@ -690,6 +696,24 @@ mod tests {
         let page = page(16, 4, [[4.0, 4.0], [8.0, 4.0], [4.0, 8.0]], owners);
         let region = Region::find(&page, &[0], [0, 0], [16, 16]);
         assert_eq!(inner(&region).iter().filter(|p| p.placed == 0).count(), 16);
+    }
+
+    /// A needle across the picture gives a point to each texel that is near enough.
+    #[test]
+    fn texels_beside_a_needle_have_points() {
+        let corners = [[2.0, 3.0], [60.5, 41.25], [60.0, 42.0]];
+        let page = page(64, 64, corners, Vec::new());
+        let region = Region::find(&page, &[0], [0, 0], [64, 64]);
+        let shape = Shape::new(&page.placed[0]);
+        let [surface, points] = [&region.chart_on_surface, &region.point_of_texel];
+        for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
+            let texel = (y + 1) * 66 + x + 1;
+            let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let is_inside = shape.lambda(centre).is_some_and(|lambda| lambda.min_element() >= 0.0);
+            assert_eq!(surface[texel] == 0, is_inside, "{x} {y}");
+            let is_near = shape.nearest(centre).1 <= NEAR_TEXELS * NEAR_TEXELS;
+            assert!(!is_near || points[texel] != NOBODY, "{x} {y}");
+        }
     }
 
     #[test]

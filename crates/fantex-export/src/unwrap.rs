@@ -16,7 +16,8 @@ use crate::{ExportOptions, MAX_SIDE};
 pub struct UnwrapOptions {
     /// Columns and rows of the square picture, a power of two.
     pub side: u32,
-    /// Texels between charts, a power of two up to 16; as many as fit if it is not given.
+    /// Texels that are a chart's own around it, a power of two up to [`MAX_PADDING`](crate::MAX_PADDING); without it, a 128th of the
+    /// side, 2 to 16, less where there are very many charts.
     pub padding: Option<u32>,
 }
 

@@ -25,6 +25,9 @@ pub struct FanCorner(u32);
 
 const REVERSED: u32 = 1 << 31;
 
+/// Triangles of a mesh whose fans are gathered, at most: a [`FanCorner`] keeps a bit of the number of a corner.
+pub const MAX_FAN_TRIANGLES: usize = REVERSED as usize / 3;
+
 impl FanCorner {
     fn new(corner: u32, reversed: bool) -> Self {
         Self(corner | if reversed { REVERSED } else { 0 })
@@ -72,16 +75,23 @@ pub struct Fans {
 impl Fans {
     /// Gathers the fans of a mesh with the given vertex-to-corner lists. Linear in the corners for bounded degree,
     /// `O(d log d)` for a vertex of degree `d`.
+    ///
+    /// # Panics
+    /// There are more than [`MAX_FAN_TRIANGLES`].
     pub fn of(triangles: &[[u32; 3]], vertex_corners: &VertexCorners) -> Self {
         Self::linked(triangles, vertex_corners, None)
     }
 
     /// The fans where triangles continue each other [by angle](crate::continued_by_angle), too.
+    ///
+    /// # Panics
+    /// As [`of`](Self::of).
     pub fn by_angle(mesh: &Mesh, vertex_corners: &VertexCorners) -> Self {
         Self::linked(&mesh.triangles, vertex_corners, Some(&mesh.positions))
     }
 
     fn linked(triangles: &[[u32; 3]], vertex_corners: &VertexCorners, positions: Option<&[Vec3]>) -> Self {
+        assert!(triangles.len() <= MAX_FAN_TRIANGLES, "corners of fans would not fit 31 bits");
         // A fan's corners are some of its vertex' corners: every run of vertices sorts its own.
         let mut corners: Vec<FanCorner> = vec![FanCorner(0); vertex_corners.corner_count()];
         let mut runs = Vec::with_capacity(vertex_corners.len() / RUN + 1);

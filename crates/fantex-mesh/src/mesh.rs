@@ -81,10 +81,10 @@ impl ObjectSpace {
 
 /// A welded, cleaned triangle mesh in mesh space (all coordinates within [-1, 1]).
 ///
-/// Guarantees, which `clean` establishes and the store checks when it reads a mesh: indices in range, three distinct
-/// vertices and a positive area per triangle, finite positions, no two vertices at the same position, no two triangles
-/// with the same vertices in the same cyclic order, every vertex used. It need not be manifold, closed, connected or
-/// orientable.
+/// Guarantees, which `clean` establishes: indices in range, three distinct vertices and a positive area per triangle, finite positions,
+/// no two vertices at the same position, no two triangles with the same vertices in the same cyclic order, every vertex used. Of a mesh
+/// in a `.fan` file the store checks indices, distinct vertices and finite numbers when it reads it, and `fantex verify` all else. It need
+/// not be manifold, closed, connected or orientable.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions, mesh space.

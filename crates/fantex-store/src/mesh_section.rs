@@ -31,6 +31,12 @@ pub(crate) fn check(mesh: &Mesh) -> Result<()> {
     limit("vertices", mesh.positions.len(), 3 * mesh.triangles.len())?;
     limit("materials", mesh.materials.len(), MAX_MATERIALS)?;
     limit("texture coordinate sets", mesh.corners.uv_sets.len(), MAX_UV_SETS)?;
+    let WorldFromMesh { offset, scale } = mesh.world_from_mesh;
+    if !(offset.is_finite() && scale.is_finite() && scale > 0.0) {
+        return Err(Error::malformed(format!(
+            "the world scale is {scale} and the world offset {offset}, but the scale must be positive, and both finite"
+        )));
+    }
     check_finite(bytemuck::cast_slice::<Vec3, [f32; 3]>(&mesh.positions), "position of vertex")?;
     if let Some(vertex) = mesh.positions.iter().position(|p| p.abs().max_element() > MAX_COORDINATE) {
         return Err(Error::malformed(format!("the position of vertex {vertex} is beyond {MAX_COORDINATE}")));

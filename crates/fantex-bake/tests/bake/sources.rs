@@ -20,7 +20,7 @@ use fantex_texture::{
 };
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
-use crate::common::{baked, barycentric_points, cleaned, cover, float_options, sample};
+use crate::common::{OfPosition, baked, barycentric_points, cleaned, cover, float_options, sample};
 
 fn corner_positions(mesh: &Mesh) -> Vec<Vec3> {
     mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize]).collect()
@@ -64,6 +64,28 @@ fn vertex_colors_are_interpolated() {
     assert!(!VertexColorSource::new(&mesh).unwrap().channels()[0].has_alpha);
     mesh.corners.colors.pop();
     assert!(VertexColorSource::new(&mesh).is_err());
+}
+
+/// Where a source gives no numbers there is a hole, at every level no larger than that place.
+#[test]
+fn values_that_are_no_numbers_do_not_spread() {
+    let mesh = cleaned(generate::grid(4));
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let hole = |p: Vec3| if p.abs().max_element() < 0.05 { bad } else { 0.5 };
+        let source = OfPosition(move |p: Vec3| Vec3::splat(hole(p)).extend(1.0));
+        let baked = baked(&mesh, &cover(&mesh, 256, 20_000), &source, &float_options(Fit::Sharp));
+        for level in 0..baked.cache.asset().level_count() {
+            for triangle in 0..mesh.triangles.len() {
+                for lambda in barycentric_points(5) {
+                    let p = interpolate(mesh.triangle_positions(triangle), lambda);
+                    let value = sample(&baked.cache, 0, level, triangle, lambda).x;
+                    let is_far = p.abs().max_element() > 0.6;
+                    assert!((0.0..0.6).contains(&value), "{bad}, level {level}, {p}: {value}");
+                    assert!(!is_far || (value - 0.5).abs() < 0.02, "{bad}, level {level}, {p}: {value}");
+                }
+            }
+        }
+    }
 }
 
 #[test]

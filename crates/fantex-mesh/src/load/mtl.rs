@@ -26,6 +26,8 @@ pub(super) struct Library {
     pub(super) images: Vec<ImageSource>,
     /// Index into `images`.
     of_path: HashMap<PathBuf, usize>,
+    /// Index into `images`, of those made of channels of others.
+    of_channels: HashMap<[Option<(usize, ImageChannel)>; 4], usize>,
     pub(super) notes: Vec<String>,
 }
 
@@ -271,14 +273,12 @@ impl<'a> Reader<'a> {
     /// An image of channels of others.
     fn packed(&mut self, channels: [Option<(usize, ImageChannel)>; 4]) -> usize {
         let images = &mut self.library.images;
-        let channels = channels.map(|of| {
-            let (image, channel) = of?;
-            Some(PackedChannel { source: images[image].clone(), channel })
-        });
-        let packed = ImageSource::Packed(Box::new(PackedImage { channels }));
-        let known = images.iter().position(|image| *image == packed);
-        known.unwrap_or_else(|| {
-            images.push(packed);
+        *self.library.of_channels.entry(channels).or_insert_with(|| {
+            let channels = channels.map(|of| {
+                let (image, channel) = of?;
+                Some(PackedChannel { source: images[image].clone(), channel })
+            });
+            images.push(ImageSource::Packed(Box::new(PackedImage { channels })));
             images.len() - 1
         })
     }

@@ -303,20 +303,23 @@ impl<'a> Parser<'a> {
 
     fn read_face(&mut self, arguments: &[u8]) -> Result<()> {
         let first_corner = self.text.corners.len();
+        let limit = self.file.limits.max_face_corners;
         for word in words(arguments).take_while(|word| word[0] != b'#') {
             let corner = self.read_corner(word)?;
             self.text.corners.push(corner);
+            // At once: a line may be as long as the file.
+            let corners = self.text.corners.len() - first_corner;
+            if corners > limit {
+                return Err(Error::too_large(format!(
+                    "the face has at least {corners} corners, more than the limit of {limit}"
+                )));
+            }
         }
         let corners = self.text.corners.len() - first_corner;
         if corners < 3 {
             self.short_faces += 1;
             self.text.corners.truncate(first_corner);
             return Ok(());
-        }
-        let limit = self.file.limits.max_face_corners;
-        if corners > limit {
-            let sentence = format!("the face has {corners} corners, more than the limit of {limit}");
-            return Err(Error::too_large(sentence));
         }
         self.text.faces.push(Face { first_corner, corner_count: corners as u32, material: self.material });
         self.text.triangle_count += corners - 2;

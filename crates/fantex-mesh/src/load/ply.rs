@@ -594,8 +594,22 @@ impl<S: NumberSource> Rows<'_, S> {
         if !columns.contains(&FaceColumn::Vertices) {
             return self.skip_all();
         }
-        faces.corners.reserve(3 * self.element.count as usize);
-        self.each(|rows| rows.read_face(&columns, faces))
+        let expected = (self.element.count as usize).min(self.file.limits.max_triangles);
+        faces.corners.reserve(expected.saturating_mul(3));
+        self.each(|rows| {
+            rows.read_face(&columns, faces)?;
+            rows.check_triangles(faces)
+        })
+    }
+
+    /// Ends reading as soon as there are too many triangles: a corner takes more memory than its byte in the file.
+    #[inline]
+    fn check_triangles(&self, faces: &Faces) -> Result<()> {
+        let count = faces.triangle_count();
+        match count > self.file.limits.max_triangles {
+            true => self.file.check_triangles(count),
+            false => Ok(()),
+        }
     }
 
     fn read_face(&mut self, columns: &[FaceColumn], faces: &mut Faces) -> Result<()> {
@@ -662,7 +676,8 @@ impl<S: NumberSource> Rows<'_, S> {
     /// Texture coordinates of a face, a flat list of pairs.
     fn read_uvs(&mut self, property: &Property) -> Result<Vec<Vec2>> {
         let numbers = self.length(property)?;
-        let mut uvs = Vec::with_capacity(numbers.min(self.source.left()) as usize / 2);
+        let most = (self.file.limits.max_face_corners as u64).min(self.source.left());
+        let mut uvs = Vec::with_capacity((numbers / 2).min(most) as usize);
         for _ in 0..numbers / 2 {
             uvs.push(Vec2::new(self.next(property.scalar)? as f32, self.next(property.scalar)? as f32));
         }
@@ -698,6 +713,7 @@ impl<S: NumberSource> Rows<'_, S> {
                     let first = faces.corners.len();
                     faces.corners.extend(if is_turned { [b, a, c] } else { [a, b, c] });
                     faces.end_face(first);
+                    self.check_triangles(faces)?;
                 }
                 window.remove(0);
                 is_turned = !is_turned;

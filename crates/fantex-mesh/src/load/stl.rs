@@ -200,6 +200,8 @@ impl<'a> Ascii<'a> {
 
     fn skip_line(&mut self) {
         let rest = &mut self.words.rest;
-        *rest = &rest[rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len())..];
+        // Files of old systems have carriage returns alone.
+        let end = rest.iter().position(|&b| b == b'\n' || b == b'\r');
+        *rest = &rest[end.unwrap_or(rest.len())..];
     }
 }

@@ -98,7 +98,6 @@ fn damaged_meshopt_is_refused_with_its_place() {
     let end = bytes.len();
     bytes[end - 4] ^= 1;
     bytes[end - 300] ^= 255;
-    bytes.truncate(end);
     assert_mentions(&message("a.glb", &bytes), &["buffer view"]);
 }
 

@@ -530,6 +530,9 @@ fn ascii_stl_takes_several_solids_and_odd_normals() {
     assert_eq!((model.triangles.len(), model.positions.len()), (3, 9));
     assert_eq!(model.positions[3], DVec3::new(2., 0., 0.));
     assert!(model.corners.normals.is_empty());
+    // Lines of old systems.
+    let old = load_text("a.stl", &text.replace('\n', "\r")).unwrap();
+    assert_eq!(old.positions, model.positions);
 }
 
 #[test]

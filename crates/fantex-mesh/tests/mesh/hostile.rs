@@ -266,6 +266,22 @@ fn limits_are_kept() {
     );
 }
 
+/// Triangles are counted while they are read: what follows, here no number, is not looked at.
+#[test]
+fn ply_files_are_read_no_farther_than_the_limit() {
+    let header =
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+    let vertices = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    let faces = "element face 3\nproperty list uchar int vertex_indices\nend_header\n";
+    let strips = "element tristrips 1\nproperty list int int vertex_indices\nend_header\n";
+    let limits = LoadLimits { max_triangles: 2, ..LoadLimits::default() };
+    for (kind, rows) in [(faces, "3 0 1 2\n4 0 1 2 3\n3 0 1 x\n"), (strips, "7 0 1 2 3 0 1 x\n")] {
+        let text = format!("{header}{kind}{vertices}{rows}");
+        let error = load_files_with(&[("a.ply", text.as_bytes())], &LoadOptions { limits });
+        assert_mentions(&error.expect_err("must be refused").to_string(), &["3 triangles", "limit of 2"]);
+    }
+}
+
 /// A polygon whose outline winds in a spiral, at the limit of corners: the worst case for cutting.
 #[test]
 fn a_huge_concave_polygon_is_cut() {
@@ -301,6 +317,22 @@ fn very_many_materials_are_looked_up() {
     }
     let model = load_text("a.obj", &text).unwrap();
     assert_eq!(model.materials.len(), 200_000);
+}
+
+/// So are images made of channels of others, here each of a material's own, and twice.
+#[test]
+fn packed_images_are_looked_up() {
+    use std::fmt::Write as _;
+    let (mut text, mut library) = ("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned(), String::new());
+    let count = 3_000;
+    for material in 0..2 * count {
+        writeln!(text, "usemtl {material}\nf 1 2 3").unwrap();
+        writeln!(library, "newmtl {material}\nmap_Kd c.png\nmap_d {}.png", material % count).unwrap();
+    }
+    let model = load_files(&[("a.obj", text.as_bytes()), ("a.mtl", library.as_bytes())]).unwrap();
+    assert_eq!(model.materials.len(), 2 * count);
+    // The colours, opacities, and both together.
+    assert_eq!(model.images.len(), 1 + 2 * count);
 }
 
 #[test]

@@ -171,6 +171,12 @@ impl AssetEditor {
     ) -> Result<Self> {
         let source = FileSource::from_file(path, Arc::clone(&file));
         let asset = Arc::new(Asset::open_source(Arc::new(source))?);
+        if asset.generation() == u64::MAX {
+            // A commit after it would count as older.
+            let sentence =
+                format!("{} has the last number of a generation: it cannot be changed", path.display());
+            return Err(Error::malformed(sentence).with_path(path));
+        }
         let flushed = Flushed::none(&asset)?;
         let (space, header) = space_and_header(&asset);
         let levels = asset.level_count() as usize;

@@ -85,7 +85,8 @@ impl PageNames {
     fn index(&mut self, name: PageName) -> u32 {
         // Odd, so that the levels of neighbouring groups spread.
         let [column, row] = name.page.unwrap_or([PAGE; 2]);
-        let number = name.tile.group.wrapping_mul(37) + name.tile.level + 11 * column + 101 * row;
+        let place = name.tile.level + 11 * column + 101 * row;
+        let number = name.tile.group.wrapping_mul(37).wrapping_add(place);
         let slot = (number % 256) as usize;
         if let Some(known) = self.table[slot].checked_sub(1)
             && let PageName { tile, page, .. } = self.names[known as usize]

@@ -30,7 +30,7 @@ pub struct TileLookup {
 }
 
 impl TileLookup {
-    /// Plans the look-up at `uv` with derivatives `footprint` per pixel, in tile coordinates.
+    /// Plans the look-up at `uv` with derivatives `footprint` per pixel, in tile coordinates. A derivative that is no number counts as none.
     #[inline]
     pub fn new(
         group_index: u32,
@@ -39,6 +39,7 @@ impl TileLookup {
         footprint: [Vec2; 2],
         options: &FilterOptions,
     ) -> Self {
+        let footprint = footprint.map(bounded);
         let mut plan = Self {
             fine: TileId { group: group_index, level: 0 },
             coarse_share: 0.0,
@@ -165,6 +166,14 @@ impl TileLookup {
             }
         }
     }
+}
+
+/// Tiles along a footprint: what is longer sees the mean, too, and fourth powers of this in texels are still numbers.
+const MAX_FOOTPRINT: f32 = (1 << 14) as f32;
+
+fn bounded(derivative: Vec2) -> Vec2 {
+    let bounded = |x: f32| if x.is_nan() { 0.0 } else { x.clamp(-MAX_FOOTPRINT, MAX_FOOTPRINT) };
+    Vec2::from(derivative.to_array().map(bounded))
 }
 
 /// Columns and rows.

@@ -10,6 +10,7 @@ use fantex_store::{
     Asset, AssetEditor, Channel, ChannelKind, EditOptions, EditOutput, PageId, TexelFormat, VerifyOptions,
     decode, is_disk_full, verify, write_all_at,
 };
+use fantex_test::fan_file::{seal, set_word};
 
 use crate::common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
 
@@ -448,6 +449,20 @@ fn an_asset_has_one_writer_by_all_its_names() {
     std::fs::hard_link(&path, &new).unwrap();
     refused(open(&new), "is being edited by another program");
     drop(open(&names[2]).unwrap());
+}
+
+/// Where no generation can follow, commits would be lost.
+#[test]
+fn an_asset_of_the_last_generation_is_read_and_not_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    [0, 4096].into_iter().for_each(|slot| set_word(&mut bytes, slot + 16, u64::MAX));
+    seal(&mut bytes);
+    std::fs::write(&path, bytes).unwrap();
+    assert_eq!(Asset::open(&path).unwrap().generation(), u64::MAX);
+    let error = AssetEditor::open(&path, &EditOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("small.fan has the last number of a generation"), "{error}");
 }
 
 #[test]

@@ -394,7 +394,7 @@ fn contents_against_the_rules_are_refused() {
     let path = folder.path().join("a.fan");
     let (mesh, cover, channels) = small();
     type Change = fn(&mut Mesh, &mut fantex_cover::Cover, &mut Vec<Channel>);
-    let changes: [Change; 18] = [
+    let changes: [Change; 21] = [
         |_, cover, _| cover.delta = 0.5,
         |_, cover, _| cover.delta = f32::NAN,
         |_, cover, _| cover.density = 0.0,
@@ -408,6 +408,9 @@ fn contents_against_the_rules_are_refused() {
         |mesh, _, _| mesh.triangles[2][0] = 77,
         |mesh, _, _| mesh.triangles[2][0] = mesh.triangles[2][1],
         |mesh, _, _| mesh.positions[0].x = f32::NAN,
+        |mesh, _, _| mesh.world_from_mesh.scale = 0.0,
+        |mesh, _, _| mesh.world_from_mesh.scale = -2.0,
+        |mesh, _, _| mesh.world_from_mesh.offset.y = f64::NAN,
         |_, _, channels| channels.clear(),
         |mesh, _, _| mesh.materials = vec![toon_shaded(&[])],
         |mesh, _, _| mesh.materials = vec![toon_shaded(&[0.0; ToonScale::MAX_STOPS + 1])],

@@ -75,6 +75,33 @@ fn random_points(mesh: &Mesh, random: &mut Random, count: usize) -> Vec<(Surface
     (0..count).map(|_| point()).collect()
 }
 
+/// Whatever the footprint, a value is a number; a very large one sees the mean.
+#[test]
+fn footprints_without_bounds_do_no_harm() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = tetrahedron();
+    let cache = noise(folder.path(), &mesh, &mut Random::new(8));
+    let lambda = Vec3::new(0.3, 0.4, 0.3);
+    for filter in Filter::ALL {
+        let sampler = Sampler::of_cache(&cache, FilterOptions { filter, ..FilterOptions::default() });
+        for size in [1e25, f32::MAX, f32::INFINITY, f32::NAN] {
+            for other in [0.0, 1.0, size] {
+                let lambda_steps = [Vec3::new(size, -size, 0.0), Vec3::new(0.0, other, -other)];
+                for triangle in 0..mesh.triangles.len() as u32 {
+                    let (point, footprint) = (SurfacePoint { triangle, lambda }, Footprint { lambda_steps });
+                    let value = sampler.sample(ChannelKind::BaseColor, point, footprint).unwrap();
+                    assert!(value.is_finite(), "{filter:?}, {size} and {other}: {value}");
+                    let has_levels = !matches!(filter, Filter::Nearest | Filter::Bilinear | Filter::Bicubic);
+                    if size == 1e25 && other == size && has_levels {
+                        let error = (value - Vec4::new(0.4, 0.5, 0.6, 1.0)).abs().max_element();
+                        assert!(error < 1e-3, "{filter:?}: {value}");
+                    }
+                }
+            }
+        }
+    }
+}
+
 fn tolerance(kind: ChannelKind) -> f32 {
     match kind {
         ChannelKind::Normal | ChannelKind::Anisotropy => DIRECTION_TOLERANCE,

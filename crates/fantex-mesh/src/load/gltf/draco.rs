@@ -31,6 +31,12 @@ pub(super) fn unpack(document: &Document, primitive: &Primitive, label: &str) ->
     if primitive.attributes.get("POSITION").is_none_or(|&positions| has_data(positions)) {
         return Ok(());
     }
+    let is_unpacked = |index: usize| document.unpacked.get(index).is_some_and(|cell| cell.get().is_some());
+    let mut unpacked = draco.attributes.keys().filter_map(|name| primitive.attributes.get(name));
+    if primitive.indices.is_some_and(is_unpacked) && unpacked.all(|&index| is_unpacked(index)) {
+        // Its mesh stands in the scene more than once.
+        return Ok(());
+    }
     let damaged = |why: String| Error::malformed(format!("{label}: its Draco data are damaged: {why}"));
     let mesh = decode(document, draco, label)?;
     let fill = |index: usize, unpacked: Unpacked| {
