@@ -140,7 +140,8 @@ impl StoredValues {
             TexelFormat::Bc1 => (0.0, 0.5),
             TexelFormat::Bc7 if alpha >= BC7_OPAQUE => (1.0, 1.0),
             TexelFormat::Bc7 => (0.0, 1.0),
-            _ if alpha >= 1.0 => (1.0, 1.0),
+            // Rounded to 1, perhaps.
+            TexelFormat::Rgba32F if alpha >= 1.0 => (1.0, 1.0),
             _ => ((alpha - ROUNDING).clamp(0.0, 1.0), (alpha + ROUNDING).clamp(0.0, 1.0)),
         }
     }

@@ -257,6 +257,7 @@ impl TexelCheck<'_> {
         };
         let step = Step {
             id,
+            is_edited: self.cache.asset().generation() > 1,
             own,
             around,
             under,
@@ -304,6 +305,8 @@ impl TexelCheck<'_> {
 struct Step {
     /// The page.
     id: PageId,
+    /// Levels may be those of other texels: painting takes the bake's where layers show nothing, which are means from before the fit.
+    is_edited: bool,
     /// The part.
     own: Rect,
     /// The part and its neighbours.
@@ -332,7 +335,8 @@ impl Step {
         let bounds = self.finer_bounds(values, finer);
         let means: Vec<Option<Bounds>> =
             (0..coarser.len()).map(|texel| self.mean(values, &bounds, texel)).collect();
-        let contrasts = channel.format.is_compressed().then(|| {
+        let is_uncertain = channel.format.is_compressed() || self.is_edited;
+        let contrasts = is_uncertain.then(|| {
             let count = channel.format.channel_count();
             [contrasts(self.under, finer, count), contrasts(self.around, coarser, count)]
         });

@@ -112,8 +112,9 @@ fn pages_of_the_painter_lack_no_glyph() {
     paint.brush.only_seen = true;
     paint.stencil.is_on = true;
     harness.get_by_label("Stroke").click();
-    harness.run_steps(3);
-    harness.get_by_label("Pressure: size");
+    // The section unfolds in some frames.
+    harness.run_steps(30);
+    assert!(harness.query_all_by_label("Pressure: size").next().is_some());
     for (tool, _) in PaintTool::ALL {
         harness.state_mut().settings.paint.tool = tool;
         check(&mut harness);

@@ -267,6 +267,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return
         self.answer(201, headers=[("ETag", self.tag(place))])
 
+    def do_POST(self):
+        if self.ask() is not None:
+            self.fail(405, "UnsupportedHttpVerb")
+
     def do_DELETE(self):
         place = self.ask()
         if place is None:

@@ -240,8 +240,8 @@ impl ObjectTarget {
 
 /// Whether this may be because pieces are copied, so that sending all bytes may help.
 fn may_be_due_to_copying(refusal: &Refusal) -> bool {
-    let is_refused = refusal.status == 501 || (400..500).contains(&refusal.status);
-    is_refused && !refusal.is_conflict() && !is_transient(&refusal.error)
+    let is_refused = (400..500).contains(&refusal.status) && !is_transient(&refusal.error);
+    refusal.status == 501 || is_refused && !refusal.is_conflict()
 }
 
 fn changed(location: &Path) -> Error {
