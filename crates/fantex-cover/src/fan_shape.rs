@@ -58,6 +58,8 @@ pub(crate) struct FanShape {
     pub(crate) area: f32,
     /// Mean normal.
     pub(crate) axis: Vec3,
+    /// Length of its longest spoke, mesh units.
+    pub(crate) longest_spoke: f32,
     /// True where no direction sees the whole fan from the front.
     pub(crate) folds: bool,
 }
@@ -78,7 +80,8 @@ impl FanShape {
         } else {
             crate::cost::direction(facets().map(|(&n, &a)| (n, a)), cone.axis)
         };
-        Self { layout, cone, area: ring.area / 3.0, axis, folds: !projectable }
+        let longest_spoke = ring.spokes.iter().map(|spoke| spoke.length_squared()).fold(0.0, f32::max).sqrt();
+        Self { layout, cone, area: ring.area / 3.0, axis, longest_spoke, folds: !projectable }
     }
 }
 

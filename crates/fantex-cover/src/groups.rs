@@ -4,7 +4,7 @@ use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::Frame;
+use crate::{Frame, MAX_EXTENT};
 use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
@@ -40,6 +40,8 @@ pub(crate) struct Patch {
     pub(crate) density: f32,
     /// Smallest facing cosine that one of its fans reaches alone.
     pub(crate) steepest_fan: f32,
+    /// Length of the longest spoke of its fans, mesh units.
+    pub(crate) longest_spoke: f32,
 }
 
 impl Patch {
@@ -121,10 +123,11 @@ struct Grouped<'a> {
 
 /// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
 /// scans; which is best for a model of few large triangles is found by trying.
-const WAYS: [(f32, f32); 4] = [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY)];
+const WAYS: [(f32, f32); 5] =
+    [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY), (1.03, 0.0)];
 
-/// On meshes with more fans only the first way is tried: on scans the others find nothing better, and take four times as long.
-const MAX_FANS_FOR_ALL_WAYS: usize = 8_000;
+/// On meshes with more fans only the first way is tried: on scans the others find nothing better, and take five times as long.
+const MAX_FANS_FOR_ALL_WAYS: usize = 20_000;
 
 fn grouped<'a>(
     surface: &'a Surface<'a>,
@@ -233,11 +236,12 @@ impl Builder<'_> {
 
     fn flatten_piece(&self, start: u32, length: u32, group: u32, flattener: &mut Flattener) -> Option<Patch> {
         let fans = &self.order[start as usize..(start + length) as usize];
-        let (mut demand, mut steepest_fan) = (Demand::default(), 1.0f32);
+        let (mut demand, mut steepest_fan, mut longest_spoke) = (Demand::default(), 1.0f32, 0.0f32);
         for &fan in fans {
             let shape = &self.shapes[fan as usize];
             demand.add(&Demand::of(shape.area, self.density.of_fan(self.surface, fan as usize)));
             steepest_fan = steepest_fan.min(shape.cone.cos);
+            longest_spoke = longest_spoke.max(shape.longest_spoke);
         }
         let first = fans[0] as usize;
         let density = demand.density().unwrap_or_else(|| self.density.of_fan(self.surface, first));
@@ -258,7 +262,8 @@ impl Builder<'_> {
         } else {
             (flattener.project(self.surface, fans, membership, &limits)?, FlatCorners::default())
         };
-        Some(Patch { start, length, flat, layout: shape.layout, corners, demand, density, steepest_fan })
+        let layout = shape.layout;
+        Some(Patch { start, length, flat, layout, corners, demand, density, steepest_fan, longest_spoke })
     }
 
     /// True where two of the fans must not share a tile.
@@ -501,10 +506,13 @@ impl Unrolling<'_> {
         let density = demand.density().unwrap_or(first.density);
         let (flat, corners) = flattener.unroll(builder.surface, &fans, &builder.free_limits(density))?;
         let steepest_fan = patches().map(|p| p.steepest_fan).fold(1.0, f32::min);
+        let longest_spoke = patches().map(|p| p.longest_spoke).fold(0.0, f32::max);
         let (length, layout) = (fans.len() as u32, Layout::Unfolded);
+        let start = first.start;
         let union =
-            Patch { start: first.start, length, flat, layout, corners, demand, density, steepest_fan };
-        let fits = (union.flat.region.size * density).max_element() <= builder.limits.extent_texels;
+            Patch { start, length, flat, layout, corners, demand, density, steepest_fan, longest_spoke };
+        let size = union.flat.region.size * density;
+        let fits = may_share(size, longest_spoke * density, builder.limits.extent_texels);
         let apart: f32 = patches().map(Patch::cost).sum();
         (fits && union.cost() < (1.0 - WORTH_UNROLLING) * apart).then_some(union)
     }
@@ -544,6 +552,22 @@ struct Proposal {
     pair: [u32; 2],
     union: Patch,
 }
+
+/// Whether several fans may share a tile of this size, if the longest of their spokes has so many texels. The limit holds for a tile's sides. But
+/// a long fan's tile is longer by itself, and those beside it fit in as well: such a tile may be as long, and have as many texels as a square
+/// one at the limit.
+pub(crate) fn may_share(size: Vec2, longest_spoke: f32, extent_texels: f32) -> bool {
+    let longest = size.max_element();
+    let is_as_long = longest <= (LONGER * longest_spoke).min(LONGEST_SHARED)
+        && size.x * size.y <= extent_texels * extent_texels;
+    longest <= extent_texels || is_as_long
+}
+
+/// Tiles of several long fans are longer than these by this factor at most: regions stand out a little.
+const LONGER: f32 = 1.05;
+
+/// And no longer than this, texels: half of the longest side, as densities of tiles differ.
+const LONGEST_SHARED: f32 = (MAX_EXTENT / 2) as f32;
 
 /// The facing cosine that a group must keep: the one asked for, or somewhat less than what its steepest fan reaches alone.
 /// Without the latter no two corners of a box could share a tile.

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::cost::{self, Region};
 use crate::fan_shape::Layout;
 use crate::flatten::Flat;
-use crate::groups::{Patch, facing_limit};
+use crate::groups::{Patch, facing_limit, may_share};
 use crate::nominal::Demand;
 use crate::rectangle::FourBounds;
 
@@ -49,6 +49,7 @@ struct Summary {
     cost: f32,
     fans: u32,
     steepest_fan: f32,
+    longest_spoke: f32,
     mergeable: bool,
 }
 
@@ -185,6 +186,7 @@ impl Summary {
             region,
             fans: patch.length,
             steepest_fan: patch.steepest_fan,
+            longest_spoke: patch.longest_spoke,
             mergeable: patch.layout == Layout::Projected,
         }
     }
@@ -209,7 +211,8 @@ impl Summary {
         }
         let size = bounding_size(self.planar_outline(other, direction)) * density;
         let region = self.union_region(other, direction, size, common, density);
-        (size.max_element() <= limits.extent_texels).then(|| cost::cost(error, &region))
+        let longest_spoke = self.longest_spoke.max(other.longest_spoke) * density;
+        may_share(size, longest_spoke, limits.extent_texels).then(|| cost::cost(error, &region))
     }
 
     /// What both ask for together, and the density of that.
@@ -275,6 +278,7 @@ impl Summary {
             region,
             fans: self.fans + other.fans,
             steepest_fan: self.steepest_fan.min(other.steepest_fan),
+            longest_spoke: self.longest_spoke.max(other.longest_spoke),
             mergeable: true,
         })
     }

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::cone::Cone;
 use crate::cost::{self, Region};
 use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
+use crate::groups::may_share;
 use crate::merge::sum_by_name;
 use crate::nominal::{Demand, NominalDensity};
 use crate::rectangle::{Rectangle, RectangleFinder};
@@ -29,10 +30,11 @@ pub(crate) struct FanSet<'a> {
 impl FanSet<'_> {
     fn item(&self, ring: &mut Ring, fan: u32) -> Item {
         ring.gather(self.surface, fan as usize);
-        let FanShape { axis, area, .. } = self.shapes[fan as usize];
+        let FanShape { axis, area, longest_spoke, .. } = self.shapes[fan as usize];
         Item {
             position: ring.center,
             axis,
+            longest_spoke,
             reach: Reach::of(&ring.spokes),
             area,
             density: self.density(fan),
@@ -63,6 +65,7 @@ struct Item {
     position: Vec3,
     /// Mean normal of the fan.
     axis: Vec3,
+    longest_spoke: f32,
     /// How far the partial fan reaches from its centre.
     reach: Reach,
     /// A third of the area of the fan's triangles.
@@ -384,7 +387,8 @@ impl Set {
         let squared = self.times * self.density * self.density;
         let (error, area) = (error * squared, self.axis.dot(direction).max(0.0) / self.times * squared);
         let region = Region { size, area, outline: OUTLINE * 2.0 * (size.x + size.y) };
-        let fits = alone || size.max_element() <= extent_texels;
+        let longest_spoke = picked.iter().map(|item| item.longest_spoke).fold(0.0, f32::max);
+        let fits = alone || may_share(size, longest_spoke * self.density, extent_texels);
         let cost = if fits { cost::cost(error, &region) } else { f32::INFINITY };
         Some(Tile { direction, sides, cost })
     }

@@ -20,10 +20,11 @@ const TRIANGLE_BYTES: f64 = 6.0;
 /// What automatic cuts must gain, decibels.
 const MIN_GAIN: f64 = 0.5;
 
-/// Models of more triangles than this, with fewer texels for each than `MIN_TEXELS_PER_TRIANGLE`, have borders that are thin enough.
+/// Models of more triangles than this whose longest sides have fewer texels than `MIN_SIDE_TEXELS`, on the mean over their area, have borders
+/// that are thin enough.
 const FEW_TRIANGLES: f64 = 8000.0;
 
-const MIN_TEXELS_PER_TRIANGLE: f64 = 256.0;
+const MIN_SIDE_TEXELS: f64 = 32.0;
 
 /// Cuts that give fewer triangles than this, times those there are, change too little to be tried.
 const MIN_GROWTH: f64 = 1.25;
@@ -102,7 +103,7 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
     let density = (texels / mesh.area()).sqrt();
     let lengths = LONGEST_EDGES.into_iter().map(|edge| f64::from(edge) / density);
     let mut lengths = lengths.filter(|length| *length < longest).peekable();
-    let has_thin_borders = triangles > FEW_TRIANGLES && texels < MIN_TEXELS_PER_TRIANGLE * triangles;
+    let has_thin_borders = triangles > FEW_TRIANGLES && mean_longest_side(mesh) * density < MIN_SIDE_TEXELS;
     if has_thin_borders || lengths.peek().is_none() {
         return whole;
     }
@@ -139,9 +140,19 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
 
 /// Mesh units.
 fn longest_edge(mesh: &Mesh) -> f64 {
-    let longest = |t: usize| -> f32 {
+    (0..mesh.triangles.len()).map(|t| longest_side(mesh, t)).fold(0.0, f64::max)
+}
+
+/// The mean over the surface, mesh units.
+fn mean_longest_side(mesh: &Mesh) -> f64 {
+    let weighted = |t: usize| {
         let [a, b, c] = mesh.triangle_positions(t);
-        a.distance(b).max(b.distance(c)).max(c.distance(a))
+        0.5 * f64::from((b - a).cross(c - a).length()) * longest_side(mesh, t)
     };
-    f64::from((0..mesh.triangles.len()).map(longest).fold(0.0, f32::max))
+    (0..mesh.triangles.len()).map(weighted).sum::<f64>() / mesh.area()
+}
+
+fn longest_side(mesh: &Mesh, triangle: usize) -> f64 {
+    let [a, b, c] = mesh.triangle_positions(triangle);
+    f64::from(a.distance(b).max(b.distance(c)).max(c.distance(a)))
 }

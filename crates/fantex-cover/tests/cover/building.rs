@@ -2,7 +2,7 @@
 
 use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
 use fantex_cover::{Cover, CoverOptions, GroupKind, MAX_EXTENT, TexelBudget, build_cover};
-use fantex_mesh::{Mesh, generate};
+use fantex_mesh::{Mesh, Model, generate};
 use glam::{DVec3, Vec3};
 
 use crate::common::{
@@ -29,6 +29,28 @@ fn a_total_is_kept_and_used_up() {
                 assert!(share <= 1.0 && share > 0.98, "{name}, tile {tile}, {total}: {share}");
             }
         }
+    }
+}
+
+/// Where single fans are longer than tiles may be, those beside them share their tiles all the same.
+#[test]
+fn long_strips_side_by_side_share_tiles() {
+    let (strips, mut plate) = (100, Model::default());
+    for row in 0..=strips {
+        let y = 2.0 * f64::from(row) / f64::from(strips) - 1.0;
+        plate.positions.extend([-1.0, 1.0].map(|x| DVec3::new(x, y, 0.0)));
+    }
+    for first in (0..strips).map(|row| 2 * row) {
+        plate.triangles.extend([[first, first + 1, first + 3], [first, first + 3, first + 2]]);
+    }
+    let mesh = cleaned(plate);
+    for millions in [1, 4, 16] {
+        let options = options(1024, TexelBudget::Total(millions << 20));
+        let (cover, stats) = build_cover(&mesh, &options).unwrap();
+        let texels = |group: &fantex_cover::Group| group.extent[0] * group.extent[1];
+        assert!(cover.groups.len() as u64 <= 3 * millions, "{} tiles of {millions} M texels", cover.groups.len());
+        assert!(cover.groups.iter().all(|group| texels(group) < 1_200_000));
+        assert!(stats.loss_db < 1.0, "{millions} M texels: {} dB", stats.loss_db);
     }
 }
 
