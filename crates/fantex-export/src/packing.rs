@@ -217,8 +217,8 @@ fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
 /// Of more masks than this only the first way around is tried, from where the last one of its size lies: small ones fit anyhow.
 const MAX_TURNED: usize = 1_000;
 
-/// Tests of a run at 64 places after which a square is coarsened. Only long curly charts in a large picture take more: they are tried at
-/// many places, and hardly any is free.
+/// Tests of a run at 64 places after which a square is coarsened: a bound for charts that are tried at many places of a large picture, of
+/// which hardly any is free. Some 240 long spirals in 2048 columns take a twelfth.
 const MAX_TESTS: u64 = 1 << 24;
 
 /// Squares of no more columns are not coarsened.
@@ -541,7 +541,7 @@ mod tests {
         Mask::around(side, side, bands)
     }
 
-    /// Whether they fit or not: `MAX_TESTS` at each of the resolutions but the coarsest, where tests are few.
+    /// Whether they fit or not: half of what is asserted, and far from `MAX_TESTS`.
     #[test]
     fn long_curly_masks_take_a_bounded_number_of_tests() {
         for (radius, fits) in [(22.0, true), (40.0, false), (70.0, false)] {
@@ -552,7 +552,7 @@ mod tests {
             let order: Vec<usize> = (0..masks.len()).collect();
             let mut packing = Packing::new(1024, MAX_TESTS);
             let places = packing.fill(&masks, &counts, &order);
-            assert!(packing.tests < 4 * MAX_TESTS, "radius {radius}: {} tests", packing.tests);
+            assert!(packing.tests < 1 << 20, "radius {radius}: {} tests", packing.tests);
             assert!(places.is_some() || !fits);
             if let Some(places) = places {
                 assert_apart(&masks, &places, 1024);
