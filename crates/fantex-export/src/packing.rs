@@ -453,7 +453,7 @@ mod tests {
     fn scattered(random: &mut fantex_base::Random, max_side: u64) -> Mask {
         let [width, height] = [random.below(max_side), random.below(max_side)].map(|n| 1 + n as u32);
         let mut mask = Mask::empty(width, height);
-        for (x, y) in (0..mask.height).flat_map(|y| (0..mask.width).map(move |x| (x, y))) {
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             if random.unit() < 0.4 {
                 mask.insert(x, y);
             }
