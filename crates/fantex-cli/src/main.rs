@@ -55,6 +55,7 @@ fn main() -> ExitCode {
     // Copies of worlds have a file per asset until all are there. What is left of a low limit is told where files are opened.
     #[cfg(unix)]
     rlimit::increase_nofile_limit(u64::MAX).unwrap_or_default();
+    fail_writes_at_size_limit();
     let arguments = with_local_files(std::env::args_os()).into_iter();
     let cli = Cli::parse_from(warp::join_corners(arguments));
     let context = match Context::new(&cli.common) {
@@ -70,6 +71,18 @@ fn main() -> ExitCode {
         Err(error) => failed(&error),
     }
 }
+
+/// Makes writes beyond a limit on the size of files (`ulimit -f`) fail like those on a full disk, instead of ending the program.
+#[cfg(unix)]
+#[expect(unsafe_code, reason = "how signals are ignored")]
+fn fail_writes_at_size_limit() {
+    // SAFETY: the signal is ignored, so no code runs as its handler; no other thread runs yet.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+/// Other systems have no such limit.
+#[cfg(not(unix))]
+fn fail_writes_at_size_limit() {}
 
 fn failed(error: &Error) -> ExitCode {
     say(format_args!("fantex: {error}"));

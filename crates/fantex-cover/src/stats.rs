@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use fantex_mesh::Mesh;
-use glam::{Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::surface::Surface;
@@ -125,7 +125,7 @@ impl Part {
     ) -> Self {
         let mut part = Self::default();
         for t in triangles {
-            let density = nominal(t);
+            let density = f64::from(nominal(t));
             let a = f64::from(surface.area(t));
             part.area += a;
             part.lookups += a * expected_lookups(cover.corner_groups[t], f64::from(cover.delta));
@@ -136,15 +136,15 @@ impl Part {
             for slot in 0..slots {
                 let values = |plane: &Plane| singular_values(plane, surface.mesh, cover, t, slot);
                 let [large, small] = plane.as_ref().map_or([0.0; 2], values);
-                let texels = f64::from(large * small);
+                let texels = large * small;
                 part.surface_texels += texels * weight;
-                part.worst_texels += f64::from(small * small) * weight;
-                let fourth = |length: f32| f64::from(length).powi(4).max(f64::MIN_POSITIVE);
+                part.worst_texels += small * small * weight;
+                let fourth = |length: f64| length.powi(4).max(f64::MIN_POSITIVE);
                 let error = 0.5 * ideal * ideal * (1.0 / fourth(large) + 1.0 / fourth(small));
                 part.error += weight * error.min(MAX_ERROR);
                 part.read_texels += texels * a * region_share(groups, slot, f64::from(cover.delta));
                 part.stretch.add(small / density, weight);
-                part.spread.add(large * small / (density * density), weight);
+                part.spread.add(texels / (density * density), weight);
             }
         }
         part
@@ -182,53 +182,66 @@ fn region_share(groups: [u32; 3], slot: usize, delta: f64) -> f64 {
     }
 }
 
-/// A triangle's plane: an orthonormal basis whose first vector lies along the first edge, and the triangle in it.
+/// A triangle's plane: an orthonormal basis whose first vector lies along the first edge, and the triangle in it. In double precision:
+/// triangles may be millions of times smaller than the mesh, and their densities as much larger.
 struct Plane {
-    x: Vec3,
-    y: Vec3,
+    x: DVec3,
+    y: DVec3,
     /// Length of the first edge.
-    length: f32,
+    length: f64,
     /// The third corner.
-    apex: Vec2,
+    apex: DVec2,
 }
+
+/// Heights below this share of the second edge are rounding errors.
+const MIN_HEIGHT: f64 = 1e-14;
 
 impl Plane {
     /// `None` for a triangle without area.
-    fn of([a, b, c]: [Vec3; 3]) -> Option<Self> {
+    fn of(corners: [Vec3; 3]) -> Option<Self> {
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
         let (e1, e2) = (b - a, c - a);
         let length = e1.length();
         let x = e1 / length;
         let along = e2.dot(x);
         let up = e2 - x * along;
         let height = up.length();
-        (length > 0.0 && height > 0.0).then(|| Self {
+        (length > 0.0 && height > MIN_HEIGHT * e2.length()).then(|| Self {
             x,
             y: up / height,
             length,
-            apex: Vec2::new(along, height),
+            apex: DVec2::new(along, height),
         })
     }
 }
 
 /// Texels per mesh unit along the directions in which a triangle's texels lie densest and least dense.
-fn singular_values(plane: &Plane, mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f32; 2] {
+fn singular_values(plane: &Plane, mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f64; 2] {
     let group = &cover.groups[cover.corner_groups[triangle][slot] as usize];
-    let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
+    let texels = DVec2::new(f64::from(group.extent[0]), f64::from(group.extent[1]));
     // The Jacobian of the map from the triangle's plane to texels.
     let [du, dv] = match group.kind {
         GroupKind::Projected => {
-            let (u, v) = (group.frame.x_axis, group.frame.y_axis());
-            [plane.x, plane.y].map(|axis| group.uv_scale * texels * Vec2::new(axis.dot(u), axis.dot(v)))
+            let (u, v) = (group.frame.x_axis.as_dvec3(), group.frame.y_axis().as_dvec3());
+            let scale = group.uv_scale.as_dvec2() * texels;
+            [plane.x, plane.y].map(|axis| scale * DVec2::new(axis.dot(u), axis.dot(v)))
         }
         GroupKind::Unfolded => {
-            let [a, b, c] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+            let [a, b, c] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv.as_dvec2() * texels);
             let du = (b - a) / plane.length;
             [du, ((c - a) - du * plane.apex.x) / plane.apex.y]
         }
     };
+    singular_values_of(du, dv)
+}
+
+/// The singular values of a matrix with such columns, the larger first.
+fn singular_values_of(du: DVec2, dv: DVec2) -> [f64; 2] {
     let (e, f, g) = (du.length_squared(), du.dot(dv), dv.length_squared());
-    let root = ((e - g) * (e - g) + 4.0 * f * f).sqrt();
-    [(0.5 * (e + g + root)).max(0.0).sqrt(), (0.5 * (e + g - root)).max(0.0).sqrt()]
+    let large = (0.5 * (e + g + ((e - g) * (e - g) + 4.0 * f * f).sqrt())).sqrt();
+    // The difference of the squares would lose all digits where one value is much smaller.
+    let small = if large > 0.0 { du.perp_dot(dv).abs() / large } else { 0.0 };
+    [large, small]
 }
 
 /// Area by value, in buckets of one part in two hundred.
@@ -237,7 +250,7 @@ struct Histogram {
     buckets: Vec<f64>,
 }
 
-const BUCKETS_PER_UNIT: f32 = 200.0;
+const BUCKETS_PER_UNIT: f64 = 200.0;
 const BUCKETS: usize = 2000;
 
 impl Default for Histogram {
@@ -247,7 +260,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    fn add(&mut self, value: f32, weight: f64) {
+    fn add(&mut self, value: f64, weight: f64) {
         let bucket = (value * BUCKETS_PER_UNIT) as usize;
         self.buckets[bucket.min(BUCKETS - 1)] += weight;
     }
@@ -264,8 +277,41 @@ impl Histogram {
                 sum += b;
                 sum >= share * total
             });
-            (bucket.unwrap_or(BUCKETS - 1) as f32 + 0.5) / BUCKETS_PER_UNIT
+            ((bucket.unwrap_or(BUCKETS - 1) as f64 + 0.5) / BUCKETS_PER_UNIT) as f32
         };
         Percentiles { p1: at(0.01), median: at(0.5), p99: at(0.99) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn singular_values_are_exact_at_any_scale() {
+        let turned = DVec2::from_angle(0.3);
+        for scale in [1e-20, 1.0, 1e19, 1e40] {
+            for ratio in [1.0, 0.5, 1e-9, 0.0] {
+                // Columns of the product of a rotation, the values, and another rotation.
+                let [du, dv] = [DVec2::from_angle(1.1), DVec2::from_angle(1.1).perp()]
+                    .map(|column| (scale * DVec2::new(column.x, ratio * column.y)).rotate(turned));
+                let [large, small] = singular_values_of(du, dv);
+                assert!((large - scale).abs() < 1e-14 * scale, "{scale} {ratio}: {large}");
+                assert!((small - ratio * scale).abs() < 1e-14 * scale, "{scale} {ratio}: {small}");
+            }
+        }
+        assert_eq!(singular_values_of(DVec2::ZERO, DVec2::ZERO), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn planes_of_tiny_triangles_are_exact() {
+        let corners = [[1e-30, 0.0, 0.0], [4e-30, 0.0, 0.0], [2e-30, 0.0, 2e-30]].map(Vec3::from);
+        let plane = Plane::of(corners).unwrap();
+        assert_eq!((plane.x.as_vec3(), plane.y.as_vec3()), (Vec3::X, Vec3::Z));
+        assert!((plane.length - 3e-30).abs() < 1e-36);
+        assert!((plane.apex - DVec2::new(1e-30, 2e-30)).length() < 1e-36);
+        let along_a_line = [[0.0, 0.0, 0.0], [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]].map(Vec3::from);
+        assert!(Plane::of(along_a_line).is_none());
+        assert!(Plane::of([Vec3::ONE; 3]).is_none());
     }
 }

@@ -65,26 +65,33 @@ impl Mask {
         self.words[y as usize * self.words_per_row + x as usize / 64] >> (x % 64) & 1 == 1
     }
 
-    /// The first column from `x` on whose block in row `y` is not in the set; none where all are.
-    fn next_free(&self, x: u32, y: u32) -> Option<u32> {
-        let row = &self.words[y as usize * self.words_per_row..][..self.words_per_row];
+    fn row(&self, y: u32) -> &[u64] {
+        &self.words[y as usize * self.words_per_row..][..self.words_per_row]
+    }
+
+    /// The first column from `x` on whose block in row `y` is in the set, or is not.
+    fn next(&self, x: u32, y: u32, in_set: bool) -> Option<u32> {
+        let flip = if in_set { 0 } else { u64::MAX };
+        let row = self.row(y);
         let mut word = x as usize / 64;
-        let mut taken = *row.get(word)? | ((1 << (x % 64)) - 1);
-        while taken == u64::MAX {
+        let mut bits = (*row.get(word)? ^ flip) & (u64::MAX << (x % 64));
+        while bits == 0 {
             word += 1;
-            taken = *row.get(word)?;
+            bits = *row.get(word)? ^ flip;
         }
-        Some(64 * word as u32 + taken.trailing_ones()).filter(|&free| free < self.width)
+        Some(64 * word as u32 + bits.trailing_zeros()).filter(|&found| found < self.width)
     }
 
     fn count(&self) -> u64 {
         self.words.iter().map(|w| u64::from(w.count_ones())).sum()
     }
 
+    /// Row by row, from left to right.
     pub(crate) fn blocks(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
-        (0..self.height)
-            .flat_map(move |y| (0..self.width).map(move |x| [x, y]))
-            .filter(|&[x, y]| self.contains(x, y))
+        (0..self.height).flat_map(move |y| {
+            let words = self.row(y).iter().zip(0u32..);
+            words.flat_map(move |(&word, i)| ones(word).map(move |bit| [64 * i + bit, y]))
+        })
     }
 
     /// The set after so many quarter turns.
@@ -103,34 +110,53 @@ impl Mask {
         turned
     }
 
-    /// Whether in a row of `other`, moved to (x, y), inside `self`, a block is one of `self`'s; if so, the column to which it must be moved at
-    /// least before that row may be free.
-    fn collision(&self, other: &Mask, row: u32, x: u32, y: u32) -> Option<u32> {
-        let (word, shift) = (x as usize / 64, x % 64);
-        let own = &self.words[(y + row) as usize * self.words_per_row..][..self.words_per_row];
-        let theirs = &other.words[row as usize * other.words_per_row..][..other.words_per_row];
-        let last = (0..theirs.len()).rev().find_map(|i| {
-            let spilled = if shift == 0 { 0 } else { theirs[i] >> (64 - shift) };
-            let high = if spilled == 0 { 0 } else { own[word + i + 1] & spilled };
-            let low = own[word + i] & theirs[i] << shift;
-            let bit =
-                |bits: u64, word: usize| (bits != 0).then(|| 64 * word as u32 + 63 - bits.leading_zeros());
-            bit(high, word + i + 1).or_else(|| bit(low, word + i))
-        })?;
-        // The run of blocks that it is in must begin beyond it.
-        Some(last + 1 - other.run_start(last - x, row))
+    /// The squares of `1 << shift` blocks along each side that hold a block, in a rectangle of so many squares.
+    fn coarsened(&self, shift: u32, width: u32, height: u32) -> Self {
+        let mut coarse = Self::empty(width, height);
+        let squares = self.blocks().map(|at| at.map(|n| n >> shift));
+        squares.filter(|&[x, y]| x < width && y < height).for_each(|[x, y]| coarse.insert(x, y));
+        coarse
     }
 
-    /// Where the run of blocks begins that the one at (x, y) is in.
-    fn run_start(&self, x: u32, y: u32) -> u32 {
-        let row = &self.words[y as usize * self.words_per_row..][..self.words_per_row];
-        let mut word = x as usize / 64;
-        let mut missing = !row[word] & (u64::MAX >> (63 - x % 64));
-        while missing == 0 && word > 0 {
-            word -= 1;
-            missing = !row[word];
+    /// All blocks as runs, in the order in which collisions are likely: long ones first, and far apart.
+    fn runs(&self) -> Vec<Run> {
+        let mut runs = Vec::new();
+        for row in 0..self.height {
+            let mut end = 0;
+            while let Some(mut start) = self.next(end, row, true) {
+                end = self.next(start, row, false).unwrap_or(self.width);
+                while start < end {
+                    let length = (end - start).min(MAX_RUN);
+                    runs.push(Run { row, start, length });
+                    start += length;
+                }
+            }
         }
-        if missing == 0 { 0 } else { 64 * word as u32 + 64 - missing.leading_zeros() }
+        runs.sort_by_key(|run| (std::cmp::Reverse(run.length.ilog2()), run.row.reverse_bits()));
+        runs
+    }
+
+    /// 128 blocks of a row from a column on, a bit each, the first one lowest. None lie beyond the row.
+    fn window(&self, x: u32, y: u32) -> u128 {
+        let row = self.row(y);
+        let word = |i: usize| u128::from(row.get(x as usize / 64 + i).copied().unwrap_or(0));
+        let low = word(0) | (word(1) << 64);
+        match x % 64 {
+            0 => low,
+            shift => (low >> shift) | (word(2) << (128 - shift)),
+        }
+    }
+
+    /// The columns among the 64 from `x` on, a bit each, at which a run of a mask collides when the mask's rectangle begins there in row `y`.
+    fn collisions(&self, run: Run, x: u32, y: u32) -> u64 {
+        let mut taken = self.window(x + run.start, y + run.row);
+        let mut length = 1;
+        while 2 * length <= run.length {
+            taken |= taken >> length;
+            length *= 2;
+        }
+        taken |= taken >> (run.length - length);
+        taken as u64
     }
 
     /// Adds the blocks of `other`, moved to (x, y), inside `self`.
@@ -149,6 +175,27 @@ impl Mask {
         }
     }
 }
+
+/// The places of a word's ones, ascending.
+fn ones(mut word: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = word.trailing_zeros();
+        word &= word.wrapping_sub(1);
+        (bit < 64).then_some(bit)
+    })
+}
+
+/// Neighbouring blocks of a row of a mask.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    row: u32,
+    start: u32,
+    /// At most `MAX_RUN`.
+    length: u32,
+}
+
+/// 64 places of a run meet 127 blocks, which fit 128 bits.
+const MAX_RUN: u32 = 64;
 
 /// Whether a triangle meets an axis-parallel square of half side `half`: no side of either separates them.
 fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
@@ -170,6 +217,13 @@ fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
 /// Of more masks than this only the first way around is tried, from where the last one of its size lies: small ones fit anyhow.
 const MAX_TURNED: usize = 1_000;
 
+/// Tests of a run at 64 places after which a square is coarsened: a bound for charts that are tried at many places of a large picture, of
+/// which hardly any is free. Some 240 long spirals in 2048 columns take a twelfth.
+const MAX_TESTS: u64 = 1 << 24;
+
+/// Squares of no more columns are not coarsened.
+const MIN_COARSE_SIDE: u32 = 256;
+
 /// Where each mask lies in a square of `side` blocks; none where they do not fit. The largest goes first; what is large is asked in several
 /// ways where there are few.
 pub(crate) fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
@@ -186,58 +240,140 @@ pub(crate) fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
     sizes[orders].par_iter().find_map_first(|size| {
         let mut order: Vec<usize> = (0..masks.len()).collect();
         order.sort_by_key(|&i| (std::cmp::Reverse(size(&masks[i], counts[i])), i));
-        pack_in_order(masks, &counts, &order, side)
+        Packing::new(side, MAX_TESTS).fill(masks, &counts, &order)
     })
 }
 
-/// Each mask the way around in which it reaches down least, at the topmost, then leftmost free place. Where one of a size was placed, another
-/// one of that size rarely finds a place before it, so each size goes through the square once.
-fn pack_in_order(masks: &[Mask], counts: &[u64], order: &[usize], side: u32) -> Option<Vec<Place>> {
-    let mut grid = Mask::empty(side, side);
-    let mut places = vec![Place::default(); masks.len()];
-    // Column and row from which on sizes look for a place.
-    let mut starts = [[0, 0]; 64];
-    for (number, &i) in order.iter().enumerate() {
-        let turns = if number < MAX_TURNED { 4 } else { 1 };
-        let turned: Vec<Mask> = (0..turns).map(|turn| masks[i].turned(turn)).collect();
-        let start = &mut starts[counts[i].max(1).ilog2() as usize];
-        let best = |from: [u32; 2], rows_end: u32| {
-            let found = turned.iter().zip(0..).filter_map(|(mask, turn)| {
-                find(&grid, mask, from, rows_end).map(|at| (at[1] + mask.height, at[0], Place { at, turn }))
-            });
-            found.min_by_key(|&(bottom, left, place)| (bottom, left, place.turn)).map(|found| found.2)
-        };
-        let place = best(*start, side).or_else(|| best([0, 0], start[1] + 1))?;
-        *start = match number < MAX_TURNED {
-            true => [0, start[1].max(place.at[1])],
-            false => place.at,
-        };
-        grid.stamp(&turned[usize::from(place.turn)], place.at[0], place.at[1]);
-        places[i] = place;
-    }
-    Some(places)
+/// A mask turned so many times, at the resolution of a packing.
+struct Piece {
+    turn: u8,
+    mask: Mask,
+    /// The run that collided last comes first: it often does again.
+    runs: Vec<Run>,
 }
 
-/// The first free place from a column and row on whose upper row is before `rows_end`.
-fn find(grid: &Mask, mask: &Mask, from: [u32; 2], rows_end: u32) -> Option<[u32; 2]> {
-    let (columns, last_row) = (grid.width.checked_sub(mask.width)?, grid.height.checked_sub(mask.height)?);
-    let first_column = (0..mask.width).find(|&x| mask.contains(x, 0)).unwrap_or(0);
-    // The row that collided last, often does again.
-    let mut hint = 0;
-    (from[1]..rows_end.min(last_row + 1)).find_map(|y| {
-        let mut x = if y == from[1] { from[0] } else { 0 };
-        loop {
-            // Whatever else collides, the first block of the mask needs a free one.
-            x = grid.next_free(x + first_column, y)? - first_column;
-            if x > columns {
-                return None;
-            }
-            let rows = std::iter::once(hint).chain(0..mask.height);
-            let collision = rows.into_iter().find_map(|row| Some((row, grid.collision(mask, row, x, y)?)));
-            let Some((row, next)) = collision else { return Some([x, y]) };
-            (hint, x) = (row, next);
+impl Piece {
+    fn new(mask: &Mask, turn: u8, shift: u32) -> Self {
+        let mut mask = mask.turned(turn);
+        if shift > 0 {
+            let [width, height] = [mask.width, mask.height].map(|blocks| blocks.div_ceil(1 << shift));
+            mask = mask.coarsened(shift, width, height);
         }
-    })
+        let runs = mask.runs();
+        Self { turn, mask, runs }
+    }
+}
+
+/// A square that is filled mask by mask.
+struct Packing {
+    grid: Mask,
+    /// A block of the grid stands for `1 << shift` blocks along each side.
+    shift: u32,
+    /// Tests of a run at 64 places, and those before the grid was coarsened last.
+    tests: u64,
+    earlier_tests: u64,
+    /// Tests after which the grid is coarsened.
+    max_tests: u64,
+}
+
+impl Packing {
+    fn new(side: u32, max_tests: u64) -> Self {
+        Self { grid: Mask::empty(side, side), shift: 0, tests: 0, earlier_tests: 0, max_tests }
+    }
+
+    /// Each mask the way around in which it reaches down least, at the topmost, then leftmost free place. Where one of a size was placed, another
+    /// one of that size rarely finds a place before it, so each size goes through the square once.
+    ///
+    /// Where that takes too many tests, the remaining masks lie at every second column and row, then at every fourth, and so on.
+    fn fill(&mut self, masks: &[Mask], counts: &[u64], order: &[usize]) -> Option<Vec<Place>> {
+        let mut places = vec![Place::default(); masks.len()];
+        // Column and row from which on sizes look for a place.
+        let mut starts = [[0u32; 2]; 64];
+        for (number, &i) in order.iter().enumerate() {
+            let turns = if number < MAX_TURNED { 4 } else { 1 };
+            let class = counts[i].max(1).ilog2() as usize;
+            let place = loop {
+                let start = starts[class];
+                let mut pieces: Vec<Piece> =
+                    (0..turns).map(|turn| Piece::new(&masks[i], turn, self.shift)).collect();
+                let found = self
+                    .find(&mut pieces, start, self.grid.height)
+                    .or_else(|| self.find(&mut pieces, [0, 0], start[1] + 1));
+                if let Some(place) = found {
+                    let [x, y] = place.at;
+                    self.grid.stamp(&pieces[usize::from(place.turn)].mask, x, y);
+                    break place;
+                }
+                if !self.is_spent() {
+                    return None;
+                }
+                self.coarsen();
+                starts = starts.map(|start| start.map(|n| n / 2));
+            };
+            starts[class] = match number < MAX_TURNED {
+                true => [0, starts[class][1].max(place.at[1])],
+                false => place.at,
+            };
+            places[i] = Place { at: place.at.map(|n| n << self.shift), turn: place.turn };
+        }
+        Some(places)
+    }
+
+    /// The free place from a column and row on whose lower edge is topmost, then the leftmost one. Its upper row is before `rows_end`.
+    /// None, too, where the tests are spent.
+    fn find(&mut self, pieces: &mut [Piece], from: [u32; 2], rows_end: u32) -> Option<Place> {
+        // All pieces go down in step, so that none is looked for below another one's place.
+        for bottom in from[1] + 1..=self.grid.height {
+            let mut best: Option<Place> = None;
+            for piece in pieces.iter_mut() {
+                let top = bottom.checked_sub(piece.mask.height);
+                let Some(y) = top.filter(|y| (from[1]..rows_end).contains(y)) else { continue };
+                let first = if y == from[1] { from[0] } else { 0 };
+                if let Some(x) = self.find_in_row(piece, first, y)
+                    && best.is_none_or(|place| x < place.at[0])
+                {
+                    best = Some(Place { at: [x, y], turn: piece.turn });
+                }
+            }
+            if best.is_some() || self.is_spent() {
+                return best;
+            }
+        }
+        None
+    }
+
+    /// The first free column from a column on.
+    fn find_in_row(&mut self, piece: &mut Piece, from: u32, y: u32) -> Option<u32> {
+        let last = self.grid.width.checked_sub(piece.mask.width)?;
+        (from / 64..=last / 64).find_map(|word| {
+            let mut free = u64::MAX;
+            if word == from / 64 {
+                free &= u64::MAX << (from % 64);
+            }
+            if word == last / 64 {
+                free &= u64::MAX >> (63 - last % 64);
+            }
+            for i in 0..piece.runs.len() {
+                free &= !self.grid.collisions(piece.runs[i], 64 * word, y);
+                self.tests += 1;
+                if free == 0 {
+                    piece.runs[..=i].rotate_right(1);
+                    return None;
+                }
+            }
+            (free != 0).then(|| 64 * word + free.trailing_zeros())
+        })
+    }
+
+    fn is_spent(&self) -> bool {
+        self.tests - self.earlier_tests > self.max_tests && self.grid.width > MIN_COARSE_SIDE
+    }
+
+    fn coarsen(&mut self) {
+        self.grid = self.grid.coarsened(1, self.grid.width / 2, self.grid.height / 2);
+        self.shift += 1;
+        self.earlier_tests = self.tests;
+    }
 }
 
 #[cfg(test)]
@@ -284,45 +420,142 @@ mod tests {
     }
 
     #[test]
-    fn free_blocks_are_found_across_words() {
+    fn blocks_are_found_across_words() {
         let mut row = Mask::empty(150, 2);
         (3..140).for_each(|x| row.insert(x, 1));
-        let found = [0, 2, 3, 64, 139, 140, 149].map(|x| row.next_free(x, 1));
+        let found = [0, 2, 3, 64, 139, 140, 149].map(|x| row.next(x, 1, false));
         assert_eq!(found, [0, 2, 140, 140, 140, 140, 149].map(Some));
+        assert_eq!([0, 3, 70, 139].map(|x| row.next(x, 1, true)), [3, 3, 70, 139].map(Some));
+        assert_eq!((row.next(140, 1, true), row.next(0, 0, true)), (None, None));
         (140..150).for_each(|x| row.insert(x, 1));
-        assert_eq!(
-            (row.next_free(100, 1), row.next_free(150, 0), row.next_free(149, 0)),
-            (None, None, Some(149))
-        );
+        let ends = [row.next(100, 1, false), row.next(150, 0, false), row.next(149, 0, false)];
+        assert_eq!(ends, [None, None, Some(149)]);
+        assert!(row.blocks().eq((3..150).map(|x| [x, 1])));
     }
 
     #[test]
-    fn collisions_are_seen_across_words() {
-        let mut grid = Mask::empty(200, 4);
-        grid.insert(130, 2);
-        let mut piece = Mask::empty(70, 2);
-        piece.insert(69, 1);
-        for x in 0..=130 {
-            let next = (x + 69 == 130).then_some(x + 1);
-            assert_eq!(grid.collision(&piece, 1, x, 1), next, "{x}");
-        }
-    }
-
-    /// A row is moved on by as much as it can be, and no more.
-    #[test]
-    fn rows_go_past_what_they_collide_with() {
+    fn runs_collide_where_one_of_their_blocks_does() {
         let mut random = fantex_base::Random::new(3);
-        for _ in 0..2_000 {
-            let (mut grid, mut piece) = (Mask::empty(230, 1), Mask::empty(1 + random.below(140) as u32, 1));
+        for _ in 0..500 {
+            let (mut grid, mut piece) = (Mask::empty(330, 1), Mask::empty(1 + random.below(140) as u32, 1));
             for (mask, share) in [(&mut grid, 0.1), (&mut piece, 0.9)] {
                 (0..mask.width).filter(|_| random.unit() < share).for_each(|x| mask.insert(x, 0));
             }
             let collides = |x: u32| (0..piece.width).any(|i| piece.contains(i, 0) && grid.contains(x + i, 0));
+            let runs = piece.runs();
             for x in 0..=grid.width - piece.width {
-                let next = grid.collision(&piece, 0, x, 0);
-                assert_eq!(next.is_some(), collides(x));
-                let skipped = x + 1..next.unwrap_or(x).min(grid.width - piece.width + 1);
-                assert!(next.is_none_or(|next| next > x) && skipped.into_iter().all(collides));
+                let all = runs.iter().fold(0, |all, &run| all | grid.collisions(run, x / 64 * 64, 0));
+                assert_eq!(all >> (x % 64) & 1 == 1, collides(x), "{x}");
+            }
+        }
+    }
+
+    fn scattered(random: &mut fantex_base::Random, max_side: u64) -> Mask {
+        let [width, height] = [random.below(max_side), random.below(max_side)].map(|n| 1 + n as u32);
+        let mut mask = Mask::empty(width, height);
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            if random.unit() < 0.4 {
+                mask.insert(x, y);
+            }
+        }
+        mask.insert(0, 0);
+        mask
+    }
+
+    #[test]
+    fn masks_lie_at_the_first_free_place() {
+        let mut random = fantex_base::Random::new(8);
+        for _ in 0..20 {
+            let mut packing = Packing::new(90, MAX_TESTS);
+            for _ in 0..40 {
+                let mask = scattered(&mut random, 80);
+                let is_free = |grid: &Mask, piece: &Mask, x: u32, y: u32| {
+                    x + piece.width <= 90
+                        && y + piece.height <= 90
+                        && piece.blocks().all(|[i, j]| !grid.contains(x + i, y + j))
+                };
+                let from = [random.below(90) as u32, random.below(20) as u32];
+                let rows_end = random.below(91) as u32;
+                let mut expected = None;
+                for turn in 0..4 {
+                    let piece = mask.turned(turn);
+                    let first = (from[1]..rows_end)
+                        .flat_map(|y| (0..90).map(move |x| (y, x)))
+                        .find(|&(y, x)| (y, x) >= (from[1], from[0]) && is_free(&packing.grid, &piece, x, y));
+                    let key = first.map(|(y, x)| (y + piece.height, x, turn, y));
+                    expected = [expected, key].into_iter().flatten().min();
+                }
+                let mut pieces = [0, 1, 2, 3].map(|turn| Piece::new(&mask, turn, 0));
+                let found = packing.find(&mut pieces, from, rows_end);
+                let expected = expected.map(|(_, x, turn, y)| Place { at: [x, y], turn });
+                assert_eq!(found, expected);
+                if let Some(place) = found {
+                    packing.grid.stamp(&pieces[usize::from(place.turn)].mask, place.at[0], place.at[1]);
+                }
+            }
+        }
+    }
+
+    /// All masks lie inside the square, and no two of them share a block.
+    fn assert_apart(masks: &[Mask], places: &[Place], side: u32) {
+        let mut grid = Mask::empty(side, side);
+        for (mask, place) in masks.iter().zip(places) {
+            for [x, y] in mask.turned(place.turn).blocks() {
+                let [x, y] = [x + place.at[0], y + place.at[1]];
+                assert!(x < side && y < side && !grid.contains(x, y), "{place:?}: {x} {y}");
+                grid.insert(x, y);
+            }
+        }
+    }
+
+    #[test]
+    fn masks_of_a_coarsened_square_lie_apart() {
+        let mut random = fantex_base::Random::new(5);
+        let masks: Vec<Mask> = (0..60).map(|_| scattered(&mut random, 75)).collect();
+        let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
+        let order: Vec<usize> = (0..masks.len()).collect();
+        for max_tests in [0, 3_000, 30_000] {
+            let mut packing = Packing::new(1024, max_tests);
+            let places = packing.fill(&masks, &counts, &order).unwrap();
+            assert_apart(&masks, &places, 1024);
+            assert_eq!(packing.grid.width << packing.shift, 1024);
+            if max_tests == 0 {
+                assert_eq!(packing.grid.width, MIN_COARSE_SIDE);
+            }
+        }
+    }
+
+    /// A band two blocks wide, and half a block beyond on both sides, in two and a half turns of a spiral.
+    fn spiral(radius: f32, phase: f32) -> Mask {
+        let steps = 200u32;
+        let point = |i: u32, width: f32| {
+            let share = i as f32 / steps as f32;
+            let out = Vec2::from_angle(phase + share * 2.5 * std::f32::consts::TAU);
+            (0.15 + 0.85 * share) * radius * out + width * out + radius + 4.0
+        };
+        let bands = (0..steps).flat_map(|i| {
+            let [a, b, c, d] = [point(i, -1.0), point(i + 1, -1.0), point(i + 1, 1.0), point(i, 1.0)];
+            [[a, b, c], [a, c, d]]
+        });
+        let side = (2.0 * radius + 8.0).ceil() as u32;
+        Mask::around(side, side, bands)
+    }
+
+    /// Whether they fit or not: half of what is asserted, and far from `MAX_TESTS`.
+    #[test]
+    fn long_curly_masks_take_a_bounded_number_of_tests() {
+        for (radius, fits) in [(22.0, true), (40.0, false), (70.0, false)] {
+            let masks: Vec<Mask> = (0..240)
+                .map(|i| spiral(radius * (1.0 - 0.1 * (i % 7) as f32 / 7.0), 0.7 * i as f32))
+                .collect();
+            let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
+            let order: Vec<usize> = (0..masks.len()).collect();
+            let mut packing = Packing::new(1024, MAX_TESTS);
+            let places = packing.fill(&masks, &counts, &order);
+            assert!(packing.tests < 1 << 20, "radius {radius}: {} tests", packing.tests);
+            assert!(places.is_some() || !fits);
+            if let Some(places) = places {
+                assert_apart(&masks, &places, 1024);
             }
         }
     }

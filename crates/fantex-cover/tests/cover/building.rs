@@ -361,6 +361,28 @@ fn needles_in_all_directions() {
     }
 }
 
+/// The ball's triangles are so small that squares of their densities overflow single precision.
+#[test]
+fn one_stray_vertex_leaves_all_figures_finite() {
+    for far in [1e3, 1e5, 1e7] {
+        let mut ball = generate::icosphere(4);
+        ball.positions[0] = DVec3::new(far, 0.0, 0.0);
+        let mesh = cleaned(ball);
+        let (_, stats) = build_cover(&mesh, &options(64, TexelBudget::Total(1 << 20))).unwrap();
+        let figures = [
+            stats.worst_share,
+            stats.gap_share,
+            stats.margin_share,
+            stats.overlap_share,
+            stats.loss_db,
+            stats.lookups_per_sample,
+        ];
+        assert!(figures.iter().all(|figure| figure.is_finite()), "{far}: {stats:?}");
+        assert!(stats.density_share > 0.0 && stats.density_share.is_finite(), "{far}: {stats:?}");
+        assert!(stats.worst_share <= stats.density_share, "{far}: {stats:?}");
+    }
+}
+
 #[test]
 fn a_hundred_thousand_components() {
     let positions: Vec<DVec3> = (0..300_000u32)
