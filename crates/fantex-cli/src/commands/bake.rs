@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
-use crate::scene::{open_shape, show_notes};
+use crate::scene::{open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
@@ -279,6 +279,7 @@ impl BakeJob<'_> {
                 .fit(encoding.fit)
                 .quality(encoding.quality)
                 .overwrite(context.force)
+                .strict(context.strict)
                 .memory(context.memory_bytes)
                 .seed(self.seed)
                 .progress(&progress);
@@ -310,6 +311,9 @@ impl BakeJob<'_> {
             context.note(format!("{}: {note}", output.display()));
         }
         baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
+        if let SourceArg::Mesh { path, .. } = &self.source {
+            report_damage(path, &baked.summary.damage, context)?;
+        }
         target.finish(&context.replace(), &context.step("uploading", "MB"))?;
         let BakeSummary {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..

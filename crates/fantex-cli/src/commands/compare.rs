@@ -216,6 +216,9 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         });
         files.iter().flatten().try_for_each(|path| context.check_output(path))?;
         let pictures = [a.picture(camera, &options)?, b.picture(camera, &options)?];
+        if context.strict {
+            [&a, &b].into_iter().try_for_each(|file| file.show_damage(context))?;
+        }
         views.push(compare_view(&pictures, files, series.as_mut())?);
         context.check_interrupt()?;
     }

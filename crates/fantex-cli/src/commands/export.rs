@@ -15,7 +15,7 @@ use fantex::export::{
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
-use fantex::{Error, FileKind, Result, World, export_world, export_world_fans, stand_in_note};
+use fantex::{Error, ErrorKind, FileKind, Result, World, export_world, export_world_fans, stand_in_note};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -245,9 +245,10 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         padding: args.padding,
         with_ktx2: args.textures == SheetPictures::PngAndKtx2,
         force: context.force,
+        strict: context.strict,
         memory_bytes: context.memory_bytes,
     };
-    let summary = {
+    let exported = {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("export");
         match (&input, &args.channel[..]) {
@@ -267,8 +268,12 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                     kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
                 export_channels(asset, &channels, args.depth, &options, &progress)
             }
-        }?
+        }
     };
+    let summary = exported.map_err(|error| match error.kind() {
+        ErrorKind::Damaged => error.in_file(&args.asset),
+        _ => error,
+    })?;
     notes(args, &summary, context);
     if let Some((tiles, first)) = &summary.damage {
         context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
@@ -310,7 +315,13 @@ fn fan_options(args: &ExportArgs, context: &Context) -> FanFileOptions {
         largest_side: args.max_size,
         memory_bytes: context.memory_bytes,
     };
-    FanFileOptions { sheets, pictures: args.textures, shaders: args.shader.clone(), force: context.force }
+    FanFileOptions {
+        sheets,
+        pictures: args.textures,
+        shaders: args.shader.clone(),
+        force: context.force,
+        strict: context.strict,
+    }
 }
 
 /// The file of one of so many channels: several lie beside the output, under its name and theirs.

@@ -349,7 +349,7 @@ fn render_on_gpu(
         note_missing(context);
     }
     for (parcel, error) in streamed.streamer.damaged().take(4) {
-        context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));
+        context.report_damage(format!("{parcel} cannot be read, a coarser level takes its place: {error}"))?;
     }
     draw(&gpu, &mut streamed.model, camera, lights, options, filter)
 }
@@ -393,6 +393,9 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
     let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };
     for (time, path) in times.into_iter().zip(pictures) {
         let Rendering { picture, stats } = scene.render(time)?;
+        if context.strict {
+            show_damaged_tiles(&scene, context)?;
+        }
         series.write(&path, || save(&picture, &path, context))?;
         (info.width, info.height) = (picture.width, picture.height);
         info.seconds += stats.elapsed.as_secs_f64();
