@@ -55,6 +55,8 @@ pub struct ReplaySummary {
     pub unrecorded: usize,
     /// Characters of texts that their fonts lack, each once.
     pub missing_characters: String,
+    /// Strokes that paint and change no texel: their numbers in the file, from 0, and labels.
+    pub untouching: Vec<(usize, String)>,
 }
 
 impl StrokeFile {
@@ -98,12 +100,16 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
         summary.missing_characters.extend(stroke.missing.chars().filter(|&c| known.insert(c)));
         prepared.push((settings, stroke));
     }
-    for (settings, prepared) in prepared {
+    for (index, (settings, prepared)) in prepared.into_iter().enumerate() {
         if settings.unrecorded {
             summary.unrecorded += 1;
             continue;
         }
+        let paints = settings.set_layers.is_none() && !settings.channels.is_empty();
         let StrokeSummary { dabs, pages, .. } = apply(painter, settings, prepared, folder)?;
+        if paints && pages == 0 {
+            summary.untouching.push((index, settings.label.clone()));
+        }
         summary.strokes += 1;
         summary.dabs += dabs;
         summary.pages += pages;
@@ -299,7 +305,14 @@ impl Preparation<'_> {
                 self.finite("an opacity", &[to])?;
                 Tool::Opacity { to: to.clamp(0.0, 1.0) }
             }
-            ToolSettings::Blur { radius } => Tool::Blur { radius: self.mesh_length(radius)? },
+            ToolSettings::Blur { radius } => {
+                let (Size::Texels(length) | Size::World(length)) = radius;
+                if length < 0.0 {
+                    let sentence = format!("`tool.blur.radius` is {length}, but must be at least 0");
+                    return Err(self.of_stroke(Error::malformed(sentence)));
+                }
+                Tool::Blur { radius: self.mesh_length(radius)? }
+            }
             ToolSettings::Smudge { strength } => {
                 self.finite("the strength of a smudge", &[strength])?;
                 Tool::Smudge { strength }
