@@ -241,6 +241,12 @@ pub(crate) fn bake(
             args.model.display()
         )));
     }
+    if let (SourceArg::Vertex, false) = (&job.source, mesh.has_vertex_colors()) {
+        return Err(Error::invalid(format!(
+            "{} has no vertex colours; leave --source vertex out, or give --source uv, image=... or solid=...",
+            args.model.display()
+        )));
+    }
     if args.match_source && !matches!(job.source, SourceArg::Uv | SourceArg::Photos(_)) {
         let source = &job.source;
         return Err(Error::invalid(format!(
