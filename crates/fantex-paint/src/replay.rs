@@ -21,7 +21,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, input, json_problem};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec3};
@@ -67,8 +67,8 @@ impl StrokeFile {
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = input::read(path)?;
         let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
-            let sentence = format!("{} is not a stroke file: {source}", path.display());
-            Error::malformed(sentence).with_path(path).with_source(source)
+            let problem = json_problem(&source);
+            problem.context(format_args!("{} is not a stroke file", path.display())).with_path(path)
         })?;
         let version = file.version;
         let sentence =

@@ -213,7 +213,7 @@ fn strokes_are_replayed_and_the_result_is_certified() {
         &["channel normal", "--add-channel normal"],
         &[&"paint", &asset, &"--replay", &at("wrong.json")],
     );
-    fails(1, &["not a stroke file"], &[&"paint", &asset, &"--replay", &model]);
+    fails(1, &["not a stroke file: line 1, column 2: this is no JSON"], &[&"paint", &asset, &"--replay", &model]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");
 }
 

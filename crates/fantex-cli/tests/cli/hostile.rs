@@ -258,7 +258,7 @@ fn models_name_nothing_outside_their_folder() {
         "bufferViews":[{"buffer":0,"byteLength":36}],
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}]}"#;
     let model = write(&folder.path().join("in"), "model.gltf", gltf);
-    fails(2, &["outside its folder", "--allow-outside"], &[&"info", &model]);
+    fails(1, &["outside its folder", "--allow-outside"], &[&"info", &model]);
     let allowed = stderr(&run(&[&"info", &model, &"--allow-outside"]));
     assert!(!allowed.contains("outside"), "{allowed}");
     let object = write(&folder.path().join("in"), "model.obj", format!("mtllib ../secret.mtl\n{CUBE_OBJ}"));
