@@ -48,7 +48,11 @@ fn of_data(said: &str) -> Option<String> {
     if let Some(rest) = said.strip_prefix("unknown variant ") {
         let (word, allowed) = rest.rsplit_once(", expected ")?;
         let allowed: Vec<&str> = allowed.split('`').skip(1).step_by(2).collect();
-        return Some(format!("'{}' is nothing that is known here; allowed are {}", name(word), allowed.join(", ")));
+        return Some(format!(
+            "'{}' is nothing that is known here; allowed are {}",
+            name(word),
+            allowed.join(", ")
+        ));
     }
     let (found, expected) = said.strip_prefix("invalid ")?.rsplit_once(", expected ")?;
     Some(format!("expected {}, found {}", expected_in_words(expected), found_in_words(found)))

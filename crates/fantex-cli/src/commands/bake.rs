@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
-use crate::scene::{open_shape, report_damage, show_notes};
+use crate::scene::{check_asset_name, open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
@@ -207,6 +207,7 @@ pub(crate) fn bake(
     context: &Context,
 ) -> Result<BakeInfo> {
     let started = Instant::now();
+    check_asset_name(output)?;
     // What is no asset, a plan or a damaged file, is named first.
     let mesh = open_shape(&args.model)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {

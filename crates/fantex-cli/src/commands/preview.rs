@@ -27,10 +27,10 @@ pub(crate) struct PreviewArgs {
     /// The asset, which is changed in place; one at an s3://, gs:// or az:// address is fetched, changed here, and put back whole
     asset: PathBuf,
     /// Triangles of the coarse mesh, about
-    #[arg(long, value_name = "N", conflicts_with = "remove")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "remove")]
     triangles: Option<Count>,
     /// Stored texels of the finest level
-    #[arg(long, value_name = "N", conflicts_with = "remove")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "remove")]
     texels: Option<Count>,
     /// Leave open borders as they are, so that previews of assets that meet there fit together; there may be more triangles for it
     #[arg(long, conflicts_with = "remove")]

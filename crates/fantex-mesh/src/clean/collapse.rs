@@ -14,12 +14,7 @@ const MAX_SPREAD: f64 = 0.01;
 
 /// Why a model is refused: more than half of its triangles have an area in double precision (`world`) and none in mesh space (`mesh`), and lie
 /// together, far from other vertices. None where that is not so.
-pub(super) fn problem(
-    name: &str,
-    world: &[DVec3],
-    mesh: &[Vec3],
-    triangles: &[[u32; 3]],
-) -> Option<Error> {
+pub(super) fn problem(name: &str, world: &[DVec3], mesh: &[Vec3], triangles: &[[u32; 3]]) -> Option<Error> {
     let is_collapsed = |&t: &[u32; 3]| {
         exact::has_no_area(t.map(|v| mesh[v as usize])) && has_area(t.map(|v| world[v as usize]))
     };

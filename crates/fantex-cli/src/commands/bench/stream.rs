@@ -42,7 +42,7 @@ pub(super) struct StreamArgs {
     #[arg(long, value_name = "PATH")]
     path: Option<PathBuf>,
     /// Graphics memory for texels
-    #[arg(long, value_name = "SIZE", default_value = "64M", value_parser = bytes)]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "64M", value_parser = bytes)]
     pool: u64,
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
