@@ -17,7 +17,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::base::{Error, Result};
+use fantex::base::{Error, Result, json_problem};
 use fantex::paint::KindName;
 use serde::Deserialize;
 
@@ -270,7 +270,7 @@ impl Session {
         let name = path.display();
         let text = read_limited(path, MAX_FILE_BYTES, "the session")?;
         let mut session: Self = serde_json::from_slice(&text).map_err(|source| {
-            Error::malformed(format!("{name} is no session: {source}")).with_path(path).with_source(source)
+            json_problem(&source).context(format_args!("{name} is no session")).with_path(path)
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         for (i, step) in session.steps.iter_mut().enumerate() {

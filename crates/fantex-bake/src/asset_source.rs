@@ -1,7 +1,7 @@
 //! What an asset shows, as a source for another bake.
 
 use fantex_mesh::AlphaMode;
-use fantex_store::{Footprint, PageCache, Sampler, TexelFormat};
+use fantex_store::{Damage, Footprint, PageCache, Sampler, TexelFormat};
 use fantex_texture::{Filter, FilterOptions};
 use glam::Vec4;
 
@@ -35,6 +35,10 @@ impl AssetSource {
 impl Source for AssetSource {
     fn channels(&self) -> Vec<SourceChannel> {
         self.channels.clone()
+    }
+
+    fn damage(&self) -> Damage {
+        self.sampler.cache().damage()
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {

@@ -6,11 +6,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, counted, input};
 use fantex_cover::{Cover, Group, GroupTriangles};
 use fantex_mesh::{Mesh, creaseless_normals, shading_normals};
 use fantex_store::{
-    AssetWriter, Channel, CreateOptions, EncodedPage, PartWriter, Plan, Quality, WriteSummary,
+    AssetWriter, Channel, CreateOptions, Damage, EncodedPage, PartWriter, Plan, Quality, WriteSummary,
 };
 use rayon::prelude::*;
 
@@ -36,7 +36,8 @@ const BATCH_TEXELS: std::ops::RangeInclusive<u64> = 1 << 16..=8 << 20;
 /// of a tile that is larger than a batch. The asset's bytes do not depend on the number of threads.
 ///
 /// # Errors
-/// The file exists already (unless forced), cannot be written, or the bake was cancelled; in all cases nothing is left behind.
+/// The file exists already (unless forced), cannot be written, the source has met damaged texels (if strict), or the bake was cancelled; in
+/// all cases nothing is left behind.
 pub fn bake(
     mesh: &Mesh,
     cover: &Cover,
@@ -50,6 +51,7 @@ pub fn bake(
     let mut writer = AssetWriter::create(path, &create, &job.mesh, cover, &job.channels())?;
     let mut baked =
         job.bake(0..cover.groups.len() as u32, progress, &mut |pages| writer.write_pages(pages))?;
+    job.check_damage()?;
     let started = Instant::now();
     let written = writer.finish(&baked.means)?;
     baked.write_time += started.elapsed();
@@ -104,6 +106,7 @@ pub fn bake_part(
     let create = CreateOptions { force: options.force, ..CreateOptions::default() };
     let mut writer = PartWriter::create(path, &create, planned, shard[0], shard[1])?;
     let baked = job.bake(writer.groups(), progress, &mut |pages| writer.write_pages(pages))?;
+    job.check_damage()?;
     let written = writer.finish(&baked.means)?;
     Ok(job.summary(&baked, &written))
 }
@@ -207,6 +210,18 @@ impl<'a> Job<'a> {
         Ok(baked)
     }
 
+    /// Refuses what coarser texels stood in for, where that is asked for.
+    fn check_damage(&self) -> Result<()> {
+        let Damage { pages, first } = self.source.damage();
+        match first.first() {
+            Some((_, page, reason)) if self.options.strict => Err(Error::damaged(format!(
+                "coarser texels stand in for {}; the first: {page}: {reason}",
+                counted(pages, "damaged tile")
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     fn summary(&self, baked: &Texels, written: &WriteSummary) -> BakeSummary {
         BakeSummary {
             texels: self.cover.stored_texels(&self.mesh),
@@ -217,6 +232,7 @@ impl<'a> Job<'a> {
             encode_seconds: baked.encode_time.as_secs_f64(),
             write_seconds: baked.write_time.as_secs_f64(),
             light: self.source.light_map().map(LightMapSource::noise),
+            damage: self.source.damage(),
         }
     }
 }
@@ -307,18 +323,21 @@ pub struct BakeOptions {
     pub quality: Quality,
     /// Overwrite an existing asset.
     pub force: bool,
+    /// Fail, and write nothing, where the source is an asset and coarser texels stand in for damaged ones.
+    pub strict: bool,
     /// Bytes that texels in flight may take, whatever the texture's size; the encoded pages of one tile may take more.
     pub memory_bytes: u64,
 }
 
 impl Default for BakeOptions {
-    /// Sharp BC7, fast encoder, 512 MiB, no overwriting.
+    /// Sharp BC7, fast encoder, 512 MiB, no overwriting, damage allowed.
     fn default() -> Self {
         Self {
             fit: Fit::default(),
             format: BakeFormat::default(),
             quality: Quality::default(),
             force: false,
+            strict: false,
             memory_bytes: 512 << 20,
         }
     }
@@ -343,6 +362,8 @@ pub struct BakeSummary {
     pub write_seconds: f64,
     /// The noise of baked light; of a part of the asset where that was baked.
     pub light: Option<LightMapNoise>,
+    /// Texels of assets that the source could not read, so that coarser ones stood in.
+    pub damage: Damage,
 }
 
 // Progress of a long operation, and the wish to end it.

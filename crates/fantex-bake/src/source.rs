@@ -2,7 +2,7 @@
 
 use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, ObjectSpace, SurfacePoint};
-use fantex_store::ChannelKind;
+use fantex_store::{ChannelKind, Damage};
 use fantex_texture::{AnyMapping, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
 
@@ -95,6 +95,11 @@ pub trait Source: Sync {
     /// [`Source::evaluate_lit`].
     fn light_map(&self) -> Option<&LightMapSource<'_>> {
         None
+    }
+
+    /// The texels of assets that could not be read so far, so that coarser ones stood in.
+    fn damage(&self) -> Damage {
+        Damage::default()
     }
 
     /// As [`Source::evaluate_all`], with the light at each point given (irradiance over pi, linear RGB).

@@ -17,7 +17,7 @@ use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
     shading_normals,
 };
-use fantex_store::ChannelKind;
+use fantex_store::{ChannelKind, Damage};
 use fantex_texture::Image;
 use fantex_texture::material::TangentFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
@@ -316,6 +316,10 @@ impl Source for TransferSource<'_> {
 
     fn crosses_creases(&self) -> bool {
         self.channels.iter().any(|channel| channel.kind == ChannelKind::Normal)
+    }
+
+    fn damage(&self) -> Damage {
+        self.detail.map_or_else(Damage::default, Source::damage)
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {

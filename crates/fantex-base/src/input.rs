@@ -260,7 +260,7 @@ pub fn check_below(owner: &Path, folder: &Path, named: &Path) -> Result<()> {
         return Ok(());
     }
     let (owner, named) = (owner.display(), named.display());
-    Err(Error::invalid(format!(
+    Err(Error::unsupported(format!(
         "{owner} names {named}, which lies outside its folder; copy it there, or allow such files (--allow-outside)"
     )))
 }

@@ -7,6 +7,7 @@
 //! | [`aabb`] | axis-aligned boxes |
 //! | [`mod@files`] | files that appear whole or not at all |
 //! | [`input`] | files that others made: opening, what they may name, memory |
+//! | [`json_problem()`] | what is wrong with a JSON file, in words |
 //! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
@@ -18,6 +19,7 @@ pub mod aabb;
 pub mod error;
 pub mod files;
 pub mod input;
+mod json_problem;
 mod parameters;
 pub mod random;
 pub mod srgb;
@@ -28,6 +30,7 @@ pub mod zstandard;
 pub use aabb::Aabb;
 pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
+pub use json_problem::json_problem;
 pub use random::{Random, mix64};
 pub use text::{counted, grouped, numbered, uri_escaped};
 pub use union_find::UnionFind;

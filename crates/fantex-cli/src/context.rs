@@ -33,7 +33,8 @@ pub(crate) struct Context {
     pub(crate) memory_bytes: u64,
     pub(crate) seed: u64,
     pub(crate) allow_outside: bool,
-    strict: bool,
+    /// Coarser texels do not stand in for damaged ones: that is an error.
+    pub(crate) strict: bool,
     json: bool,
     quiet: bool,
     interrupt: Interrupt,

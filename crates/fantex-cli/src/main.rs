@@ -117,11 +117,11 @@ pub(crate) struct CommonArgs {
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
     /// Number of threads; all processors by default
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
     /// Memory for all that is read whole (images, volumes, tables, models) and for texels in caches and under way, e.g. 512M
     /// or 4G; up to 192 MiB are used beside it [default: 4G, of which texels take 1G]
-    #[arg(long, global = true, value_name = "SIZE", value_parser = bytes)]
+    #[arg(long, global = true, value_name = "SIZE", allow_negative_numbers = true, value_parser = bytes)]
     pub(crate) memory: Option<u64>,
     /// Let models, looks in assets and stroke files name files outside their folders
     #[arg(long, global = true)]
@@ -133,7 +133,7 @@ pub(crate) struct CommonArgs {
     #[arg(long, global = true)]
     pub(crate) force: bool,
     /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub(crate) seed: u64,
 }
 

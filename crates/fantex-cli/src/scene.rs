@@ -219,6 +219,21 @@ pub(crate) fn check_model_name(path: &Path) -> Result<()> {
     written_format(path).map(drop).map_err(|error| Error::invalid(error.to_string()))
 }
 
+/// Refuses the name of a picture or a model for an asset.
+pub(crate) fn check_asset_name(path: &Path) -> Result<()> {
+    const OTHERS: [&str; 23] = [
+        "png", "jpg", "jpeg", "tif", "tiff", "webp", "hdr", "exr", "ktx2", "gif", "bmp", "tga", "glb",
+        "gltf", "obj", "ply", "stl", "fbx", "usd", "usda", "usdc", "usdz", "mtl",
+    ];
+    match path.extension().and_then(|e| OTHERS.into_iter().find(|other| e.eq_ignore_ascii_case(other))) {
+        Some(extension) => Err(Error::invalid(format!(
+            "{} would be an asset, and .{extension} is the name of something else; give a name that ends in .fan",
+            path.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
 /// True for files that are named `.toml`.
 pub(crate) fn is_look(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
@@ -235,13 +250,13 @@ pub(crate) struct SurroundingsArgs {
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, requires = "environment", value_parser = finite)]
     environment_rotation: f32,
     /// Factor of the environment's light
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "environment", value_parser = not_negative)]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value_t = 1.0, requires = "environment", value_parser = not_negative)]
     environment_strength: f32,
     /// What is seen behind the model: the environment by default, the gradient without one
     #[arg(long, value_enum)]
     background: Option<BackgroundArg>,
     /// How much the environment is blurred behind the model, 0 to 1; its light and reflections stay as they are
-    #[arg(long, value_name = "0..1", default_value_t = 0.0, requires = "environment", value_parser = share)]
+    #[arg(long, value_name = "0..1", allow_negative_numbers = true, default_value_t = 0.0, requires = "environment", value_parser = share)]
     background_blur: f32,
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::files::folder_of;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 use fantex_mesh::{AlphaMode, corner_tangents, shading_normals};
 use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
 use glam::{Vec3, Vec4};
@@ -50,6 +50,19 @@ pub struct ExportSummary {
     pub damage: Option<(u64, String)>,
 }
 
+impl ExportSummary {
+    /// Refuses what coarser texels stand in for, where that is asked for.
+    pub(crate) fn check_damage(&self, is_strict: bool) -> Result<()> {
+        match &self.damage {
+            Some((pages, first)) if is_strict => Err(Error::damaged(format!(
+                "coarser texels stand in for {}; the first: {first}",
+                counted(*pages, "damaged tile")
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// What a glTF material can show, in the order of the pictures.
 pub(crate) const MODEL_MAPS: [ChannelMap; 4] =
     [ChannelMap::BaseColor, ChannelMap::OcclusionRoughnessMetallic, ChannelMap::Normal, ChannelMap::Emission];
@@ -69,6 +82,7 @@ pub fn export_model(
     options.check()?;
     let mut model = ModelFile::new(output, None, options)?;
     let mut summary = model.add(asset, None, progress)?;
+    summary.check_damage(options.strict)?;
     summary.files = model.finish()?;
     Ok(summary)
 }
@@ -211,6 +225,7 @@ pub fn export_channels(
         });
     }
     let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
+    summary.check_damage(options.strict)?;
     summary.files = outputs.commit()?;
     Ok(summary)
 }
@@ -417,12 +432,14 @@ pub struct ExportOptions<'a> {
     pub with_ktx2: bool,
     /// Overwrite existing files.
     pub force: bool,
+    /// Fail, and write nothing, where coarser texels stand in for damaged ones.
+    pub strict: bool,
     /// Bytes that texels may take.
     pub memory_bytes: u64,
 }
 
 impl Default for ExportOptions<'_> {
-    /// An own packing of at most 8192 columns, PNG alone, no overwriting, 1 GiB.
+    /// An own packing of at most 8192 columns, PNG alone, no overwriting, damage allowed, 1 GiB.
     fn default() -> Self {
         Self {
             uv: UvChoice::default(),
@@ -431,6 +448,7 @@ impl Default for ExportOptions<'_> {
             padding: None,
             with_ktx2: false,
             force: false,
+            strict: false,
             memory_bytes: 1 << 30,
         }
     }

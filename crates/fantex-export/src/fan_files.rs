@@ -33,6 +33,8 @@ pub struct FanFileOptions {
     pub shaders: Vec<ShaderLanguage>,
     /// Overwrite existing files.
     pub force: bool,
+    /// Fail, and write nothing, where coarser texels stand in for damaged ones.
+    pub strict: bool,
 }
 
 /// The files that sheets become.
@@ -77,6 +79,7 @@ pub fn export_fans(
 ) -> Result<ExportSummary> {
     let mut file = FanFile::new(output, None, options)?;
     let mut summary = file.add(asset, None, progress)?;
+    summary.check_damage(options.strict)?;
     summary.files = file.finish()?;
     Ok(summary)
 }

@@ -43,6 +43,7 @@ pub fn export_models(
     let mut file = ModelFile::new(output, Some(&stem_of(output)), options)?;
     let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
     let mut summary = add_all(objects, open, progress, add)?;
+    summary.check_damage(options.strict)?;
     summary.files = file.finish()?;
     Ok(summary)
 }
@@ -62,6 +63,7 @@ pub fn export_all_fans(
     let mut file = FanFile::new(output, Some(&stem_of(output)), options)?;
     let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
     let mut summary = add_all(objects, open, progress, add)?;
+    summary.check_damage(options.strict)?;
     summary.files = file.finish()?;
     Ok(summary)
 }

@@ -15,7 +15,8 @@ use std::sync::Arc;
 
 use fantex_base::{Error, Result};
 use fantex_store::{
-    Asset, AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_extent,
+    Asset, AssetEditor, ChannelKind, CommitSummary, Damage, EditOptions, PageCache, PageId, is_disk_full,
+    page_extent,
 };
 use glam::Vec4;
 use rayon::prelude::*;
@@ -106,6 +107,8 @@ pub struct Painter {
     pub(crate) made: BTreeSet<PageId>,
     pub(crate) next_stroke: u64,
     pub(crate) work: Option<Work>,
+    /// What tools that read the surface could not read.
+    damage: Damage,
 }
 
 #[derive(Debug)]
@@ -164,6 +167,7 @@ impl Painter {
             made: BTreeSet::new(),
             next_stroke,
             work: None,
+            damage: Damage::default(),
         };
         painter.finish_adding()?;
         painter.take_up_work()?;
@@ -442,6 +446,22 @@ impl Painter {
         self.room.is_full()
     }
 
+    /// The texels that tools which read the surface (such as blur, clone, fills of a colour) could not read since the asset was opened, so that
+    /// coarser ones stood in.
+    pub fn damage(&self) -> &Damage {
+        &self.damage
+    }
+
+    /// Takes over what was found through a cache that is used no more.
+    pub(crate) fn add_damage(&mut self, found: Damage) {
+        let Damage { pages, mut first } = found;
+        let unnamed = pages - first.len() as u64;
+        let known = &self.damage.first;
+        first.retain(|(channel, page, _)| known.iter().all(|(c, p, _)| (c, p) != (channel, page)));
+        self.damage.pages += unnamed + first.len() as u64;
+        self.damage.first.extend(first);
+    }
+
     /// What can be undone and redone.
     pub fn history(&self) -> &History {
         &self.history
@@ -481,6 +501,11 @@ impl Painter {
 }
 
 impl OpenStroke {
+    /// What it could not read of the state before it.
+    pub(crate) fn damage(&self) -> Damage {
+        self.before.as_ref().map_or_else(Damage::default, PageCache::damage)
+    }
+
     /// The bytes of a page before the stroke, per affected channel; where layers lie over it, also (last) the contents of
     /// the attachment that the stroke changes.
     pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>> {

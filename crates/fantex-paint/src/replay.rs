@@ -21,7 +21,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, input, json_problem};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec3};
@@ -55,6 +55,8 @@ pub struct ReplaySummary {
     pub unrecorded: usize,
     /// Characters of texts that their fonts lack, each once.
     pub missing_characters: String,
+    /// Strokes that paint and change no texel: their numbers in the file, from 0, and labels.
+    pub untouching: Vec<(usize, String)>,
 }
 
 impl StrokeFile {
@@ -65,8 +67,8 @@ impl StrokeFile {
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = input::read(path)?;
         let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
-            let sentence = format!("{} is not a stroke file: {source}", path.display());
-            Error::malformed(sentence).with_path(path).with_source(source)
+            let problem = json_problem(&source);
+            problem.context(format_args!("{} is not a stroke file", path.display())).with_path(path)
         })?;
         let version = file.version;
         let sentence =
@@ -98,12 +100,16 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
         summary.missing_characters.extend(stroke.missing.chars().filter(|&c| known.insert(c)));
         prepared.push((settings, stroke));
     }
-    for (settings, prepared) in prepared {
+    for (index, (settings, prepared)) in prepared.into_iter().enumerate() {
         if settings.unrecorded {
             summary.unrecorded += 1;
             continue;
         }
+        let paints = settings.set_layers.is_none() && !settings.channels.is_empty();
         let StrokeSummary { dabs, pages, .. } = apply(painter, settings, prepared, folder)?;
+        if paints && pages == 0 {
+            summary.untouching.push((index, settings.label.clone()));
+        }
         summary.strokes += 1;
         summary.dabs += dabs;
         summary.pages += pages;
@@ -299,7 +305,14 @@ impl Preparation<'_> {
                 self.finite("an opacity", &[to])?;
                 Tool::Opacity { to: to.clamp(0.0, 1.0) }
             }
-            ToolSettings::Blur { radius } => Tool::Blur { radius: self.mesh_length(radius)? },
+            ToolSettings::Blur { radius } => {
+                let (Size::Texels(length) | Size::World(length)) = radius;
+                if length < 0.0 {
+                    let sentence = format!("`tool.blur.radius` is {length}, but must be at least 0");
+                    return Err(self.of_stroke(Error::malformed(sentence)));
+                }
+                Tool::Blur { radius: self.mesh_length(radius)? }
+            }
             ToolSettings::Smudge { strength } => {
                 self.finite("the strength of a smudge", &[strength])?;
                 Tool::Smudge { strength }

@@ -71,6 +71,7 @@ impl Painter {
     pub(crate) fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>> {
         self.show()?;
         let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
+        self.add_damage(stroke.damage());
         self.room.let_go();
         let ids = stroke.pages.ids();
         let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };

@@ -507,12 +507,18 @@ impl Painter {
                 maps.get(surface, &ids, budget)
             })
         });
-        Ok(Area::Reached(reached.collect()))
+        let reached = reached.collect();
+        self.add_damage(before.damage());
+        Ok(Area::Reached(reached))
     }
 
     /// Fills some pages, or ends the groups that are at work; returns what is done so far.
     fn fill_on(&mut self, mut work: Box<FillWork>) -> Result<StrokeSummary> {
         let Some(ids) = work.slices.batch() else {
+            self.add_damage(work.stroke.damage());
+            if let Area::Like { before, .. } = &work.area {
+                self.add_damage(before.damage());
+            }
             self.room.let_go();
             self.history.finish(&mut self.editor)?;
             return Ok(work.summary);

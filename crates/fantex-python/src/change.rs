@@ -85,7 +85,13 @@ pub(crate) fn make_preview(
     memory: u64,
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<(u64, u64, usize)> {
-    let options = PreviewOptions { triangles, texels, keeps_borders: keep_borders, memory_bytes: memory };
+    let options = PreviewOptions {
+        triangles,
+        texels,
+        keeps_borders: keep_borders,
+        memory_bytes: memory,
+        ..PreviewOptions::default()
+    };
     let made = watched(py, progress.as_ref(), |watch| Preview::add_at(&asset, &options, [watch, watch]))?;
     Ok((made.triangles, made.texels, made.bytes.len()))
 }

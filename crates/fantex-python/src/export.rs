@@ -85,6 +85,7 @@ impl AtlasFiles {
             padding: self.padding,
             with_ktx2: self.with_ktx2,
             force: self.force,
+            strict: false,
             memory_bytes: self.memory_bytes,
         }
     }
@@ -116,6 +117,7 @@ pub(crate) fn fan_files(options: &Bound<'_, PyDict>) -> PyResult<FanFileOptions>
         pictures: choice(options, "textures", &pictures)?,
         shaders: shaders.iter().map(|name| named("shader", name, &languages)).collect::<PyResult<_>>()?,
         force: optional(options, "overwrite")?.unwrap_or(false),
+        strict: false,
     })
 }
 

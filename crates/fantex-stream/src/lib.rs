@@ -30,7 +30,6 @@ mod demand;
 #[cfg(not(target_arch = "wasm32"))]
 mod disk_speed;
 pub mod drawing;
-mod json_problem;
 mod loader;
 mod objects;
 mod outline;

@@ -7,14 +7,13 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Result, files, input, uri_escaped};
+use fantex_base::{Error, Result, files, input, json_problem, uri_escaped};
 use fantex_mesh::{Mesh, TriangleBvh, WorldFromMesh};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::json_problem::json_problem;
 use crate::{SurfaceSamples, ViewObject, ViewPreview, WorldCoarse, url_of};
 
 /// The extension of a world's file name.

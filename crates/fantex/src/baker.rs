@@ -15,7 +15,7 @@ use fantex_bake::{
     bake_part, plan_bake,
 };
 use fantex_base::random::folded_seed;
-use fantex_base::{Error, Result, counted, grouped};
+use fantex_base::{Error, ErrorKind, Result, counted, grouped};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
@@ -308,6 +308,11 @@ impl<'a> Baker<'a> {
     /// Replaces an existing file.
     pub fn overwrite(self, force: bool) -> Self {
         Self { options: BakeOptions { force, ..self.options }, ..self }
+    }
+
+    /// Fails, and writes nothing, where an asset that is baked from has damaged texels, for which coarser ones stand in otherwise.
+    pub fn strict(self, strict: bool) -> Self {
+        Self { options: BakeOptions { strict, ..self.options }, ..self }
     }
 
     /// Bytes that texels in flight, images and photographs may take.
@@ -632,7 +637,11 @@ impl<'a> Baker<'a> {
         let mesh = without_textures(&mesh);
         let options = TransferOptions { cage, ..TransferOptions::default() };
         let source = TransferSource::new(&mesh, detailed, detail, &options)?;
-        let mut baked = self.bake(&mesh, &source, None, goal)?;
+        let baked = self.bake(&mesh, &source, None, goal);
+        let mut baked = baked.map_err(|error| match error.kind() {
+            ErrorKind::Damaged => error.in_file(path),
+            _ => error,
+        })?;
         let report = source.report();
         // Single points at rims say nothing.
         if report.missed > report.points / 1000 {

@@ -44,8 +44,10 @@ impl Mesh {
     ///
     /// # Errors
     /// Nothing is left after cleaning, or an index is out of range.
-    pub fn from_model(model: Model, path: impl AsRef<Path>) -> Result<Self> {
+    pub fn from_model(mut model: Model, path: impl AsRef<Path>) -> Result<Self> {
         let started = Instant::now();
+        // Errors name the file as it was given.
+        model.name = path.as_ref().display().to_string();
         let mut notes = model.notes.clone();
         let (mesh, report, origins) = clean_traced(model, &CleanOptions::default())?;
         notes.extend(report.lines());

@@ -14,7 +14,7 @@ use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{
     CleanOptions, Edges, Mesh, Model, VertexCorners, clean, corner_angle, shading_normals, simplified_keeping,
 };
-use fantex_store::{Asset, AssetEditor, EditOptions, PREVIEW, PageCache};
+use fantex_store::{Asset, AssetEditor, Damage, EditOptions, PREVIEW, PageCache};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -30,12 +30,20 @@ pub struct PreviewOptions {
     pub keeps_borders: bool,
     /// Bytes that decoded tiles and texels in work may take while it is made.
     pub memory_bytes: u64,
+    /// Fail, and change nothing, where coarser texels stand in for damaged ones.
+    pub strict: bool,
 }
 
 impl Default for PreviewOptions {
-    /// 5000 triangles and 100 000 texels: some 200 to 700 kB. Borders are simplified, too. 512 MiB.
+    /// 5000 triangles and 100 000 texels: some 200 to 700 kB. Borders are simplified, too. 512 MiB. Damage is allowed.
     fn default() -> Self {
-        Self { triangles: 5000, texels: 100_000, keeps_borders: false, memory_bytes: 512 << 20 }
+        Self {
+            triangles: 5000,
+            texels: 100_000,
+            keeps_borders: false,
+            memory_bytes: 512 << 20,
+            strict: false,
+        }
     }
 }
 
@@ -48,13 +56,16 @@ pub struct Preview {
     pub triangles: u64,
     /// Stored texels at level 0, per channel.
     pub texels: u64,
+    /// Texels of the asset that could not be read, so that coarser ones stood in.
+    pub damage: Damage,
 }
 
 impl Preview {
     /// Makes the preview of an asset.
     ///
     /// # Errors
-    /// Nothing is left of its mesh at so few triangles; too few texels; there is no room for a temporary file of the preview's size.
+    /// Nothing is left of its mesh at so few triangles; too few texels; texels are damaged (if strict); there is no room for a temporary file of
+    /// the preview's size.
     pub fn of(asset: &Arc<Asset>, options: &PreviewOptions) -> Result<Self> {
         Self::of_watched(asset, options, &NoProgress)
     }
@@ -78,7 +89,7 @@ impl Preview {
         let path = folder.path().join("preview.fan");
         let [triangles, texels] = write_coarse((asset.mesh(), &detail), kept, options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
-        Ok(Self { bytes, triangles, texels })
+        Ok(Self { bytes, triangles, texels, damage: detail.damage() })
     }
 
     /// Makes the preview of an asset and puts it there, in the place of one that it has. Nobody else can change the asset meanwhile.
@@ -158,7 +169,11 @@ pub(crate) fn write_coarse(
     let source = TransferSource::new(&coarse, fine, Some(detail), &TransferOptions::default())?;
     let budget = TexelBudget::Total(options.texels);
     let (cover, _) = build_cover(&coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
-    let bake_options = BakeOptions { memory_bytes: options.memory_bytes / 2, ..BakeOptions::default() };
+    let bake_options = BakeOptions {
+        memory_bytes: options.memory_bytes / 2,
+        strict: options.strict,
+        ..BakeOptions::default()
+    };
     let baked = bake(&coarse, &cover, &source, path, &bake_options, &CancelOnly(progress))?;
     Ok([coarse.triangles.len() as u64, baked.texels])
 }

@@ -222,7 +222,8 @@ fn add_coarse(
             let size = mean(|object| object.triangles).max(MIN_SIZE);
             let triangles = previews.triangles(size as usize, kept.len());
             let texels = previews.texels(mean(|object| object.texels), triangles);
-            let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
+            let options =
+                PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
             let asset = file_name(COARSE_PREFIX, world.coarse.len());
             let path = output.add(&asset);
             surface.write_coarse(&kept, &options, &path, progress)?;
@@ -517,7 +518,7 @@ impl Sector {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let triangles = previews.triangles(self.mesh.triangles.len(), self.border.len());
         let texels = previews.texels(self.cover.stored_texels(&self.mesh), triangles);
-        let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
+        let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
         Preview::keeping(editor.asset(), &options, &self.border, progress)?.attach(&mut editor)
     }
 }

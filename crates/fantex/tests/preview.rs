@@ -21,8 +21,13 @@ use fantex::texture::compare::psnr_db;
 use fantex::{Asset, Baker, LongestEdge, Mesh, Preview, PreviewOptions, Source};
 use glam::{DVec3, Vec3, Vec4};
 
-const OPTIONS: PreviewOptions =
-    PreviewOptions { triangles: 3000, texels: 60_000, keeps_borders: false, memory_bytes: 256 << 20 };
+const OPTIONS: PreviewOptions = PreviewOptions {
+    triangles: 3000,
+    texels: 60_000,
+    keeps_borders: false,
+    memory_bytes: 256 << 20,
+    strict: false,
+};
 
 /// A ball with bumps, 81 920 triangles.
 fn bumpy_ball() -> Mesh {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fantex::base::{Error, Result};
+use fantex::base::{Error, Result, json_problem};
 use fantex::glam::DVec3;
 use fantex::scene::Camera;
 use fantex::stream::{CameraKeyframe, CameraPath, MAX_PATH_SECONDS};
@@ -33,8 +33,9 @@ pub fn load_path(path: &Path) -> Result<CameraPath> {
     let name = path.display();
     let refused = |sentence: String| Error::malformed(sentence).with_path(path);
     let text = read_limited(path, MAX_FILE_BYTES, "the camera path")?;
-    let found: CameraPath = serde_json::from_slice(&text)
-        .map_err(|source| refused(format!("{name} is no camera path: {source}")).with_source(source))?;
+    let found: CameraPath = serde_json::from_slice(&text).map_err(|source| {
+        json_problem(&source).context(format_args!("{name} is no camera path")).with_path(path)
+    })?;
     let count = found.keyframes.len();
     if !(1..=MAX_KEYS).contains(&count) {
         return Err(refused(format!("{name} has {count} camera keys; a path has 1 to {MAX_KEYS}")));

@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
-use crate::scene::{open_shape, show_notes};
+use crate::scene::{check_asset_name, open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
@@ -207,6 +207,7 @@ pub(crate) fn bake(
     context: &Context,
 ) -> Result<BakeInfo> {
     let started = Instant::now();
+    check_asset_name(output)?;
     // What is no asset, a plan or a damaged file, is named first.
     let mesh = open_shape(&args.model)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
@@ -238,6 +239,12 @@ pub(crate) fn bake(
         return Err(Error::invalid(format!(
             "{} has no textures and no colours of its materials; leave --source uv out, or give --source vertex, image=... or \
              solid=...",
+            args.model.display()
+        )));
+    }
+    if let (SourceArg::Vertex, false) = (&job.source, mesh.has_vertex_colors()) {
+        return Err(Error::invalid(format!(
+            "{} has no vertex colours; leave --source vertex out, or give --source uv, image=... or solid=...",
             args.model.display()
         )));
     }
@@ -279,6 +286,7 @@ impl BakeJob<'_> {
                 .fit(encoding.fit)
                 .quality(encoding.quality)
                 .overwrite(context.force)
+                .strict(context.strict)
                 .memory(context.memory_bytes)
                 .seed(self.seed)
                 .progress(&progress);
@@ -310,6 +318,9 @@ impl BakeJob<'_> {
             context.note(format!("{}: {note}", output.display()));
         }
         baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
+        if let SourceArg::Mesh { path, .. } = &self.source {
+            report_damage(path, &baked.summary.damage, context)?;
+        }
         target.finish(&context.replace(), &context.step("uploading", "MB"))?;
         let BakeSummary {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..

@@ -64,13 +64,13 @@ struct FidelityArgs {
     /// A model (.glb .gltf .obj .ply .stl)
     model: PathBuf,
     /// Texels in all
-    #[arg(long, value_name = "N", default_value = "4M")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "4M")]
     texels: Count,
     /// Wavelength in texels of the ideal density
     #[arg(long, value_name = "W", default_value_t = 16.0)]
     wavelength: f64,
     /// Target extent of a tile in texels; 0 gives every fan its own tile
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     tile: Option<u32>,
     /// How texels are found from the function
     #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
@@ -83,10 +83,10 @@ struct ModelArgs {
     /// A model; a generated landscape by default
     model: Option<PathBuf>,
     /// Triangles of the generated landscape
-    #[arg(long, value_name = "N", default_value = "200k")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "200k")]
     triangles: Count,
     /// Texels in all
-    #[arg(long, value_name = "N", default_value = "16M")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "16M")]
     texels: Count,
 }
 

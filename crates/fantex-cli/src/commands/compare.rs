@@ -44,7 +44,7 @@ pub(crate) struct CompareArgs {
     /// What is compared with it
     b: PathBuf,
     /// Number of cameras, spread evenly around the model
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     views: u32,
     /// Folder for the pictures of both and their differences
     #[arg(short, long, value_name = "DIR")]
@@ -53,7 +53,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = size)]
     size: [u32; 2],
     /// Samples per pixel, 1 to 64
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8)]
     samples: u32,
     /// How textures are filtered
     #[arg(long, value_parser = one_of(&FILTERS), default_value = "anisotropic")]
@@ -216,6 +216,9 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
         });
         files.iter().flatten().try_for_each(|path| context.check_output(path))?;
         let pictures = [a.picture(camera, &options)?, b.picture(camera, &options)?];
+        if context.strict {
+            [&a, &b].into_iter().try_for_each(|file| file.show_damage(context))?;
+        }
         views.push(compare_view(&pictures, files, series.as_mut())?);
         context.check_interrupt()?;
     }

@@ -34,10 +34,10 @@ pub(crate) struct DemoArgs {
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Triangles of the landscape
-    #[arg(long, value_name = "N", default_value = "300k")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "300k")]
     triangles: Count,
     /// Texels of the landscape
-    #[arg(long, value_name = "N", default_value = "12M")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "12M")]
     texels: Count,
 }
 

@@ -15,7 +15,7 @@ use fantex::export::{
 };
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
-use fantex::{Error, FileKind, Result, World, export_world, export_world_fans, stand_in_note};
+use fantex::{Error, ErrorKind, FileKind, Result, World, export_world, export_world_fans, stand_in_note};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -57,13 +57,13 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "MODEL", conflicts_with = "turntable")]
     model: Option<PathBuf>,
     /// Side of the pictures, a power of two [default: the asset's density]; or WxH of a turntable's [default: 800x600]
-    #[arg(long, value_name = "N|WxH", value_parser = picture_size)]
+    #[arg(long, value_name = "N|WxH", allow_negative_numbers = true, value_parser = picture_size)]
     size: Option<PictureSize>,
     /// The largest side that is taken by default, or of a sheet with --fans
-    #[arg(long, value_name = "N", default_value_t = 8192)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192)]
     max_size: u32,
     /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16; with --fans 4]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     padding: Option<u32>,
     /// The pictures of a model; KTX2 (BC7, BC5, all levels, zstd) and OpenEXR files (linear half floats) come beside it
     #[arg(long, value_parser = one_of(&TEXTURES), default_value = "png", conflicts_with_all = ["channel", "turntable"])]
@@ -94,13 +94,19 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8", requires = "channel")]
     depth: Depth,
     /// Number of pictures around the model
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
     /// Seconds of a whole turn of an animated PNG
-    #[arg(long, value_name = "SECONDS", default_value_t = 4.0, requires = "turntable", value_parser = crate::text::positive)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 4.0, requires = "turntable", value_parser = crate::text::positive)]
     seconds: f64,
     /// Samples per pixel of a turntable, 1 to 64
-    #[arg(long, value_name = "N", default_value_t = 8, requires = "turntable")]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        default_value_t = 8,
+        requires = "turntable"
+    )]
     samples: u32,
     /// How a turntable's textures are filtered
     #[arg(long, value_parser = one_of(&FILTERS), default_value = "anisotropic", requires = "turntable")]
@@ -216,6 +222,9 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             args.output.display()
         )));
     }
+    if args.channel.is_empty() && !args.fans {
+        check_model_kind(&args.output)?;
+    }
     if !args.fans && matches!(args.textures, SheetPictures::PngAndExr | SheetPictures::Exr) {
         return Err(Error::invalid(
             "--textures has exr for the sheets of --fans alone; write channels of an atlas with --channel and an .exr file",
@@ -245,9 +254,10 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         padding: args.padding,
         with_ktx2: args.textures == SheetPictures::PngAndKtx2,
         force: context.force,
+        strict: context.strict,
         memory_bytes: context.memory_bytes,
     };
-    let summary = {
+    let exported = {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("export");
         match (&input, &args.channel[..]) {
@@ -267,14 +277,33 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                     kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
                 export_channels(asset, &channels, args.depth, &options, &progress)
             }
-        }?
+        }
     };
+    let summary = exported.map_err(|error| match error.kind() {
+        ErrorKind::Damaged => error.in_file(&args.asset),
+        _ => error,
+    })?;
     notes(args, &summary, context);
     if let Some((tiles, first)) = &summary.damage {
         context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
     }
     let seconds = started.elapsed().as_secs_f64();
     context.print(&info(args, &input, &summary, seconds), text)
+}
+
+/// Refuses kinds of models that are written in another way, or by another command.
+fn check_model_kind(output: &Path) -> Result<()> {
+    let is_any = |extensions: &[&str]| extensions.iter().any(|e| has_extension(output, e));
+    let how = if is_any(&["usda"]) {
+        "a .usda is written with --fans; give it, too, or use .glb or .gltf"
+    } else if is_any(&["usd", "usdc", "usdz"]) {
+        "USD is written as .usda and with --fans; give both, or use .glb or .gltf"
+    } else if is_any(&["obj", "ply", "stl"]) {
+        "models with pictures are written as .glb or .gltf; 'fantex simplify' writes a mesh alone as .obj or .ply"
+    } else {
+        return Ok(());
+    };
+    Err(Error::invalid(format!("cannot write {}: {how}", output.display())))
 }
 
 /// What is exported.
@@ -310,7 +339,13 @@ fn fan_options(args: &ExportArgs, context: &Context) -> FanFileOptions {
         largest_side: args.max_size,
         memory_bytes: context.memory_bytes,
     };
-    FanFileOptions { sheets, pictures: args.textures, shaders: args.shader.clone(), force: context.force }
+    FanFileOptions {
+        sheets,
+        pictures: args.textures,
+        shaders: args.shader.clone(),
+        force: context.force,
+        strict: context.strict,
+    }
 }
 
 /// The file of one of so many channels: several lie beside the output, under its name and theirs.

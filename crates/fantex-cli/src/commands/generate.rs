@@ -57,16 +57,16 @@ struct LandscapeArgs {
     output: PathBuf,
     /// Triangles aimed at; from about 5k on the result lies within a tenth of it. The coarsest landscapes have about a
     /// thousand
-    #[arg(long, value_name = "N", default_value = "500k")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "500k")]
     triangles: Count,
     /// Side of the square in metres
     #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive, allow_negative_numbers = true)]
     size: f64,
     /// Tunnels wanted
-    #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().tunnels)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().tunnels)]
     tunnels: u32,
     /// Natural arches wanted
-    #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().arches)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().arches)]
     arches: u32,
     /// How far triangles are from regular, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
@@ -202,7 +202,7 @@ pub(super) struct PhotographsArgs {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Number of photographs, spread evenly around the model
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     count: u32,
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "1200x900", value_parser = size)]
@@ -217,7 +217,7 @@ pub(super) struct PhotographsArgs {
     #[arg(long)]
     standing: bool,
     /// Rays along each side of a pixel
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     samples: u32,
     /// What the model looks like: uv, vertex, image=PATH,mapping=NAME or solid=NAME; its own look by default
     #[arg(long)]

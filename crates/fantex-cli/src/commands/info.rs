@@ -49,13 +49,13 @@ pub(crate) struct InfoArgs {
 #[derive(Args, Clone, Debug)]
 pub(crate) struct CoverArgs {
     /// Texels in all, e.g. 64k or 4M (1k = 1000) [default: 4M]
-    #[arg(long, value_name = "N", conflicts_with = "density")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "density")]
     pub(crate) texels: Option<Count>,
     /// Texels per world unit of length, everywhere
     #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) density: Option<f64>,
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile [default: 1024]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) tile: Option<u32>,
     /// Cut triangles at bends until their edges are at most so many texels long; auto: as far as it makes textures sharper, which it does on
     /// models of few large triangles. 0 and --tile 0 leave them whole [default: auto]

@@ -39,16 +39,16 @@ pub(crate) struct NormalsArgs {
     #[arg(long, value_parser = one_of(&SPACES), default_value = "tangent")]
     space: NormalSpace,
     /// The set of texture coordinates
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
     uv_set: usize,
     /// Texels by which the edges of charts are continued
-    #[arg(long, value_name = "N", default_value_t = NormalMapOptions::default().padding)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = NormalMapOptions::default().padding)]
     padding: u32,
     /// Rays along each side of a texel
-    #[arg(long, value_name = "N", default_value_t = NormalMapOptions::default().samples)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = NormalMapOptions::default().samples)]
     samples: u32,
     /// How far the detailed surface is looked for, world units
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = positive)]
     cage: Option<f64>,
     /// Numbers of the file
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use super::view;
 use crate::context::Context;
-use crate::scene::{open_asset, size};
+use crate::scene::{open_asset, report_damage, size};
 use crate::text::{Choices, counted, megabytes, one_of};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
@@ -151,6 +151,9 @@ struct PaintInfo {
     unrecorded: usize,
     /// Characters of texts that their fonts lack.
     missing_characters: String,
+    /// Numbers and labels of strokes that change no texel.
+    #[serde(skip)]
+    untouching: Vec<(usize, String)>,
     generation: u64,
     bytes: u64,
     seconds: f64,
@@ -182,27 +185,27 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };
     let mut info = match &args.output {
-        None => paint(&args.asset, &strokes, args, context)?,
+        None => {
+            if context.strict {
+                // Tools that read the surface commit what was painted before them, so damage must be known before the first stroke.
+                let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
+                let copy = ReadLimits::new(options).run(|| copy_beside(&args.asset, &args.asset))?;
+                paint_copy(&copy, &args.asset, &strokes, args, context)?;
+            }
+            paint(&args.asset, &strokes, args, context)?
+        }
         Some(output) => {
             context.check_output(output)?;
             let copy = copy_beside(&args.asset, output)?;
-            let info = paint(&copy, &strokes, args, context).map_err(|error| {
-                // Its sentence names the copy, which goes away.
-                match error.path() == Some(&*copy) && error.kind() == ErrorKind::Io {
-                    true => {
-                        let why =
-                            error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
-                        let sentence =
-                            format!("cannot write {}: {why}; nothing was written", output.display());
-                        Error::new(ErrorKind::Io, sentence).with_path(output)
-                    }
-                    false => error,
-                }
-            })?;
+            let info = paint_copy(&copy, output, &strokes, args, context)?;
             persist(copy, output, context.force)?;
             PaintInfo { output: output.clone(), ..info }
         }
     };
+    note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
+    for (number, label) in &info.untouching {
+        context.note(format!("stroke '{label}' (number {number}) touches nothing"));
+    }
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
         format!(
@@ -247,7 +250,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     painter.remove_channels(&args.remove_channel)?;
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
-    note_of_missing(&summary.missing_characters).iter().for_each(|note| context.note(note));
+    report_damage(&args.asset, painter.damage(), context)?;
     let _deferral = context.defer_interrupt();
     let committed = painter.commit()?;
     Ok(PaintInfo {
@@ -258,9 +261,30 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         missed_samples: summary.missed_samples,
         unrecorded: summary.unrecorded,
         missing_characters: summary.missing_characters,
+        untouching: summary.untouching,
         generation: committed.generation,
         bytes: committed.file_bytes,
         seconds: 0.0,
+    })
+}
+
+/// Paints a copy of the asset, which errors in writing call by the name that the output is to have.
+fn paint_copy(
+    copy: &Path,
+    output: &Path,
+    strokes: &Strokes,
+    args: &PaintArgs,
+    context: &Context,
+) -> Result<PaintInfo> {
+    paint(copy, strokes, args, context).map_err(|error| {
+        match error.path() == Some(copy) && error.kind() == ErrorKind::Io {
+            true => {
+                let why = error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
+                let sentence = format!("cannot write {}: {why}; nothing was written", output.display());
+                Error::new(ErrorKind::Io, sentence).with_path(output)
+            }
+            false => error,
+        }
     })
 }
 

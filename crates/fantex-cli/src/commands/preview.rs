@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::addresses::is_object;
-use fantex::{Preview, PreviewOptions, Progress, Result};
+use fantex::{ErrorKind, Preview, PreviewOptions, Progress, Result};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::check_is_asset_file;
+use crate::scene::{check_is_asset_file, report_damage};
 use crate::text::{Count, counted, megabytes};
 
 /// Give an asset a preview: a small asset inside it, which viewers far away show until the rest is there.
@@ -27,10 +27,10 @@ pub(crate) struct PreviewArgs {
     /// The asset, which is changed in place; one at an s3://, gs:// or az:// address is fetched, changed here, and put back whole
     asset: PathBuf,
     /// Triangles of the coarse mesh, about
-    #[arg(long, value_name = "N", conflicts_with = "remove")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "remove")]
     triangles: Option<Count>,
     /// Stored texels of the finest level
-    #[arg(long, value_name = "N", conflicts_with = "remove")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "remove")]
     texels: Option<Count>,
     /// Leave open borders as they are, so that previews of assets that meet there fit together; there may be more triangles for it
     #[arg(long, conflicts_with = "remove")]
@@ -71,8 +71,14 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
         texels: args.texels.map_or(defaults.texels, |n| n.0),
         keeps_borders: args.keep_borders,
         memory_bytes: context.memory_bytes,
+        strict: context.strict,
     };
-    let preview = Preview::add_at(&args.asset, &options, transfers)?;
+    let added = Preview::add_at(&args.asset, &options, transfers);
+    let preview = added.map_err(|error| match error.kind() {
+        ErrorKind::Damaged => error.in_file(&args.asset),
+        _ => error,
+    })?;
+    report_damage(&args.asset, &preview.damage, context)?;
     (info.triangles, info.texels, info.bytes) =
         (preview.triangles, preview.texels, preview.bytes.len() as u64);
     info.seconds = started.elapsed().as_secs_f64();

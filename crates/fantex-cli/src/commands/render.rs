@@ -64,7 +64,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) fov: Option<f64>,
     /// Samples per pixel, 1 to 64 [default: the look's, or 8]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) samples: Option<u32>,
     /// How textures are filtered [default: the look's, or anisotropic]
     #[arg(long, value_parser = one_of(&FILTERS))]
@@ -78,7 +78,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     gpu: bool,
     /// Graphics memory for an asset's texels
-    #[arg(long, value_name = "SIZE", default_value = "64M", requires = "gpu", value_parser = bytes)]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "64M", requires = "gpu", value_parser = bytes)]
     pool: u64,
 }
 
@@ -349,7 +349,8 @@ fn render_on_gpu(
         note_missing(context);
     }
     for (parcel, error) in streamed.streamer.damaged().take(4) {
-        context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));
+        context
+            .report_damage(format!("{parcel} cannot be read, a coarser level takes its place: {error}"))?;
     }
     draw(&gpu, &mut streamed.model, camera, lights, options, filter)
 }
@@ -393,6 +394,9 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
     let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };
     for (time, path) in times.into_iter().zip(pictures) {
         let Rendering { picture, stats } = scene.render(time)?;
+        if context.strict {
+            show_damaged_tiles(&scene, context)?;
+        }
         series.write(&path, || save(&picture, &path, context))?;
         (info.width, info.height) = (picture.width, picture.height);
         info.seconds += stats.elapsed.as_secs_f64();

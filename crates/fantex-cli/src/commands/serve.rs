@@ -31,7 +31,7 @@ pub(crate) struct ServeArgs {
     /// An asset (.fan) or a world (.fanworld)
     asset: PathBuf,
     /// The port of the address [default: any that is free]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
     /// Let pages at other addresses read the asset (CORS)
     #[arg(long)]

@@ -31,7 +31,7 @@ pub(crate) struct SimplifyArgs {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Triangles, about
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     triangles: Count,
 }
 

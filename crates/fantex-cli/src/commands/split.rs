@@ -32,13 +32,13 @@ pub(crate) struct SplitArgs {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Triangles of a sector, about
-    #[arg(long, value_name = "N", default_value = "250k")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "250k")]
     triangles: Count,
     /// Triangles of a sector's preview and of a coarse asset, about [default: a 64th of a sector's, and what the border needs]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     preview_triangles: Option<Count>,
     /// Stored texels of their finest level [default: a 64th of a sector's, at least 16 per triangle]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     preview_texels: Option<Count>,
     /// Make neither previews nor coarse assets
     #[arg(long, conflicts_with_all = ["preview_triangles", "preview_texels"])]

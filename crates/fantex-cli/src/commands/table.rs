@@ -43,7 +43,7 @@ pub(crate) struct TableArgs {
     #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = size)]
     size: [u32; 2],
     /// Pictures along z
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_384))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=16_384))]
     slices: Option<u32>,
     /// Upper left corner of the domain
     #[arg(long, value_name = "X,Y,Z", default_value = "-0.5,0.5,0", value_parser = vector, allow_hyphen_values = true)]
@@ -52,10 +52,10 @@ pub(crate) struct TableArgs {
     #[arg(long, value_name = "X,Y,Z", default_value = "0.5,-0.5,0", value_parser = vector, allow_hyphen_values = true)]
     to: DVec3,
     /// Samples per texel along each axis
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     samples: u32,
     /// Seconds since the start of an animation
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0)]
     time: f32,
     /// Numbers of the file
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]

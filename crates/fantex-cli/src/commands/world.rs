@@ -55,6 +55,7 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     let previews = PreviewOptions {
         keeps_borders: true,
         memory_bytes: context.memory_bytes,
+        strict: context.strict,
         ..PreviewOptions::default()
     };
     let change = WorldChange {

@@ -104,6 +104,49 @@ fn a_model_cut_off_anywhere_is_refused_or_loads() {
 }
 
 #[test]
+fn names_of_outputs_say_what_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let at = |name: &str| folder.path().join(name);
+    for name in ["x.png", "x.GLB", "x.obj", "x.exr"] {
+        fails(2, &[name, "ends in .fan"], &[&"bake", &model, &"-o", &at(name)]);
+    }
+    let asset = at("x.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"4k"]);
+    for (name, how) in [("x.usda", "--fans"), ("x.usdc", ".usda and with --fans"), ("x.obj", "simplify")] {
+        fails(2, &[name, how, ".glb or .gltf"], &[&"export", &asset, &"-o", &at(name)]);
+    }
+    assert_eq!(files(folder.path()), ["colored.ply", "x.fan"]);
+}
+
+#[test]
+fn a_source_that_a_model_lacks_is_named_with_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let asset = folder.path().join("x.fan");
+    for source in ["uv", "vertex"] {
+        fails(2, &["cube.obj has no", source], &[&"bake", &cube, &"-o", &asset, &"--source", &source]);
+    }
+}
+
+#[test]
+fn negative_numbers_are_values_and_no_options() {
+    for option in ["--texels", "--density"] {
+        let errors = fails(2, &["expected a number", option], &[&"info", &"x.ply", &option, &"-5"]);
+        assert!(!errors.contains("-- -5"), "{errors}");
+    }
+}
+
+#[test]
+fn a_stray_vertex_is_an_error_that_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "stray.obj", format!("{CUBE_OBJ}v 1e9 0 0\nf 1 2 9\n"));
+    let (named, asset) = (model.display().to_string(), folder.path().join("x.fan"));
+    let words = [named.as_str(), "stray vertices (first: vertex 8"];
+    fails(1, &words, &[&"bake", &model, &"-o", &asset]);
+}
+
+#[test]
 fn an_image_that_is_missing_or_damaged_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "colored.ply", COLORED_PLY);

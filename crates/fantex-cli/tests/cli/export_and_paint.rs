@@ -213,8 +213,26 @@ fn strokes_are_replayed_and_the_result_is_certified() {
         &["channel normal", "--add-channel normal"],
         &[&"paint", &asset, &"--replay", &at("wrong.json")],
     );
-    fails(1, &["not a stroke file"], &[&"paint", &asset, &"--replay", &model]);
+    fails(
+        1,
+        &["not a stroke file: line 1, column 2: this is no JSON"],
+        &[&"paint", &asset, &"--replay", &model],
+    );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");
+}
+
+#[test]
+fn a_stroke_beside_the_model_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    let strokes = r#"{ "version": 1, "strokes": [{ "label": "red", "channels": [{ "kind": "base_color" }],
+        "samples": [{ "at": { "ray": { "origin": [0, 9, 9], "direction": [0, 0, -1] } } }] }] }"#;
+    std::fs::write(at("strokes.json"), strokes).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let output = succeeds(&[&"paint", &at("a.fan"), &"--replay", &at("strokes.json")]);
+    let note = "stroke 'red' (number 0) touches nothing";
+    assert!(stderr(&output).contains(note), "{}", stderr(&output));
 }
 
 #[test]

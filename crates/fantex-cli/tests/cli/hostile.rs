@@ -1,7 +1,7 @@
 //! Files that were made to do harm: memory, devices, paths, names, time.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -258,7 +258,7 @@ fn models_name_nothing_outside_their_folder() {
         "bufferViews":[{"buffer":0,"byteLength":36}],
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}]}"#;
     let model = write(&folder.path().join("in"), "model.gltf", gltf);
-    fails(2, &["outside its folder", "--allow-outside"], &[&"info", &model]);
+    fails(1, &["outside its folder", "--allow-outside"], &[&"info", &model]);
     let allowed = stderr(&run(&[&"info", &model, &"--allow-outside"]));
     assert!(!allowed.contains("outside"), "{allowed}");
     let object = write(&folder.path().join("in"), "model.obj", format!("mtllib ../secret.mtl\n{CUBE_OBJ}"));
@@ -310,12 +310,10 @@ fn no_command_writes_what_it_reads() {
     }
 }
 
-/// Damage is always said; with --strict it is an error.
-#[test]
-fn damaged_tiles_are_said_and_strictly_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let model = write(folder.path(), "colored.ply", COLORED_PLY);
-    let asset = folder.path().join("good.fan");
+/// `damaged.fan`, no cluster of which can be read, and the model `colored.ply` that it was baked from.
+fn damaged_asset(folder: &Path) -> [PathBuf; 2] {
+    let model = write(folder, "colored.ply", COLORED_PLY);
+    let asset = folder.join("good.fan");
     let whole: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--longest-edge", &"0"];
     let bake: [&dyn AsRef<std::ffi::OsStr>; 8] =
         [&"bake", &model, &"-o", &asset, &"--texels", &"64k", &"--format", &"rgba8"];
@@ -323,7 +321,14 @@ fn damaged_tiles_are_said_and_strictly_refused() {
     let mut bytes = std::fs::read(&asset).unwrap();
     // In every cluster: each begins at a multiple of 4096, after one for the sections.
     bytes[3 * 4096 + 16..].iter_mut().step_by(4096).for_each(|byte| *byte ^= 0x10);
-    let damaged = write(folder.path(), "damaged.fan", bytes);
+    [write(folder, "damaged.fan", bytes), model]
+}
+
+/// Damage is always said; with --strict it is an error.
+#[test]
+fn damaged_tiles_are_said_and_strictly_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let [damaged, _] = damaged_asset(folder.path());
     let picture = folder.path().join("o.png");
     let shown = succeeds(&[&"render", &damaged, &"-o", &picture, &"--size", &"512x512", &"--quiet"]);
     assert!(stderr(&shown).contains("coarser texels stand in"), "{}", stderr(&shown));
@@ -334,6 +339,44 @@ fn damaged_tiles_are_said_and_strictly_refused() {
     let said = succeeds(&[&"export", &damaged, &"-o", &exported, &"--quiet"]);
     assert!(stderr(&said).contains("coarser texels stand in"), "{}", stderr(&said));
     fails(1, &["coarser texels stand in"], &[&"export", &damaged, &"-o", &exported, &"--force", &"--strict"]);
+}
+
+/// With --strict nothing is written where coarser texels stand in, and what is there stays.
+#[test]
+fn strict_failures_write_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let [damaged, model] = damaged_asset(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    let before = std::fs::read(&damaged).unwrap();
+    let there = write(folder.path(), "there.glb", "there");
+    let strokes = write(
+        folder.path(),
+        "blur.json",
+        r#"{"version": 1, "strokes": [{"label": "soft", "tool": {"blur": {"radius": {"texels": 8}}},
+            "channels": [{"kind": "base_color"}], "samples": [{"at": {"position": [0, 0, 0]}}]}]}"#,
+    );
+    let source = format!("mesh={}", damaged.display());
+    let names = files(folder.path());
+    let stands_in: &[&str] = &["damaged.fan", "coarser texels stand in"];
+    let flags: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--strict", &"--force"];
+    let refused = |words: &[&str], arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
+        fails(1, words, &[arguments, &flags].concat());
+        assert_eq!(files(folder.path()), names);
+        assert!(std::fs::read(&damaged).unwrap() == before, "the asset has changed");
+        assert_eq!(std::fs::read(&there).unwrap(), b"there");
+    };
+    let (glb, png, fan) = (at("new.glb"), at("new.png"), at("new.fan"));
+    refused(stands_in, &[&"export", &damaged, &"-o", &glb, &"--size", &"256"]);
+    refused(stands_in, &[&"export", &damaged, &"-o", &there, &"--size", &"256"]);
+    refused(stands_in, &[&"export", &damaged, &"-o", &png, &"--channel", &"base-color", &"--size", &"256"]);
+    refused(stands_in, &[&"export", &damaged, &"-o", &png, &"--turntable", &"2", &"--size", &"256"]);
+    refused(stands_in, &[&"export", &damaged, &"-o", &glb, &"--fans"]);
+    refused(stands_in, &[&"bake", &model, &"-o", &fan, &"--source", &source, &"--texels", &"16k"]);
+    refused(stands_in, &[&"preview", &damaged]);
+    refused(&[], &[&"paint", &damaged, &"--replay", &strokes]);
+    let said =
+        succeeds(&[&"bake", &model, &"-o", &fan, &"--source", &source, &"--texels", &"16k", &"--quiet"]);
+    assert!(stderr(&said).contains("coarser texels stand in"), "{}", stderr(&said));
 }
 
 /// Names in files cannot move the cursor, change colours or titles.

@@ -241,7 +241,7 @@ fn what_cannot_be_served_is_said_at_once() {
     std::fs::write(&world, index.replace("a b.fan", "missing.fan")).unwrap();
     fails(1, &["missing.fan"], &[&"serve", &world]);
     std::fs::write(&world, index.replace("a b.fan", "../a b.fan")).unwrap();
-    fails(2, &["outside its folder"], &[&"serve", &world]);
+    fails(1, &["outside its folder"], &[&"serve", &world]);
     fails(1, &["does not lie below its folder"], &[&"serve", &world, &"--allow-outside"]);
     json(&[&"world", &world, &"--remove", &"../a b.fan", &"--allow-outside"]);
     fails(1, &["nothing to show"], &[&"serve", &world]);

@@ -7,6 +7,7 @@
 //! Each step runs in parallel, takes time linear in the model and gives the same result on any number of threads. What a
 //! step does not change is not copied.
 
+mod collapse;
 mod exact;
 mod repeats;
 mod topology;
@@ -40,7 +41,8 @@ pub struct CleanOptions {
 /// Cleans a model: see the module's description for the steps and [`Mesh`] for what holds afterwards.
 ///
 /// # Errors
-/// Where no triangle is left, a count exceeds 32-bit indices, or the model contradicts itself.
+/// Where no triangle is left, most of them vanish in single precision beside vertices that lie far away, a count exceeds 32-bit indices, or the
+/// model contradicts itself.
 pub fn clean(model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport)> {
     let (mesh, report, _) = clean_traced(model, options)?;
     Ok((mesh, report))
@@ -81,6 +83,12 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     };
     let world_from_mesh = options.world_from_mesh.unwrap_or(own_space);
     let positions = mesh_positions(&model, &used, &world_from_mesh);
+    if options.world_from_mesh.is_none()
+        && let Some(problem) =
+            collapse::problem(&model.name, &model.positions, &positions, &surface.triangles)
+    {
+        return Err(problem);
+    }
     model.positions = Vec::new();
 
     // Step 3: weld.

@@ -283,6 +283,29 @@ fn nothing_left_is_an_error_that_says_why() {
 }
 
 #[test]
+fn a_stray_vertex_does_not_take_the_model_with_it() {
+    for far in [1e8, 1e38, 1e60] {
+        let mut ball = icosphere(4);
+        ball.name = "test".to_owned();
+        let stray = ball.positions.len() as u32;
+        ball.positions.push(DVec3::new(far, 0.0, 0.0));
+        ball.triangles[7][0] = stray;
+        let error = try_clean(ball).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Unsupported);
+        let sentence = error.to_string();
+        let reach = format!("test: positions reach {far:.0e} while most triangles lie within ");
+        assert!(sentence.starts_with(&reach), "{sentence}");
+        assert!(sentence.ends_with(&format!("(first: vertex {stray}, counted from 0)")), "{sentence}");
+    }
+    // It may lie far away, as long as there is room for the model.
+    let mut ball = icosphere(4);
+    let stray = ball.positions.len() as u32;
+    ball.positions.push(DVec3::new(1e3, 0.0, 0.0));
+    ball.triangles[7][0] = stray;
+    assert!(try_clean(ball).unwrap().0.triangles.len() > 5000);
+}
+
+#[test]
 fn contradictions_are_errors() {
     refused(soup([], []), "no triangles (0 vertices)");
     refused(soup([[0.0; 3]; 5], []), "no triangles (5 vertices)");

@@ -301,6 +301,28 @@ fn a_replay_is_the_same_on_any_number_of_threads_and_in_any_memory() {
 }
 
 #[test]
+fn strokes_that_touch_nothing_are_listed() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let beside = STROKES.replace("\"origin\": [0, 0, 9]", "\"origin\": [0, 5, 9]");
+    let file: StrokeFile = serde_json::from_str(&beside).unwrap();
+    let summary = replay(&mut painter, &file, baked.folder.path()).unwrap();
+    assert_eq!((summary.strokes, summary.missed_samples), (3, 1));
+    assert_eq!(summary.untouching, [(1, "marble".to_owned())]);
+}
+
+#[test]
+fn a_blur_has_no_negative_radius() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let text = STROKES.replace("\"paint\": \"multiply\"", "\"blur\": { \"radius\": { \"texels\": -3 } }");
+    let file: StrokeFile = serde_json::from_str(&text).unwrap();
+    let message = replay(&mut painter, &file, baked.folder.path()).unwrap_err().to_string();
+    assert_eq!(message, "stroke 1: `tool.blur.radius` is -3, but must be at least 0");
+    assert!(!painter.editor().has_changes(), "nothing was applied");
+}
+
+#[test]
 fn mistakes_in_stroke_files_are_named() {
     let baked = ball(10_000, BakeFormat::Rgba8);
     let mut painter = baked.painter();

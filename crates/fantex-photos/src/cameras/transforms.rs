@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use fantex_base::files::write_whole;
 use fantex_base::input::{check_below, check_inside};
-use fantex_base::{Error, Place, Result};
+use fantex_base::{Error, Place, Result, json_problem};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -71,8 +71,8 @@ pub(super) fn read(path: &Path, images: Option<&Path>, camera_frame: CameraFrame
     let mut text = Vec::new();
     open_within(path, MAX_BYTES)?.take(MAX_BYTES).read_to_end(&mut text).map_err(failed)?;
     let document: Document = serde_json::from_slice(&text).map_err(|source| {
-        let message = format!("{} is no transforms.json: {source}", path.display());
-        Error::malformed(message).with_path(path).with_source(source)
+        let problem = json_problem(&source);
+        problem.context(format_args!("{} is no transforms.json", path.display())).with_path(path)
     })?;
     if document.frames.is_empty() {
         return Err(no_photographs(path));

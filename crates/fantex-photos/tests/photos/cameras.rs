@@ -268,7 +268,7 @@ fn transforms_of_other_programs_are_read() {
     );
     wrong("\"frames\"", "\"w\": 1e30, \"h\": 20, \"frames\"", "a side must be");
     wrong("train/r_0", "train/r_9", "r_9");
-    wrong("\"frames\"", "\"frame\"", "missing field `frames`");
+    wrong("\"frames\"", "\"frame\"", "the key 'frames' is missing");
     wrong("1.57", "oops", "line 1");
     fs::write(&file, r#"{"frames": []}"#).unwrap();
     assert!(cameras_of(&file, None).unwrap_err().to_string().contains("names no photograph"));

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use fantex::base::json_problem;
 use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
 use fantex::scene::{Camera, Lights, world_bounds};
 use fantex::store::Asset;
@@ -41,7 +42,7 @@ pub(super) struct StreamArgs {
     #[arg(long, value_name = "PATH")]
     path: Option<PathBuf>,
     /// Graphics memory for texels
-    #[arg(long, value_name = "SIZE", default_value = "64M", value_parser = bytes)]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "64M", value_parser = bytes)]
     pool: u64,
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
@@ -89,7 +90,8 @@ fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
 fn read_path(path: &Path) -> Result<CameraPath> {
     let text = fantex::base::input::read_text(path)?;
     let parsed: CameraPath = serde_json::from_str(&text).map_err(|error| {
-        Error::malformed(format!("{} is no camera path: {error}", path.display())).with_path(path)
+        let problem = json_problem(&error);
+        problem.context(format_args!("{} is no camera path", path.display())).with_path(path)
     })?;
     if parsed.keyframes.is_empty() {
         let path = path.display();

@@ -1,10 +1,11 @@
 //! Pictures around the model.
 
 use std::fs::File;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fantex::base::files::{persist, temporary_file};
+use fantex::base::files::{persist, persist_all, temporary_file};
 use fantex::mesh::Mesh;
 use fantex::render::{Camera, Lights, RenderOptions, render};
 use fantex::scene::world_bounds;
@@ -12,7 +13,7 @@ use fantex::texture::{Image, Samples};
 use fantex::{Error, Result, Surroundings};
 use glam::DQuat;
 use serde::Serialize;
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
@@ -58,6 +59,8 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     // An unfinished animation must not stay behind.
     let _deferral = context.defer_interrupt();
     let mut series = Series::of_files(context, &args.output, "picture", Some(u64::from(count)));
+    // Pictures that appear only once all of them are known to be sound.
+    let mut held = Vec::new();
     let mut animation = None;
     for (i, camera) in (0..).zip(cameras(scene.mesh(), count, aspect(&options))) {
         context.check_interrupt()?;
@@ -73,14 +76,17 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
                 }
             };
             animation.add(&picture)?;
+        } else if context.strict {
+            held.push((temporary_picture(&files[i], &picture)?, files[i].clone()));
         } else {
             series.write(&files[i], || picture.save(&files[i]))?;
         }
     }
+    scene.show_damage(context)?;
     if let Some(animation) = animation {
         animation.finish()?;
     }
-    scene.show_damage(context)?;
+    persist_all(held, context.force)?;
     let seconds = started.elapsed().as_secs_f64();
     let output = args.output.clone();
     let info = TurntableInfo { output, pictures: files, frames: count, width, height, seconds };
@@ -92,6 +98,15 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
             info.seconds
         )
     })
+}
+
+/// A picture under a temporary name in the folder of its path.
+fn temporary_picture(path: &Path, picture: &Image) -> Result<TempPath> {
+    let bytes = picture.encoded(path)?;
+    let failed = |error| Error::writing(path, error);
+    let mut file = temporary_file(path, ".tmp").map_err(failed)?;
+    file.write_all(&bytes).map_err(failed)?;
+    Ok(file.into_temp_path())
 }
 
 /// Cameras on a circle around the middle of the model, all at the distance from which every side is seen whole. The model

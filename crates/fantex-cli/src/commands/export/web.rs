@@ -11,7 +11,7 @@ use fantex::render::{FilterOptions, RenderOptions};
 use fantex::store::FileSource;
 use fantex::stream::url_of;
 use fantex::texture::Filter;
-use fantex::{Error, FileKind, Preview, PreviewOptions, Result, World, WorldScene};
+use fantex::{Error, ErrorKind, FileKind, Preview, PreviewOptions, Result, World, WorldScene};
 use fantex_web::Page;
 use serde::Serialize;
 use tempfile::TempPath;
@@ -102,10 +102,10 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         bytes,
     };
     context.check_interrupt()?;
-    persist_all(files, context.force)?;
     if let Shown::Asset(scene) = &shown {
         scene.show_damage(context)?;
     }
+    persist_all(files, context.force)?;
     context.print(&info, |info| {
         format!(
             "{}: a page of {} files, {}\n",
@@ -176,8 +176,17 @@ impl Shown {
         })?;
         context.check_interrupt()?;
         if matches!(self, Self::Asset(_)) && asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW {
-            let options = PreviewOptions { memory_bytes: context.memory_bytes, ..PreviewOptions::default() };
-            Preview::add_to(&copy.0, &options)?;
+            let options = PreviewOptions {
+                memory_bytes: context.memory_bytes,
+                strict: context.strict,
+                ..PreviewOptions::default()
+            };
+            let added = Preview::add_to(&copy.0, &options);
+            let preview = added.map_err(|error| match error.kind() {
+                ErrorKind::Damaged => error.in_file(from),
+                _ => error,
+            })?;
+            report_damage(from, &preview.damage, context)?;
             context.check_interrupt()?;
         }
         Ok(copy)

@@ -1,10 +1,11 @@
 //! What is wrong with a JSON file, in words. What reads it is derived, and speaks of fields, structures and types of the program.
 
-use fantex_base::{Error, Place};
 use serde_json::error::Category;
 
+use crate::{Error, Place};
+
 /// The problem with its place: `line 3, column 12: the key 'asset' is missing`.
-pub(crate) fn json_problem(error: &serde_json::Error) -> Error {
+pub fn json_problem(error: &serde_json::Error) -> Error {
     let (line, column) = (error.line(), error.column());
     let said = error.to_string();
     let said = said.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&said);
@@ -44,6 +45,15 @@ fn of_data(said: &str) -> Option<String> {
         let allowed: Vec<&str> = allowed.split('`').skip(1).step_by(2).collect();
         return Some(format!("there is no key '{}' here; allowed are {}", name(key), allowed.join(", ")));
     }
+    if let Some(rest) = said.strip_prefix("unknown variant ") {
+        let (word, allowed) = rest.rsplit_once(", expected ")?;
+        let allowed: Vec<&str> = allowed.split('`').skip(1).step_by(2).collect();
+        return Some(format!(
+            "'{}' is nothing that is known here; allowed are {}",
+            name(word),
+            allowed.join(", ")
+        ));
+    }
     let (found, expected) = said.strip_prefix("invalid ")?.rsplit_once(", expected ")?;
     Some(format!("expected {}, found {}", expected_in_words(expected), found_in_words(found)))
 }
@@ -68,7 +78,7 @@ const KEYS: &str = "keys and values in braces";
 fn expected_in_words(expected: &str) -> &str {
     match expected {
         "u64" | "u32" => "a whole number from 0",
-        "f64" => "a number",
+        "f64" | "f32" => "a number",
         "a string" => "a text",
         "a sequence" => "a list",
         "an array of length 3" => "three numbers",
@@ -92,10 +102,18 @@ mod tests {
     }
 
     #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    enum Side {
+        Left,
+        Right,
+    }
+
+    #[derive(Debug, Deserialize)]
     #[serde(deny_unknown_fields)]
     #[expect(dead_code, reason = "nothing is read from it")]
     struct Whole {
         version: u32,
+        side: Option<Side>,
         parts: Vec<Part>,
         part: Option<Part>,
     }
@@ -107,7 +125,9 @@ mod tests {
             ("{\"version\": 1,\n", "line 2, column 0: the file ends too early"),
             ("{\"version\": 1}", "line 1, column 14: the key 'parts' is missing"),
             ("{\"version\": 1, \"version\": 1}", ": the key 'version' is there twice"),
-            ("{\"versoin\": 1}", ": there is no key 'versoin' here; allowed are version, parts, part"),
+            ("{\"versoin\": 1}", ": there is no key 'versoin' here; allowed are version, side, parts, part"),
+            ("{\"side\": \"up\"}", ": 'up' is nothing that is known here; allowed are left, right"),
+            ("newmtl red", "line 1, column 2: this is no JSON"),
             ("{\"version\": -1}", ": expected a whole number from 0, found -1"),
             ("{\"version\": \"1\"}", ": expected a whole number from 0, found a text"),
             ("{\"version\": 1, \"parts\": {}}", ": expected a list, found keys and values in braces"),
