@@ -4,7 +4,6 @@ use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{Frame, MAX_EXTENT};
 use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
@@ -14,6 +13,7 @@ use crate::partition::{Connector, Cutting, FanSet, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 use crate::unroll::{FlatCorners, MAX_CORNERS};
+use crate::{Frame, MAX_EXTENT};
 
 /// How groups may grow.
 #[derive(Clone, Copy, Debug)]

@@ -45,8 +45,9 @@ fn border(mesh: &Mesh) -> BTreeSet<[Place; 2]> {
 
 fn baked(folder: &Path, mesh: Mesh, texels: u64) -> Asset {
     let path = folder.join("whole.fan");
-    let color =
-        |p: Vec3| Vec4::new(0.5 + 0.4 * (9.0 * p.x).sin(), 0.5 + 0.4 * (7.0 * p.y).cos(), p.z.abs().min(1.0), 1.0);
+    let color = |p: Vec3| {
+        Vec4::new(0.5 + 0.4 * (9.0 * p.x).sin(), 0.5 + 0.4 * (7.0 * p.y).cos(), p.z.abs().min(1.0), 1.0)
+    };
     let model = fantex_mesh_of(mesh);
     let baker = Baker::new(&model).texels(texels).longest_edge(fantex::LongestEdge::Texels(0));
     baker.source(Source::function(move |point| color(point.position))).write(&path).unwrap();

@@ -48,7 +48,11 @@ fn long_strips_side_by_side_share_tiles() {
         let options = options(1024, TexelBudget::Total(millions << 20));
         let (cover, stats) = build_cover(&mesh, &options).unwrap();
         let texels = |group: &fantex_cover::Group| group.extent[0] * group.extent[1];
-        assert!(cover.groups.len() as u64 <= 3 * millions, "{} tiles of {millions} M texels", cover.groups.len());
+        assert!(
+            cover.groups.len() as u64 <= 3 * millions,
+            "{} tiles of {millions} M texels",
+            cover.groups.len()
+        );
         assert!(cover.groups.iter().all(|group| texels(group) < 1_200_000));
         assert!(stats.loss_db < 1.0, "{millions} M texels: {} dB", stats.loss_db);
     }
