@@ -22,7 +22,7 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::composite::{PaintContext, composite, look_up_now};
-use crate::cover::{Patch, cover_page, cover_page_colored, touched_pages};
+use crate::cover::{cover_page, cover_page_colored, touched_pages};
 use crate::dab::PlacedDab;
 use crate::due_levels::DueLevels;
 use crate::graph::FillTextures;

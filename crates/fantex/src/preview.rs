@@ -102,11 +102,7 @@ impl Preview {
         let path = folder.path().join("preview.fan");
         let texels = write_coarse(coarse, (asset.mesh(), &detail), options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
-<<<<<<< HEAD
-        Ok(Self { bytes, triangles, texels, damage: detail.damage() })
-=======
-        Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels })
->>>>>>> h-f3
+        Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels, damage: detail.damage() })
     }
 
     /// Makes the preview of an asset and puts it there, in the place of one that it has. Nobody else can change the asset meanwhile.
@@ -184,21 +180,14 @@ pub(crate) fn write_coarse(
 ) -> Result<u64> {
     let source = TransferSource::new(coarse, fine, Some(detail), &TransferOptions::default())?;
     let budget = TexelBudget::Total(options.texels);
-<<<<<<< HEAD
-    let (cover, _) = build_cover(&coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
+    let (cover, _) = build_cover(coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
     let bake_options = BakeOptions {
         memory_bytes: options.memory_bytes / 2,
         strict: options.strict,
         ..BakeOptions::default()
     };
-    let baked = bake(&coarse, &cover, &source, path, &bake_options, &CancelOnly(progress))?;
-    Ok([coarse.triangles.len() as u64, baked.texels])
-=======
-    let (cover, _) = build_cover(coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
-    let bake_options = BakeOptions { memory_bytes: options.memory_bytes / 2, ..BakeOptions::default() };
     let baked = bake(coarse, &cover, &source, path, &bake_options, &CancelOnly(progress))?;
     Ok(baked.texels)
->>>>>>> h-f3
 }
 
 /// Passes on that somebody wants to stop, and nothing else.

@@ -285,17 +285,13 @@ fn add_coarse(
             let size = mean(|object| object.triangles).max(MIN_SIZE);
             let triangles = previews.triangles(size as usize, kept.len());
             let texels = previews.texels(mean(|object| object.texels), triangles);
-<<<<<<< HEAD
             let options =
                 PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
-=======
-            let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
             let mesh = coarse_mesh(surface.mesh(), triangles, &kept)?;
             if !options.is_met(&mesh, surface.mesh()) {
                 left_out += 1;
                 continue;
             }
->>>>>>> h-f3
             let asset = file_name(COARSE_PREFIX, world.coarse.len());
             let path = output.add(&asset);
             surface.write_coarse(&mesh, &options, &path, progress)?;
@@ -600,17 +596,12 @@ impl Sector {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let triangles = previews.triangles(self.mesh.triangles.len(), self.border.len());
         let texels = previews.texels(self.cover.stored_texels(&self.mesh), triangles);
-<<<<<<< HEAD
         let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
-        Preview::keeping(editor.asset(), &options, &self.border, progress)?.attach(&mut editor)
-=======
-        let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
         let coarse = coarse_mesh(editor.asset().mesh(), triangles, &self.border)?;
         if !options.is_met(&coarse, editor.asset().mesh()) {
             return Ok(Some(coarse.triangles.len() as u64));
         }
         Preview::of_coarse(editor.asset(), &coarse, &options, progress)?.attach(&mut editor)?;
         Ok(None)
->>>>>>> h-f3
     }
 }
