@@ -64,6 +64,11 @@ impl TexelTriangle {
         (own_low - margin).cmple(high).all() && (own_high + margin).cmpge(low).all()
     }
 
+    /// Its corners, texels.
+    pub fn corners(&self) -> [Vec2; 3] {
+        self.corners
+    }
+
     /// Lower and upper corner of the bounding box, texels.
     pub fn bounds(&self) -> [Vec2; 2] {
         let [a, b, c] = self.corners;

@@ -6,10 +6,12 @@ use std::sync::Arc;
 
 use fantex_base::Result;
 use fantex_base::input::{Held, reserve};
+use fantex_cover::TexelTriangle;
 use fantex_mesh::interpolate;
 use fantex_texture::Image;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
+use crate::cover::Touch;
 use crate::region::IndexHash;
 use crate::{Region, RegionTriangle, Surface, SurfacePoint, Tip};
 
@@ -115,6 +117,17 @@ impl PlacedDab {
         // The same without the ellipse's shape.
         let round = x.hypot(y * self.dab.aspect.clamp(MIN_ASPECT, 1.0));
         if round > 0.0 { distance * x.hypot(y) / round } else { distance }
+    }
+}
+
+/// An ellipse or a stamp covers nothing beyond the circle.
+impl Touch for PlacedDab {
+    fn region(&self) -> &Region {
+        &self.region
+    }
+
+    fn texels(&self, index: usize, shown: &TexelTriangle) -> Option<[Vec2; 2]> {
+        self.region.triangles[index].texels_within(self.reach(), shown)
     }
 }
 

@@ -21,7 +21,7 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::composite::{PaintContext, composite, look_up_now};
-use crate::cover::{Patch, cover_page, cover_page_colored, touched_pages};
+use crate::cover::{cover_page, cover_page_colored, touched_pages};
 use crate::dab::PlacedDab;
 use crate::due_levels::DueLevels;
 use crate::graph::FillTextures;
@@ -251,7 +251,7 @@ impl Painter {
             let placed: Vec<PlacedDab> =
                 batch.par_iter().map(|dab| PlacedDab::new(surface, dab, texel)).collect();
             let touched: Vec<(PageId, Vec<u32>)> =
-                touched_pages(surface, placed.iter().map(|dab| &dab.region)).into_iter().collect();
+                touched_pages(surface, placed.iter()).into_iter().collect();
             self.cover(&touched, |surface, map, dabs: &Vec<u32>, page| {
                 cover_page(surface, map, dabs.iter().map(|&i| &placed[i as usize]), page);
             })?;
@@ -268,6 +268,7 @@ impl Painter {
         let (surface, budget) = (&*self.surface, self.options.budget());
         let buffer = buffer_of(&mut stroke.buffers, surface, dab);
         let placed = SmudgeDab::new(surface, dab, buffer.as_ref());
+        // It picks up what lies beside the dab, too.
         let ids: Vec<PageId> = touched_pages(surface, std::iter::once(placed.region())).into_keys().collect();
         let maps = self.maps.get(surface, &ids, budget);
         let mut pages = PagesUnder::new();
@@ -303,7 +304,7 @@ impl Painter {
         let (paint, before) = (stroke.paint.clone(), stroke.before.clone());
         let context = PaintContext::new(&surface, self.editor.asset(), &paint, before.as_ref());
         let placed = PlacedDecal::new(&surface, decal, &context);
-        let touched = touched_pages(&surface, std::iter::once(placed.region()));
+        let touched = touched_pages(&surface, std::iter::once(&placed));
         let touched: Vec<(PageId, ())> = touched.into_keys().map(|id| (id, ())).collect();
         let channels = paint.channels.len();
         self.cover(&touched, |_, map, (), page| cover_page_colored(map, &placed, channels, page))?;

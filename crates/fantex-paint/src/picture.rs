@@ -13,10 +13,10 @@ use fantex_texture::filter::halved_level;
 use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 use crate::composite::{PaintContext, tangent_from_picture};
-use crate::cover::{Patch, TexelUnder};
+use crate::cover::{Patch, TexelUnder, Touch};
 use crate::dab::{Chart, coverage_of, tangent_axes};
 use crate::texel_page::TexelPage;
-use crate::{PaintColor, Region, Surface, SurfacePoint, Symmetry};
+use crate::{PaintColor, Region, RegionTriangle, Surface, SurfacePoint, Symmetry};
 
 /// A picture with coarser versions of itself, so that a texel sees the mean of what it covers.
 ///
@@ -94,6 +94,15 @@ impl Picture {
         let (fine, share) = (level.floor(), level.fract());
         let value = |level: f32| self.levels[level as usize].at(texel * (-level).exp2());
         if share == 0.0 { value(fine) } else { value(fine).lerp(value(fine + 1.0), share) }
+    }
+
+    /// A distance from the middle beyond which a square of side `width` sees nothing of it: the corner, and the borders of the two levels that
+    /// are mixed, each of which ends at most one and a half of its texels beyond the picture.
+    fn reach(&self, width: f32) -> f32 {
+        let [columns, rows] = self.extent().map(|n| n as f32);
+        let longer = columns.max(rows);
+        let border = 3.0 * width.max(2.0 / longer);
+        (columns / longer + border).hypot(rows / longer + border)
     }
 
     /// The colour of [`at`](Self::at) without its alpha: opaque; black where there is none.
@@ -225,11 +234,19 @@ impl<'a> PlacedDecal<'a> {
     }
 }
 
-impl Patch for PlacedDecal<'_> {
+impl Touch for PlacedDecal<'_> {
     fn region(&self) -> &Region {
         &self.region
     }
 
+    fn texels(&self, index: usize, shown: &TexelTriangle) -> Option<[Vec2; 2]> {
+        let in_plane = RegionTriangle::in_plane(shown.triangle, self.chart.triangle(index)?);
+        let reach = self.shape.reach(self.texel_width(shown, index)) / self.scale.y;
+        in_plane.texels_within(reach, shown)
+    }
+}
+
+impl Patch for PlacedDecal<'_> {
     fn at(&self, map: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
         let Some(place) = self.chart.at(under.index, under.point.lambda) else { return 0.0 };
         let (place, width) = (place * self.scale, self.texel_width(under.triangle, under.index));

@@ -21,7 +21,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::hash::{BuildHasherDefault, Hasher};
 
-use glam::{DVec2, DVec3, Vec3};
+use fantex_cover::TexelTriangle;
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use crate::{Surface, SurfacePoint};
 
@@ -36,7 +37,64 @@ pub struct RegionTriangle {
     edges: [f64; 3],
 }
 
+/// Texels of triangles that are thinner than this are not bounded: twice the area over the sum of two squared sides.
+const MIN_BOUNDED_SHAPE: f64 = 1e-3;
+
+/// Texels of triangles that are smaller than such a part of a radius are not bounded: there are few of them.
+const MIN_BOUNDED_SIZE: f64 = 0.25;
+
+/// What squared distances are off by at most, relative to what they are sums of.
+const SQUARE_ROUNDING: f64 = 1e-8;
+
+/// What barycentric coordinates, which are single precision, are off by at most, relative to what they are sums of.
+const LAMBDA_ROUNDING: f64 = 2e-5;
+
+/// All texels of a tile, as lower and upper corner of a box.
+pub(crate) const ALL_TEXELS: [Vec2; 2] = [Vec2::NEG_INFINITY, Vec2::INFINITY];
+
 impl RegionTriangle {
+    /// A triangle in a plane; its distances are those from the origin.
+    pub(crate) fn in_plane(triangle: u32, corners: [Vec2; 3]) -> Self {
+        let [a, b, c] = corners.map(|corner| corner.as_dvec2());
+        let edges = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+        Self { triangle, corners: [a, b, c].map(|corner| corner.length_squared()), edges }
+    }
+
+    /// Lower and upper corner of a box with all texels at which the [distance](Self::distance) is less than a radius, on the triangle and
+    /// beside it; none where there are no such texels. `shown`: the triangle in a tile.
+    ///
+    /// In the plane of the triangle the squared distance is that from a point, and a constant: the texels are those of an ellipse.
+    pub(crate) fn texels_within(&self, radius: f32, shown: &TexelTriangle) -> Option<[Vec2; 2]> {
+        let ([a, b, c], [p, opposite, q], radius) = (self.corners, self.edges, f64::from(radius));
+        // With coordinates y and z of the second and the third corner it is a + 2 (m y + n z) + p y^2 + 2 r y z + q z^2.
+        let r = 0.5 * (p + q - opposite);
+        let (m, n) = (0.5 * (b - a - p), 0.5 * (c - a - q));
+        let determinant = p * q - r * r;
+        let is_bounded = determinant > (MIN_BOUNDED_SHAPE * (p + q)).powi(2)
+            && p + q > (MIN_BOUNDED_SIZE * radius).powi(2);
+        if !is_bounded {
+            return Some(ALL_TEXELS);
+        }
+        // Where it is least, and how much less it is there than at the first corner.
+        let (y, z) = ((r * n - q * m) / determinant, (r * m - p * n) / determinant);
+        let fall = -(m * y + n * z);
+        let rounding = SQUARE_ROUNDING * (a + b + c + p + q + fall.abs()) + 1e-6 * radius * radius;
+        let squared = radius * radius - (a - fall) + rounding;
+        if squared < 0.0 {
+            return None;
+        }
+        let [origin, f, g] = shown.corners().map(|corner| corner.as_dvec2());
+        let (f, g) = (f - origin, g - origin);
+        let longest = f.length().max(g.length()).max(f.distance(g));
+        let margin = 1.0 + LAMBDA_ROUNDING * longest.powi(3) / f.perp_dot(g).abs();
+        let half = (f * f * q - f * g * (2.0 * r) + g * g * p) * (squared / determinant);
+        let half = DVec2::new(half.x.max(0.0).sqrt(), half.y.max(0.0).sqrt()) + margin;
+        let middle = origin + f * y + g * z;
+        let [low, high] = [middle - half, middle + half].map(|corner| corner.as_vec2());
+        let is_finite = squared.is_finite() && low.is_finite() && high.is_finite();
+        Some(if is_finite { [low, high] } else { ALL_TEXELS })
+    }
+
     /// Distance along the surface from the centre, mesh units; also (continued) just beside the triangle.
     #[inline]
     pub fn distance(&self, lambda: Vec3) -> f32 {

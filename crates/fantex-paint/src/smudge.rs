@@ -8,13 +8,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use fantex_cover::Tap;
+use fantex_cover::{Tap, TexelTriangle};
 use fantex_store::{PAGE, PageId, TileId, TileSource, TileTexels};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::composite::{PaintContext, bilinear, tangent_from_stored, texels_around};
-use crate::cover::{Patch, TexelUnder};
+use crate::cover::{Patch, TexelUnder, Touch};
 use crate::dab::{Chart, PlacedDab, tangent_axes};
 use crate::stroke_page::StrokePage;
 use crate::texel_page::TexelPage;
@@ -192,11 +192,17 @@ pub(crate) struct LaidDown<'a> {
     pub(crate) surface: &'a Surface,
 }
 
-impl Patch for LaidDown<'_> {
+impl Touch for LaidDown<'_> {
     fn region(&self) -> &Region {
         self.dab.region()
     }
 
+    fn texels(&self, index: usize, shown: &TexelTriangle) -> Option<[Vec2; 2]> {
+        self.dab.dab.texels(index, shown)
+    }
+}
+
+impl Patch for LaidDown<'_> {
     fn at(&self, _: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
         let lambda = under.point.lambda;
         let Some(place) = self.dab.chart.at(under.index, lambda) else { return 0.0 };
