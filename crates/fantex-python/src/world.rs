@@ -183,6 +183,7 @@ pub(crate) fn split<'py>(
     figures.set_item("sectors", written.world.objects.len())?;
     figures.set_item("coarse", written.world.coarse.len())?;
     figures.set_item("repeated_texels", written.repeated_texels)?;
+    figures.set_item("notes", written.notes)?;
     Ok(figures)
 }
 

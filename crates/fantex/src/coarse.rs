@@ -86,18 +86,18 @@ impl FinerSurface {
         vertices.filter(|(_, p)| places.contains(&place(**p))).map(|(vertex, _)| vertex).collect()
     }
 
-    /// Writes the asset of a coarser mesh that looks like this surface; the vertices `kept` stay. Of `progress` only cancellation counts.
+    /// Writes the asset of a coarser [mesh](crate::preview::coarse_mesh) that looks like this surface. Of `progress` only cancellation counts.
     ///
     /// # Errors
     /// As [`Preview::of`](crate::Preview::of); the file cannot be written, or is there.
     pub(crate) fn write_coarse(
         &self,
-        kept: &[u32],
+        coarse: &Mesh,
         options: &PreviewOptions,
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<()> {
-        write_coarse((&self.mesh, self), kept, options, path, progress).map(drop)
+        write_coarse(coarse, (&self.mesh, self), options, path, progress).map(drop)
     }
 }
 

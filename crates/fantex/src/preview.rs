@@ -39,6 +39,18 @@ impl Default for PreviewOptions {
     }
 }
 
+/// Triangles of a preview that is worth its bytes in any case.
+const SMALL_TRIANGLES: usize = 5000;
+
+impl PreviewOptions {
+    /// Whether a coarse mesh is worth it: it is small, or about as small as it is to be, or has less than two thirds of the triangles of the fine one.
+    /// Some surfaces can hardly be simplified.
+    pub(crate) fn is_met(&self, coarse: &Mesh, fine: &Mesh) -> bool {
+        let (coarse, fine) = (coarse.triangles.len(), fine.triangles.len());
+        coarse <= SMALL_TRIANGLES.max(self.triangles.saturating_mul(2)) || 3 * coarse < 2 * fine
+    }
+}
+
 /// A preview.
 #[derive(Clone, Debug)]
 pub struct Preview {
@@ -62,23 +74,24 @@ impl Preview {
     /// As [`of`](Self::of). Of `progress` only cancellation counts.
     fn of_watched(asset: &Arc<Asset>, options: &PreviewOptions, progress: &dyn Progress) -> Result<Self> {
         let kept = if options.keeps_borders { border_vertices(asset.mesh()) } else { Vec::new() };
-        Self::keeping(asset, options, &kept, progress)
+        let coarse = coarse_mesh(asset.mesh(), options.triangles, &kept)?;
+        Self::of_coarse(asset, &coarse, options, progress)
     }
 
-    /// As [`of`](Self::of); these vertices stay. Of `progress` only cancellation counts.
-    pub(crate) fn keeping(
+    /// As [`of`](Self::of), with its [mesh](coarse_mesh). Of `progress` only cancellation counts.
+    pub(crate) fn of_coarse(
         asset: &Arc<Asset>,
+        coarse: &Mesh,
         options: &PreviewOptions,
-        kept: &[u32],
         progress: &dyn Progress,
     ) -> Result<Self> {
         let cache_bytes = usize::try_from(options.memory_bytes / 2).unwrap_or(usize::MAX);
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
         let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
         let path = folder.path().join("preview.fan");
-        let [triangles, texels] = write_coarse((asset.mesh(), &detail), kept, options, &path, progress)?;
+        let texels = write_coarse(coarse, (asset.mesh(), &detail), options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
-        Ok(Self { bytes, triangles, texels })
+        Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels })
     }
 
     /// Makes the preview of an asset and puts it there, in the place of one that it has. Nobody else can change the asset meanwhile.
@@ -145,22 +158,21 @@ impl Preview {
     }
 }
 
-/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given; the vertices `kept` stay. Returns its triangles and
-/// its texels per channel. Bakes take half of the memory; of `progress` only cancellation counts.
+/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given. Returns its texels per channel. Bakes take half of
+/// the memory; of `progress` only cancellation counts.
 pub(crate) fn write_coarse(
+    coarse: &Mesh,
     (fine, detail): (&Mesh, &dyn Source),
-    kept: &[u32],
     options: &PreviewOptions,
     path: &Path,
     progress: &dyn Progress,
-) -> Result<[u64; 2]> {
-    let coarse = coarse_mesh(fine, options.triangles, kept)?;
-    let source = TransferSource::new(&coarse, fine, Some(detail), &TransferOptions::default())?;
+) -> Result<u64> {
+    let source = TransferSource::new(coarse, fine, Some(detail), &TransferOptions::default())?;
     let budget = TexelBudget::Total(options.texels);
-    let (cover, _) = build_cover(&coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
+    let (cover, _) = build_cover(coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
     let bake_options = BakeOptions { memory_bytes: options.memory_bytes / 2, ..BakeOptions::default() };
-    let baked = bake(&coarse, &cover, &source, path, &bake_options, &CancelOnly(progress))?;
-    Ok([coarse.triangles.len() as u64, baked.texels])
+    let baked = bake(coarse, &cover, &source, path, &bake_options, &CancelOnly(progress))?;
+    Ok(baked.texels)
 }
 
 /// Passes on that somebody wants to stop, and nothing else.
@@ -186,7 +198,7 @@ fn border_vertices(mesh: &Mesh) -> Vec<u32> {
 
 /// About so many triangles. Where vertices are kept, it lies in the mesh space of the fine mesh, so that they stay where they are to the
 /// last bit, and has the normals that the fine mesh has at its vertices.
-fn coarse_mesh(fine: &Mesh, triangles: usize, kept: &[u32]) -> Result<Mesh> {
+pub(crate) fn coarse_mesh(fine: &Mesh, triangles: usize, kept: &[u32]) -> Result<Mesh> {
     let mut model = simplified_keeping(fine, triangles, kept)?;
     let mut options = CleanOptions::default();
     if !kept.is_empty() {

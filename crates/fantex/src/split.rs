@@ -11,15 +11,16 @@
 //!
 //! Where there are many sectors, runs of them get coarse assets, and runs of these, up to a single one. Each has about the size of one
 //! sector's preview, beside what its outline needs: vertices that sectors of other runs have, too, stay where they are.
+//!
+//! Surfaces that can hardly be simplified get neither: what is as large as what it stands for takes bytes and memory, and saves none.
 
 use std::collections::HashSet;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::files::{TemporaryFolder, remove_leftovers, sync_folder, temporary_folder};
-use fantex_base::{Error, Result, UnionFind, input};
+use fantex_base::{Error, Result, UnionFind, counted, grouped, input};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Edges, Mesh, corners_of, morton, shading_normals};
 use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
@@ -28,6 +29,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::coarse::{FinerSurface, Place, place};
+use crate::preview::coarse_mesh;
 use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldObject};
 
 /// How to split an asset.
@@ -35,7 +37,8 @@ use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldO
 pub struct SplitOptions {
     /// Triangles of a sector, about; at least 1.
     pub triangles: usize,
-    /// The sectors' previews, and the coarse assets that are made of them; none: neither is there.
+    /// The sectors' previews, and the coarse assets that are made of them; none: neither is there. Those that would have more than 5000 triangles
+    /// and two thirds of those of what they stand for are left out, unless they are to be so large.
     pub previews: Option<SectorPreviews>,
     /// Bytes that decoded tiles and texels in work may take while previews are made.
     pub memory_bytes: u64,
@@ -81,6 +84,8 @@ pub struct Split {
     /// Texels of tiles at level 0 that are in more than one sector, counted beyond the first, per channel. Most of them are left out: what no
     /// triangle of the sector reads takes no room.
     pub repeated_texels: u64,
+    /// What is to be known, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// Splits an asset into sectors in a folder, which is made where there is none: `sector-0001.fan`, ..., of more than 16 sectors `coarse-0001.fan`,
@@ -109,6 +114,7 @@ pub fn split(
     let plan = Plan::of(asset, options.triangles)?;
     let mut world = World::default();
     let (mut done, mut in_sectors) = (0, 0);
+    let mut left_out = LeftOut::default();
     let all = asset.mesh().triangles.len() as u128;
     for number in 0..plan.sectors.len() {
         let name = file_name(SECTOR_PREFIX, number);
@@ -128,20 +134,68 @@ pub fn split(
         };
         sector.write(&path, asset, &mut report)?;
         if let Some(previews) = &options.previews {
-            sector.add_preview(&path, previews, options.memory_bytes, progress)?;
+            let unmade = sector.add_preview(&path, previews, options.memory_bytes, progress)?;
+            left_out.add_preview(triangles, unmade);
         }
         done += triangles;
         let written = Asset::open(&path)?;
         world.objects.push(WorldObject::of(name, &written)?);
     }
     if let Some(previews) = &options.previews {
-        add_coarse(&plan, (&mut world, &mut output), previews, options.memory_bytes, progress)?;
+        let output = (&mut world, &mut output);
+        left_out.coarse = add_coarse(&plan, output, previews, options.memory_bytes, progress)?;
     }
     if progress.is_cancelled() {
         return Err(Error::cancelled("the split was cancelled"));
     }
     output.finish(&world, &index)?;
-    Ok(Split { index, world, repeated_texels: in_sectors.saturating_sub(plan.texels) })
+    let repeated_texels = in_sectors.saturating_sub(plan.texels);
+    Ok(Split { index, world, repeated_texels, notes: left_out.notes(plan.sectors.len()) })
+}
+
+/// Previews and coarse assets that are not there because they would be hardly smaller than what they stand for.
+#[derive(Default)]
+struct LeftOut {
+    previews: u64,
+    /// Of these previews.
+    triangles: u64,
+    /// Of their sectors.
+    sector_triangles: u64,
+    coarse: u64,
+}
+
+impl LeftOut {
+    /// `unmade`: the triangles of a sector's preview that is left out.
+    fn add_preview(&mut self, sector_triangles: u64, unmade: Option<u64>) {
+        if let Some(triangles) = unmade {
+            self.previews += 1;
+            self.triangles += triangles;
+            self.sector_triangles += sector_triangles;
+        }
+    }
+
+    fn notes(&self, sectors: usize) -> Vec<String> {
+        let mut notes = Vec::new();
+        let [triangles, all] = [self.triangles, self.sector_triangles].map(|count| grouped(count, ' '));
+        if self.previews > 0 {
+            notes.push(format!(
+                "previews are left out of {} of {}, which can hardly be simplified ({triangles} of {all} triangles would remain): these are \
+                 shown whole or not at all",
+                self.previews,
+                counted(sectors as u64, "sector"),
+            ));
+        }
+        if self.coarse > 0 {
+            notes.push(format!(
+                "the surface can hardly be simplified, so {} left out: views from afar take more memory",
+                match self.coarse {
+                    1 => "a coarse asset is".to_owned(),
+                    count => format!("{count} coarse assets are"),
+                },
+            ));
+        }
+        notes
+    }
 }
 
 impl Split {
@@ -177,26 +231,32 @@ const MIN_SIZE: u64 = 64_000;
 
 /// A sector or a coarse asset.
 struct Node {
-    sectors: Range<usize>,
+    /// Ascending.
+    sectors: Vec<usize>,
     asset: String,
+    /// False for a sector without a preview.
+    is_coarse: bool,
     /// Length of the finest detail of its preview, or of itself, world units.
     detail: f64,
 }
 
-/// Makes the coarse assets, of a run of nodes after the other, until one stands for all sectors.
+/// Makes the coarse assets, of a run of nodes after the other, until one stands for all sectors. A run stays as it is where one of its sectors has
+/// no preview, or where its coarse asset would be hardly smaller. Returns how many runs these are.
 fn add_coarse(
     plan: &Plan<'_>,
     (world, output): (&mut World, &mut Output),
     previews: &SectorPreviews,
     memory_bytes: u64,
     progress: &dyn Progress,
-) -> Result<()> {
+) -> Result<u64> {
+    let mut left_out = 0;
     if world.objects.len() <= RUN {
-        return Ok(());
+        return Ok(left_out);
     }
     let node = |(number, object): (usize, &WorldObject)| Node {
-        sectors: number..number + 1,
+        sectors: vec![number],
         asset: object.asset.clone(),
+        is_coarse: object.preview.is_some(),
         detail: object.preview.map_or(0.0, |preview| preview.detail),
     };
     let mut nodes: Vec<Node> = world.objects.iter().enumerate().map(node).collect();
@@ -204,37 +264,54 @@ fn add_coarse(
         let count = nodes.len().div_ceil(RUN);
         let end = |run: usize| run * nodes.len() / count;
         let runs: Vec<&[Node]> = (0..count).map(|run| &nodes[end(run)..end(run + 1)]).collect();
-        let sectors = |run: &[Node]| run[0].sectors.start..run[run.len() - 1].sectors.end;
-        let of_runs: Vec<Range<usize>> = runs.iter().map(|&run| sectors(run)).collect();
-        let is_shared = shared_vertices(plan.mesh, &plan.sectors, &of_runs);
+        let is_shared =
+            shared_vertices(plan.mesh, &plan.sectors, &runs_of_sectors(&runs, world.objects.len()));
         let mut above = Vec::with_capacity(count);
-        for (run, sectors) in runs.into_iter().zip(of_runs) {
+        for run in runs {
             if progress.is_cancelled() {
                 return Err(Error::cancelled("the split was cancelled"));
             }
+            if run.iter().any(|node| !node.is_coarse) {
+                left_out += 1;
+                continue;
+            }
+            let sectors: Vec<usize> = run.iter().flat_map(|node| node.sectors.iter().copied()).collect();
             let finer = run.iter().map(|node| output.open_coarsest(node).map(Arc::new));
             let finer = finer.collect::<Result<Vec<_>>>()?;
             let surface = FinerSurface::of(&finer, plan.mesh.world_from_mesh, memory_bytes / 2);
             let kept = surface.vertices_at(&plan.places(&is_shared, &sectors));
-            let objects = &world.objects[sectors.clone()];
-            let mean =
-                |of: fn(&WorldObject) -> u64| objects.iter().map(of).sum::<u64>() / objects.len() as u64;
+            let objects = || sectors.iter().map(|&number| &world.objects[number]);
+            let mean = |of: fn(&WorldObject) -> u64| objects().map(of).sum::<u64>() / sectors.len() as u64;
             let size = mean(|object| object.triangles).max(MIN_SIZE);
             let triangles = previews.triangles(size as usize, kept.len());
             let texels = previews.texels(mean(|object| object.texels), triangles);
             let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
+            let mesh = coarse_mesh(surface.mesh(), triangles, &kept)?;
+            if !options.is_met(&mesh, surface.mesh()) {
+                left_out += 1;
+                continue;
+            }
             let asset = file_name(COARSE_PREFIX, world.coarse.len());
             let path = output.add(&asset);
-            surface.write_coarse(&kept, &options, &path, progress)?;
+            surface.write_coarse(&mesh, &options, &path, progress)?;
             let detail = run.iter().map(|node| node.detail).fold(0.0, f64::max);
             let parts = run.iter().map(|node| node.asset.clone()).collect();
             let coarse = WorldCoarse::of(&*asset, &Asset::open(&path)?, parts, surface.mesh(), detail);
-            above.push(Node { sectors, asset, detail: coarse.detail });
+            above.push(Node { sectors, asset, is_coarse: true, detail: coarse.detail });
             world.coarse.push(coarse);
         }
         nodes = above;
     }
-    Ok(())
+    Ok(left_out)
+}
+
+/// Per sector the number of its run. A sector of no run, which is shown beside all of them, has a number of its own.
+fn runs_of_sectors(runs: &[&[Node]], sectors: usize) -> Vec<u32> {
+    let mut of_sectors: Vec<u32> = (0..sectors).map(|sector| (runs.len() + sector) as u32).collect();
+    for (number, run) in (0u32..).zip(runs) {
+        run.iter().flat_map(|node| &node.sectors).for_each(|&sector| of_sectors[sector] = number);
+    }
+    of_sectors
 }
 
 /// The folder while sectors are written, in a folder within it. What was written goes away unless it is finished.
@@ -358,7 +435,7 @@ impl<'a> Plan<'a> {
         let what = format_args!("splitting {} with {count} triangles", asset.path().display()).to_string();
         let _held = input::reserve(what, PLAN_BYTES * count as u64)?;
         let sectors = sectors(mesh, cover, triangles);
-        let alone: Vec<Range<usize>> = (0..sectors.len()).map(|number| number..number + 1).collect();
+        let alone: Vec<u32> = (0..sectors.len() as u32).collect();
         let is_shared = shared_vertices(mesh, &sectors, &alone);
         let normals = shading_normals(mesh);
         let mut in_group = vec![0; cover.groups.len()];
@@ -369,8 +446,8 @@ impl<'a> Plan<'a> {
     }
 
     /// Places in the mesh space of those vertices of some sectors that are marked.
-    fn places(&self, is_marked: &[bool], sectors: &Range<usize>) -> HashSet<Place> {
-        let triangles = self.sectors[sectors.clone()].iter().flatten();
+    fn places(&self, is_marked: &[bool], sectors: &[usize]) -> HashSet<Place> {
+        let triangles = sectors.iter().flat_map(|&sector| &self.sectors[sector]);
         let vertices = triangles.flat_map(|&triangle| self.mesh.triangles[triangle as usize]);
         let marked = vertices.filter(|&vertex| is_marked[vertex as usize]);
         marked.map(|vertex| place(self.mesh.positions[vertex as usize])).collect()
@@ -392,12 +469,12 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Per vertex whether sectors of several runs have it.
-fn shared_vertices(mesh: &Mesh, sectors: &[Vec<u32>], runs: &[Range<usize>]) -> Vec<bool> {
+/// Per vertex whether sectors of several runs have it. `runs`: per sector the number of its run.
+fn shared_vertices(mesh: &Mesh, sectors: &[Vec<u32>], runs: &[u32]) -> Vec<bool> {
     let mut is_shared = vec![false; mesh.positions.len()];
     let mut first_run = vec![u32::MAX; mesh.positions.len()];
-    for (number, run) in (0u32..).zip(runs) {
-        let triangles = sectors[run.clone()].iter().flatten().map(|&t| mesh.triangles[t as usize]);
+    for (sector, &number) in sectors.iter().zip(runs) {
+        let triangles = sector.iter().map(|&t| mesh.triangles[t as usize]);
         for vertex in triangles.flatten().map(|vertex| vertex as usize) {
             match first_run[vertex] {
                 u32::MAX => first_run[vertex] = number,
@@ -507,17 +584,23 @@ impl Sector {
         GroupCopy { mesh, cover, from: whole, groups, is_partial }.write(path, &options, report).map(drop)
     }
 
+    /// Adds its preview, unless that would be hardly smaller: then its triangles are returned.
     fn add_preview(
         &self,
         path: &Path,
         previews: &SectorPreviews,
         memory_bytes: u64,
         progress: &dyn Progress,
-    ) -> Result<()> {
+    ) -> Result<Option<u64>> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let triangles = previews.triangles(self.mesh.triangles.len(), self.border.len());
         let texels = previews.texels(self.cover.stored_texels(&self.mesh), triangles);
         let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes };
-        Preview::keeping(editor.asset(), &options, &self.border, progress)?.attach(&mut editor)
+        let coarse = coarse_mesh(editor.asset().mesh(), triangles, &self.border)?;
+        if !options.is_met(&coarse, editor.asset().mesh()) {
+            return Ok(Some(coarse.triangles.len() as u64));
+        }
+        Preview::of_coarse(editor.asset(), &coarse, &options, progress)?.attach(&mut editor)?;
+        Ok(None)
     }
 }

@@ -597,3 +597,77 @@ fn damaged_texels_are_not_copied() {
     assert!(error.to_string().contains("whole.fan"), "{error}");
     assert!(!target.exists());
 }
+
+/// A Sierpinski tetrahedron of `4^level` tetrahedra that meet at their corners: nothing of it can be simplified. Within -1..1, moved by `offset`.
+fn sponge(level: u32, offset: DVec3) -> Model {
+    let size = 1i64 << level;
+    let mut tetrahedra =
+        vec![[[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]].map(|c| c.map(|x| x * size))];
+    for _ in 0..level {
+        let smaller = |corners: [[i64; 3]; 4]| {
+            corners.map(|own| corners.map(|other| [0, 1, 2].map(|k| (own[k] + other[k]) / 2)))
+        };
+        tetrahedra = tetrahedra.into_iter().flat_map(smaller).collect();
+    }
+    let (mut numbers, mut positions, mut triangles) = (BTreeMap::new(), Vec::new(), Vec::new());
+    for corners in tetrahedra {
+        let [a, b, c, d] = corners.map(|corner| {
+            *numbers.entry(corner).or_insert_with(|| {
+                positions.push(DVec3::from(corner.map(|x| x as f64 / size as f64)) + offset);
+                positions.len() as u32 - 1
+            })
+        });
+        triangles.extend([[a, b, c], [a, d, b], [a, c, d], [b, d, c]]);
+    }
+    Model { positions, triangles, materials: vec![Material::default()], ..Model::default() }
+}
+
+#[test]
+fn what_cannot_be_simplified_gets_no_previews() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = fantex_test::cleaned(sponge(6, DVec3::ZERO));
+    assert_eq!(mesh.triangles.len(), 16_384);
+    let whole = baked(folder.path(), mesh, 300_000);
+    let target = folder.path().join("world");
+    let options = SplitOptions { triangles: 8200, ..SplitOptions::default() };
+    let written = split(whole.shared(), &target, &options, &NoProgress).unwrap();
+    assert_eq!(written.world.objects.len(), 2);
+    assert!(written.world.objects.iter().all(|object| object.preview.is_none()));
+    assert_eq!(written.notes.len(), 1);
+    assert!(written.notes[0].contains("of 2 of 2 sectors"), "{}", written.notes[0]);
+    assert!(verify_world(&written.index, &VerifyOptions::default(), &NoProgress).unwrap().ok);
+
+    // What is asked for is made.
+    let previews = Some(SectorPreviews { triangles: Some(8200), texels: None });
+    let options = SplitOptions { previews, force: true, ..options };
+    let written = split(whole.shared(), &target, &options, &NoProgress).unwrap();
+    assert!(written.world.objects.iter().all(|object| object.preview.is_some()));
+    assert!(written.notes.is_empty(), "{:?}", written.notes);
+}
+
+#[test]
+fn beside_what_cannot_be_simplified_there_are_coarse_assets() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut model = sponge(6, DVec3::new(0.0, 3.0, 0.0));
+    let first = model.positions.len() as u32;
+    let land = icosphere(5);
+    model.positions.extend(&land.positions);
+    model.triangles.extend(land.triangles.iter().map(|corners| corners.map(|vertex| vertex + first)));
+    let whole = baked(folder.path(), fantex_test::cleaned(model), 400_000);
+    let target = folder.path().join("world");
+    let options = SplitOptions { triangles: 500, ..SplitOptions::default() };
+    let written = split(whole.shared(), &target, &options, &NoProgress).unwrap();
+    let World { objects, coarse } = &written.world;
+    assert!(objects.iter().all(|object| object.preview.is_some()), "small previews are made");
+    let part_of_any = |asset: &String| coarse.iter().any(|coarse| coarse.parts.contains(asset));
+    let roots = objects.iter().filter(|object| !part_of_any(&object.asset)).count();
+    assert!(!coarse.is_empty() && roots > 0, "{} coarse assets, {roots} roots", coarse.len());
+    assert_eq!(written.notes.len(), 1);
+    assert!(written.notes[0].contains("coarse asset"), "{}", written.notes[0]);
+    let names = names(&target);
+    let files = names.iter().filter(|name| name.starts_with("coarse-")).count();
+    assert_eq!(files, coarse.len());
+    let report = verify_world(&written.index, &VerifyOptions::default(), &NoProgress).unwrap();
+    let faults: Vec<&String> = report.coarse.iter().flat_map(|coarse| &coarse.faults).collect();
+    assert!(report.ok, "{faults:?}");
+}

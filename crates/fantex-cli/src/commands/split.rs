@@ -24,7 +24,8 @@ Example:
 The folder gets the sectors, sector-0001.fan and so on, and when all are there the index, named after the asset. Sectors show what the
 whole shows, to the last bit: tiles are copied, those at borders into each sector that needs them. Their previews, by which they are
 shown far away, keep their borders, so that nothing shows through between them. More than 16 sectors also get coarse assets,
-coarse-0001.fan and so on, each of which is shown from still farther away in the place of up to 16. See docs/worlds.md.")]
+coarse-0001.fan and so on, each of which is shown from still farther away in the place of up to 16. Surfaces that can hardly be
+simplified get neither. See docs/worlds.md.")]
 pub(crate) struct SplitArgs {
     /// The asset (.fan, also at an https://, s3://, gs:// or az:// address), which stays as it is
     asset: PathBuf,
@@ -62,6 +63,7 @@ struct SplitInfo {
     coarse: u64,
     coarse_triangles: u64,
     coarse_bytes: u64,
+    notes: Vec<String>,
     seconds: f64,
 }
 
@@ -98,6 +100,7 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
             None => split(&asset, &args.output, &options, &context.progress("split"))?,
         }
     };
+    written.notes.iter().for_each(|note| context.note(note));
     let World { objects, coarse } = &written.world;
     let previews = || objects.iter().filter_map(|object| object.preview);
     let info = SplitInfo {
@@ -112,6 +115,7 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
         coarse: coarse.len() as u64,
         coarse_triangles: coarse.iter().map(|coarse| coarse.triangles).sum(),
         coarse_bytes: coarse.iter().map(|coarse| coarse.bytes).sum(),
+        notes: written.notes,
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
