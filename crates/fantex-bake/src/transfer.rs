@@ -13,6 +13,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result};
+use fantex_cover::{SPAN_SLACK, span};
 use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
     shading_normals,
@@ -456,6 +457,12 @@ fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2]>
     })
 }
 
+/// Twice the area of a triangle, over the square of its length, from which it is looked for row by row.
+const MIN_SPAN_SHAPE: f64 = 1e-9;
+
+/// How far beside such a triangle rounding may place a texel, over its length.
+const SPAN_ROUNDING: f64 = 1e-5;
+
 struct Charts<'a> {
     uv: &'a [Vec2],
     size: [u32; 2],
@@ -474,13 +481,26 @@ impl<'a> Charts<'a> {
             if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e9) {
                 continue;
             }
+            // Of thinner triangles barycentric coordinates are rounding errors, anywhere in the box.
+            let longest = (high - low).max_element();
+            let area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs();
+            let is_flat = area < MIN_SPAN_SHAPE * longest * longest;
+            let slack = f64::from(SPAN_SLACK) + SPAN_ROUNDING * longest;
+            let reach = |y: i64| match (is_flat, y as f64 + 0.5) {
+                (true, _) => Some([low.x, high.x]),
+                (false, row) => span(corners.map(|corner| corner.to_array()), row - slack, row + slack),
+            };
             // Texel centres within the box; one that is larger than the image covers everything in its first copy.
             let range = |k: usize| {
                 let first = (low[k] - 0.5).ceil() as i64;
                 first..=((high[k] - 0.5).floor() as i64).min(first + i64::from(size[k]) - 1)
             };
+            let columns = range(0);
             for y in range(1) {
-                for x in range(0) {
+                let Some([left, right]) = reach(y) else { continue };
+                let first = ((left - slack - 0.5).ceil() as i64).max(*columns.start());
+                let last = ((right + slack - 0.5).floor() as i64).min(*columns.end());
+                for x in first..=last {
                     let lambda = lambda_at(corners, DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
                     if lambda.is_some_and(|l| l.min_element() >= 0.0) {
                         let column = x.rem_euclid(size[0].into()) as usize;
@@ -578,6 +598,7 @@ fn grown(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
 
 #[cfg(test)]
 mod tests {
+    use fantex_base::Random;
     use fantex_mesh::{CleanOptions, clean, generate, interpolate};
 
     use super::*;
@@ -606,6 +627,54 @@ mod tests {
         }
         let cage = Projector::new(&inner, &inner, None).unwrap().report().cage;
         assert!(cage > 0.0 && cage < 1e-3);
+    }
+
+    /// The triangles of texels, each of which is asked for everywhere in its box.
+    fn owners_in_boxes(uv: &[Vec2], size: [u32; 2]) -> Vec<u32> {
+        let mut owners = vec![EMPTY; size[0] as usize * size[1] as usize];
+        for triangle in 0..uv.len() / 3 {
+            let corners = corners_in_texels(uv, size, triangle);
+            let [a, b, c] = corners;
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            let range = |k: usize| {
+                let first = (low[k] - 0.5).ceil() as i64;
+                first..=((high[k] - 0.5).floor() as i64).min(first + i64::from(size[k]) - 1)
+            };
+            for (y, x) in range(1).flat_map(|y| range(0).map(move |x| (y, x))) {
+                let lambda = lambda_at(corners, DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+                if lambda.is_some_and(|l| l.min_element() >= 0.0) {
+                    let [column, row] = [(x, size[0]), (y, size[1])].map(|(n, of)| n.rem_euclid(of.into()));
+                    let owner = &mut owners[row as usize * size[0] as usize + column as usize];
+                    *owner = (*owner).min(triangle as u32);
+                }
+            }
+        }
+        owners
+    }
+
+    #[test]
+    fn charts_are_those_found_in_whole_boxes() {
+        let mut random = Random::new(3);
+        let size = [61, 47];
+        for round in 0..400usize {
+            let scale: f32 = [0.02, 0.3, 1.0, 40.0][round % 4];
+            let mut uv = Vec::new();
+            for triangle in 0..6 {
+                let mut point = || Vec2::new(random.unit() as f32 - 0.3, random.unit() as f32 - 0.3) * scale;
+                let [a, b, mut c] = [point(), point(), point()];
+                match triangle {
+                    // Needles, at last without area but for rounding.
+                    0 => c = a.lerp(b, 0.4) + Vec2::new(1e-3, -1e-3) * scale,
+                    1 => c = a.lerp(b, 1.7) + Vec2::new(1e-6, 1e-6) * scale,
+                    2 => c = a.lerp(b, 0.3),
+                    3 => c = Vec2::new(c.x, a.y),
+                    _ => {}
+                }
+                uv.extend([a, b, c]);
+            }
+            let mesh = Mesh { triangles: vec![[0, 1, 2]; uv.len() / 3], ..Mesh::default() };
+            assert_eq!(Charts::new(&mesh, &uv, size).owners, owners_in_boxes(&uv, size), "{round}: {uv:?}");
+        }
     }
 
     #[test]

@@ -14,13 +14,12 @@ use std::collections::{BTreeMap, BinaryHeap};
 
 use fantex_bake::Progress;
 use fantex_base::UnionFind;
-use fantex_cover::{Cover, GroupKind, Rectangle, RectangleFinder};
+use fantex_cover::{Cover, GroupKind, Rectangle, RectangleFinder, SPAN_SLACK, span};
 use fantex_mesh::{Edges, Mesh};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
 use crate::overlaps::without_crossings;
-use crate::spans::{SLACK, span};
 use crate::unions::unite;
 
 /// A piece of the surface in the plane, none of whose triangles overlap.
@@ -561,7 +560,10 @@ pub(crate) fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
     let (first, last) = ((low - 0.5).ceil().as_ivec2(), (high - 0.5).floor().as_ivec2());
     for y in first.y..=last.y {
         let row = y as f32 + 0.5;
-        let Some([left, right]) = span(corners, row - SLACK, row + SLACK) else { continue };
+        let Some([left, right]) = span(corners.map(|p| p.to_array()), row - SPAN_SLACK, row + SPAN_SLACK)
+        else {
+            continue;
+        };
         for x in first.x.max((left - 1.5).floor() as i32)..=last.x.min((right + 0.5).ceil() as i32) {
             let p = Vec2::new(x as f32 + 0.5, row);
             if sides.iter().all(|(from, along)| along.perp_dot(p - *from) > SHRINK) {

@@ -24,7 +24,6 @@ mod overlaps;
 mod packing;
 mod pictures;
 mod planes;
-mod spans;
 mod texels;
 mod unions;
 mod unwrap;

@@ -1,9 +1,8 @@
 //! Charts as sets of blocks, packed into a square.
 
+use fantex_cover::{SPAN_SLACK, span};
 use glam::Vec2;
 use rayon::prelude::*;
-
-use crate::spans::{SLACK, span};
 
 /// Where a chart lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,7 +42,9 @@ impl Mask {
         let last = high.floor().max(Vec2::ZERO).as_uvec2();
         for y in first.y..=last.y.min(self.height - 1) {
             // A block is asked for a square that reaches half a block beyond it on all sides.
-            let Some([left, right]) = span(corners, y as f32 - 0.5 - SLACK, y as f32 + 1.5 + SLACK) else {
+            let Some([left, right]) =
+                span(corners.map(|p| p.to_array()), y as f32 - 0.5 - SPAN_SLACK, y as f32 + 1.5 + SPAN_SLACK)
+            else {
                 continue;
             };
             let from = first.x.max((left - 2.5).max(0.0) as u32);

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use fantex_bake::Progress;
 use fantex_base::Result;
-use fantex_cover::{Cover, Tap, TriangleTiles};
+use fantex_cover::{Cover, SPAN_SLACK, Tap, TriangleTiles, span};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{ChannelKind, PageCache, Tile, TileId, TileSource, TileTexels};
 use fantex_texture::material::TangentFrame;
@@ -19,7 +19,6 @@ use rayon::prelude::*;
 
 use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
-use crate::spans::{SLACK, span};
 
 const REGION: u32 = 256;
 
@@ -288,10 +287,13 @@ impl<'a> Search<'a> {
         let end = Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
         let first = (low - NEAR_TEXELS - 0.5).ceil().clamp(Vec2::ZERO, end).as_ivec2();
         let last = (high + NEAR_TEXELS + 0.5).floor().clamp(Vec2::ZERO, end).as_ivec2();
-        let reach = NEAR_TEXELS + SLACK;
+        let reach = NEAR_TEXELS + SPAN_SLACK;
         for y in first.y..last.y {
             let row = origin.y + y as f32 + 0.5;
-            let Some([left, right]) = span(placed.corners, row - reach, row + reach) else { continue };
+            let Some([left, right]) = span(placed.corners.map(|p| p.to_array()), row - reach, row + reach)
+            else {
+                continue;
+            };
             let from = first.x.max((left - origin.x - reach - 1.5) as i32);
             let end = last.x.min((right - origin.x + reach + 1.5) as i32);
             for x in from..end {

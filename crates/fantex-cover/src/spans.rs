@@ -1,40 +1,53 @@
 //! How far a triangle reaches in a band of rows: so a needle across a picture costs the texels beside it, not those of its box.
 
-use glam::Vec2;
+use std::ops::{Add, Div, Mul, Sub};
 
-/// What bands and spans are widened by, so that rounding leaves nothing out.
-pub(crate) const SLACK: f32 = 0.01;
+/// What bands and spans are widened by, so that rounding leaves nothing out: in units of a picture's texels.
+pub const SPAN_SLACK: f32 = 0.01;
 
-/// The least and the greatest x of the part of a triangle between two heights; none where no part of it lies there.
-pub(crate) fn span(corners: [Vec2; 3], low: f32, high: f32) -> Option<[f32; 2]> {
-    let mut span: Option<[f32; 2]> = None;
-    let mut add = |x: f32| {
+/// The least and the greatest x of the part of a triangle between two heights; none where no part of it lies there. In single or double precision.
+pub fn span<T>(corners: [[T; 2]; 3], low: T, high: T) -> Option<[T; 2]>
+where
+    T: Copy + PartialOrd + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Div<Output = T> + From<f32>,
+{
+    let [zero, one] = [0.0f32, 1.0f32].map(<T as From<f32>>::from);
+    let mut span: Option<[T; 2]> = None;
+    let mut add = |x: T| {
         let [first, last] = span.unwrap_or([x; 2]);
-        span = Some([first.min(x), last.max(x)]);
+        span = Some([lesser(first, x), greater(last, x)]);
     };
     // The part is a polygon, each of whose corners lies on a side of the triangle.
     for k in 0..3 {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
-        let (upper, lower) = if a.y <= b.y { (a, b) } else { (b, a) };
-        if upper.y > high || lower.y < low {
+        let ([upper_x, upper_y], [lower_x, lower_y]) = if a[1] <= b[1] { (a, b) } else { (b, a) };
+        if upper_y > high || lower_y < low {
             continue;
         }
-        let height = lower.y - upper.y;
-        for y in [low.max(upper.y), high.min(lower.y)] {
-            if height > 0.0 {
-                add(upper.x + (lower.x - upper.x) * ((y - upper.y) / height).min(1.0));
+        let height = lower_y - upper_y;
+        for y in [greater(low, upper_y), lesser(high, lower_y)] {
+            if height > zero {
+                add(upper_x + (lower_x - upper_x) * lesser((y - upper_y) / height, one));
             } else {
-                add(upper.x);
-                add(lower.x);
+                add(upper_x);
+                add(lower_x);
             }
         }
     }
     span
 }
 
+fn lesser<T: PartialOrd>(a: T, b: T) -> T {
+    if b < a { b } else { a }
+}
+
+fn greater<T: PartialOrd>(a: T, b: T) -> T {
+    if b > a { b } else { a }
+}
+
 #[cfg(test)]
 mod tests {
     use fantex_base::Random;
+    use glam::Vec2;
 
     use super::*;
 
@@ -63,12 +76,12 @@ mod tests {
                     }
                 }
             }
-            match span([a, b, c], low, high) {
+            match span([a, b, c].map(|p| p.to_array()), low, high) {
                 Some([first, last]) => {
-                    assert!(first - SLACK <= least && greatest <= last + SLACK);
+                    assert!(first - SPAN_SLACK <= least && greatest <= last + SPAN_SLACK);
                     let ends = [a, b, c].map(|p| p.x);
-                    assert!(first >= ends.into_iter().fold(f32::INFINITY, f32::min) - SLACK);
-                    assert!(last <= ends.into_iter().fold(f32::NEG_INFINITY, f32::max) + SLACK);
+                    assert!(first >= ends.into_iter().fold(f32::INFINITY, f32::min) - SPAN_SLACK);
+                    assert!(last <= ends.into_iter().fold(f32::NEG_INFINITY, f32::max) + SPAN_SLACK);
                 }
                 None => assert!(least > greatest),
             }
@@ -77,11 +90,12 @@ mod tests {
 
     #[test]
     fn sides_along_rows_and_points_have_spans() {
-        let flat = [[1.0, 2.0], [7.0, 2.0], [3.0, 2.0]].map(Vec2::from);
+        let flat = [[1.0f64, 2.0], [7.0, 2.0], [3.0, 2.0]];
         assert_eq!(span(flat, 1.5, 2.5), Some([1.0, 7.0]));
         assert_eq!(span(flat, 2.5, 3.5), None);
-        assert_eq!(span([Vec2::splat(4.0); 3], 3.0, 4.0), Some([4.0; 2]));
-        let upright = [[0.0, 0.0], [4.0, 0.0], [0.0, 8.0]].map(Vec2::from);
+        assert_eq!(span([[4.0f64; 2]; 3], 3.0, 4.0), Some([4.0; 2]));
+        let upright = [[0.0f64, 0.0], [4.0, 0.0], [0.0, 8.0]];
         assert_eq!(span(upright, 2.0, 4.0), Some([0.0, 3.0]));
+        assert_eq!(span(upright.map(|corner| corner.map(|x| x as f32)), 2.0, 4.0), Some([0.0f32, 3.0]));
     }
 }
