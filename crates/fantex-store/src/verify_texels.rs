@@ -25,7 +25,8 @@ use crate::texel_bounds::{
     Bounds, FIT_STEPS, FittedTexel, MAX_PARTS, Part, StoredValues, full_value, may_exceed_one, unfitted,
 };
 use crate::{
-    Asset, Channel, PAGE, PageCache, PageId, TexelFormat, group_pages, page_extent, page_grid, page_origin,
+    Asset, Channel, PAGE, PREVIEW, PageCache, PageId, TexelFormat, group_pages, page_extent, page_grid,
+    page_origin,
 };
 
 /// What the check of texels found.
@@ -106,7 +107,9 @@ pub(crate) fn check_texels(cache: &PageCache) -> TexelReport {
     let groups = &asset.cover().groups;
     let triangles = GroupTriangles::of(asset.cover());
     let (is_open, exceeding) = (open_groups(asset), exceeding_channels(cache));
-    let check = TexelCheck { cache, triangles: &triangles, is_open: &is_open, exceeding: &exceeding };
+    let is_painted = asset.attachment_names().is_ok_and(|names| names.iter().any(|&name| name != PREVIEW));
+    let check =
+        TexelCheck { cache, triangles: &triangles, is_open: &is_open, exceeding: &exceeding, is_painted };
     let texels = |group: u32| groups[group as usize].texels();
     let (fitting, left_out): (Vec<u32>, Vec<u32>) =
         (0..groups.len() as u32).partition(|&group| texels(group) <= MAX_TEXELS);
@@ -171,6 +174,9 @@ struct TexelCheck<'a> {
     is_open: &'a [bool],
     /// Per group.
     exceeding: &'a [u16],
+    /// A painter's layers or history are there. Levels may be those of other texels: where layers show nothing they are the bake's, which are means
+    /// from before the fit.
+    is_painted: bool,
 }
 
 impl TexelCheck<'_> {
@@ -257,7 +263,7 @@ impl TexelCheck<'_> {
         };
         let step = Step {
             id,
-            is_edited: self.cache.asset().generation() > 1,
+            is_painted: self.is_painted,
             own,
             around,
             under,
@@ -305,8 +311,8 @@ impl TexelCheck<'_> {
 struct Step {
     /// The page.
     id: PageId,
-    /// Levels may be those of other texels: painting takes the bake's where layers show nothing, which are means from before the fit.
-    is_edited: bool,
+    /// See [`TexelCheck`].
+    is_painted: bool,
     /// The part.
     own: Rect,
     /// The part and its neighbours.
@@ -335,7 +341,7 @@ impl Step {
         let bounds = self.finer_bounds(values, finer);
         let means: Vec<Option<Bounds>> =
             (0..coarser.len()).map(|texel| self.mean(values, &bounds, texel)).collect();
-        let is_uncertain = channel.format.is_compressed() || self.is_edited;
+        let is_uncertain = channel.format.is_compressed() || self.is_painted;
         let contrasts = is_uncertain.then(|| {
             let count = channel.format.channel_count();
             [contrasts(self.under, finer, count), contrasts(self.around, coarser, count)]

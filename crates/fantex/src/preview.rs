@@ -50,13 +50,12 @@ impl Default for PreviewOptions {
 /// Triangles of a preview that is worth its bytes in any case.
 const SMALL_TRIANGLES: usize = 5000;
 
-impl PreviewOptions {
-    /// Whether a coarse mesh is worth it: it is small, or about as small as it is to be, or has less than two thirds of the triangles of the fine one.
-    /// Some surfaces can hardly be simplified.
-    pub(crate) fn is_met(&self, coarse: &Mesh, fine: &Mesh) -> bool {
-        let (coarse, fine) = (coarse.triangles.len(), fine.triangles.len());
-        coarse <= SMALL_TRIANGLES.max(self.triangles.saturating_mul(2)) || 3 * coarse < 2 * fine
-    }
+/// Whether a coarse mesh is worth it: it is small, or about as small as somebody has asked for, or has less than two thirds of the triangles of the
+/// fine one. Some surfaces can hardly be simplified.
+pub(crate) fn is_worth_it(coarse: &Mesh, fine: &Mesh, asked: Option<usize>) -> bool {
+    let most = asked.map_or(SMALL_TRIANGLES, |asked| SMALL_TRIANGLES.max(asked.saturating_mul(2)));
+    let (coarse, fine) = (coarse.triangles.len(), fine.triangles.len());
+    coarse <= most || 3 * coarse < 2 * fine
 }
 
 /// A preview.

@@ -29,7 +29,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::coarse::{FinerSurface, Place, place};
-use crate::preview::coarse_mesh;
+use crate::preview::{coarse_mesh, is_worth_it};
 use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldObject};
 
 /// How to split an asset.
@@ -288,7 +288,7 @@ fn add_coarse(
             let options =
                 PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
             let mesh = coarse_mesh(surface.mesh(), triangles, &kept)?;
-            if !options.is_met(&mesh, surface.mesh()) {
+            if !is_worth_it(&mesh, surface.mesh(), previews.triangles) {
                 left_out += 1;
                 continue;
             }
@@ -598,7 +598,7 @@ impl Sector {
         let texels = previews.texels(self.cover.stored_texels(&self.mesh), triangles);
         let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
         let coarse = coarse_mesh(editor.asset().mesh(), triangles, &self.border)?;
-        if !options.is_met(&coarse, editor.asset().mesh()) {
+        if !is_worth_it(&coarse, editor.asset().mesh(), previews.triangles) {
             return Ok(Some(coarse.triangles.len() as u64));
         }
         Preview::of_coarse(editor.asset(), &coarse, &options, progress)?.attach(&mut editor)?;

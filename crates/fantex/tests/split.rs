@@ -95,8 +95,7 @@ fn assert_sectors_are_the_whole(whole: &Asset, sectors: &[Asset]) {
     let reference = whole.sampler(64 << 20);
     let normals = shading_normals(mesh);
     for (number, sector) in (0u64..).zip(sectors) {
-        let with_texels = VerifyOptions { texels: true, ..VerifyOptions::default() };
-        assert!(verify_asset(sector.shared(), &with_texels).ok, "sector {number}");
+        assert!(verify_asset(sector.shared(), &VerifyOptions::default()).ok, "sector {number}");
         let part = sector.mesh();
         assert_eq!(part.world_from_mesh, mesh.world_from_mesh);
         assert_eq!(part.materials, mesh.materials);

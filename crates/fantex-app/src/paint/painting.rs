@@ -42,6 +42,9 @@ pub(super) enum Hand {
     AltTurn(Option<(SurfacePoint, DVec2)>),
 }
 
+/// The file of a stamp's picture, and a tip that is made.
+pub(super) type StampChoice = (Option<PathBuf>, Option<Tip>);
+
 #[derive(Debug)]
 pub struct Painting {
     pub(super) thread: PaintThread,
@@ -66,7 +69,7 @@ pub struct Painting {
     /// Where the last stroke ended.
     pub(super) last: Option<SurfacePoint>,
     /// What shapes the dabs, with the picture or the tip that it was made of.
-    pub(super) stamp: Option<((Option<PathBuf>, Option<Tip>), Arc<Stamp>)>,
+    pub(super) stamp: Option<(StampChoice, Arc<Stamp>)>,
     pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
     pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
     /// How far something is that takes long.

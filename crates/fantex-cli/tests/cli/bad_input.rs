@@ -176,9 +176,19 @@ fn a_texture_that_is_missing_is_named_with_its_material() {
 fn what_is_read_is_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "cube.obj", CUBE_OBJ);
-    let words = ["cube.obj is what is read"];
-    fails(1, &words, &[&"bake", &model, &"-o", &model, &"--source", &"solid=wood", &"--force"]);
+    let words = ["cube.obj would be an asset"];
+    fails(2, &words, &[&"bake", &model, &"-o", &model, &"--source", &"solid=wood", &"--force"]);
     assert_eq!(std::fs::read_to_string(&model).unwrap(), CUBE_OBJ);
+    let asset = folder.path().join("cube.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--source", &"solid=wood", &"--texels", &"1000"]);
+    let before = std::fs::read(&asset).unwrap();
+    let source = format!("mesh={}", asset.display());
+    fails(
+        1,
+        &["cube.fan is what is read"],
+        &[&"bake", &model, &"-o", &asset, &"--source", &source, &"--force"],
+    );
+    assert!(std::fs::read(&asset).unwrap() == before);
 }
 
 /// Each tile has at least 16 texels.

@@ -215,7 +215,7 @@ fn strokes_are_replayed_and_the_result_is_certified() {
     );
     fails(
         1,
-        &["not a stroke file: line 1, column 2: this is no JSON"],
+        &["not a stroke file: line 1, column 1: this is no JSON"],
         &[&"paint", &asset, &"--replay", &model],
     );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");

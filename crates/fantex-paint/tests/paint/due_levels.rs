@@ -103,9 +103,8 @@ fn the_end_of_a_stroke_leaves_its_levels() {
         assert!(changed.iter().all(|id| id.level > 0) && changed.is_sorted());
         let after = coarser(&painter);
         assert!(after != before);
-        let is_told = |(now, then): (&(PageId, Vec<u8>), &(PageId, Vec<u8>))| {
-            now.1 == then.1 || changed.binary_search(&now.0).is_ok()
-        };
+        type Page = (PageId, Vec<u8>);
+        let is_told = |(now, then): (&Page, &Page)| now.1 == then.1 || changed.binary_search(&now.0).is_ok();
         assert!(after.iter().zip(&before).all(is_told));
         assert_eq!(painter.poll_levels().unwrap(), Some(Vec::new()), "each is told once");
     }

@@ -111,7 +111,7 @@ pub fn first_ranges(file: &dyn ByteSource) -> Result<Vec<Range<u64>>> {
         bytes.truncate(count);
         Ok::<_, Error>(bytes)
     };
-    let mut ranges = vec![0..FIRST_BYTES];
+    let mut ranges: Vec<_> = std::iter::once(0..FIRST_BYTES).collect();
     let first = Fetched { bytes: read(&ranges[0])?, total: Some(file.length().map_err(failed)?) };
     let source = Arc::new(FetchedSource::new(file.location().to_owned(), first));
     let mut has_preview = true;
