@@ -396,7 +396,7 @@ fn no_foreign_texel_is_read_down_to_the_level_that_is_promised() {
     let path = baked.path("x.glb");
     let options = ExportOptions { side: Some(1024), padding: Some(16), ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
-    assert!(summary.charts > 3 && summary.padding == 16, "{summary:?}");
+    assert!(summary.charts > 1 && summary.padding == 16, "{summary:?}");
     let mesh = opened(&path);
     let pieces = pieces(&mesh);
     let side = 1024usize;

@@ -288,7 +288,8 @@ fn a_stray_vertex_does_not_take_the_model_with_it() {
         let mut ball = icosphere(4);
         ball.name = "test".to_owned();
         let stray = ball.positions.len() as u32;
-        ball.positions.push(DVec3::new(far, 0.0, 0.0));
+        // Along an axis the ball would keep the area that it has across it.
+        ball.positions.push(DVec3::splat(far));
         ball.triangles[7][0] = stray;
         let error = try_clean(ball).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Unsupported);
