@@ -277,7 +277,7 @@ def test_limits_for_files_of_others(tmp_path):
         '"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}]}'
     )
     try:
-        with pytest.raises(ValueError, match=r"outside its folder.*set_read_limits\(allow_outside=True\)"):
+        with pytest.raises(fantex.Error, match=r"outside its folder.*set_read_limits\(allow_outside=True\)"):
             fantex.Mesh.load(model)
         fantex.set_read_limits(allow_outside=True)
         assert len(fantex.Mesh.load(model).faces) == 1
