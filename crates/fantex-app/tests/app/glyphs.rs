@@ -114,6 +114,7 @@ fn pages_of_the_painter_lack_no_glyph() {
     harness.get_by_label("Stroke").click();
     // The section unfolds in some frames.
     harness.run_steps(30);
+    assert!(harness.query_all_by_label("Pressure: size").next().is_some());
     for (tool, _) in PaintTool::ALL {
         harness.state_mut().settings.paint.tool = tool;
         check(&mut harness);

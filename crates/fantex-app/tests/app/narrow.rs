@@ -47,7 +47,7 @@ fn check(harness: &Harness<'static, Viewer>, [width, height]: [f32; 2]) {
     }
 }
 
-const SIZES: [[f32; 2]; 2] = [[800.0, 600.0], [640.0, 480.0]];
+const SIZES: [[f32; 2]; 3] = [[800.0, 600.0], [640.0, 480.0], [480.0, 320.0]];
 
 #[test]
 fn the_viewer_fits_into_small_windows() {

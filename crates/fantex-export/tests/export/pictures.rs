@@ -392,11 +392,16 @@ fn pieces(mesh: &fantex_mesh::Mesh) -> Vec<u32> {
 
 #[test]
 fn no_foreign_texel_is_read_down_to_the_level_that_is_promised() {
-    let baked = baked(&cleaned(icosphere(3)), &Waves::color(2.0), 1 << 18, BakeFormat::Rgba8);
+    let mut balls = icosphere(3);
+    let other = icosphere(3);
+    let first = balls.positions.len() as u32;
+    balls.positions.extend(other.positions.iter().map(|p| *p + DVec3::X * 3.0));
+    balls.triangles.extend(other.triangles.iter().map(|corners| corners.map(|vertex| vertex + first)));
+    let baked = baked(&cleaned(balls), &Waves::color(2.0), 1 << 18, BakeFormat::Rgba8);
     let path = baked.path("x.glb");
     let options = ExportOptions { side: Some(1024), padding: Some(16), ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
-    assert!(summary.charts > 1 && summary.padding == 16, "{summary:?}");
+    assert!(summary.charts > 3 && summary.padding == 16, "{summary:?}");
     let mesh = opened(&path);
     let pieces = pieces(&mesh);
     let side = 1024usize;
