@@ -169,8 +169,9 @@ fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect) {
         ui.label(RichText::new(".glb  .gltf  .obj  .ply  .stl  .fan  .fanworld").color(theme::FAINT));
         ui.add_space(10.0);
         let keys = keys_of(false, &Command::OpenDialog).unwrap_or_default();
-        let button =
-            egui::Button::new("Open a file …").shortcut_text(RichText::new(keys).color(theme::FAINT)).truncate();
+        let button = egui::Button::new("Open a file …")
+            .shortcut_text(RichText::new(keys).color(theme::FAINT))
+            .truncate();
         if ui.add_sized([190.0f32.min(ui.available_width()), 32.0], button).clicked() {
             command = Some(Command::OpenDialog);
         }

@@ -16,7 +16,7 @@ use fantex_app::viewer::Viewer;
 
 use crate::panels::{empty, harness, wait_painted, with_asset, with_model, with_painting};
 
-const SIZE: [f32; 2] = [1380.0, 2600.0];
+const SIZE: [f32; 2] = [1380.0, 1600.0];
 
 /// Characters of a text that are in no font.
 fn missing(harness: &Harness<'static, Viewer>, text: &str) -> Vec<char> {
@@ -111,8 +111,9 @@ fn pages_of_the_painter_lack_no_glyph() {
     let paint = &mut viewer.settings.paint;
     paint.brush.only_seen = true;
     paint.stencil.is_on = true;
+    // What was switched on moves the section before it is clicked.
+    harness.run_steps(3);
     harness.get_by_label("Stroke").click();
-    // The section unfolds in some frames.
     harness.run_steps(30);
     assert!(harness.query_all_by_label("Pressure: size").next().is_some());
     for (tool, _) in PaintTool::ALL {
