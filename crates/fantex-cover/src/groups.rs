@@ -96,14 +96,19 @@ pub(crate) fn group_fans(
     density: &NominalDensity<'_>,
     limits: &GroupLimits,
 ) -> Grouping {
-    let ways = if shapes.len() <= MAX_FANS_FOR_ALL_WAYS { WAYS.as_slice() } else { &WAYS[..1] };
-    let (first, others) = ways.split_first().unwrap_or((&WAYS[0], &[]));
     let tried = |&way| grouped(surface, shapes, density, limits, way);
-    let Grouped { mut builder, mut patches, .. } = others
-        .iter()
-        .map(tried)
-        .fold(tried(first), |best, next| if next.cost < best.cost { next } else { best });
-    if shapes.len() <= MAX_FANS_FOR_UNROLLING {
+    let [first, others @ ..] = &WAYS;
+    let mut best = tried(first);
+    let is_small = shapes.len() <= FEW_FANS;
+    let is_flat = is_small || flat_share(shapes) > MOSTLY_FLAT;
+    let most = if is_flat { MANY_FLAT_FANS } else { MANY_FANS };
+    let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY;
+    if may_gain && is_flat {
+        best =
+            others.iter().map(tried).fold(best, |best, next| if next.cost < best.cost { next } else { best });
+    }
+    let Grouped { mut builder, mut patches, .. } = best;
+    if may_gain {
         builder.unroll_unions(&mut patches);
         builder.number_groups(&patches);
     }
@@ -111,8 +116,32 @@ pub(crate) fn group_fans(
     Grouping { laid, fan_groups: builder.fan_groups }
 }
 
-/// On meshes with more fans groups are not laid flat freely: covers would take twice the time, and scans gain a tenth of a decibel.
-const MAX_FANS_FOR_UNROLLING: usize = 20_000;
+/// Meshes of at most so many fans are cut in all ways and laid flat freely.
+const FEW_FANS: usize = 20_000;
+
+/// Those of at most so many are laid flat freely where the first way loses much: steep places of height fields, noise, fine structures. They gain one to
+/// three decibels; scans that lose less would gain a tenth of a decibel in twice the time.
+const MANY_FANS: usize = 200_000;
+
+/// The same of models with flat faces, which are also cut in all ways.
+const MANY_FLAT_FANS: usize = 500_000;
+
+/// Decibels beside as many ideal texels.
+const LOSSY: f32 = 2.5;
+
+/// The share of the area around vertices where nothing is bent, above which a model has flat faces.
+const MOSTLY_FLAT: f32 = 0.25;
+
+/// Cosine of the widest cone of normals around such a vertex.
+const FLAT: f32 = 0.999_998;
+
+/// The share of the area around vertices where nothing is bent.
+fn flat_share(shapes: &[FanShape]) -> f32 {
+    let area =
+        |shapes: &mut dyn Iterator<Item = &FanShape>| shapes.map(|shape| f64::from(shape.area)).sum::<f64>();
+    let flat = area(&mut shapes.iter().filter(|shape| shape.cone.cos > FLAT));
+    (flat / area(&mut shapes.iter())) as f32
+}
 
 /// The groups found in one way, and what they cost.
 struct Grouped<'a> {
@@ -121,13 +150,18 @@ struct Grouped<'a> {
     patches: Vec<Patch>,
 }
 
+impl Grouped<'_> {
+    /// Decibels beside as many ideal texels, whose cost is their number (see [`cost`](crate::cost)).
+    fn loss(&self) -> f32 {
+        let texels: f32 = self.patches.iter().map(|patch| patch.demand.texels()).sum();
+        30.0 * libm::log10f(self.cost / texels)
+    }
+}
+
 /// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
-/// scans; which is best for a model of few large triangles is found by trying.
+/// scans; which is best for a model of flat faces or few large triangles is found by trying (the last one is for rods, pipes and corrugated sheets).
 const WAYS: [(f32, f32); 5] =
     [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY), (1.03, 0.0)];
-
-/// On meshes with more fans only the first way is tried: on scans the others find nothing better, and take five times as long.
-const MAX_FANS_FOR_ALL_WAYS: usize = 20_000;
 
 fn grouped<'a>(
     surface: &'a Surface<'a>,
