@@ -298,6 +298,12 @@ fn a_store_puts_an_asset_together_of_its_parts() {
     // What passes is tried again; an answer may be lost.
     store.faults("busy=2&broken=1&lost=1");
     assert_eq!(put("busy.fan").0, copied);
+    // The store has lost the upload to something else that was done to the object: everything is copied anew.
+    store.faults("disputed=1");
+    let before = store.count("copied");
+    let made = store.json(&merge(&parts, &["-o", "s3://scans/disputed.fan"]));
+    assert!(is_whole("disputed.fan"));
+    assert_eq!((&made["copied_bytes"], store.count("copied") - before), (&copied.into(), 2 * copied));
 
     // Stores that copy nothing, or take what cannot be copied for something else, are sent all bytes.
     for fault in ["uncopied", "deaf", "uniform", "whole"] {
@@ -370,6 +376,18 @@ fn an_upload_that_fails_leaves_no_object() {
     put("lost.fan");
     store.faults("lost=1");
     store.json(&[&["plan", model, "-o", "s3://scans/lost.plan"][..], &options].concat());
+    // Something else was done to it at that moment: that does not say that it is there.
+    for disputed in [1, 2] {
+        store.faults(&format!("disputed={disputed}"));
+        store.json(&[&["plan", model, "-o", &format!("s3://scans/{disputed}.plan")][..], &options].concat());
+    }
+    let parts = store.count("parts");
+    store.faults("disputed=1");
+    put("disputed.fan");
+    assert!(store.count("parts") - parts >= 6, "all parts are sent again");
+    store.faults("disputed=1000");
+    fails(&["NoSuchUpload", "run the command again"], "always.fan");
+    store.faults("disputed=0");
 
     // What does not pass leaves nothing, and can be done again.
     store.faults("refused=1");
