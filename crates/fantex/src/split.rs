@@ -13,13 +13,17 @@
 //! sector's preview, beside what its outline needs: vertices that sectors of other runs have, too, stay where they are.
 //!
 //! Surfaces that can hardly be simplified get neither: what is as large as what it stands for takes bytes and memory, and saves none.
+//!
+//! A world takes the place of another one by its index alone: its assets have names that those of the other do not have, and lie beside them. So
+//! whoever reads sees one or the other, and what ends on the way leaves the old one. The assets that the old index named go last.
 
 use std::collections::HashSet;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::files::{TemporaryFolder, remove_leftovers, sync_folder, temporary_folder};
+use fantex_base::files::{TemporaryFolder, persist_all, remove_leftovers, sync_folder, temporary_folder};
 use fantex_base::{Error, Result, UnionFind, counted, grouped, input};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Edges, Mesh, corners_of, morton, shading_normals};
@@ -27,6 +31,7 @@ use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
 use fantex_stream::url_of;
 use glam::Vec3;
 use rayon::prelude::*;
+use tempfile::TempPath;
 
 use crate::coarse::{FinerSurface, Place, place};
 use crate::preview::{coarse_mesh, is_worth_it};
@@ -90,7 +95,8 @@ pub struct Split {
 
 /// Splits an asset into sectors in a folder, which is made where there is none: `sector-0001.fan`, ..., of more than 16 sectors `coarse-0001.fan`,
 /// ..., and, when all are there, the index `NAME.fanworld`, NAME being the asset's. The asset stays as it is; attachments (layers, history) stay
-/// with it alone.
+/// with it alone. Where a world is in the folder, the files of the new one are `sector-0001-2.fan`, ..., and the new index takes the place of the old
+/// one at once, or nothing is written and nothing removed.
 ///
 /// Sectors have the mesh space, materials, names of parts and corner attributes of the whole, and its shading normals. Vertices that sectors share
 /// are at the same places in sectors, previews and coarse assets that meet there, to the last bit. Memory beside the asset grows with the
@@ -148,9 +154,10 @@ pub fn split(
     if progress.is_cancelled() {
         return Err(Error::cancelled("the split was cancelled"));
     }
-    output.finish(&world, &index)?;
+    let mut notes = left_out.notes(plan.sectors.len());
+    notes.extend(output.finish(&mut world, &index)?);
     let repeated_texels = in_sectors.saturating_sub(plan.texels);
-    Ok(Split { index, world, repeated_texels, notes: left_out.notes(plan.sectors.len()) })
+    Ok(Split { index, world, repeated_texels, notes })
 }
 
 /// Previews and coarse assets that are not there because they would be hardly smaller than what they stand for.
@@ -208,11 +215,49 @@ impl Split {
 
     /// Whether a file name is that of a sector or of a coarse asset; such files of a world go when another takes its place.
     pub fn is_asset_name(file: &str) -> bool {
-        let prefixes = [SECTOR_PREFIX, COARSE_PREFIX];
-        let rest = prefixes.iter().find_map(|prefix| file.strip_prefix(prefix));
-        let number = rest.and_then(|rest| rest.strip_suffix(".fan"));
-        number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
+        parts_of_name(file).is_some()
     }
+
+    /// The file name of a sector or a coarse asset in the world of a generation, whatever its own is. Worlds that take each other's places are of
+    /// different generations, so that their assets can lie side by side.
+    pub(crate) fn name_in_generation(file: &str, generation: u32) -> String {
+        match (parts_of_name(file), generation) {
+            (None, _) => file.to_owned(),
+            (Some((stem, _)), 1) => format!("{stem}.fan"),
+            (Some((stem, _)), _) => format!("{stem}-{generation}.fan"),
+        }
+    }
+}
+
+/// The name of a sector's or a coarse asset's file without its generation, and that: `sector-0001.fan` has the first, `sector-0001-2.fan` the second.
+fn parts_of_name(file: &str) -> Option<(&str, u32)> {
+    let name = file.strip_suffix(".fan")?;
+    let prefix = [SECTOR_PREFIX, COARSE_PREFIX].into_iter().find(|prefix| name.starts_with(*prefix))?;
+    let (number, generation) = match name[prefix.len()..].split_once('-') {
+        Some((_, generation)) if generation.starts_with(['+', '0']) => return None,
+        Some((number, generation)) => (number, generation.parse::<u32>().ok().filter(|&number| number > 1)?),
+        None => (&name[prefix.len()..], 1),
+    };
+    let is_number = number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then(|| (&name[..prefix.len() + number.len()], generation))
+}
+
+/// The generation of a sector's or a coarse asset's file.
+pub(crate) fn generation_of(file: &str) -> Option<u32> {
+    Some(parts_of_name(file)?.1)
+}
+
+/// Says that files or objects of a world which is no more could not be removed.
+pub(crate) fn left_behind(left: &[String], error: &Error) -> String {
+    const NAMED: usize = 8;
+    let names = left.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let more = match left.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!(
+        "the world that was replaced has left what could not be removed, and may go: {names}{more} ({error})"
+    )
 }
 
 /// The file of a sector or a coarse asset, counted from 0.
@@ -320,7 +365,7 @@ struct Output {
     folder: PathBuf,
     was_made: bool,
     unfinished: Option<TemporaryFolder>,
-    /// Sectors, coarse assets and the index of a world that is there.
+    /// Sectors and coarse assets that are there and belong to the world that is replaced, or to none.
     replaced: Vec<PathBuf>,
     /// Names of sectors and coarse assets.
     written: Vec<String>,
@@ -341,21 +386,17 @@ impl Output {
             written: Vec::new(),
         };
         remove_leftovers(folder);
-        let names: Vec<String> = std::fs::read_dir(folder)
-            .and_then(|entries| {
-                entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
-            })
-            .map_err(writing)?;
+        let names = names_in(folder)?;
         if !force && !names.is_empty() {
             let folder = folder.display();
             return Err(Error::conflict(format!(
                 "{folder} is not empty; give another folder, or write over the world in it with --force"
             )));
         }
-        output.replaced.extend(index.exists().then(|| index.to_owned()));
-        let assets = names.iter().filter(|name| Split::is_asset_name(name));
+        let others = assets_of_others(folder, &names, index)?;
+        let assets = names.iter().filter(|name| Split::is_asset_name(name) && !others.contains(*name));
         output.replaced.extend(assets.map(|name| folder.join(name)));
-        output.replaced.iter().try_for_each(|path| input::check_output(path))?;
+        output.replaced.iter().map(PathBuf::as_path).chain([index]).try_for_each(input::check_output)?;
         output.unfinished = Some(temporary_folder(folder).map_err(writing)?);
         Ok(output)
     }
@@ -380,25 +421,65 @@ impl Output {
         }
     }
 
-    /// Writes the index, and puts all files in their places. Nothing is changed of a world that is there before the new one is durable; while
-    /// files are exchanged there is no index.
-    fn finish(mut self, world: &World, index: &Path) -> Result<()> {
-        let name = index.file_name().unwrap_or_default();
-        let unfinished_index = self.unfinished(name);
+    /// Puts all files in their places, then the index, and removes the assets of the world that it replaces. Nothing is changed of that before the
+    /// new one is there and durable. Returns what is to be known.
+    fn finish(mut self, world: &mut World, index: &Path) -> Result<Vec<String>> {
+        let taken: HashSet<u32> =
+            names_in(&self.folder)?.iter().filter_map(|name| generation_of(name)).collect();
+        let generation = (1..).find(|generation| !taken.contains(generation)).unwrap_or(1);
+        let renamed = |name: &str| Split::name_in_generation(name, generation);
+        world.rename_assets(renamed);
+        let unfinished_index = self.unfinished(index.file_name().unwrap_or_default());
         world.write(&unfinished_index)?;
-        let failed = |path: &Path, error| Error::writing(path, error);
-        for path in &self.replaced {
-            std::fs::remove_file(path).map_err(|error| failed(path, error))?;
+        let place = |name: &String| self.folder.join(renamed(name));
+        let file = |name: &String| -> Result<(TempPath, PathBuf)> {
+            let file = self.unfinished(name);
+            let temporary = TempPath::try_from_path(&file).map_err(|error| Error::writing(&file, error))?;
+            Ok((temporary, place(name)))
+        };
+        persist_all(self.written.iter().map(file).collect::<Result<_>>()?, false)?;
+        if let Err(error) = std::fs::rename(unfinished_index, index) {
+            self.written.iter().for_each(|name| std::fs::remove_file(place(name)).unwrap_or_default());
+            return Err(Error::writing(index, error));
         }
-        for name in &self.written {
-            let path = self.folder.join(name);
-            let moved = std::fs::rename(self.unfinished(name), &path);
-            moved.map_err(|error| failed(&path, error))?;
-        }
-        std::fs::rename(unfinished_index, index).map_err(|error| failed(index, error))?;
         self.was_made = false;
-        sync_folder(&self.folder)
+        // Until then a crash may leave either index, so both worlds have to be there.
+        sync_folder(&self.folder)?;
+        let mut failure = None;
+        let mut left = Vec::new();
+        for path in &self.replaced {
+            match std::fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    left.push(path.display().to_string());
+                    failure.get_or_insert(Error::writing(path, error));
+                }
+                _ => {}
+            }
+        }
+        Ok(failure.iter().map(|error| left_behind(&left, error)).collect())
     }
+}
+
+/// Names of what is in a folder.
+fn names_in(folder: &Path) -> Result<Vec<String>> {
+    let names = folder.read_dir().and_then(|entries| {
+        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
+    });
+    names.map_err(|error| Error::writing(folder, error))
+}
+
+/// What other indexes than `index` name in a folder: their assets stay.
+fn assets_of_others(folder: &Path, names: &[String], index: &Path) -> Result<HashSet<String>> {
+    let others = names.iter().map(|name| folder.join(name));
+    let mut assets = HashSet::new();
+    for other in others.filter(|other| World::is_named(other) && other != index) {
+        let world = World::open_to_change(&other).map_err(|error| {
+            let folder = folder.display();
+            error.context(format!("cannot tell which files in {folder} belong to another world"))
+        })?;
+        assets.extend(world.assets().filter_map(World::path_below));
+    }
+    Ok(assets)
 }
 
 impl Drop for Output {
@@ -603,5 +684,34 @@ impl Sector {
         }
         Preview::of_coarse(editor.asset(), &coarse, &options, progress)?.attach(&mut editor)?;
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_sectors_tell_their_generation() {
+        for (file, parts) in [
+            ("sector-0001.fan", Some(("sector-0001", 1))),
+            ("coarse-12345-17.fan", Some(("coarse-12345", 17))),
+            ("sector-0001-2.fan", Some(("sector-0001", 2))),
+            ("sector-0001-1.fan", None),
+            ("sector-0001-02.fan", None),
+            ("sector-0001-+2.fan", None),
+            ("sector-0001-.fan", None),
+            ("sector-001.fan", None),
+            ("sector-0001-2-3.fan", None),
+            ("sector-0001.part", None),
+            ("a-sector-0001.fan", None),
+        ] {
+            assert_eq!(parts_of_name(file), parts, "{file}");
+        }
+        let name = Split::name_in_generation;
+        assert_eq!(name("sector-0001.fan", 1), "sector-0001.fan");
+        assert_eq!(name("sector-0001-2.fan", 1), "sector-0001.fan");
+        assert_eq!(name("coarse-0001-2.fan", 3), "coarse-0001-3.fan");
+        assert_eq!(name("houses/church.fan", 3), "houses/church.fan");
     }
 }

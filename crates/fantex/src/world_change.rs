@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, ReadLimits, ReadOptions, Result, counted, input};
+use fantex_base::{Error, Result, counted, input};
 use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
@@ -52,7 +52,7 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
     check_index(index)?;
     let replace = replaced(index)?;
     let is_there = if is_object(index) { replace != Replace::Nothing } else { index.exists() };
-    let mut world = if is_there { open_to_change(index)? } else { World::default() };
+    let mut world = if is_there { World::open_to_change(index)? } else { World::default() };
     let mut changed = WorldChanged::default();
     let coarse_before = world.coarse.len();
     for asset in change.remove {
@@ -100,12 +100,6 @@ fn check_cancelled(progress: &dyn Progress) -> Result<()> {
         true => Err(Error::cancelled("the change of the world was cancelled")),
         false => Ok(()),
     }
-}
-
-/// Opens the index without marking it as an input, which nothing may overwrite.
-fn open_to_change(index: &Path) -> Result<World> {
-    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
-    ReadLimits::new(options).run(|| World::open(index))
 }
 
 /// Which version of an index in a store a changed one replaces. It is known before the index is read, so that no change of somebody else is lost.

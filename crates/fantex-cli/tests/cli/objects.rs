@@ -120,13 +120,13 @@ impl Store {
 }
 
 /// The keys that the store knows. (Those of Amazon's examples.)
-const KEYS: [(&str, &str); 2] = [
+pub(crate) const KEYS: [(&str, &str); 2] = [
     ("AWS_ACCESS_KEY_ID", "AKIAIOSFODNN7EXAMPLE"),
     ("AWS_SECRET_ACCESS_KEY", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY"),
 ];
 
 /// None where there is no Python. Everybody may read the object `public.fan`.
-fn serve(folder: &Path) -> Option<Store> {
+pub(crate) fn serve(folder: &Path) -> Option<Store> {
     let arguments = [folder.to_str().unwrap(), "scans", KEYS[0].1, KEYS[1].1, "public.fan"];
     Store::start("object_store.py", &arguments, &KEYS, |server| {
         vec![("AWS_ENDPOINT_URL", server.to_owned()), ("AWS_REGION", "eu-west-1".to_owned())]
@@ -499,9 +499,9 @@ fn worlds_and_previews_are_written_to_buckets() {
     // An index at an address names assets below it as one in a folder does.
     std::fs::copy(asset, bucket.join("whole.fan")).unwrap();
     let (index, whole) = ("s3://scans/town.fanworld", "s3://scans/whole.fan");
-    let made = store.json(&["world", index, whole, "s3://scans/land/sector-0001.fan", "--make-previews"]);
+    let made = store.json(&["world", index, whole, "s3://scans/land/sector-0001-2.fan", "--make-previews"]);
     assert_eq!((&made["added"], &made["previews_made"]), (&2.into(), &1.into()), "{made}");
-    assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001.fan"]), "{made}");
+    assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001-2.fan"]), "{made}");
     assert_eq!(store.json(&["world", index, "--remove", whole])["objects"], 1);
     assert_eq!(store.json(&["info", index])["objects"], 1);
     store.fails(1, &["land.fan lies on this machine"], &["world", index, asset], &KEYS);

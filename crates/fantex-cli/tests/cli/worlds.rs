@@ -77,6 +77,7 @@ fn an_asset_is_split_and_verified() {
 
     fails(1, &["is not empty", "--force"], &split);
     succeeds(&[&split[..], &[&"--force", &"--no-previews"]].concat());
+    assert!(files(&target).iter().all(|name| name == "land.fanworld" || name.ends_with("-2.fan")));
     assert_eq!(json(&[&"info", &index])["previews"], 0);
     fails(1, &["--memory"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--memory", &"1M"]);
     assert!(!folder.path().join("no").exists());
