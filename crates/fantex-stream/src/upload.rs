@@ -8,11 +8,11 @@
 
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
-use std::io::{self, Read, Seek as _, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -137,8 +137,8 @@ impl Content for Text {
 }
 
 /// A run of a file's bytes.
-struct Section<'a> {
-    file: File,
+struct Section<'a, R> {
+    file: R,
     start: u64,
     length: u64,
     /// Bytes that are not sent yet.
@@ -146,7 +146,7 @@ struct Section<'a> {
     upload: &'a Upload<'a>,
 }
 
-impl Content for Section<'_> {
+impl<R: Read + Seek> Content for Section<'_, R> {
     fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>> {
         // What was sent in vain.
         self.upload.sent.fetch_sub(self.length - self.left, Relaxed);
@@ -156,7 +156,7 @@ impl Content for Section<'_> {
     }
 }
 
-impl Read for Section<'_> {
+impl<R: Read> Read for Section<'_, R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         if self.upload.is_ended() {
             return Err(io::Error::other("the upload was ended"));
@@ -177,13 +177,34 @@ impl Read for Section<'_> {
 struct Upload<'a> {
     path: &'a Path,
     length: u64,
+    /// When the file was changed last, as far as the system tells.
+    modified: Option<SystemTime>,
     sent: AtomicU64,
     /// Somebody wants no more, or a part has failed.
     stops: AtomicBool,
     watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
 }
 
-impl Upload<'_> {
+impl<'a> Upload<'a> {
+    fn of(path: &'a Path, watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync)) -> Result<Self> {
+        let found = path.metadata().map_err(|error| Error::reading(path, error))?;
+        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
+        Ok(Self { path, length: found.len(), modified: found.modified().ok(), sent, stops, watch })
+    }
+
+    /// Refuses a file that somebody has written to since the upload began: what was read of it may be of several states.
+    fn check_unchanged(&self) -> io::Result<()> {
+        let found = self.path.metadata()?;
+        if (found.len(), found.modified().ok()) == (self.length, self.modified) {
+            return Ok(());
+        }
+        let message = format!(
+            "{} was changed while it was sent; send it again when it is finished",
+            self.path.display()
+        );
+        Err(io::Error::new(io::ErrorKind::InvalidData, message))
+    }
+
     /// Reports; whether to stop.
     fn is_ended(&self) -> bool {
         if (self.watch)(self.sent.load(Relaxed), self.length).is_break() {
@@ -192,9 +213,16 @@ impl Upload<'_> {
         self.stops.load(Relaxed)
     }
 
-    fn section(&self, start: u64, length: u64) -> io::Result<Section<'_>> {
+    fn section(&self, start: u64, length: u64) -> io::Result<Section<'_, File>> {
         let file = File::open(self.path)?;
         Ok(Section { file, start, length, left: length, upload: self })
+    }
+
+    /// All of a small file, as it is now.
+    fn whole(&self) -> io::Result<Section<'_, io::Cursor<Vec<u8>>>> {
+        let file = io::Cursor::new(std::fs::read(self.path)?);
+        self.check_unchanged()?;
+        Ok(Section { file, start: 0, length: self.length, left: self.length, upload: self })
     }
 }
 
@@ -262,19 +290,17 @@ impl ObjectTarget {
     ///
     /// # Errors
     /// An object is there that may not be replaced ([`AlreadyExists`](fantex_base::ErrorKind::AlreadyExists), or
-    /// [`Conflict`](fantex_base::ErrorKind::Conflict) where it has another version); the file cannot be read; the store refuses; it was ended. Then there
-    /// is no new object.
+    /// [`Conflict`](fantex_base::ErrorKind::Conflict) where it has another version); the file cannot be read, or is written to meanwhile; the store refuses;
+    /// it was ended. Then there is no new object.
     pub fn put(
         &self,
         path: &Path,
         replace: &Replace,
         watch: &(dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
     ) -> Result<()> {
-        let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
-        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        let upload = Upload { path, length, sent, stops, watch };
+        let upload = Upload::of(path, watch)?;
         let mark = new_mark();
-        let put = match length {
+        let put = match upload.length {
             0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
             _ => self.put_in_parts(&upload, replace, &mark),
         };
@@ -364,7 +390,7 @@ impl ObjectTarget {
     }
 
     fn put_at_once(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
-        let mut content = upload.section(0, upload.length)?;
+        let mut content = upload.whole()?;
         self.publish(replace, mark, &mut |condition| {
             let kind = match self.object.store {
                 Store::S3(_) => None,
@@ -380,7 +406,11 @@ impl ObjectTarget {
 
     fn put_in_parts(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
         let first = self.begin(mark)?;
-        self.make_of_parts(upload, replace, mark, first, &|id| self.put_parts(upload, id))
+        self.make_of_parts(upload, replace, mark, first, &|id| -> Result<_, Refusal> {
+            let tags = self.put_parts(upload, id)?;
+            upload.check_unchanged()?;
+            Ok(tags)
+        })
     }
 
     /// Makes the object by an upload in parts that has begun as `first`; `put` sends all parts of an upload and gives their tags. Where the store has
@@ -704,6 +734,27 @@ mod tests {
         let blocks =
             "<Latest>MDEyMzQ1Njc4OWFiY2RlZjAwMDAx</Latest><Latest>MDEyMzQ1Njc4OWFiY2RlZjA5MDAw</Latest>";
         assert!(list.ends_with(&format!("<BlockList>{blocks}</BlockList>")), "{list}");
+    }
+
+    #[test]
+    fn a_file_that_is_written_to_is_not_sent() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.fan");
+        std::fs::write(&path, "first").unwrap();
+        let watch = |_: u64, _: u64| ControlFlow::Continue(());
+        let upload = Upload::of(&path, &watch).unwrap();
+        let mut read = String::new();
+        upload.whole().unwrap().read_to_string(&mut read).unwrap();
+        assert_eq!(read, "first");
+        upload.check_unchanged().unwrap();
+        std::fs::write(&path, "longer").unwrap();
+        let said = upload.whole().err().unwrap().to_string();
+        assert!(said.contains("a.fan was changed while it was sent"), "{said}");
+        // Of the same length.
+        std::fs::write(&path, "other").unwrap();
+        let later = SystemTime::now() + Duration::from_secs(2);
+        File::options().write(true).open(&path).unwrap().set_modified(later).unwrap();
+        upload.check_unchanged().unwrap_err();
     }
 
     #[test]

@@ -24,10 +24,10 @@ use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::files::{TemporaryFolder, persist_all, remove_leftovers, sync_folder, temporary_folder};
-use fantex_base::{Error, Result, UnionFind, counted, grouped, input};
+use fantex_base::{Error, ErrorKind, Result, UnionFind, counted, grouped, input};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Edges, Mesh, corners_of, morton, shading_normals};
-use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
+use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy, WriterLock};
 use fantex_stream::url_of;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -364,6 +364,8 @@ fn runs_of_sectors(runs: &[&[Node]], sectors: usize) -> Vec<u32> {
 struct Output {
     folder: PathBuf,
     was_made: bool,
+    /// That of an index that may be there.
+    lock: Option<WriterLock>,
     unfinished: Option<TemporaryFolder>,
     /// Sectors and coarse assets that are there and belong to the world that is replaced, or to none.
     replaced: Vec<PathBuf>,
@@ -381,6 +383,7 @@ impl Output {
         let mut output = Self {
             folder: folder.into(),
             was_made,
+            lock: None,
             unfinished: None,
             replaced: Vec::new(),
             written: Vec::new(),
@@ -393,6 +396,8 @@ impl Output {
                 "{folder} is not empty; give another folder, or write over the world in it with --force"
             )));
         }
+        // In an empty folder there is nothing that somebody else could change.
+        output.lock = if force { lock_index(index)? } else { None };
         let others = assets_of_others(folder, &names, index)?;
         let assets = names.iter().filter(|name| Split::is_asset_name(name) && !others.contains(*name));
         output.replaced.extend(assets.map(|name| folder.join(name)));
@@ -460,6 +465,15 @@ impl Output {
     }
 }
 
+/// Keeps others from changing or replacing an index in a folder meanwhile.
+pub(crate) fn lock_index(index: &Path) -> Result<Option<WriterLock>> {
+    match WriterLock::acquire(index) {
+        Err(error) if error.kind() == ErrorKind::Conflict => Err(error),
+        // Where there is no lock, the index cannot be written either, which is told then.
+        lock => Ok(lock.ok()),
+    }
+}
+
 /// Names of what is in a folder.
 fn names_in(folder: &Path) -> Result<Vec<String>> {
     let names = folder.read_dir().and_then(|entries| {
@@ -484,7 +498,7 @@ fn assets_of_others(folder: &Path, names: &[String], index: &Path) -> Result<Has
 
 impl Drop for Output {
     fn drop(&mut self) {
-        drop(self.unfinished.take());
+        drop((self.unfinished.take(), self.lock.take()));
         if self.was_made {
             std::fs::remove_dir(&self.folder).unwrap_or_default();
         }

@@ -10,6 +10,7 @@ use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
 use crate::addresses::{Target, is_object};
 use crate::preview::CancelOnly;
+use crate::split::lock_index;
 use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
 /// What to change in an index.
@@ -46,10 +47,12 @@ pub struct WorldChanged {
 ///
 /// # Errors
 /// The index is no name for one, or can only be read; an asset cannot be read, or [cannot be named](World::name_of) in it; there is none of those to
-/// be removed; an object in a store was changed by somebody else meanwhile; somebody wants to stop. Then the index is as it was. Previews that were
+/// be removed; somebody else changes the index, or has changed it in its store meanwhile; somebody wants to stop. Then the index is as it was. Previews that were
 /// made stay.
 pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progress) -> Result<WorldChanged> {
     check_index(index)?;
+    // One in a store is known by its version.
+    let _lock = if is_object(index) { None } else { lock_index(index)? };
     let replace = replaced(index)?;
     let is_there = if is_object(index) { replace != Replace::Nothing } else { index.exists() };
     let mut world = if is_there { World::open_to_change(index)? } else { World::default() };
@@ -161,4 +164,29 @@ fn make_preview(
     Preview::add_at(place, options, [progress; 2])?;
     *asset = open(place)?;
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_bake::NoProgress;
+    use fantex_base::ErrorKind;
+    use fantex_store::WriterLock;
+
+    use super::*;
+
+    #[test]
+    fn an_index_is_changed_by_one_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let index = folder.path().join("town.fanworld");
+        let change = || change_world(&index, &WorldChange::default(), &NoProgress);
+        let lock = WriterLock::acquire(&index).unwrap();
+        let error = change().unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Conflict);
+        assert!(error.to_string().contains("town.fanworld is being edited by another program"), "{error}");
+        assert!(!index.exists());
+        drop(lock);
+        change().unwrap();
+        let names: Vec<_> = folder.path().read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(names, [index]);
+    }
 }

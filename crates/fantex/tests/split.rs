@@ -12,7 +12,7 @@ use fantex::mesh::generate::{LandscapeOptions, grid, icosphere, landscape};
 use fantex::mesh::{Edges, Material, Mesh, Model, shading_normals};
 use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, Surface, render};
 use fantex::scene::{Background, Camera};
-use fantex::store::{PageCache, VerifyOptions, verify_asset};
+use fantex::store::{PageCache, VerifyOptions, WriterLock, verify_asset};
 use fantex::texture::compare::psnr_db;
 use fantex::texture::{Image, Samples};
 use fantex::{
@@ -616,6 +616,13 @@ fn a_world_is_replaced_at_once_or_stays() {
     std::fs::remove_dir_all(&first.index).unwrap();
     std::fs::rename(&aside, &first.index).unwrap();
     assert!(passes());
+
+    // Nor is one that somebody else is changing.
+    let lock = WriterLock::acquire(&first.index).unwrap();
+    let error = split(whole.shared(), &target, &options, &NoProgress).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Conflict);
+    drop(lock);
+    assert!(passes() && asset_names() == of(""));
 
     // What another world in the folder names stays; what belongs to none goes, such as a crash leaves; what cannot go is named.
     let other = target.join("other.fanworld");

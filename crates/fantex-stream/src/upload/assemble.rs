@@ -11,7 +11,7 @@ use std::io::{self, Read};
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result};
 use fantex_store::{ByteSource as _, write_all_at};
@@ -115,15 +115,14 @@ impl ObjectTarget {
         replace: &Replace,
         watch: &(dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
     ) -> Result<Assembled> {
-        let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
+        let upload = Upload::of(path, watch)?;
+        let length = upload.length;
         let ranges: Vec<_> = runs.iter().map(|run| run.range.clone()).collect();
         let pieces = pieces(length, &ranges);
         let copied: u64 = pieces.iter().filter(|piece| piece.run.is_some()).map(Piece::length).sum();
         if copied == 0 {
             return Ok(Assembled::NotCopied(None));
         }
-        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        let upload = Upload { path, length, sent, stops, watch };
         let mark = new_mark();
         let id = self.begin(&mark).map_err(|refusal| self.refused(replace, refusal))?;
         let made = self.make_of_parts(&upload, replace, &mark, id, &|id| {

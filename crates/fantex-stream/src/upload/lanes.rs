@@ -76,7 +76,7 @@ mod tests {
 
     fn upload() -> Upload<'static> {
         let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        Upload { path: Path::new("a.fan"), length: 0, sent, stops, watch: &go_on }
+        Upload { path: Path::new("a.fan"), length: 0, modified: None, sent, stops, watch: &go_on }
     }
 
     #[test]
