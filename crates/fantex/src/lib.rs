@@ -80,6 +80,9 @@ pub mod addresses;
 mod asset;
 mod baker;
 mod coarse;
+#[cfg(feature = "http")]
+mod coarse_objects;
+mod coarse_tree;
 mod joined;
 pub mod look_scene;
 mod look_table;

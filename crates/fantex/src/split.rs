@@ -34,8 +34,9 @@ use rayon::prelude::*;
 use tempfile::TempPath;
 
 use crate::coarse::{FinerSurface, Place, place};
+use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node, RUN};
 use crate::preview::{coarse_mesh, is_worth_it};
-use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldObject};
+use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
 /// How to split an asset.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -221,18 +222,27 @@ impl Split {
     /// The file name of a sector or a coarse asset in the world of a generation, whatever its own is. Worlds that take each other's places are of
     /// different generations, so that their assets can lie side by side.
     pub(crate) fn name_in_generation(file: &str, generation: u32) -> String {
-        match (parts_of_name(file), generation) {
-            (None, _) => file.to_owned(),
-            (Some((stem, _)), 1) => format!("{stem}.fan"),
-            (Some((stem, _)), _) => format!("{stem}-{generation}.fan"),
-        }
+        parts_of_name(file).map_or_else(|| file.to_owned(), |(stem, _)| name_of_generation(stem, generation))
+    }
+}
+
+/// The file name of a stem, without an extension, in a generation.
+pub(crate) fn name_of_generation(stem: &str, generation: u32) -> String {
+    match generation {
+        1 => format!("{stem}.fan"),
+        _ => format!("{stem}-{generation}.fan"),
     }
 }
 
 /// The name of a sector's or a coarse asset's file without its generation, and that: `sector-0001.fan` has the first, `sector-0001-2.fan` the second.
 fn parts_of_name(file: &str) -> Option<(&str, u32)> {
+    numbered_name(file, &[SECTOR_PREFIX, COARSE_PREFIX])
+}
+
+/// The same of a file whose name begins with one of some words, before its number.
+pub(crate) fn numbered_name<'f>(file: &'f str, prefixes: &[&str]) -> Option<(&'f str, u32)> {
     let name = file.strip_suffix(".fan")?;
-    let prefix = [SECTOR_PREFIX, COARSE_PREFIX].into_iter().find(|prefix| name.starts_with(*prefix))?;
+    let prefix = prefixes.iter().find(|prefix| name.starts_with(**prefix))?;
     let (number, generation) = match name[prefix.len()..].split_once('-') {
         Some((_, generation)) if generation.starts_with(['+', '0']) => return None,
         Some((number, generation)) => (number, generation.parse::<u32>().ok().filter(|&number| number > 1)?),
@@ -268,25 +278,10 @@ fn file_name(prefix: &str, number: usize) -> String {
 const SECTOR_PREFIX: &str = "sector-";
 const COARSE_PREFIX: &str = "coarse-";
 
-/// Sectors, or coarse assets, that a coarse asset stands for, at most.
-const RUN: usize = 16;
-
 /// A coarse asset is made at least as for sectors of so many triangles: of very small ones it would show next to nothing.
 const MIN_SIZE: u64 = 64_000;
 
-/// A sector or a coarse asset.
-struct Node {
-    /// Ascending.
-    sectors: Vec<usize>,
-    asset: String,
-    /// False for a sector without a preview.
-    is_coarse: bool,
-    /// Length of the finest detail of its preview, or of itself, world units.
-    detail: f64,
-}
-
-/// Makes the coarse assets, of a run of nodes after the other, until one stands for all sectors. A run stays as it is where one of its sectors has
-/// no preview, or where its coarse asset would be hardly smaller. Returns how many runs these are.
+/// Makes the coarse assets of more than 16 sectors. Returns how many are left out.
 fn add_coarse(
     plan: &Plan<'_>,
     (world, output): (&mut World, &mut Output),
@@ -294,70 +289,63 @@ fn add_coarse(
     memory_bytes: u64,
     progress: &dyn Progress,
 ) -> Result<u64> {
-    let mut left_out = 0;
     if world.objects.len() <= RUN {
-        return Ok(left_out);
+        return Ok(0);
     }
     let node = |(number, object): (usize, &WorldObject)| Node {
-        sectors: vec![number],
+        objects: vec![number],
         asset: object.asset.clone(),
+        is_object: true,
         is_coarse: object.preview.is_some(),
         detail: object.preview.map_or(0.0, |preview| preview.detail),
     };
-    let mut nodes: Vec<Node> = world.objects.iter().enumerate().map(node).collect();
-    while nodes.len() > 1 {
-        let count = nodes.len().div_ceil(RUN);
-        let end = |run: usize| run * nodes.len() / count;
-        let runs: Vec<&[Node]> = (0..count).map(|run| &nodes[end(run)..end(run + 1)]).collect();
-        let is_shared =
-            shared_vertices(plan.mesh, &plan.sectors, &runs_of_sectors(&runs, world.objects.len()));
-        let mut above = Vec::with_capacity(count);
-        for run in runs {
-            if progress.is_cancelled() {
-                return Err(Error::cancelled("the split was cancelled"));
-            }
-            if run.iter().any(|node| !node.is_coarse) {
-                left_out += 1;
-                continue;
-            }
-            let sectors: Vec<usize> = run.iter().flat_map(|node| node.sectors.iter().copied()).collect();
-            let finer = run.iter().map(|node| output.open_coarsest(node).map(Arc::new));
-            let finer = finer.collect::<Result<Vec<_>>>()?;
-            let surface = FinerSurface::of(&finer, plan.mesh.world_from_mesh, memory_bytes / 2);
-            let kept = surface.vertices_at(&plan.places(&is_shared, &sectors));
-            let objects = || sectors.iter().map(|&number| &world.objects[number]);
-            let mean = |of: fn(&WorldObject) -> u64| objects().map(of).sum::<u64>() / sectors.len() as u64;
-            let size = mean(|object| object.triangles).max(MIN_SIZE);
-            let triangles = previews.triangles(size as usize, kept.len());
-            let texels = previews.texels(mean(|object| object.texels), triangles);
-            let options =
-                PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
-            let mesh = coarse_mesh(surface.mesh(), triangles, &kept)?;
-            if !is_worth_it(&mesh, surface.mesh(), previews.triangles) {
-                left_out += 1;
-                continue;
-            }
-            let asset = file_name(COARSE_PREFIX, world.coarse.len());
-            let path = output.add(&asset);
-            surface.write_coarse(&mesh, &options, &path, progress)?;
-            let detail = run.iter().map(|node| node.detail).fold(0.0, f64::max);
-            let parts = run.iter().map(|node| node.asset.clone()).collect();
-            let coarse = WorldCoarse::of(&*asset, &Asset::open(&path)?, parts, surface.mesh(), detail);
-            above.push(Node { sectors, asset, is_coarse: true, detail: coarse.detail });
-            world.coarse.push(coarse);
-        }
-        nodes = above;
-    }
-    Ok(left_out)
+    let nodes = world.objects.iter().enumerate().map(node).collect();
+    let mut maker = SectorMaker { plan, output, previews, is_shared: Vec::new(), made: 0 };
+    coarse_tree::add_coarse(world, nodes, &mut maker, (memory_bytes, false), progress)
 }
 
-/// Per sector the number of its run. A sector of no run, which is shown beside all of them, has a number of its own.
-fn runs_of_sectors(runs: &[&[Node]], sectors: usize) -> Vec<u32> {
-    let mut of_sectors: Vec<u32> = (0..sectors).map(|sector| (runs.len() + sector) as u32).collect();
-    for (number, run) in (0u32..).zip(runs) {
-        run.iter().flat_map(|node| &node.sectors).for_each(|&sector| of_sectors[sector] = number);
+/// Makes coarse assets of sectors.
+struct SectorMaker<'a> {
+    plan: &'a Plan<'a>,
+    output: &'a mut Output,
+    previews: &'a SectorPreviews,
+    /// Per vertex whether sectors of several runs have it.
+    is_shared: Vec<bool>,
+    made: usize,
+}
+
+impl CoarseMaker for SectorMaker<'_> {
+    fn begin_level(&mut self, runs: &[u32]) {
+        self.is_shared = shared_vertices(self.plan.mesh, &self.plan.sectors, runs);
     }
-    of_sectors
+
+    fn open(&self, node: &Node) -> Result<Asset> {
+        self.output.open_coarsest(node)
+    }
+
+    fn surface(&self, run: &[Node], finer: &[Arc<Asset>], memory_bytes: u64) -> (FinerSurface, Vec<u32>) {
+        let surface = FinerSurface::of(finer, self.plan.mesh.world_from_mesh, |p| p, memory_bytes);
+        let sectors: Vec<usize> = run.iter().flat_map(|node| node.objects.iter().copied()).collect();
+        let kept = surface.vertices_at(&self.plan.places(&self.is_shared, &sectors));
+        (surface, kept)
+    }
+
+    fn size(&self, world: &World, objects: &[usize], kept: usize) -> CoarseSize {
+        let sectors = || objects.iter().map(|&number| &world.objects[number]);
+        let mean = |of: fn(&WorldObject) -> u64| sectors().map(of).sum::<u64>() / objects.len() as u64;
+        let size = mean(|object| object.triangles).max(MIN_SIZE);
+        let triangles = self.previews.triangles(size as usize, kept);
+        let texels = self.previews.texels(mean(|object| object.texels), triangles);
+        CoarseSize { triangles, texels, asked: self.previews.triangles }
+    }
+
+    fn put(&mut self, write: &mut dyn FnMut(&Path) -> Result<()>) -> Result<(String, Asset)> {
+        let name = file_name(COARSE_PREFIX, self.made);
+        self.made += 1;
+        let path = self.output.add(&name);
+        write(&path)?;
+        Ok((name, Asset::open(&path)?))
+    }
 }
 
 /// The folder while sectors are written, in a folder within it. What was written goes away unless it is finished.
@@ -420,7 +408,7 @@ impl Output {
     /// The preview of a sector, or a coarse asset.
     fn open_coarsest(&self, node: &Node) -> Result<Asset> {
         let path = self.unfinished(&node.asset);
-        match node.asset.starts_with(SECTOR_PREFIX) {
+        match node.is_object {
             true => World::open_preview(&path),
             false => Asset::open(&path),
         }

@@ -9,6 +9,7 @@ use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
 use crate::addresses::{Target, is_object};
+use crate::coarse_objects::make_coarse;
 use crate::preview::CancelOnly;
 use crate::split::lock_index;
 use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
@@ -22,6 +23,9 @@ pub struct WorldChange<'a> {
     pub remove: &'a [PathBuf],
     /// Makes previews, like this, of all assets of the index that have none; these are changed in place.
     pub previews: Option<PreviewOptions>,
+    /// Makes coarse assets, about as large as this, of all that have previews and for which no coarse asset of a split stands, beside the index:
+    /// `NAME-coarse-0001.fan`, ... They take the place of those that were made so before. What is open at borders between assets stays.
+    pub coarse: Option<PreviewOptions>,
 }
 
 /// An index that was changed, and how.
@@ -39,6 +43,8 @@ pub struct WorldChanged {
     pub coarse_removed: u64,
     /// Previews that were made.
     pub previews_made: u64,
+    /// Coarse assets that were made.
+    pub coarse_made: u64,
     /// What is to be known, a sentence each.
     pub notes: Vec<String>,
 }
@@ -84,10 +90,14 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
         progress.report(done, total);
     }
     changed.coarse_removed = (coarse_before - world.coarse.len()) as u64;
-    if changed.coarse_removed > 0 {
+    let made = match &change.coarse {
+        Some(options) => Some(make_coarse(&mut world, index, options, progress)?),
+        None => None,
+    };
+    if changed.coarse_removed > 0 && made.is_none() {
         changed.notes.push(format!(
             "{} showed what has changed and went from the index, so views from afar take more memory; 'fantex split' of the whole asset makes \
-             them anew",
+             those of sectors anew, --make-coarse those of separate assets",
             counted(changed.coarse_removed, "coarse asset")
         ));
     }
@@ -95,6 +105,11 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
     let target = Target::new(index)?;
     world.write(target.file())?;
     target.finish(&replace, &CancelOnly(progress))?;
+    if let Some(mut made) = made {
+        changed.coarse_made = made.count;
+        changed.notes.append(&mut made.notes);
+        changed.notes.extend(made.stay());
+    }
     Ok(WorldChanged { world, ..changed })
 }
 

@@ -349,7 +349,7 @@ fn a_world_with_coarse_assets_is_verified() {
     assert!(!report.ok && report.coarse[1].ok);
     let faults = &report.coarse[0].faults;
     assert!(faults.iter().any(|fault| fault.contains("its border lacks")), "{faults:?}");
-    assert!(faults.iter().any(|fault| fault.contains("split the asset again")), "{faults:?}");
+    assert!(faults.iter().any(|fault| fault.contains("make it anew with 'fantex split'")), "{faults:?}");
     std::fs::remove_file(place(0)).unwrap();
     assert!(verify().coarse[0].faults[0].contains("cannot read"));
 }

@@ -132,7 +132,13 @@ def split(
     progress: Progress,
 ) -> Dict[str, Any]: ...
 def change_world(
-    index: str, put: List[str], remove: List[str], make_previews: bool, memory: int, progress: Progress
+    index: str,
+    put: List[str],
+    remove: List[str],
+    make_previews: bool,
+    make_coarse: bool,
+    memory: int,
+    progress: Progress,
 ) -> Dict[str, Any]: ...
 def look_figures(path: str) -> Dict[str, Any]: ...
 def render_look(
