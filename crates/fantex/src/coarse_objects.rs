@@ -321,7 +321,7 @@ impl Meetings {
 
     /// The first meeting at a place.
     fn find(&self, place: Vec3) -> Option<usize> {
-        let around = |c: i32| c - 1..=c + 1;
+        let around = |c: i32| (c - 1)..=(c + 1);
         let [x, y, z] = cell(place);
         let mut found: Option<usize> = None;
         for [x, y] in around(x).flat_map(|x| around(y).map(move |y| [x, y])) {

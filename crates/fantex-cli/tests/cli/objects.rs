@@ -502,6 +502,9 @@ fn worlds_and_previews_are_written_to_buckets() {
     let made = store.json(&["world", index, whole, "s3://scans/land/sector-0001-2.fan", "--make-previews"]);
     assert_eq!((&made["added"], &made["previews_made"]), (&2.into(), &1.into()), "{made}");
     assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001-2.fan"]), "{made}");
+    let far = store.json(&["world", index, "--make-coarse"]);
+    assert_eq!((&far["coarse_made"], &far["coarse"]), (&1.into(), &1.into()), "{far}");
+    assert!(bucket.join("town-coarse-0001.fan").exists());
     assert_eq!(store.json(&["world", index, "--remove", whole])["objects"], 1);
     assert_eq!(store.json(&["info", index])["objects"], 1);
     store.fails(1, &["land.fan lies on this machine"], &["world", index, asset], &KEYS);

@@ -400,6 +400,10 @@ fn existing_assets_become_a_world() {
         "{info}"
     );
     assert_eq!(json(&[&"verify", &index])["ok"], true);
+    let info = json(&[&"world", &index, &"--make-coarse"]);
+    assert_eq!((&info["coarse_made"], &info["coarse"]), (&1.into(), &1.into()), "{info}");
+    assert!(place("town-coarse-0001.fan").exists());
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
     let model = place("town.gltf");
     assert_eq!(json(&[&"export", &index, &"-o", &model, &"--size", &"64"])["objects"], 2);
     let gltf: Value = serde_json::from_slice(&std::fs::read(&model).unwrap()).unwrap();
@@ -412,6 +416,7 @@ fn existing_assets_become_a_world() {
         "{info}"
     );
     assert!(cube_asset.exists());
+    assert_eq!(info["coarse_removed"], 1);
 
     // There is nothing to show in an empty one.
     let empty = place("empty.fanworld");

@@ -265,7 +265,8 @@ def split(
         previews: make previews and coarse assets.
         preview_triangles: of a preview and of a coarse asset, about; by default a 64th of a sector's, and what its border needs.
         preview_texels: of their finest levels; by default a 64th of a sector's, at least 16 per triangle.
-        overwrite: write into a folder that is not empty, and over a world that is there.
+        overwrite: write into a folder that is not empty, and over a world that is there, which is replaced at once and stays where the split
+            fails; the new files are ``sector-0001-2.fan`` and so on then.
         memory: bytes that texels may take while previews are made.
         progress: called with ``(done, total)`` texels, then bytes that are sent to a store; what it raises ends the split.
 
