@@ -85,6 +85,7 @@ struct Inner {
     path: Option<PathBuf>,
     place: Option<Place>,
     source: Option<Arc<dyn StdError + Send + Sync>>,
+    remains: Option<String>,
 }
 
 macro_rules! constructors {
@@ -101,7 +102,8 @@ macro_rules! constructors {
 impl Error {
     /// An error with its sentence, or the innermost part of one.
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
-        Self(Box::new(Inner { kind, message: message.into(), path: None, place: None, source: None }))
+        let message = message.into();
+        Self(Box::new(Inner { kind, message, path: None, place: None, source: None, remains: None }))
     }
 
     constructors! {
@@ -175,6 +177,19 @@ impl Error {
     pub fn context(mut self, words: impl fmt::Display) -> Self {
         self.0.message = format!("{words}: {}", self.0.message);
         self
+    }
+
+    /// Says behind the sentence what is left of the work: `cannot write ...; the finished file is kept: ...`.
+    pub fn leaving(mut self, remains: impl Into<String>) -> Self {
+        let remains = remains.into();
+        self.0.message = format!("{}; {remains}", self.0.message);
+        self.0.remains = Some(remains);
+        self
+    }
+
+    /// What is left of the work, where the sentence says that.
+    pub fn remains(&self) -> Option<&str> {
+        self.0.remains.as_deref()
     }
 
     /// What went wrong, for programs.

@@ -47,6 +47,25 @@ impl TemporaryFolder {
     pub fn path(&self) -> &Path {
         self.0.path()
     }
+
+    /// Lets the folder stay, under another name, which begins with `prefix`; returns its path. Where the system does not rename it, it stays where it
+    /// is. Nobody removes it then.
+    pub fn keep(mut self, prefix: &str) -> PathBuf {
+        self.0.disable_cleanup(true);
+        let path = self.path().to_owned();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let kept = path.with_file_name(format!("{prefix}{}", name.strip_prefix(PREFIX).unwrap_or(&name)));
+        let renamed = || std::fs::rename(&path, &kept).is_ok();
+        // Some systems rename no folder in which a file is open.
+        let is_renamed = renamed() || {
+            forget(&path);
+            renamed()
+        };
+        let path = if is_renamed { kept } else { path };
+        // What has a lock that is free would be removed.
+        std::fs::remove_file(path.join(FOLDER_LOCK)).unwrap_or_default();
+        path
+    }
 }
 
 impl Drop for TemporaryFolder {
@@ -326,5 +345,19 @@ mod tests {
         let path = used.path().to_owned();
         drop(used);
         assert!(!path.exists() && !temporaries().files.contains_key(&path));
+    }
+
+    #[test]
+    fn folders_that_are_kept_stay_under_a_name_of_their_own() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = temporary_folder(parent.path()).unwrap();
+        let path = folder.path().to_owned();
+        std::fs::write(path.join("a"), "a").unwrap();
+        let kept = folder.keep("kept-");
+        assert!(!path.exists() && !temporaries().files.contains_key(&path));
+        assert!(kept.file_name().unwrap().to_str().unwrap().starts_with("kept-"), "{}", kept.display());
+        remove_leftovers(parent.path());
+        let names: Vec<_> = kept.read_dir().unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(names, ["a"]);
     }
 }

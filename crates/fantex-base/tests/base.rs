@@ -32,6 +32,15 @@ fn the_innermost_file_and_place_are_kept() {
 }
 
 #[test]
+fn what_is_left_of_the_work_is_said_last() {
+    let error = Error::new(ErrorKind::Io, "cannot write a.fan");
+    assert_eq!(error.remains(), None);
+    let error = error.leaving("a copy is in b.fan").context("cannot bake");
+    assert_eq!(error.to_string(), "cannot bake: cannot write a.fan; a copy is in b.fan");
+    assert_eq!((error.kind(), error.remains()), (ErrorKind::Io, Some("a copy is in b.fan")));
+}
+
+#[test]
 fn a_missing_file_is_not_found() {
     let error = Error::reading("none.obj", io::Error::from(io::ErrorKind::NotFound));
     assert_eq!(error.kind(), ErrorKind::NotFound);

@@ -7,7 +7,7 @@ use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, image, info, merge, normals, notices, paint, plan,
-    preview, render, serve, simplify, split, table, verify, view, warp, world,
+    preview, render, serve, simplify, split, table, upload, verify, view, warp, world,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, say};
 use crate::local_files::with_local_files;
@@ -45,6 +45,7 @@ mod commands {
     pub(crate) mod simplify;
     pub(crate) mod split;
     pub(crate) mod table;
+    pub(crate) mod upload;
     pub(crate) mod verify;
     pub(crate) mod view;
     pub(crate) mod warp;
@@ -64,8 +65,11 @@ fn main() -> ExitCode {
     };
     match run(&cli.command, &context) {
         Ok(exit_code) => exit_code,
-        Err(_) if context.is_interrupted() => {
-            say(format_args!("fantex: {}", context.last_line()));
+        Err(error) if context.is_interrupted() => {
+            match error.remains() {
+                Some(remains) => say(format_args!("fantex: interrupted; {remains}")),
+                None => say(format_args!("fantex: {}", context.last_line())),
+            }
             ExitCode::from(EXIT_INTERRUPTED)
         }
         Err(error) => failed(&error),
@@ -162,6 +166,7 @@ pub(crate) enum Command {
     Serve(serve::ServeArgs),
     Simplify(simplify::SimplifyArgs),
     Split(split::SplitArgs),
+    Upload(upload::UploadArgs),
     World(world::WorldArgs),
     Notices(notices::NoticesArgs),
 }
@@ -190,6 +195,7 @@ fn run(command: &Command, context: &Context) -> Result<ExitCode> {
         Command::Serve(args) => serve::run(args, context),
         Command::Simplify(args) => simplify::run(args, context),
         Command::Split(args) => split::run(args, context),
+        Command::Upload(args) => upload::run(args, context),
         Command::World(args) => world::run(args, context),
         Command::Notices(_) => notices::run(context),
     }?;

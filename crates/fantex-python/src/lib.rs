@@ -35,7 +35,7 @@ mod _native {
     #[pymodule_export]
     use crate::picture::{compare, compare_pictures, encode_png};
     #[pymodule_export]
-    use crate::places::{check_target, is_there, remove_object};
+    use crate::places::{check_target, is_there, remove_object, upload};
     #[pymodule_export]
     use crate::watch::Error;
     #[pymodule_export]

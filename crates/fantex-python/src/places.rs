@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use fantex::Upload;
 use fantex::addresses::Target;
 use fantex::stream::ObjectTarget;
 use pyo3::prelude::*;
@@ -24,4 +25,18 @@ pub(crate) fn is_there(py: Python<'_>, place: PathBuf) -> PyResult<bool> {
 #[pyfunction]
 pub(crate) fn remove_object(py: Python<'_>, place: PathBuf) -> PyResult<()> {
     watched(py, None, |_| ObjectTarget::at(&place)?.remove())
+}
+
+/// Sends a finished file, or a world with its assets: objects, bytes, and what is to be known of it.
+#[pyfunction]
+pub(crate) fn upload(
+    py: Python<'_>,
+    file: PathBuf,
+    place: PathBuf,
+    overwrite: bool,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<(u64, u64, Vec<String>)> {
+    let upload = Upload { file: &file, place: &place, force: overwrite };
+    let sent = watched(py, progress.as_ref(), |watch| upload.run(watch))?;
+    Ok((sent.objects, sent.bytes, sent.notes))
 }

@@ -141,6 +141,12 @@ pub(crate) fn watched<T: Send>(
         py.detach(|| worker.join())
     });
     if let Some(reason) = watch.failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        if let Ok(Err(error)) = &result
+            && let Some(remains) = error.remains()
+        {
+            // Pythons before 3.11 have no notes.
+            drop(reason.value(py).call_method1("add_note", (remains,)));
+        }
         return Err(reason);
     }
     match result {

@@ -189,17 +189,24 @@ pub(crate) fn split<'py>(
 
 /// Adds assets to an index, reads them again, takes them out; makes the index where there is none.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
 pub(crate) fn change_world<'py>(
     py: Python<'py>,
     index: PathBuf,
     put: Vec<PathBuf>,
     remove: Vec<PathBuf>,
     make_previews: bool,
+    make_coarse: bool,
     memory: u64,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let previews = PreviewOptions { keeps_borders: true, memory_bytes: memory, ..PreviewOptions::default() };
-    let change = WorldChange { put: &put, remove: &remove, previews: make_previews.then_some(previews) };
+    let change = WorldChange {
+        put: &put,
+        remove: &remove,
+        previews: make_previews.then_some(previews),
+        coarse: make_coarse.then_some(previews),
+    };
     let changed = watched(py, progress.as_ref(), |watch| fantex::change_world(&index, &change, watch))?;
     let figures = PyDict::new(py);
     figures.set_item("index", shown(&index))?;
@@ -208,6 +215,7 @@ pub(crate) fn change_world<'py>(
     figures.set_item("removed", changed.removed)?;
     figures.set_item("coarse_removed", changed.coarse_removed)?;
     figures.set_item("previews_made", changed.previews_made)?;
+    figures.set_item("coarse_made", changed.coarse_made)?;
     figures.set_item("notes", changed.notes)?;
     Ok(figures)
 }

@@ -101,10 +101,43 @@ def test_worlds_in_a_bucket(tmp_path, store, globe):
     # An index at an address names assets there.
     index = "s3://scans/town.fanworld"
     town = fantex.make_world([entry.place for entry in fewer.objects], index)
-    assert town.objects[0].name == "land/sector-0001.fan"
+    assert town.objects[0].name == "land/sector-0001-2.fan"
     assert len(fantex.make_world([], index, remove=town.objects[0].place)) == len(town) - 1
     with pytest.raises(fantex.Error, match="lies on this machine"):
         fantex.make_world(globe, index)
+
+
+def test_what_is_not_sent_is_kept_and_can_be_sent(tmp_path, store, sphere, globe, monkeypatch):
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    place = "s3://scans/a.fan"
+
+    def somebody_is_faster(points, normals):
+        (store / "a.fan").write_bytes(b"first")
+        return pattern(points, normals)
+
+    with pytest.raises(FileExistsError, match="the finished file is kept") as raised:
+        fantex.bake(sphere, place, texels=20_000, source=somebody_is_faster)
+    (kept,) = folder.glob("fantex-unsent-*/a.fan")
+    assert f"fantex upload {kept} -o {place}" in str(raised.value)
+    with pytest.raises(FileExistsError):
+        fantex.upload(kept, place)
+    fantex.upload(kept, place, overwrite=True)
+    assert fantex.open(place).verify()["ok"]
+
+    # A world, too, over another one.
+    fantex.split(globe, "s3://scans/land", triangles=3000)
+    here = fantex.split(globe, tmp_path / "land", triangles=8000)
+    index = "s3://scans/land/globe.fanworld"
+    fantex.upload(here.place, index, overwrite=True)
+    there = fantex.open(index)
+    assert [entry.name for entry in there.objects] == [
+        entry.name.replace(".fan", "-2.fan") for entry in here.objects
+    ]
+    assert there.verify()["ok"] and len(list((store / "land").iterdir())) == len(there) + 1
+    with pytest.raises(ValueError, match="nothing is sent to"):
+        fantex.upload(kept, tmp_path / "b.fan")
 
 
 def test_assets_there_are_changed(store, sphere):

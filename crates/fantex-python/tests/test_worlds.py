@@ -141,8 +141,15 @@ def test_worlds_of_objects(tmp_path, sphere):
     with pytest.raises(ValueError, match="s3://bucket/a.glb: files are written here"):
         world.export("s3://bucket/a.glb")
 
+    # From afar one stands for both.
+    town = fantex.make_world([], index, make_previews=True, make_coarse=True)
+    assert (town.made["previews_made"], town.made["coarse_made"]) == (1, 1)
+    assert [entry.name for entry in town.coarse] == ["town-coarse-0001.fan"]
+    assert town.verify()["ok"]
+
     smaller = fantex.make_world([], index, remove=[houses[1]])
     assert len(smaller) == smaller.made["removed"] == 1 and houses[1].exists()
+    assert smaller.made["coarse_removed"] == 1
     with pytest.raises(fantex.Error, match="has no asset .*b.fan that could be removed"):
         fantex.make_world([], index, remove="houses/b.fan")
     with pytest.raises(ValueError, match="give assets to put into the world"):

@@ -95,6 +95,14 @@ impl World {
         self.objects.iter().map(|object| object.asset.as_str()).chain(coarse)
     }
 
+    /// Gives all assets other names.
+    pub fn rename_assets(&mut self, name: impl Fn(&str) -> String) {
+        let coarse = self.coarse.iter_mut();
+        let of_coarse = coarse.flat_map(|coarse| coarse.parts.iter_mut().chain([&mut coarse.asset]));
+        let of_objects = self.objects.iter_mut().map(|object| &mut object.asset);
+        of_objects.chain(of_coarse).for_each(|asset| *asset = name(asset));
+    }
+
     /// For each coarse asset its parts: objects by their numbers, coarse assets by theirs plus the number of objects.
     ///
     /// # Errors

@@ -8,12 +8,11 @@
 
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
-use std::io::{self, Read, Seek as _, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant, SystemTime};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -22,15 +21,20 @@ use rusty_s3::Method;
 use ureq::http::{self, HeaderValue};
 use ureq::{Body, SendBody};
 
+use crate::read::RetryPolicy;
 use crate::read::http::client_error;
 use crate::read::object::{SignedRequest, Store, StoredObject};
-use crate::read::ranges::{server_error, status_error};
-use crate::read::{RetryPolicy, is_transient};
+use crate::read::ranges::server_error;
+
+use self::lanes::{Lane, put_in_lanes};
+use self::refusal::{LOST_PARTS, Refusal, refusal_of};
 
 pub use self::assemble::{Assembled, SharedRun};
 
 mod assemble;
+mod lanes;
 mod pieces;
+mod refusal;
 
 /// An object in a store, to be written or removed.
 #[derive(Debug)]
@@ -60,6 +64,12 @@ const MAX_PARTS: u64 = 9_000;
 /// Parts under way at once.
 const CONNECTIONS: usize = 4;
 
+/// Uploads in parts that are begun anew after their stores have lost one to a conflict at its end.
+const NEW_UPLOADS: u32 = 1;
+
+/// Connections that are kept.
+const MAX_CONNECTIONS: usize = CONNECTIONS + assemble::COPIES;
+
 /// Requests are tried again for about 25 s.
 const RETRIES: RetryPolicy = RetryPolicy { retries: 7, first_pause: Duration::from_millis(200) };
 
@@ -81,56 +91,6 @@ struct Answer {
     mark: Option<String>,
     length: Option<u64>,
     body: String,
-}
-
-/// Why it did not do what was asked.
-#[derive(Debug)]
-struct Refusal {
-    /// 0 without an answer.
-    status: u16,
-    /// The store's word for it.
-    code: Option<String>,
-    error: io::Error,
-}
-
-impl From<io::Error> for Refusal {
-    fn from(error: io::Error) -> Self {
-        Self { status: 0, code: None, error }
-    }
-}
-
-/// Prefixes of the codes with which Azure's store refuses for other reasons than a condition that does not hold, although the status is the same:
-/// a lease, a policy, a container that is being deleted, a blob of another type, no public access.
-const UNRELATED_CODES: [&str; 5] = ["Lease", "BlobImmutable", "Container", "InvalidBlobType", "PublicAccess"];
-
-/// Azure's code for a list of blocks some of which are not there: the end of one upload drops the blocks of all others to the same name.
-const LOST_PARTS: &str = "InvalidBlockList";
-
-impl Refusal {
-    /// Of what the caller ends.
-    fn cancelled() -> Self {
-        io::Error::new(io::ErrorKind::Interrupted, "it was ended").into()
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.status == 0 && self.error.kind() == io::ErrorKind::Interrupted
-    }
-
-    /// Whether the object is not what the request expected: another one was there, or came meanwhile.
-    fn is_conflict(&self) -> bool {
-        let code = self.code.as_deref().unwrap_or_default();
-        matches!(self.status, 409 | 412) && !UNRELATED_CODES.iter().any(|start| code.starts_with(start))
-    }
-
-    /// Whether parts are gone that were there.
-    fn has_lost_parts(&self) -> bool {
-        self.code.as_deref() == Some(LOST_PARTS)
-    }
-
-    /// Whether the same request may well succeed a moment later.
-    fn may_succeed_later(&self) -> bool {
-        !matches!(self.status, 409 | 412 | 501) && !self.is_cancelled() && is_transient(&self.error)
-    }
 }
 
 /// A request. Query and headers are sorted by name; the headers are signed.
@@ -177,8 +137,8 @@ impl Content for Text {
 }
 
 /// A run of a file's bytes.
-struct Section<'a> {
-    file: File,
+struct Section<'a, R> {
+    file: R,
     start: u64,
     length: u64,
     /// Bytes that are not sent yet.
@@ -186,7 +146,7 @@ struct Section<'a> {
     upload: &'a Upload<'a>,
 }
 
-impl Content for Section<'_> {
+impl<R: Read + Seek> Content for Section<'_, R> {
     fn begin(&mut self) -> io::Result<Option<(u64, &mut dyn Read)>> {
         // What was sent in vain.
         self.upload.sent.fetch_sub(self.length - self.left, Relaxed);
@@ -196,7 +156,7 @@ impl Content for Section<'_> {
     }
 }
 
-impl Read for Section<'_> {
+impl<R: Read> Read for Section<'_, R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         if self.upload.is_ended() {
             return Err(io::Error::other("the upload was ended"));
@@ -217,13 +177,34 @@ impl Read for Section<'_> {
 struct Upload<'a> {
     path: &'a Path,
     length: u64,
+    /// When the file was changed last, as far as the system tells.
+    modified: Option<SystemTime>,
     sent: AtomicU64,
     /// Somebody wants no more, or a part has failed.
     stops: AtomicBool,
     watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
 }
 
-impl Upload<'_> {
+impl<'a> Upload<'a> {
+    fn of(path: &'a Path, watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync)) -> Result<Self> {
+        let found = path.metadata().map_err(|error| Error::reading(path, error))?;
+        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
+        Ok(Self { path, length: found.len(), modified: found.modified().ok(), sent, stops, watch })
+    }
+
+    /// Refuses a file that somebody has written to since the upload began: what was read of it may be of several states.
+    fn check_unchanged(&self) -> io::Result<()> {
+        let found = self.path.metadata()?;
+        if (found.len(), found.modified().ok()) == (self.length, self.modified) {
+            return Ok(());
+        }
+        let message = format!(
+            "{} was changed while it was sent; send it again when it is finished",
+            self.path.display()
+        );
+        Err(io::Error::new(io::ErrorKind::InvalidData, message))
+    }
+
     /// Reports; whether to stop.
     fn is_ended(&self) -> bool {
         if (self.watch)(self.sent.load(Relaxed), self.length).is_break() {
@@ -232,9 +213,16 @@ impl Upload<'_> {
         self.stops.load(Relaxed)
     }
 
-    fn section(&self, start: u64, length: u64) -> io::Result<Section<'_>> {
+    fn section(&self, start: u64, length: u64) -> io::Result<Section<'_, File>> {
         let file = File::open(self.path)?;
         Ok(Section { file, start, length, left: length, upload: self })
+    }
+
+    /// All of a small file, as it is now.
+    fn whole(&self) -> io::Result<Section<'_, io::Cursor<Vec<u8>>>> {
+        let file = io::Cursor::new(std::fs::read(self.path)?);
+        self.check_unchanged()?;
+        Ok(Section { file, start: 0, length: self.length, left: self.length, upload: self })
     }
 }
 
@@ -260,8 +248,8 @@ impl ObjectTarget {
         let config = ureq::Agent::config_builder()
             .http_status_as_error(false)
             .accept_encoding("identity")
-            .max_idle_connections(CONNECTIONS)
-            .max_idle_connections_per_host(CONNECTIONS)
+            .max_idle_connections(MAX_CONNECTIONS)
+            .max_idle_connections_per_host(MAX_CONNECTIONS)
             .timeout_connect(Some(Duration::from_secs(10)))
             .max_redirects(0)
             .max_redirects_will_error(false)
@@ -302,19 +290,17 @@ impl ObjectTarget {
     ///
     /// # Errors
     /// An object is there that may not be replaced ([`AlreadyExists`](fantex_base::ErrorKind::AlreadyExists), or
-    /// [`Conflict`](fantex_base::ErrorKind::Conflict) where it has another version); the file cannot be read; the store refuses; it was ended. Then there
-    /// is no new object.
+    /// [`Conflict`](fantex_base::ErrorKind::Conflict) where it has another version); the file cannot be read, or is written to meanwhile; the store refuses;
+    /// it was ended. Then there is no new object.
     pub fn put(
         &self,
         path: &Path,
         replace: &Replace,
         watch: &(dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
     ) -> Result<()> {
-        let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
-        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        let upload = Upload { path, length, sent, stops, watch };
+        let upload = Upload::of(path, watch)?;
         let mark = new_mark();
-        let put = match length {
+        let put = match upload.length {
             0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
             _ => self.put_in_parts(&upload, replace, &mark),
         };
@@ -340,7 +326,7 @@ impl ObjectTarget {
                 Error::cancelled(format!("writing {} was ended", self.location.display()))
             }
             Replace::Nothing if refusal.is_conflict() => files::exists(&self.location),
-            Replace::Version(_) if refusal.is_conflict() => {
+            Replace::Version(_) if refusal.is_conflict() || refusal.has_no_object() => {
                 let location = self.location.display();
                 Error::conflict(format!(
                     "{location} was changed by somebody else meanwhile, and stays as it is; run the command again"
@@ -351,12 +337,17 @@ impl ObjectTarget {
     }
 
     fn failed(&self, refusal: Refusal) -> Error {
+        let is_momentary = refusal.is_momentary();
         let Refusal { status, code, error } = refusal;
         let advised = |advice: &str| server_error(error.kind(), format!("{error}; {advice}"));
         let advised = match (status, code.as_deref()) {
             _ if self.object.may_lack_rights(status) => advised(&self.object.advice("write")),
             // The bucket of another region.
             (300..=399, _) => advised("check AWS_REGION and AWS_ENDPOINT_URL"),
+            _ if is_momentary => {
+                advised("something else was done to it at the same time; run the command again")
+            }
+            (_, Some("NoSuchUpload")) => advised("the store has dropped the upload; run the command again"),
             (_, Some(LOST_PARTS)) => {
                 advised("another upload to it has ended meanwhile; run the command again")
             }
@@ -399,7 +390,7 @@ impl ObjectTarget {
     }
 
     fn put_at_once(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
-        let mut content = upload.section(0, upload.length)?;
+        let mut content = upload.whole()?;
         self.publish(replace, mark, &mut |condition| {
             let kind = match self.object.store {
                 Store::S3(_) => None,
@@ -414,13 +405,41 @@ impl ObjectTarget {
     }
 
     fn put_in_parts(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
-        let id = self.begin(mark)?;
-        let done =
-            self.put_parts(upload, &id).and_then(|tags| self.complete(upload, replace, mark, &id, &tags));
-        if done.is_err() {
-            self.abort(&id);
+        let first = self.begin(mark)?;
+        self.make_of_parts(upload, replace, mark, first, &|id| -> Result<_, Refusal> {
+            let tags = self.put_parts(upload, id)?;
+            upload.check_unchanged()?;
+            Ok(tags)
+        })
+    }
+
+    /// Makes the object by an upload in parts that has begun as `first`; `put` sends all parts of an upload and gives their tags. Where the store has
+    /// lost the upload to a conflict at its end, everything is sent once more, as Amazon's documentation asks for
+    /// (<https://docs.aws.amazon.com/AmazonS3/latest/API/API_CompleteMultipartUpload.html>, `If-None-Match`).
+    fn make_of_parts<E: From<Refusal>>(
+        &self,
+        upload: &Upload<'_>,
+        replace: &Replace,
+        mark: &str,
+        first: String,
+        put: &dyn Fn(&str) -> Result<Vec<String>, E>,
+    ) -> Result<(), E> {
+        let mut id = first;
+        for attempt in 0.. {
+            let made = put(&id).map(|tags| self.complete(upload, replace, mark, &id, &tags));
+            if !matches!(made, Ok(Ok(()))) {
+                self.abort(&id);
+            }
+            match made? {
+                Err(refusal) if attempt < NEW_UPLOADS && refusal.ends_upload() => {
+                    upload.sent.store(0, Relaxed);
+                    self.check_replaced(replace)?;
+                    id = self.begin(mark)?;
+                }
+                made => return made.map_err(E::from),
+            }
         }
-        done
+        Err(Refusal::cancelled().into())
     }
 
     /// Has the object made of the parts with these tags.
@@ -476,38 +495,12 @@ impl ObjectTarget {
     fn put_parts(&self, upload: &Upload<'_>, id: &str) -> Result<Vec<String>, Refusal> {
         let part_bytes = part_bytes(upload.length);
         let count = upload.length.div_ceil(part_bytes) as usize;
-        let (next, tags) = (AtomicUsize::new(0), Mutex::new(vec![String::new(); count]));
-        let failure: Mutex<Option<Refusal>> = Mutex::new(None);
-        let work = || {
-            while !upload.stops.load(Relaxed) {
-                let number = next.fetch_add(1, Relaxed);
-                if number >= count {
-                    return;
-                }
-                let start = number as u64 * part_bytes;
-                let section = upload.section(start, part_bytes.min(upload.length - start));
-                let put = section.map_err(Refusal::from);
-                match put.and_then(|mut part| self.put_part(id, number + 1, &mut part, Some(upload))) {
-                    Ok(tag) => locked(&tags)[number] = tag,
-                    Err(refusal) => {
-                        locked(&failure).get_or_insert(refusal);
-                        upload.stops.store(true, Relaxed);
-                    }
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..CONNECTIONS.min(count) {
-                // Where the system refuses a thread, the others do its work.
-                drop(std::thread::Builder::new().name("fan-upload".into()).spawn_scoped(scope, work));
-            }
-            work();
-        });
-        match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            Some(refusal) => Err(refusal),
-            None if upload.is_ended() => Err(Refusal::cancelled()),
-            None => Ok(tags.into_inner().unwrap_or_else(PoisonError::into_inner)),
-        }
+        let lane = Lane { numbers: (0..count).collect(), at_once: CONNECTIONS };
+        put_in_lanes::<Refusal>(upload, count, &[lane], &|number| {
+            let start = number as u64 * part_bytes;
+            let mut part = upload.section(start, part_bytes.min(upload.length - start))?;
+            self.put_part(id, number + 1, &mut part, Some(upload))
+        })
     }
 
     /// Sends a part, counted from 1; gives what names it in the list of parts: its tag, or the name of the block.
@@ -556,7 +549,9 @@ impl ObjectTarget {
             // The answer to an earlier attempt may have been lost.
             Err(_) if matches!(self.head(), Ok(Some(there)) if there.mark.as_deref() == Some(mark)) => Ok(()),
             // Somebody else was faster.
-            Err(refusal) if refusal.has_lost_parts() => self.check_replaced(replace).and(Err(refusal)),
+            Err(refusal) if refusal.has_lost_parts() || refusal.is_momentary() => {
+                self.check_replaced(replace).and(Err(refusal))
+            }
             Err(refusal) => Err(refusal),
         }
     }
@@ -668,18 +663,6 @@ fn pause(time: Duration, is_ended: impl Fn() -> bool) {
     }
 }
 
-/// The refusal of an answer, with the store's word for it.
-fn refusal_of(status: u16, code: Option<&str>) -> Refusal {
-    let error = status_error(status);
-    let kind = match (status, code) {
-        // The body came too slowly.
-        (400, Some("RequestTimeout")) => io::ErrorKind::TimedOut,
-        _ => error.kind(),
-    };
-    let sentence = code.map_or_else(|| error.to_string(), |code| format!("{error} ({code})"));
-    Refusal { status, code: code.map(str::to_owned), error: server_error(kind, sentence) }
-}
-
 /// What no other upload is marked with.
 fn new_mark() -> String {
     format!("{:016x}", RandomState::new().build_hasher().finish())
@@ -688,10 +671,6 @@ fn new_mark() -> String {
 /// The name of an upload's block: Base64 of at most 64 bytes, as long as the names of all others.
 fn name_of_block(id: &str, number: usize) -> String {
     STANDARD.encode(format!("{id}{number:05}"))
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Bytes of each part but the last, whole mebibytes.
@@ -725,6 +704,8 @@ fn list_of_blocks(names: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicUsize;
+
     use super::*;
 
     #[test]
@@ -753,8 +734,27 @@ mod tests {
         let blocks =
             "<Latest>MDEyMzQ1Njc4OWFiY2RlZjAwMDAx</Latest><Latest>MDEyMzQ1Njc4OWFiY2RlZjA5MDAw</Latest>";
         assert!(list.ends_with(&format!("<BlockList>{blocks}</BlockList>")), "{list}");
-        let said = refusal_of(403, Some("SignatureDoesNotMatch")).error.to_string();
-        assert_eq!(said, "the server answered with status 403 Forbidden (SignatureDoesNotMatch)");
+    }
+
+    #[test]
+    fn a_file_that_is_written_to_is_not_sent() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.fan");
+        std::fs::write(&path, "first").unwrap();
+        let watch = |_: u64, _: u64| ControlFlow::Continue(());
+        let upload = Upload::of(&path, &watch).unwrap();
+        let mut read = String::new();
+        upload.whole().unwrap().read_to_string(&mut read).unwrap();
+        assert_eq!(read, "first");
+        upload.check_unchanged().unwrap();
+        std::fs::write(&path, "longer").unwrap();
+        let said = upload.whole().err().unwrap().to_string();
+        assert!(said.contains("a.fan was changed while it was sent"), "{said}");
+        // Of the same length.
+        std::fs::write(&path, "other").unwrap();
+        let later = SystemTime::now() + Duration::from_secs(2);
+        File::options().write(true).open(&path).unwrap().set_modified(later).unwrap();
+        upload.check_unchanged().unwrap_err();
     }
 
     #[test]
@@ -765,34 +765,6 @@ mod tests {
         assert!(started.elapsed() < Duration::from_secs(60));
         pause(Duration::from_millis(1), || false);
         pause(Duration::ZERO, || panic!("there is no pause"));
-    }
-
-    #[test]
-    fn what_may_pass_is_tried_again() {
-        for (status, code, passes) in [
-            (500, Some("InternalError"), true),
-            (503, Some("SlowDown"), true),
-            (400, Some("RequestTimeout"), true),
-            (400, Some("InvalidPart"), false),
-            (403, None, false),
-            (404, Some("NoSuchUpload"), false),
-            (412, None, false),
-            (501, Some("NotImplemented"), false),
-        ] {
-            assert_eq!(refusal_of(status, code).may_succeed_later(), passes, "{status}");
-        }
-        assert!(!Refusal::cancelled().may_succeed_later());
-        for (status, code, is_conflict) in [
-            (409, Some("BlobAlreadyExists"), true),
-            (412, Some("ConditionNotMet"), true),
-            (412, Some("PreconditionFailed"), true),
-            (412, None, true),
-            (412, Some("LeaseIdMissing"), false),
-            (409, Some("BlobImmutableDueToPolicy"), false),
-            (400, Some("InvalidBlockList"), false),
-        ] {
-            assert_eq!(refusal_of(status, code).is_conflict(), is_conflict, "{code:?}");
-        }
     }
 
     #[test]

@@ -8,6 +8,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fantex_base::{Error, Result, files, input, json_problem, uri_escaped};
+#[cfg(not(target_arch = "wasm32"))]
+use fantex_base::{ReadLimits, ReadOptions};
 use fantex_mesh::{Mesh, TriangleBvh, WorldFromMesh};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
@@ -105,6 +107,16 @@ impl World {
     pub fn open(place: impl AsRef<Path>) -> Result<Self> {
         let place = place.as_ref();
         Self::parse(place, &crate::read_whole(place, MAX_INDEX_BYTES)?)
+    }
+
+    /// Reads an index that is to be changed or replaced: unlike what is [opened](Self::open) it may be [overwritten](input::check_output).
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn open_to_change(place: impl AsRef<Path>) -> Result<Self> {
+        let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
+        ReadLimits::new(options).run(|| Self::open(place))
     }
 
     /// An index that was read at a path or an address.

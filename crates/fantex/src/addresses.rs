@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
-use tempfile::TempDir;
+
+use crate::staging::{SendTarget, Staging};
 
 /// Bytes of an object that are fetched at once, over several connections.
 const FETCHED_AT_ONCE: u64 = 24 << 20;
@@ -42,9 +43,8 @@ pub struct Target<'a> {
 #[derive(Debug)]
 struct Staged {
     object: ObjectTarget,
+    folder: Staging,
     file: PathBuf,
-    /// Goes away with the value.
-    _folder: TempDir,
 }
 
 impl<'a> Target<'a> {
@@ -57,9 +57,9 @@ impl<'a> Target<'a> {
             return Ok(Self { place, staged: None });
         }
         let object = ObjectTarget::at(place)?;
-        let folder = temporary_folder()?;
+        let folder = Staging::new()?;
         let file = folder.path().join(place.file_name().unwrap_or_default());
-        Ok(Self { place, staged: Some(Staged { object, file, _folder: folder }) })
+        Ok(Self { place, staged: Some(Staged { object, folder, file }) })
     }
 
     /// Refuses, before any work is done, an object that could not be written at its end. Of files nothing is asked.
@@ -83,16 +83,19 @@ impl<'a> Target<'a> {
     /// Brings what was written to where it goes. `progress` counts bytes that are sent; what is a file is there already.
     ///
     /// # Errors
-    /// As [`ObjectTarget::put`].
+    /// As [`ObjectTarget::put`]. The file is kept then, and the error says where, unless somebody else has changed what it was to replace.
     pub fn finish(self, replace: &Replace, progress: &dyn Progress) -> Result<()> {
-        let Some(staged) = self.staged else { return Ok(()) };
-        staged.object.put(&staged.file, replace, &|done, total| watched(progress, done, total))
+        let Some(Staged { object, folder, file }) = self.staged else { return Ok(()) };
+        let name = Path::new(file.file_name().unwrap_or_default());
+        let target = SendTarget {
+            place: self.place,
+            force: *replace != Replace::Nothing,
+            is_version: matches!(replace, Replace::Version(_)),
+        };
+        folder.send(name, &target, |folder| {
+            object.put(&folder.join(name), replace, &|done, total| watched(progress, done, total))
+        })
     }
-}
-
-/// A folder that goes away with the value.
-pub(crate) fn temporary_folder() -> Result<TempDir> {
-    tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))
 }
 
 /// Reports, and says whether to go on: for what takes such a function.

@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use fantex_bake::{AssetSource, Progress, Source, SourceChannel, TexelPoint};
 use fantex_base::Result;
-use fantex_mesh::{Mesh, SurfacePoint, WorldFromMesh, shading_normals};
-use fantex_store::{Asset, PageCache};
+use fantex_mesh::{Material, Mesh, SurfacePoint, WorldFromMesh, shading_normals};
+use fantex_store::{Asset, Channel, ChannelKind, Damage, PageCache};
 use glam::{Vec3, Vec4};
 
 use crate::PreviewOptions;
@@ -25,21 +25,50 @@ pub(crate) fn place(p: Vec3) -> Place {
     p.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-/// Meshes with the same materials as one, with materials and shading normals. Vertices at the same place are one vertex.
-pub(crate) fn joined<'m>(meshes: impl Iterator<Item = &'m Mesh>, space: WorldFromMesh) -> JoinedMesh {
+/// Meshes as one, with materials and shading normals. What `moved` does to each vertex comes first; then vertices at the same place are one vertex.
+pub(crate) fn joined<'m>(
+    meshes: impl Iterator<Item = &'m Mesh>,
+    space: WorldFromMesh,
+    moved: impl Fn(Vec3) -> Vec3,
+) -> JoinedMesh {
     let mut joined = JoinedMesh::new(space);
-    for mesh in meshes {
+    for (number, mesh) in meshes.enumerate() {
         joined.add(mesh);
-        let Mesh { corners, triangle_materials, materials, .. } = &mut joined.mesh;
+        let numbers = add_materials(&mut joined.mesh.materials, &mesh.materials, number == 0);
+        let of_triangle = |triangle| numbers.get(mesh.material_of(triangle)).copied().unwrap_or(0);
+        let Mesh { corners, triangle_materials, .. } = &mut joined.mesh;
         corners.normals.extend(shading_normals(mesh));
-        triangle_materials
-            .extend((0..mesh.triangles.len()).map(|triangle| mesh.material_of(triangle) as u32));
-        if materials.is_empty() {
-            materials.clone_from(&mesh.materials);
-        }
+        triangle_materials.extend((0..mesh.triangles.len()).map(of_triangle));
     }
+    joined.mesh.positions.iter_mut().for_each(|p| *p = moved(*p));
     weld(&mut joined.mesh);
     joined
+}
+
+/// Adds a mesh's materials to those of several, each that looks otherwise once; gives their numbers there.
+fn add_materials(all: &mut Vec<Material>, own: &[Material], is_first: bool) -> Vec<u32> {
+    if is_first {
+        *all = own.to_vec();
+    }
+    if *all == *own {
+        return (0..own.len() as u32).collect();
+    }
+    // What a mesh without materials has.
+    let plain = [Material::default()];
+    if all.is_empty() {
+        *all = plain.to_vec();
+    }
+    let own = if own.is_empty() { &plain[..] } else { own };
+    let nameless =
+        |material: &Material| Material { name: String::new(), place: String::new(), ..material.clone() };
+    let mut number = |material: &Material| {
+        let known = all.iter().position(|known| nameless(known) == nameless(material));
+        known.unwrap_or_else(|| {
+            all.push(material.clone());
+            all.len() - 1
+        }) as u32
+    };
+    own.iter().map(&mut number).collect()
 }
 
 fn weld(mesh: &mut Mesh) {
@@ -55,24 +84,51 @@ fn weld(mesh: &mut Mesh) {
     mesh.positions = positions;
 }
 
-/// What several small assets show that lie side by side and have the same channels and materials: a surface and the source of its look.
+/// What several small assets show together: a surface and the source of its look, with all channels that one of them has.
 pub(crate) struct FinerSurface {
     mesh: Mesh,
     firsts: FirstTriangles,
-    sources: Vec<AssetSource>,
+    /// Which triangles of all assets those of the mesh are; none where they are the same.
+    triangles: Option<Vec<u32>>,
+    parts: Vec<FinerPart>,
     channels: Vec<SourceChannel>,
 }
 
+/// One of the assets.
+struct FinerPart {
+    source: AssetSource,
+    asset: Arc<Asset>,
+    /// Per channel of all the number of the asset's own; none where it has none.
+    channels: Vec<Option<usize>>,
+}
+
 impl FinerSurface {
-    /// At least one asset. Decoded texels take at most `memory_bytes`.
-    pub(crate) fn of(assets: &[Arc<Asset>], space: WorldFromMesh, memory_bytes: u64) -> Self {
-        let JoinedMesh { mesh, firsts } = joined(assets.iter().map(|asset| asset.mesh()), space);
+    /// At least one asset. What `moved` does to each vertex comes before those at the same place become one; triangles that have no area then are left
+    /// out. Decoded texels take at most `memory_bytes`.
+    pub(crate) fn of(
+        assets: &[Arc<Asset>],
+        space: WorldFromMesh,
+        moved: impl Fn(Vec3) -> Vec3,
+        memory_bytes: u64,
+    ) -> Self {
+        let JoinedMesh { mesh, firsts } = joined(assets.iter().map(|asset| asset.mesh()), space, moved);
+        let sound: Vec<u32> =
+            (0..mesh.triangles.len()).filter(|&t| has_area(&mesh, t)).map(|t| t as u32).collect();
+        let (mesh, triangles) = match sound.len() == mesh.triangles.len() {
+            true => (mesh, None),
+            false => (mesh.subset(&sound).0, Some(sound)),
+        };
         let share = usize::try_from(memory_bytes / assets.len() as u64).unwrap_or(usize::MAX);
         let source = |asset: &Arc<Asset>| AssetSource::new(&PageCache::new(Arc::clone(asset), share));
         let sources: Vec<AssetSource> = assets.iter().map(source).collect();
-        let channels = sources[0].channels();
-        debug_assert!(sources.iter().all(|source| source.channels() == channels), "other channels");
-        Self { mesh, firsts, sources, channels }
+        let channels = common_channels(&sources);
+        let part = |(source, asset): (AssetSource, &Arc<Asset>)| {
+            let own = source.channels();
+            let number = |channel: &SourceChannel| own.iter().position(|own| own.kind == channel.kind);
+            FinerPart { channels: channels.iter().map(number).collect(), source, asset: Arc::clone(asset) }
+        };
+        let parts = sources.into_iter().zip(assets).map(part).collect();
+        Self { mesh, firsts, triangles, parts, channels }
     }
 
     /// The surface.
@@ -106,12 +162,72 @@ impl Source for FinerSurface {
         self.channels.clone()
     }
 
+    fn damage(&self) -> Damage {
+        let mut all = Damage::default();
+        for damage in self.parts.iter().map(|part| part.source.damage()) {
+            all.pages += damage.pages;
+            all.first.extend(damage.first);
+        }
+        all
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         // Mesh spaces differ in place and scale, not in direction.
-        let (asset, triangle) = self.firsts.locate(point.at.triangle);
-        let at = SurfacePoint { triangle, ..point.at };
-        self.sources[asset].evaluate(&TexelPoint { at, ..*point }, values);
+        let triangle = point.at.triangle;
+        let triangle = self.triangles.as_ref().map_or(triangle, |all| all[triangle as usize]);
+        let (part, triangle) = self.firsts.locate(triangle);
+        let (part, at) = (&self.parts[part], SurfacePoint { triangle, ..point.at });
+        part.evaluate(&TexelPoint { at, ..*point }, &self.channels, values);
     }
+}
+
+impl FinerPart {
+    /// Writes the values of all channels at a point of the asset.
+    fn evaluate(&self, point: &TexelPoint, channels: &[SourceChannel], values: &mut [Vec4]) {
+        let is_own = self.channels.iter().enumerate().all(|(number, own)| *own == Some(number));
+        if is_own {
+            return self.source.evaluate(point, values);
+        }
+        let mut own = vec![Vec4::ZERO; self.asset.channels().len()];
+        self.source.evaluate(point, &mut own);
+        for ((value, number), channel) in values.iter_mut().zip(&self.channels).zip(channels) {
+            *value = match (number, channel.kind) {
+                (Some(number), _) => own[*number],
+                (None, ChannelKind::Normal) => point.normal.extend(0.0),
+                // What the asset shows without it.
+                (None, kind) => Channel::plain_value(kind, self.asset.mesh(), point.at.index()).into(),
+            };
+        }
+    }
+}
+
+/// The channels of all sources, as the first one that has a channel orders them. Light is one of them only if all have it: without, a surface is lit by what
+/// is there.
+fn common_channels(sources: &[AssetSource]) -> Vec<SourceChannel> {
+    let mut all: Vec<SourceChannel> = Vec::new();
+    let mut counts: Vec<usize> = Vec::new();
+    for channel in sources.iter().flat_map(Source::channels) {
+        match all.iter().position(|known| known.kind == channel.kind) {
+            Some(number) => {
+                all[number].has_alpha |= channel.has_alpha;
+                all[number].exceeds_one |= channel.exceeds_one;
+                counts[number] += 1;
+            }
+            None => {
+                all.push(channel);
+                counts.push(1);
+            }
+        }
+    }
+    let is_common = |(channel, count): (SourceChannel, usize)| {
+        (channel.kind != ChannelKind::Light || count == sources.len()).then_some(channel)
+    };
+    all.into_iter().zip(counts).filter_map(is_common).collect()
+}
+
+fn has_area(mesh: &Mesh, triangle: usize) -> bool {
+    let [a, b, c] = mesh.triangles[triangle];
+    a != b && b != c && c != a && mesh.triangle_area(triangle) > 0.0
 }
 
 #[cfg(test)]
@@ -130,10 +246,37 @@ mod tests {
         let mut moved = triangle(0.25);
         moved.move_to(WorldFromMesh { offset: glam::DVec3::ONE, scale: 4.0 });
         let meshes = [triangle(0.0), moved, triangle(0.5)];
-        let JoinedMesh { mesh, firsts } = joined(meshes.iter(), space);
+        let JoinedMesh { mesh, firsts } = joined(meshes.iter(), space, |p| p);
         assert_eq!(mesh.triangles, [[0, 1, 2], [1, 3, 4], [3, 5, 6]]);
         assert_eq!(mesh.positions[3], Vec3::X * 0.5);
         assert_eq!((mesh.corners.normals.len(), mesh.triangle_materials.len()), (9, 3));
         assert_eq!([0, 1, 2].map(|triangle| firsts.locate(triangle)), [(0, 0), (1, 0), (2, 0)]);
+    }
+
+    #[test]
+    fn materials_that_look_alike_are_one() {
+        let named =
+            |name: &str, metallic: f32| Material { name: name.into(), metallic, ..Material::default() };
+        let mut all = Vec::new();
+        assert!(add_materials(&mut all, &[], true).is_empty() && all.is_empty());
+        // The mesh without materials has a plain one then.
+        let plain = named("plain", Material::default().metallic);
+        assert_eq!(add_materials(&mut all, &[named("a", 0.25), plain], false), [1, 0]);
+        assert_eq!(add_materials(&mut all, &[], false), [0]);
+        assert_eq!(add_materials(&mut all, &[named("c", 0.5), named("b", 0.25)], false), [2, 1]);
+        assert_eq!(all.len(), 3);
+        let mut same = vec![named("a", 0.5), named("b", 0.5)];
+        let own = same.clone();
+        assert_eq!(add_materials(&mut same, &own, false), [0, 1]);
+    }
+
+    #[test]
+    fn triangles_without_area_are_left_out() {
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, 0.5 * Vec3::X],
+            triangles: vec![[0, 1, 2], [0, 1, 1], [0, 3, 1]],
+            ..Mesh::default()
+        };
+        assert_eq!([0, 1, 2].map(|triangle| has_area(&mesh, triangle)), [true, false, false]);
     }
 }

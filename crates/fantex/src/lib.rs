@@ -80,6 +80,9 @@ pub mod addresses;
 mod asset;
 mod baker;
 mod coarse;
+#[cfg(feature = "http")]
+mod coarse_objects;
+mod coarse_tree;
 mod joined;
 pub mod look_scene;
 mod look_table;
@@ -91,8 +94,12 @@ mod preview;
 mod refined;
 mod split;
 #[cfg(feature = "http")]
+mod staging;
+#[cfg(feature = "http")]
 mod store_folder;
 mod surroundings;
+#[cfg(feature = "http")]
+mod upload;
 mod view_comparison;
 #[cfg(feature = "http")]
 mod world_change;
@@ -127,6 +134,8 @@ pub use split::{SectorPreviews, Split, SplitOptions, split};
 #[cfg(feature = "http")]
 pub use store_folder::StoreFolder;
 pub use surroundings::Surroundings;
+#[cfg(feature = "http")]
+pub use upload::{Upload, Uploaded};
 pub use view_comparison::{ModelPicture, ViewComparison};
 #[cfg(feature = "http")]
 pub use world_change::{WorldChange, WorldChanged, change_world};

@@ -201,7 +201,7 @@ impl Progress for CancelOnly<'_> {
 }
 
 /// The vertices at edges of a single triangle, ascending.
-fn border_vertices(mesh: &Mesh) -> Vec<u32> {
+pub(crate) fn border_vertices(mesh: &Mesh) -> Vec<u32> {
     let edges = Edges::of(&mesh.triangles);
     let borders = edges.iter().filter(|edge| edge.triangle_count() == 1);
     let mut vertices: Vec<u32> = borders.flat_map(|edge| edge.vertices()).collect();

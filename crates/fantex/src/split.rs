@@ -13,24 +13,30 @@
 //! sector's preview, beside what its outline needs: vertices that sectors of other runs have, too, stay where they are.
 //!
 //! Surfaces that can hardly be simplified get neither: what is as large as what it stands for takes bytes and memory, and saves none.
+//!
+//! A world takes the place of another one by its index alone: its assets have names that those of the other do not have, and lie beside them. So
+//! whoever reads sees one or the other, and what ends on the way leaves the old one. The assets that the old index named go last.
 
 use std::collections::HashSet;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::files::{TemporaryFolder, remove_leftovers, sync_folder, temporary_folder};
-use fantex_base::{Error, Result, UnionFind, counted, grouped, input};
+use fantex_base::files::{TemporaryFolder, persist_all, remove_leftovers, sync_folder, temporary_folder};
+use fantex_base::{Error, ErrorKind, Result, UnionFind, counted, grouped, input};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Edges, Mesh, corners_of, morton, shading_normals};
-use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy};
+use fantex_store::{Asset, AssetEditor, CreateOptions, EditOptions, GroupCopy, WriterLock};
 use fantex_stream::url_of;
 use glam::Vec3;
 use rayon::prelude::*;
+use tempfile::TempPath;
 
 use crate::coarse::{FinerSurface, Place, place};
+use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node, RUN};
 use crate::preview::{coarse_mesh, is_worth_it};
-use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldCoarse, WorldObject};
+use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
 /// How to split an asset.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,7 +96,8 @@ pub struct Split {
 
 /// Splits an asset into sectors in a folder, which is made where there is none: `sector-0001.fan`, ..., of more than 16 sectors `coarse-0001.fan`,
 /// ..., and, when all are there, the index `NAME.fanworld`, NAME being the asset's. The asset stays as it is; attachments (layers, history) stay
-/// with it alone.
+/// with it alone. Where a world is in the folder, the files of the new one are `sector-0001-2.fan`, ..., and the new index takes the place of the old
+/// one at once, or nothing is written and nothing removed.
 ///
 /// Sectors have the mesh space, materials, names of parts and corner attributes of the whole, and its shading normals. Vertices that sectors share
 /// are at the same places in sectors, previews and coarse assets that meet there, to the last bit. Memory beside the asset grows with the
@@ -148,9 +155,10 @@ pub fn split(
     if progress.is_cancelled() {
         return Err(Error::cancelled("the split was cancelled"));
     }
-    output.finish(&world, &index)?;
+    let mut notes = left_out.notes(plan.sectors.len());
+    notes.extend(output.finish(&mut world, &index)?);
     let repeated_texels = in_sectors.saturating_sub(plan.texels);
-    Ok(Split { index, world, repeated_texels, notes: left_out.notes(plan.sectors.len()) })
+    Ok(Split { index, world, repeated_texels, notes })
 }
 
 /// Previews and coarse assets that are not there because they would be hardly smaller than what they stand for.
@@ -208,11 +216,58 @@ impl Split {
 
     /// Whether a file name is that of a sector or of a coarse asset; such files of a world go when another takes its place.
     pub fn is_asset_name(file: &str) -> bool {
-        let prefixes = [SECTOR_PREFIX, COARSE_PREFIX];
-        let rest = prefixes.iter().find_map(|prefix| file.strip_prefix(prefix));
-        let number = rest.and_then(|rest| rest.strip_suffix(".fan"));
-        number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
+        parts_of_name(file).is_some()
     }
+
+    /// The file name of a sector or a coarse asset in the world of a generation, whatever its own is. Worlds that take each other's places are of
+    /// different generations, so that their assets can lie side by side.
+    pub(crate) fn name_in_generation(file: &str, generation: u32) -> String {
+        parts_of_name(file).map_or_else(|| file.to_owned(), |(stem, _)| name_of_generation(stem, generation))
+    }
+}
+
+/// The file name of a stem, without an extension, in a generation.
+pub(crate) fn name_of_generation(stem: &str, generation: u32) -> String {
+    match generation {
+        1 => format!("{stem}.fan"),
+        _ => format!("{stem}-{generation}.fan"),
+    }
+}
+
+/// The name of a sector's or a coarse asset's file without its generation, and that: `sector-0001.fan` has the first, `sector-0001-2.fan` the second.
+fn parts_of_name(file: &str) -> Option<(&str, u32)> {
+    numbered_name(file, &[SECTOR_PREFIX, COARSE_PREFIX])
+}
+
+/// The same of a file whose name begins with one of some words, before its number.
+pub(crate) fn numbered_name<'f>(file: &'f str, prefixes: &[&str]) -> Option<(&'f str, u32)> {
+    let name = file.strip_suffix(".fan")?;
+    let prefix = prefixes.iter().find(|prefix| name.starts_with(**prefix))?;
+    let (number, generation) = match name[prefix.len()..].split_once('-') {
+        Some((_, generation)) if generation.starts_with(['+', '0']) => return None,
+        Some((number, generation)) => (number, generation.parse::<u32>().ok().filter(|&number| number > 1)?),
+        None => (&name[prefix.len()..], 1),
+    };
+    let is_number = number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then(|| (&name[..prefix.len() + number.len()], generation))
+}
+
+/// The generation of a sector's or a coarse asset's file.
+pub(crate) fn generation_of(file: &str) -> Option<u32> {
+    Some(parts_of_name(file)?.1)
+}
+
+/// Says that files or objects of a world which is no more could not be removed.
+pub(crate) fn left_behind(left: &[String], error: &Error) -> String {
+    const NAMED: usize = 8;
+    let names = left.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let more = match left.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!(
+        "the world that was replaced has left what could not be removed, and may go: {names}{more} ({error})"
+    )
 }
 
 /// The file of a sector or a coarse asset, counted from 0.
@@ -223,25 +278,10 @@ fn file_name(prefix: &str, number: usize) -> String {
 const SECTOR_PREFIX: &str = "sector-";
 const COARSE_PREFIX: &str = "coarse-";
 
-/// Sectors, or coarse assets, that a coarse asset stands for, at most.
-const RUN: usize = 16;
-
 /// A coarse asset is made at least as for sectors of so many triangles: of very small ones it would show next to nothing.
 const MIN_SIZE: u64 = 64_000;
 
-/// A sector or a coarse asset.
-struct Node {
-    /// Ascending.
-    sectors: Vec<usize>,
-    asset: String,
-    /// False for a sector without a preview.
-    is_coarse: bool,
-    /// Length of the finest detail of its preview, or of itself, world units.
-    detail: f64,
-}
-
-/// Makes the coarse assets, of a run of nodes after the other, until one stands for all sectors. A run stays as it is where one of its sectors has
-/// no preview, or where its coarse asset would be hardly smaller. Returns how many runs these are.
+/// Makes the coarse assets of more than 16 sectors. Returns how many are left out.
 fn add_coarse(
     plan: &Plan<'_>,
     (world, output): (&mut World, &mut Output),
@@ -249,78 +289,73 @@ fn add_coarse(
     memory_bytes: u64,
     progress: &dyn Progress,
 ) -> Result<u64> {
-    let mut left_out = 0;
     if world.objects.len() <= RUN {
-        return Ok(left_out);
+        return Ok(0);
     }
     let node = |(number, object): (usize, &WorldObject)| Node {
-        sectors: vec![number],
+        objects: vec![number],
         asset: object.asset.clone(),
+        is_object: true,
         is_coarse: object.preview.is_some(),
         detail: object.preview.map_or(0.0, |preview| preview.detail),
     };
-    let mut nodes: Vec<Node> = world.objects.iter().enumerate().map(node).collect();
-    while nodes.len() > 1 {
-        let count = nodes.len().div_ceil(RUN);
-        let end = |run: usize| run * nodes.len() / count;
-        let runs: Vec<&[Node]> = (0..count).map(|run| &nodes[end(run)..end(run + 1)]).collect();
-        let is_shared =
-            shared_vertices(plan.mesh, &plan.sectors, &runs_of_sectors(&runs, world.objects.len()));
-        let mut above = Vec::with_capacity(count);
-        for run in runs {
-            if progress.is_cancelled() {
-                return Err(Error::cancelled("the split was cancelled"));
-            }
-            if run.iter().any(|node| !node.is_coarse) {
-                left_out += 1;
-                continue;
-            }
-            let sectors: Vec<usize> = run.iter().flat_map(|node| node.sectors.iter().copied()).collect();
-            let finer = run.iter().map(|node| output.open_coarsest(node).map(Arc::new));
-            let finer = finer.collect::<Result<Vec<_>>>()?;
-            let surface = FinerSurface::of(&finer, plan.mesh.world_from_mesh, memory_bytes / 2);
-            let kept = surface.vertices_at(&plan.places(&is_shared, &sectors));
-            let objects = || sectors.iter().map(|&number| &world.objects[number]);
-            let mean = |of: fn(&WorldObject) -> u64| objects().map(of).sum::<u64>() / sectors.len() as u64;
-            let size = mean(|object| object.triangles).max(MIN_SIZE);
-            let triangles = previews.triangles(size as usize, kept.len());
-            let texels = previews.texels(mean(|object| object.texels), triangles);
-            let options =
-                PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
-            let mesh = coarse_mesh(surface.mesh(), triangles, &kept)?;
-            if !is_worth_it(&mesh, surface.mesh(), previews.triangles) {
-                left_out += 1;
-                continue;
-            }
-            let asset = file_name(COARSE_PREFIX, world.coarse.len());
-            let path = output.add(&asset);
-            surface.write_coarse(&mesh, &options, &path, progress)?;
-            let detail = run.iter().map(|node| node.detail).fold(0.0, f64::max);
-            let parts = run.iter().map(|node| node.asset.clone()).collect();
-            let coarse = WorldCoarse::of(&*asset, &Asset::open(&path)?, parts, surface.mesh(), detail);
-            above.push(Node { sectors, asset, is_coarse: true, detail: coarse.detail });
-            world.coarse.push(coarse);
-        }
-        nodes = above;
-    }
-    Ok(left_out)
+    let nodes = world.objects.iter().enumerate().map(node).collect();
+    let mut maker = SectorMaker { plan, output, previews, is_shared: Vec::new(), made: 0 };
+    coarse_tree::add_coarse(world, nodes, &mut maker, (memory_bytes, false), progress)
 }
 
-/// Per sector the number of its run. A sector of no run, which is shown beside all of them, has a number of its own.
-fn runs_of_sectors(runs: &[&[Node]], sectors: usize) -> Vec<u32> {
-    let mut of_sectors: Vec<u32> = (0..sectors).map(|sector| (runs.len() + sector) as u32).collect();
-    for (number, run) in (0u32..).zip(runs) {
-        run.iter().flat_map(|node| &node.sectors).for_each(|&sector| of_sectors[sector] = number);
+/// Makes coarse assets of sectors.
+struct SectorMaker<'a> {
+    plan: &'a Plan<'a>,
+    output: &'a mut Output,
+    previews: &'a SectorPreviews,
+    /// Per vertex whether sectors of several runs have it.
+    is_shared: Vec<bool>,
+    made: usize,
+}
+
+impl CoarseMaker for SectorMaker<'_> {
+    fn begin_level(&mut self, runs: &[u32]) {
+        self.is_shared = shared_vertices(self.plan.mesh, &self.plan.sectors, runs);
     }
-    of_sectors
+
+    fn open(&self, node: &Node) -> Result<Asset> {
+        self.output.open_coarsest(node)
+    }
+
+    fn surface(&self, run: &[Node], finer: &[Arc<Asset>], memory_bytes: u64) -> (FinerSurface, Vec<u32>) {
+        let surface = FinerSurface::of(finer, self.plan.mesh.world_from_mesh, |p| p, memory_bytes);
+        let sectors: Vec<usize> = run.iter().flat_map(|node| node.objects.iter().copied()).collect();
+        let kept = surface.vertices_at(&self.plan.places(&self.is_shared, &sectors));
+        (surface, kept)
+    }
+
+    fn size(&self, world: &World, objects: &[usize], kept: usize) -> CoarseSize {
+        let sectors = || objects.iter().map(|&number| &world.objects[number]);
+        let mean = |of: fn(&WorldObject) -> u64| sectors().map(of).sum::<u64>() / objects.len() as u64;
+        let size = mean(|object| object.triangles).max(MIN_SIZE);
+        let triangles = self.previews.triangles(size as usize, kept);
+        let texels = self.previews.texels(mean(|object| object.texels), triangles);
+        CoarseSize { triangles, texels, asked: self.previews.triangles }
+    }
+
+    fn put(&mut self, write: &mut dyn FnMut(&Path) -> Result<()>) -> Result<(String, Asset)> {
+        let name = file_name(COARSE_PREFIX, self.made);
+        self.made += 1;
+        let path = self.output.add(&name);
+        write(&path)?;
+        Ok((name, Asset::open(&path)?))
+    }
 }
 
 /// The folder while sectors are written, in a folder within it. What was written goes away unless it is finished.
 struct Output {
     folder: PathBuf,
     was_made: bool,
+    /// That of an index that may be there.
+    lock: Option<WriterLock>,
     unfinished: Option<TemporaryFolder>,
-    /// Sectors, coarse assets and the index of a world that is there.
+    /// Sectors and coarse assets that are there and belong to the world that is replaced, or to none.
     replaced: Vec<PathBuf>,
     /// Names of sectors and coarse assets.
     written: Vec<String>,
@@ -336,26 +371,25 @@ impl Output {
         let mut output = Self {
             folder: folder.into(),
             was_made,
+            lock: None,
             unfinished: None,
             replaced: Vec::new(),
             written: Vec::new(),
         };
         remove_leftovers(folder);
-        let names: Vec<String> = std::fs::read_dir(folder)
-            .and_then(|entries| {
-                entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
-            })
-            .map_err(writing)?;
+        let names = names_in(folder)?;
         if !force && !names.is_empty() {
             let folder = folder.display();
             return Err(Error::conflict(format!(
                 "{folder} is not empty; give another folder, or write over the world in it with --force"
             )));
         }
-        output.replaced.extend(index.exists().then(|| index.to_owned()));
-        let assets = names.iter().filter(|name| Split::is_asset_name(name));
+        // In an empty folder there is nothing that somebody else could change.
+        output.lock = if force { lock_index(index)? } else { None };
+        let others = assets_of_others(folder, &names, index)?;
+        let assets = names.iter().filter(|name| Split::is_asset_name(name) && !others.contains(*name));
         output.replaced.extend(assets.map(|name| folder.join(name)));
-        output.replaced.iter().try_for_each(|path| input::check_output(path))?;
+        output.replaced.iter().map(PathBuf::as_path).chain([index]).try_for_each(input::check_output)?;
         output.unfinished = Some(temporary_folder(folder).map_err(writing)?);
         Ok(output)
     }
@@ -374,36 +408,85 @@ impl Output {
     /// The preview of a sector, or a coarse asset.
     fn open_coarsest(&self, node: &Node) -> Result<Asset> {
         let path = self.unfinished(&node.asset);
-        match node.asset.starts_with(SECTOR_PREFIX) {
+        match node.is_object {
             true => World::open_preview(&path),
             false => Asset::open(&path),
         }
     }
 
-    /// Writes the index, and puts all files in their places. Nothing is changed of a world that is there before the new one is durable; while
-    /// files are exchanged there is no index.
-    fn finish(mut self, world: &World, index: &Path) -> Result<()> {
-        let name = index.file_name().unwrap_or_default();
-        let unfinished_index = self.unfinished(name);
+    /// Puts all files in their places, then the index, and removes the assets of the world that it replaces. Nothing is changed of that before the
+    /// new one is there and durable. Returns what is to be known.
+    fn finish(mut self, world: &mut World, index: &Path) -> Result<Vec<String>> {
+        let taken: HashSet<u32> =
+            names_in(&self.folder)?.iter().filter_map(|name| generation_of(name)).collect();
+        let generation = (1..).find(|generation| !taken.contains(generation)).unwrap_or(1);
+        let renamed = |name: &str| Split::name_in_generation(name, generation);
+        world.rename_assets(renamed);
+        let unfinished_index = self.unfinished(index.file_name().unwrap_or_default());
         world.write(&unfinished_index)?;
-        let failed = |path: &Path, error| Error::writing(path, error);
-        for path in &self.replaced {
-            std::fs::remove_file(path).map_err(|error| failed(path, error))?;
+        let place = |name: &String| self.folder.join(renamed(name));
+        let file = |name: &String| -> Result<(TempPath, PathBuf)> {
+            let file = self.unfinished(name);
+            let temporary = TempPath::try_from_path(&file).map_err(|error| Error::writing(&file, error))?;
+            Ok((temporary, place(name)))
+        };
+        persist_all(self.written.iter().map(file).collect::<Result<_>>()?, false)?;
+        if let Err(error) = std::fs::rename(unfinished_index, index) {
+            self.written.iter().for_each(|name| std::fs::remove_file(place(name)).unwrap_or_default());
+            return Err(Error::writing(index, error));
         }
-        for name in &self.written {
-            let path = self.folder.join(name);
-            let moved = std::fs::rename(self.unfinished(name), &path);
-            moved.map_err(|error| failed(&path, error))?;
-        }
-        std::fs::rename(unfinished_index, index).map_err(|error| failed(index, error))?;
         self.was_made = false;
-        sync_folder(&self.folder)
+        // Until then a crash may leave either index, so both worlds have to be there.
+        sync_folder(&self.folder)?;
+        let mut failure = None;
+        let mut left = Vec::new();
+        for path in &self.replaced {
+            match std::fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    left.push(path.display().to_string());
+                    failure.get_or_insert(Error::writing(path, error));
+                }
+                _ => {}
+            }
+        }
+        Ok(failure.iter().map(|error| left_behind(&left, error)).collect())
     }
+}
+
+/// Keeps others from changing or replacing an index in a folder meanwhile.
+pub(crate) fn lock_index(index: &Path) -> Result<Option<WriterLock>> {
+    match WriterLock::acquire(index) {
+        Err(error) if error.kind() == ErrorKind::Conflict => Err(error),
+        // Where there is no lock, the index cannot be written either, which is told then.
+        lock => Ok(lock.ok()),
+    }
+}
+
+/// Names of what is in a folder.
+fn names_in(folder: &Path) -> Result<Vec<String>> {
+    let names = folder.read_dir().and_then(|entries| {
+        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
+    });
+    names.map_err(|error| Error::writing(folder, error))
+}
+
+/// What other indexes than `index` name in a folder: their assets stay.
+fn assets_of_others(folder: &Path, names: &[String], index: &Path) -> Result<HashSet<String>> {
+    let others = names.iter().map(|name| folder.join(name));
+    let mut assets = HashSet::new();
+    for other in others.filter(|other| World::is_named(other) && other != index) {
+        let world = World::open_to_change(&other).map_err(|error| {
+            let folder = folder.display();
+            error.context(format!("cannot tell which files in {folder} belong to another world"))
+        })?;
+        assets.extend(world.assets().filter_map(World::path_below));
+    }
+    Ok(assets)
 }
 
 impl Drop for Output {
     fn drop(&mut self) {
-        drop(self.unfinished.take());
+        drop((self.unfinished.take(), self.lock.take()));
         if self.was_made {
             std::fs::remove_dir(&self.folder).unwrap_or_default();
         }
@@ -603,5 +686,34 @@ impl Sector {
         }
         Preview::of_coarse(editor.asset(), &coarse, &options, progress)?.attach(&mut editor)?;
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_sectors_tell_their_generation() {
+        for (file, parts) in [
+            ("sector-0001.fan", Some(("sector-0001", 1))),
+            ("coarse-12345-17.fan", Some(("coarse-12345", 17))),
+            ("sector-0001-2.fan", Some(("sector-0001", 2))),
+            ("sector-0001-1.fan", None),
+            ("sector-0001-02.fan", None),
+            ("sector-0001-+2.fan", None),
+            ("sector-0001-.fan", None),
+            ("sector-001.fan", None),
+            ("sector-0001-2-3.fan", None),
+            ("sector-0001.part", None),
+            ("a-sector-0001.fan", None),
+        ] {
+            assert_eq!(parts_of_name(file), parts, "{file}");
+        }
+        let name = Split::name_in_generation;
+        assert_eq!(name("sector-0001.fan", 1), "sector-0001.fan");
+        assert_eq!(name("sector-0001-2.fan", 1), "sector-0001.fan");
+        assert_eq!(name("coarse-0001-2.fan", 3), "coarse-0001-3.fan");
+        assert_eq!(name("houses/church.fan", 3), "houses/church.fan");
     }
 }

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, ReadLimits, ReadOptions, Result, counted, input};
+use fantex_base::{Error, Result, counted, input};
 use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
 use crate::addresses::{Target, is_object};
+use crate::coarse_objects::make_coarse;
 use crate::preview::CancelOnly;
+use crate::split::lock_index;
 use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
 /// What to change in an index.
@@ -21,6 +23,9 @@ pub struct WorldChange<'a> {
     pub remove: &'a [PathBuf],
     /// Makes previews, like this, of all assets of the index that have none; these are changed in place.
     pub previews: Option<PreviewOptions>,
+    /// Makes coarse assets, about as large as this, of all that have previews and for which no coarse asset of a split stands, beside the index:
+    /// `NAME-coarse-0001.fan`, ... They take the place of those that were made so before. What is open at borders between assets stays.
+    pub coarse: Option<PreviewOptions>,
 }
 
 /// An index that was changed, and how.
@@ -38,6 +43,8 @@ pub struct WorldChanged {
     pub coarse_removed: u64,
     /// Previews that were made.
     pub previews_made: u64,
+    /// Coarse assets that were made.
+    pub coarse_made: u64,
     /// What is to be known, a sentence each.
     pub notes: Vec<String>,
 }
@@ -46,13 +53,15 @@ pub struct WorldChanged {
 ///
 /// # Errors
 /// The index is no name for one, or can only be read; an asset cannot be read, or [cannot be named](World::name_of) in it; there is none of those to
-/// be removed; an object in a store was changed by somebody else meanwhile; somebody wants to stop. Then the index is as it was. Previews that were
+/// be removed; somebody else changes the index, or has changed it in its store meanwhile; somebody wants to stop. Then the index is as it was. Previews that were
 /// made stay.
 pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progress) -> Result<WorldChanged> {
     check_index(index)?;
+    // One in a store is known by its version.
+    let _lock = if is_object(index) { None } else { lock_index(index)? };
     let replace = replaced(index)?;
     let is_there = if is_object(index) { replace != Replace::Nothing } else { index.exists() };
-    let mut world = if is_there { open_to_change(index)? } else { World::default() };
+    let mut world = if is_there { World::open_to_change(index)? } else { World::default() };
     let mut changed = WorldChanged::default();
     let coarse_before = world.coarse.len();
     for asset in change.remove {
@@ -81,10 +90,14 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
         progress.report(done, total);
     }
     changed.coarse_removed = (coarse_before - world.coarse.len()) as u64;
-    if changed.coarse_removed > 0 {
+    let made = match &change.coarse {
+        Some(options) => Some(make_coarse(&mut world, index, options, progress)?),
+        None => None,
+    };
+    if changed.coarse_removed > 0 && made.is_none() {
         changed.notes.push(format!(
             "{} showed what has changed and went from the index, so views from afar take more memory; 'fantex split' of the whole asset makes \
-             them anew",
+             those of sectors anew, --make-coarse those of separate assets",
             counted(changed.coarse_removed, "coarse asset")
         ));
     }
@@ -92,6 +105,11 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
     let target = Target::new(index)?;
     world.write(target.file())?;
     target.finish(&replace, &CancelOnly(progress))?;
+    if let Some(mut made) = made {
+        changed.coarse_made = made.count;
+        changed.notes.append(&mut made.notes);
+        changed.notes.extend(made.stay());
+    }
     Ok(WorldChanged { world, ..changed })
 }
 
@@ -100,12 +118,6 @@ fn check_cancelled(progress: &dyn Progress) -> Result<()> {
         true => Err(Error::cancelled("the change of the world was cancelled")),
         false => Ok(()),
     }
-}
-
-/// Opens the index without marking it as an input, which nothing may overwrite.
-fn open_to_change(index: &Path) -> Result<World> {
-    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
-    ReadLimits::new(options).run(|| World::open(index))
 }
 
 /// Which version of an index in a store a changed one replaces. It is known before the index is read, so that no change of somebody else is lost.
@@ -167,4 +179,29 @@ fn make_preview(
     Preview::add_at(place, options, [progress; 2])?;
     *asset = open(place)?;
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_bake::NoProgress;
+    use fantex_base::ErrorKind;
+    use fantex_store::WriterLock;
+
+    use super::*;
+
+    #[test]
+    fn an_index_is_changed_by_one_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let index = folder.path().join("town.fanworld");
+        let change = || change_world(&index, &WorldChange::default(), &NoProgress);
+        let lock = WriterLock::acquire(&index).unwrap();
+        let error = change().unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Conflict);
+        assert!(error.to_string().contains("town.fanworld is being edited by another program"), "{error}");
+        assert!(!index.exists());
+        drop(lock);
+        change().unwrap();
+        let names: Vec<_> = folder.path().read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(names, [index]);
+    }
 }

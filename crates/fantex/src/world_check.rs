@@ -190,14 +190,15 @@ fn verify_coarse(
         Ok(actual) => report.faults.extend(differences(
             &as_object(coarse),
             &as_object(&actual),
-            "split the asset again",
+            "make it anew with 'fantex split', or with 'fantex world --make-coarse'",
         )),
         Err(error) => report.faults.push(format!("it cannot be compared with what it stands for: {error}")),
     }
     let missing = seams.missing(asset.mesh(), stands_for);
     if missing > 0 {
         report.faults.push(format!(
-            "its border lacks {missing} edges at which the assets that it stands for meet others, so gaps may show there; split the asset again"
+            "its border lacks {missing} edges at which the assets that it stands for meet others, so gaps may show there; make it anew with 'fantex split', or with \
+             'fantex world --make-coarse'"
         ));
     }
     report.ok = is_sound && report.faults.is_empty();
@@ -222,7 +223,7 @@ fn coarse_of(
         detail = detail.max(known);
     }
     let space = finer.first().map_or(asset.mesh().world_from_mesh, |mesh| mesh.world_from_mesh);
-    let finer = joined(finer.iter().map(|mesh| &**mesh), space).mesh;
+    let finer = joined(finer.iter().map(|mesh| &**mesh), space, |p| p).mesh;
     Ok(WorldCoarse::of(said.asset.clone(), asset, said.parts.clone(), &finer, detail))
 }
 

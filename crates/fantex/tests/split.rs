@@ -12,7 +12,7 @@ use fantex::mesh::generate::{LandscapeOptions, grid, icosphere, landscape};
 use fantex::mesh::{Edges, Material, Mesh, Model, shading_normals};
 use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, Surface, render};
 use fantex::scene::{Background, Camera};
-use fantex::store::{PageCache, VerifyOptions, verify_asset};
+use fantex::store::{PageCache, VerifyOptions, WriterLock, verify_asset};
 use fantex::texture::compare::psnr_db;
 use fantex::texture::{Image, Samples};
 use fantex::{
@@ -349,7 +349,7 @@ fn a_world_with_coarse_assets_is_verified() {
     assert!(!report.ok && report.coarse[1].ok);
     let faults = &report.coarse[0].faults;
     assert!(faults.iter().any(|fault| fault.contains("its border lacks")), "{faults:?}");
-    assert!(faults.iter().any(|fault| fault.contains("split the asset again")), "{faults:?}");
+    assert!(faults.iter().any(|fault| fault.contains("make it anew with 'fantex split'")), "{faults:?}");
     std::fs::remove_file(place(0)).unwrap();
     assert!(verify().coarse[0].faults[0].contains("cannot read"));
 }
@@ -575,7 +575,8 @@ fn nothing_is_left_of_a_world_that_is_not_finished() {
     let fewer = SplitOptions { triangles: 12_000, ..forced.clone() };
     let few = split(whole.shared(), &target, &fewer, &NoProgress).unwrap().world.objects.len();
     assert!(few < many);
-    let mut expected: Vec<String> = (1..=few).map(|number| format!("sector-{number:04}.fan")).collect();
+    // Its files lie beside those of the world whose place it takes, until that goes.
+    let mut expected: Vec<String> = (1..=few).map(|number| format!("sector-{number:04}-2.fan")).collect();
     expected.insert(0, "notes.txt".into());
     expected.push("whole.fanworld".into());
     assert_eq!(names(&target), expected);
@@ -589,6 +590,67 @@ fn nothing_is_left_of_a_world_that_is_not_finished() {
         split(whole.shared(), &target, &none, &NoProgress).unwrap_err().kind(),
         ErrorKind::InvalidArgument
     );
+}
+
+#[test]
+fn a_world_is_replaced_at_once_or_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), bumpy_ball(), 100_000);
+    let target = folder.path().join("world");
+    let options = SplitOptions { triangles: 12_000, previews: None, force: true, ..SplitOptions::default() };
+    let first = split(whole.shared(), &target, &options, &NoProgress).unwrap();
+    let sectors = first.world.objects.len();
+    let passes = || verify_world(&first.index, &VerifyOptions::default(), &NoProgress).unwrap().ok;
+    let sector = |number: usize, generation: &str| format!("sector-{number:04}{generation}.fan");
+    let of = |generation: &str| (1..=sectors).map(|number| sector(number, generation)).collect::<Vec<_>>();
+    let asset_names =
+        || names(&target).into_iter().filter(|name| name.starts_with("sector-")).collect::<Vec<_>>();
+    assert_eq!(asset_names(), of(""));
+
+    // An index that cannot be replaced: a folder has its name.
+    let aside = folder.path().join("aside");
+    std::fs::rename(&first.index, &aside).unwrap();
+    std::fs::create_dir_all(first.index.join("a")).unwrap();
+    split(whole.shared(), &target, &options, &NoProgress).unwrap_err();
+    assert_eq!(asset_names(), of(""));
+    std::fs::remove_dir_all(&first.index).unwrap();
+    std::fs::rename(&aside, &first.index).unwrap();
+    assert!(passes());
+
+    // Nor is one that somebody else is changing.
+    let lock = WriterLock::acquire(&first.index).unwrap();
+    let error = split(whole.shared(), &target, &options, &NoProgress).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Conflict);
+    drop(lock);
+    assert!(passes() && asset_names() == of(""));
+
+    // What another world in the folder names stays; what belongs to none goes, such as a crash leaves; what cannot go is named.
+    let other = target.join("other.fanworld");
+    let objects = vec![first.world.objects[0].clone()];
+    World { objects, ..World::default() }.write(&other).unwrap();
+    std::fs::write(target.join(sector(77, "-5")), "left").unwrap();
+    std::fs::create_dir(target.join(sector(9999, ""))).unwrap();
+    let second = split(whole.shared(), &target, &options, &NoProgress).unwrap();
+    assert_eq!(second.world.objects[0].asset, sector(1, "-2"));
+    let [note] = &second.notes[..] else { panic!("{:?}", second.notes) };
+    assert!(note.contains("sector-9999.fan") && !note.contains("sector-0001"), "{note}");
+    std::fs::remove_dir(target.join(sector(9999, ""))).unwrap();
+    let mut expected = of("-2");
+    expected.push(sector(1, ""));
+    expected.sort();
+    assert_eq!(asset_names(), expected);
+    assert!(passes() && World::open(&first.index).unwrap() == second.world);
+    assert!(verify_world(&other, &VerifyOptions::default(), &NoProgress).unwrap().ok);
+
+    // Which files belong to an index that cannot be read is not known.
+    std::fs::write(&other, "old").unwrap();
+    let error = split(whole.shared(), &target, &options, &NoProgress).unwrap_err().to_string();
+    assert!(error.contains("belong to another world") && error.contains("other.fanworld"), "{error}");
+    std::fs::remove_file(other).unwrap();
+    let third = split(whole.shared(), &target, &options, &NoProgress).unwrap();
+    assert_eq!(third.world.objects[0].asset, sector(1, "-3"));
+    assert_eq!(asset_names(), of("-3"));
+    assert!(passes());
 }
 
 #[test]

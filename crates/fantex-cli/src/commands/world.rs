@@ -15,7 +15,7 @@ use crate::text::{Table, counted, grouped, megabytes};
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
-  fantex world town.fanworld houses/*.fan ground.fan --make-previews
+  fantex world town.fanworld houses/*.fan ground.fan --make-previews --make-coarse
   fantex world town.fanworld houses/church.fan
   fantex world town.fanworld --remove houses/barn.fan
   fantex info town.fanworld
@@ -26,7 +26,7 @@ pub(crate) struct WorldArgs {
     /// The index (.fanworld), also at an s3://, gs:// or az:// address
     index: PathBuf,
     /// Assets to add or to read again (.fan, also at an https://, s3://, gs:// or az:// address)
-    #[arg(required_unless_present_any = ["remove", "make_previews"])]
+    #[arg(required_unless_present_any = ["remove", "make_previews", "make_coarse"])]
     assets: Vec<PathBuf>,
     /// Take an asset out of the index; its file stays
     #[arg(long, value_name = "ASSET")]
@@ -34,6 +34,10 @@ pub(crate) struct WorldArgs {
     /// Give a preview to assets without one, which keeps their open borders; they are changed in place
     #[arg(long)]
     make_previews: bool,
+    /// Make coarse assets beside the index, each of which stands from afar for up to 16 of the assets with previews; they replace those
+    /// that were made so before
+    #[arg(long)]
+    make_coarse: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -45,6 +49,7 @@ struct WorldChangeInfo {
     /// Coarse assets that showed what has changed or is gone; their files stay.
     coarse_removed: u64,
     previews_made: u64,
+    coarse_made: u64,
     #[serde(flatten)]
     world: WorldInfo,
     seconds: f64,
@@ -62,18 +67,28 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
         put: &args.assets,
         remove: &args.remove,
         previews: args.make_previews.then_some(previews),
+        coarse: args.make_coarse.then_some(previews),
     };
     let changed = {
         let _deferral = context.defer_interrupt();
         change_world(&args.index, &change, context)?
     };
     changed.notes.iter().for_each(|note| context.note(note));
-    let WorldChanged { added, updated, removed, coarse_removed, previews_made, .. } = changed;
+    let WorldChanged { added, updated, removed, coarse_removed, previews_made, coarse_made, .. } = changed;
     let seconds = started.elapsed().as_secs_f64();
     let index = args.index.clone();
     let world = WorldInfo::of(&changed.world);
-    let info =
-        WorldChangeInfo { index, added, updated, removed, coarse_removed, previews_made, world, seconds };
+    let info = WorldChangeInfo {
+        index,
+        added,
+        updated,
+        removed,
+        coarse_removed,
+        previews_made,
+        coarse_made,
+        world,
+        seconds,
+    };
     context.print(&info, |info| {
         let WorldChangeInfo { added, updated, removed, world, .. } = info;
         let counts = format!("{added} added, {updated} updated, {removed} removed");

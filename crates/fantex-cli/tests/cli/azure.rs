@@ -240,9 +240,9 @@ fn worlds_and_previews_are_written_to_containers() {
 
     std::fs::copy(asset, bucket.join("whole.fan")).unwrap();
     let (index, whole) = ("az://scans/town.fanworld", "az://scans/whole.fan");
-    let made = store.json(&["world", index, whole, "az://scans/land/sector-0001.fan", "--make-previews"]);
+    let made = store.json(&["world", index, whole, "az://scans/land/sector-0001-2.fan", "--make-previews"]);
     assert_eq!((&made["added"], &made["previews_made"]), (&2.into(), &1.into()), "{made}");
-    assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001.fan"]), "{made}");
+    assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001-2.fan"]), "{made}");
     assert_eq!(store.json(&["info", index])["objects"], 2);
     assert_eq!(store.json(&["world", index, "--remove", whole])["objects"], 1);
     assert!(store.json(&["info", whole])["preview_bytes"].as_u64().unwrap() > 0);

@@ -16,6 +16,8 @@ mod photographs;
 mod previews;
 mod round_trip;
 mod serve;
+#[cfg(unix)]
+mod unsent;
 mod worlds;
 
 use std::ffi::OsStr;

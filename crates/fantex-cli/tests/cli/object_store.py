@@ -6,6 +6,8 @@ documentation of S3, with the standard library alone.
 
 POST /faults?latency=SECONDS&busy=N&broken=N&refused=N&lost=N&plain=1 sets what goes wrong from now on: each answer comes so late; so many parts
 are answered with 503, break off in the middle, are refused; so many objects are made without an answer; conditions are not known.
+spared=N&denied=N: so many objects that come in one request are taken, then so many are refused; stuck=N: so many are not removed.
+disputed=N: so often an object is not made, as something else is done to it at that moment; parts that it was to be made of are dropped.
 uncopied=1&deaf=1&uniform=1&whole=1&changed=N: ranges are not copied, or taken for empty parts; all parts but the last must have one length; objects
 are copied instead of their ranges; so many objects are changed right before they are copied.
 GET /state tells what is under way, parts and uploads, and how many bytes came in parts and objects, went out, and were copied.
@@ -19,12 +21,15 @@ import json
 import os
 import re
 import sys
+import tempfile
 import threading
 import time
 import urllib.parse
 
 FOLDER, BUCKET, KEY_ID, SECRET, PUBLIC = sys.argv[1:6]
 MARK = "x-amz-meta-fantex-upload"
+# Beside the folder, so that what is made gets its name at once.
+WORK = os.path.dirname(os.path.abspath(FOLDER))
 
 lock = threading.Lock()
 uploads = {}
@@ -137,8 +142,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
     def make(self, place, content, mark):
         os.makedirs(os.path.dirname(place), exist_ok=True)
-        with open(place, "wb") as file:
+        with tempfile.NamedTemporaryFile(dir=WORK, delete=False) as file:
             file.write(content)
+        os.replace(file.name, place)
         marks[self.key] = mark
 
     def do_HEAD(self):
@@ -195,6 +201,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 return self.fail(400, "InvalidDigest")
             tag = self.take_part(int(part), content)
             return self.answer(200, headers=[("ETag", tag)]) if tag else None
+        if happens("disputed"):
+            return self.fail(409, "ConditionalRequestConflict")
+        if not happens("spared") and happens("denied"):
+            return self.fail(403, "ExpiredToken")
         with lock:
             if not self.may_make(place):
                 return
@@ -256,6 +266,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if place is None:
             return
         body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+        if "uploadId" in self.query and happens("disputed"):
+            with lock:
+                uploads.pop(self.query["uploadId"], None)
+            return self.fail(409, "ConditionalRequestConflict")
         if "uploads" in self.query:
             name = hashlib.sha256(os.urandom(16)).hexdigest()
             with lock:
@@ -292,6 +306,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             with lock:
                 uploads.pop(self.query["uploadId"], None)
                 counts["aborted"] += 1
+        elif happens("stuck"):
+            return self.fail(403, "AccessDenied")
         elif os.path.isfile(place):
             os.remove(place)
         self.answer(204)

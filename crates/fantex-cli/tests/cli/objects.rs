@@ -120,13 +120,13 @@ impl Store {
 }
 
 /// The keys that the store knows. (Those of Amazon's examples.)
-const KEYS: [(&str, &str); 2] = [
+pub(crate) const KEYS: [(&str, &str); 2] = [
     ("AWS_ACCESS_KEY_ID", "AKIAIOSFODNN7EXAMPLE"),
     ("AWS_SECRET_ACCESS_KEY", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY"),
 ];
 
 /// None where there is no Python. Everybody may read the object `public.fan`.
-fn serve(folder: &Path) -> Option<Store> {
+pub(crate) fn serve(folder: &Path) -> Option<Store> {
     let arguments = [folder.to_str().unwrap(), "scans", KEYS[0].1, KEYS[1].1, "public.fan"];
     Store::start("object_store.py", &arguments, &KEYS, |server| {
         vec![("AWS_ENDPOINT_URL", server.to_owned()), ("AWS_REGION", "eu-west-1".to_owned())]
@@ -298,6 +298,12 @@ fn a_store_puts_an_asset_together_of_its_parts() {
     // What passes is tried again; an answer may be lost.
     store.faults("busy=2&broken=1&lost=1");
     assert_eq!(put("busy.fan").0, copied);
+    // The store has lost the upload to something else that was done to the object: everything is copied anew.
+    store.faults("disputed=1");
+    let before = store.count("copied");
+    let made = store.json(&merge(&parts, &["-o", "s3://scans/disputed.fan"]));
+    assert!(is_whole("disputed.fan"));
+    assert_eq!((&made["copied_bytes"], store.count("copied") - before), (&copied.into(), 2 * copied));
 
     // Stores that copy nothing, or take what cannot be copied for something else, are sent all bytes.
     for fault in ["uncopied", "deaf", "uniform", "whole"] {
@@ -370,6 +376,18 @@ fn an_upload_that_fails_leaves_no_object() {
     put("lost.fan");
     store.faults("lost=1");
     store.json(&[&["plan", model, "-o", "s3://scans/lost.plan"][..], &options].concat());
+    // Something else was done to it at that moment: that does not say that it is there.
+    for disputed in [1, 2] {
+        store.faults(&format!("disputed={disputed}"));
+        store.json(&[&["plan", model, "-o", &format!("s3://scans/{disputed}.plan")][..], &options].concat());
+    }
+    let parts = store.count("parts");
+    store.faults("disputed=1");
+    put("disputed.fan");
+    assert!(store.count("parts") - parts >= 6, "all parts are sent again");
+    store.faults("disputed=1000");
+    fails(&["NoSuchUpload", "run the command again"], "always.fan");
+    store.faults("disputed=0");
 
     // What does not pass leaves nothing, and can be done again.
     store.faults("refused=1");
@@ -481,9 +499,12 @@ fn worlds_and_previews_are_written_to_buckets() {
     // An index at an address names assets below it as one in a folder does.
     std::fs::copy(asset, bucket.join("whole.fan")).unwrap();
     let (index, whole) = ("s3://scans/town.fanworld", "s3://scans/whole.fan");
-    let made = store.json(&["world", index, whole, "s3://scans/land/sector-0001.fan", "--make-previews"]);
+    let made = store.json(&["world", index, whole, "s3://scans/land/sector-0001-2.fan", "--make-previews"]);
     assert_eq!((&made["added"], &made["previews_made"]), (&2.into(), &1.into()), "{made}");
-    assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001.fan"]), "{made}");
+    assert_eq!(made["assets"], serde_json::json!(["whole.fan", "land/sector-0001-2.fan"]), "{made}");
+    let far = store.json(&["world", index, "--make-coarse"]);
+    assert_eq!((&far["coarse_made"], &far["coarse"]), (&1.into(), &1.into()), "{far}");
+    assert!(bucket.join("town-coarse-0001.fan").exists());
     assert_eq!(store.json(&["world", index, "--remove", whole])["objects"], 1);
     assert_eq!(store.json(&["info", index])["objects"], 1);
     store.fails(1, &["land.fan lies on this machine"], &["world", index, asset], &KEYS);

@@ -77,6 +77,7 @@ fn an_asset_is_split_and_verified() {
 
     fails(1, &["is not empty", "--force"], &split);
     succeeds(&[&split[..], &[&"--force", &"--no-previews"]].concat());
+    assert!(files(&target).iter().all(|name| name == "land.fanworld" || name.ends_with("-2.fan")));
     assert_eq!(json(&[&"info", &index])["previews"], 0);
     fails(1, &["--memory"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--memory", &"1M"]);
     assert!(!folder.path().join("no").exists());
@@ -399,6 +400,10 @@ fn existing_assets_become_a_world() {
         "{info}"
     );
     assert_eq!(json(&[&"verify", &index])["ok"], true);
+    let info = json(&[&"world", &index, &"--make-coarse"]);
+    assert_eq!((&info["coarse_made"], &info["coarse"]), (&1.into(), &1.into()), "{info}");
+    assert!(place("town-coarse-0001.fan").exists());
+    assert_eq!(json(&[&"verify", &index])["ok"], true);
     let model = place("town.gltf");
     assert_eq!(json(&[&"export", &index, &"-o", &model, &"--size", &"64"])["objects"], 2);
     let gltf: Value = serde_json::from_slice(&std::fs::read(&model).unwrap()).unwrap();
@@ -411,6 +416,7 @@ fn existing_assets_become_a_world() {
         "{info}"
     );
     assert!(cube_asset.exists());
+    assert_eq!(info["coarse_removed"], 1);
 
     // There is nothing to show in an empty one.
     let empty = place("empty.fanworld");

@@ -29,7 +29,7 @@ from ._bake import (
     solid,
     vertex_colors,
 )
-from ._files import compare, info, open, render, set_read_limits
+from ._files import compare, info, open, render, set_read_limits, upload
 from ._look import NormalMap, normal_map, table
 from ._mesh import Mesh, parametrize
 from ._native import NOTICES, SOLIDS, Error, __version__
@@ -77,5 +77,6 @@ __all__ = [
     "solid",
     "split",
     "table",
+    "upload",
     "vertex_colors",
 ]

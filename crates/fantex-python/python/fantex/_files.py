@@ -8,7 +8,7 @@ from typing import Any, Optional, Sequence, Union
 from . import _native
 from ._asset import Asset
 from ._mesh import Mesh, Progress
-from ._picture import Camera, Picture, _taken, _view
+from ._picture import Camera, Picture, _taken, _view, _warn
 from ._world import World
 
 Path = Union[str, os.PathLike]
@@ -146,6 +146,26 @@ def compare(
         raise ValueError(f"views is {views}; expected 1 to 1000")
     options = _view(size=size, samples=samples, filter=filter)
     return _native.compare(_subject(reference)._native, _subject(test)._native, views, options, progress)
+
+
+def upload(file: Path, address: Path, *, overwrite: bool = False, progress: Optional[Progress] = None) -> None:
+    """Sends a finished file to an object store, or the index of a world that :func:`split` has made with all its assets. What other functions have
+    finished and could not send they keep, and say where.
+
+    Args:
+        file: an asset, a plan, a part, or an index (``.fanworld``).
+        address: of the object, or of the index: ``s3://``, ``gs://`` or ``az://``. It appears whole or not at all.
+        overwrite: replace what is there; a world at once, with all its assets.
+        progress: called with ``(done, total)`` bytes; what it raises ends the upload.
+
+    Raises:
+        ValueError: the address names no store that is written to.
+        FileNotFoundError, FileExistsError, OSError: as their names say.
+        Error: the world's assets are not named as those of a split.
+        KeyboardInterrupt: Ctrl-C; nothing is there that was not there before.
+    """
+    _, _, notes = _native.upload(os.fspath(file), os.fspath(address), overwrite, progress)
+    _warn(notes, 3)
 
 
 def _subject(what: Any) -> Union[Asset, Mesh]:

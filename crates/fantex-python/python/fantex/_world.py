@@ -265,7 +265,8 @@ def split(
         previews: make previews and coarse assets.
         preview_triangles: of a preview and of a coarse asset, about; by default a 64th of a sector's, and what its border needs.
         preview_texels: of their finest levels; by default a 64th of a sector's, at least 16 per triangle.
-        overwrite: write into a folder that is not empty, and over a world that is there.
+        overwrite: write into a folder that is not empty, and over a world that is there, which is replaced at once and stays where the split
+            fails; the new files are ``sector-0001-2.fan`` and so on then.
         memory: bytes that texels may take while previews are made.
         progress: called with ``(done, total)`` texels, then bytes that are sent to a store; what it raises ends the split.
 
@@ -296,6 +297,7 @@ def make_world(
     *,
     remove: Union[Path, Iterable[Path]] = (),
     make_previews: bool = False,
+    make_coarse: bool = False,
     memory: float = 1 << 30,
     progress: Optional[Progress] = None,
 ) -> World:
@@ -307,12 +309,14 @@ def make_world(
         index: the index, ``.fanworld``; also an ``s3://``, ``gs://`` or ``az://`` address, which then names assets at addresses.
         remove: assets to take out, by their names in the index or by their places; their files stay.
         make_previews: give a preview to assets of the index that have none, which keeps their open borders; they are changed in place.
-        memory: bytes that texels may take while previews are made.
+        make_coarse: make coarse assets beside the index, each of which stands from afar for up to 16 of the assets with previews. They replace
+            those that were made so before.
+        memory: bytes that texels may take while previews and coarse assets are made.
         progress: called with ``(done, total)`` assets; what it raises ends the change.
 
     Returns:
         The world; its ``made`` has what was ``added``, ``updated`` and ``removed``, ``coarse_removed`` (coarse assets that showed what has
-        changed), ``previews_made``, and ``notes``, a sentence each.
+        changed), ``previews_made``, ``coarse_made``, and ``notes``, a sentence each.
 
     Raises:
         ValueError: nothing is to be done, or ``index`` is no name for a world.
@@ -322,9 +326,9 @@ def make_world(
         KeyboardInterrupt: Ctrl-C; the index is as it was.
     """
     put, gone = _places(assets), _places(remove)
-    if not put and not gone and not make_previews:
-        raise ValueError("give assets to put into the world, remove= or make_previews=True")
-    made = _native.change_world(os.fspath(index), put, gone, make_previews, int(memory), progress)
+    if not put and not gone and not make_previews and not make_coarse:
+        raise ValueError("give assets to put into the world, remove=, make_previews=True or make_coarse=True")
+    made = _native.change_world(os.fspath(index), put, gone, make_previews, make_coarse, int(memory), progress)
     world = World(made["index"])
     world.made = made
     return world

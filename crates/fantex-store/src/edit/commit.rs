@@ -41,6 +41,7 @@ impl AssetEditor {
     /// committed state, and the changes stay pending.
     pub fn commit(&mut self) -> Result<CommitSummary> {
         if self.has_changes() {
+            self.check_in_place()?;
             self.flush()?;
             let (slot, written) = self.write_directory()?;
             self.switch_to(slot, written)?;
@@ -61,14 +62,7 @@ impl AssetEditor {
         if !self.has_pending() {
             return Ok(());
         }
-        let path = self.asset.path();
-        if !is_same_file(&self.file, path) {
-            return Err(Error::conflict(format!(
-                "{} was replaced or removed while it was edited; the changes cannot be saved there",
-                path.display()
-            ))
-            .with_path(path));
-        }
+        self.check_in_place()?;
         self.reclaim();
         for level in 0..self.pending.pages.len() as u32 {
             while !self.pending.pages[level as usize].is_empty() {
@@ -82,6 +76,19 @@ impl AssetEditor {
             }
         }
         Ok(())
+    }
+
+    /// Refuses to write to a file that is gone: nobody would see it.
+    pub(super) fn check_in_place(&self) -> Result<()> {
+        let path = self.asset.path();
+        if is_same_file(&self.file, path) {
+            return Ok(());
+        }
+        let sentence = format!(
+            "{} was replaced or removed while it was edited; the changes cannot be saved there",
+            path.display()
+        );
+        Err(Error::conflict(sentence).with_path(path))
     }
 
     /// Rewrites the first few clusters of a level that have changes.

@@ -51,10 +51,14 @@ impl AssetEditor {
         mut change: impl FnMut(&str, Vec<u8>) -> Result<Option<Vec<u8>>>,
     ) -> Result<CompactSummary> {
         let bytes_before = self.commit()?.file_bytes;
+        self.check_in_place()?;
         let asset = Arc::clone(&self.asset);
         let io = |source| write_error(asset.path(), source);
         let rewrite = Rewrite::new(&asset, channels, mesh);
-        let mut copy = rewrite.begin().map_err(io)?;
+        // The file that a link leads to is replaced, not the link.
+        let path = asset.path();
+        let place = if path.is_symlink() { path.canonicalize().map_err(io)? } else { path.to_owned() };
+        let mut copy = rewrite.begin(&place).map_err(io)?;
         rewrite.copy_clusters(&mut copy, self.options.zstd_level)?;
         let mut attachments = Attachments::new();
         for (name, record) in asset.attachments()? {
@@ -70,14 +74,17 @@ impl AssetEditor {
         }
         let permissions = self.file.metadata().map_err(io)?.permissions();
         let finished = copy.finish(rewrite.means()?, &attachments, Some(permissions));
-        self.move_to(finished.map_err(io)?.0, asset.path())?;
+        let (copy, _) = finished.map_err(io)?;
+        // What somebody else has put there meanwhile stays.
+        self.check_in_place()?;
+        self.move_to(copy, &place, path)?;
         Ok(CompactSummary { bytes_before, bytes: self.asset.file_bytes() })
     }
 
-    /// Gives the finished copy the asset's name and goes on there.
-    fn move_to(&mut self, file: NamedTempFile, path: &Path) -> Result<()> {
+    /// Puts the finished copy in the place of the asset's file, and goes on there. `path` is the asset's own name.
+    fn move_to(&mut self, file: NamedTempFile, place: &Path, path: &Path) -> Result<()> {
         let io = |source| write_error(path, source);
-        persist(file.into_temp_path(), path, true)?;
+        persist(file.into_temp_path(), place, true)?;
         let file = Arc::new(OpenOptions::new().read(true).write(true).open(path).map_err(io)?);
         let output = Box::new(FileOutput(Arc::clone(&file)));
         let lock = Arc::new(self.lock.moved(path)?);
@@ -136,10 +143,10 @@ impl<'a> Rewrite<'a> {
         Channel::plain_value(channel.kind, self.asset.mesh(), self.triangles[group as usize] as usize)
     }
 
-    /// Copies the sections that no commit changes, and keeps room for the directory behind them.
-    fn begin(&self) -> io::Result<NewFile> {
+    /// Copies the sections that no commit changes into a new file beside `place`, and keeps room for the directory behind them.
+    fn begin(&self, place: &Path) -> io::Result<NewFile> {
         let asset = self.asset;
-        let mut copy = NewFile::create(asset.path(), asset.generation() + 1, asset.directory().levels.len())?;
+        let mut copy = NewFile::create(place, asset.generation() + 1, asset.directory().levels.len())?;
         for (index, record) in asset.slot().sections.iter().enumerate().take(3) {
             let changed = match (SECTION_NAMES[index], self.mesh) {
                 ("channel", _) if !self.is_copy() => {

@@ -23,8 +23,9 @@ use crate::write_error;
 /// Attempts, a millisecond apart, to mark a file as being read.
 const MAX_LOCK_ATTEMPTS: u32 = 500;
 
+/// Keeps other writers away from a file while it lives, from an asset or from another file that is changed as a whole.
 #[derive(Debug)]
-pub(super) struct WriterLock {
+pub struct WriterLock {
     beside: Arc<LockFile>,
     _of_inode: Option<LockFile>,
 }
@@ -37,8 +38,11 @@ struct LockFile {
 }
 
 impl WriterLock {
-    /// Locks the asset at `path` against other writers, or says that one is at work.
-    pub(super) fn acquire(path: &Path) -> Result<Self> {
+    /// Locks the file at `path`, which need not be there, against other writers.
+    ///
+    /// # Errors
+    /// Another one is at work ([`Conflict`](ErrorKind::Conflict)); the lock's file, beside it, cannot be made.
+    pub fn acquire(path: &Path) -> Result<Self> {
         let real = path.canonicalize().unwrap_or_else(|_| path.into());
         Self::with_beside(path, &real, Arc::new(LockFile::acquire(path, lock_path(&real))?))
     }

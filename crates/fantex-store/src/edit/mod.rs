@@ -35,7 +35,6 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use fantex_base::{Error, Result};
 
 use self::commit::{DurableOutput, FileOutput, LevelChanges};
-use self::lock::WriterLock;
 use self::space::{Space, padded_in_order, without_fixed};
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
 use crate::header::{SECTION_NAMES, SectionRecord, Slot, read_other_slot, read_section};
@@ -47,6 +46,7 @@ use crate::{Asset, FileSource, PageId, Texels, write_error};
 pub use self::added::MIDDLE_HEIGHT;
 pub use self::commit::{CommitSummary, EditOutput};
 pub use self::compact::CompactSummary;
+pub use self::lock::WriterLock;
 
 /// How to edit an asset.
 #[derive(Clone, Copy, Debug)]

@@ -413,6 +413,14 @@ fn mistakes_are_named() {
     std::fs::rename(folder.path().join("other.fan"), &path).unwrap();
     editor.attach("a", vec![1]).unwrap();
     refused(editor.commit(), "was replaced or removed");
+    // Nor are those saved that are in the old file already, or a copy of it.
+    editor.discard().unwrap();
+    editor.set_mean(0, 0, [0.5; 4]);
+    refused(editor.commit(), "was replaced or removed");
+    editor.discard().unwrap();
+    let there = std::fs::read(&path).unwrap();
+    refused(editor.compact(), "was replaced or removed");
+    assert!(std::fs::read(&path).unwrap() == there);
     drop(editor);
     assert!(AssetEditor::open(&path, &EditOptions::default()).is_ok());
     assert_eq!(Asset::open(&path).unwrap().generation(), 1);
@@ -548,6 +556,28 @@ fn compacting_keeps_everything_but_the_gaps() {
     assert_eq!(generation, 14);
     assert_eq!(State::open(&path), (generation, state));
     assert_whole(&path);
+}
+
+/// A link stays one, and leads to the copy.
+#[cfg(unix)]
+#[test]
+fn compacting_replaces_the_file_that_a_link_leads_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let link = folder.path().join("below/link.fan");
+    std::fs::create_dir(link.parent().unwrap()).unwrap();
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    let mut editor = AssetEditor::open(&link, &EditOptions::default()).unwrap();
+    let (mut state, mut dice) = (State::read(editor.asset()), Dice::new(9));
+    for _ in 0..3 {
+        change(&mut editor, &mut state, &mut dice);
+        editor.compact().unwrap();
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        assert!(State::open(&path).1 == state && State::open(&link).1 == state);
+    }
+    drop(editor);
+    let names = |folder: &Path| std::fs::read_dir(folder).unwrap().count();
+    assert_eq!((names(folder.path()), names(link.parent().unwrap())), (2, 1), "nothing else is left");
 }
 
 /// What was there stays, byte for byte; the new channel holds what the materials say.

@@ -198,13 +198,17 @@ impl HttpSource {
         let checked = answer.check(offset, bytes.len(), known);
         let Answered { length: expected, total } =
             checked.map_err(|error| self.advised(error, answer.status))?;
+        if expected > 0 {
+            // Of several first answers one tells the version of all.
+            let version = self.version.get_or_init(|| answer.version.map(str::to_owned));
+            answer.check(offset, bytes.len(), version.as_deref())?;
+        }
         if let Some(total) = total {
             self.length.get_or_init(|| total);
         }
         if expected == 0 {
             return Ok(0);
         }
-        self.version.get_or_init(|| answer.version.map(str::to_owned));
         let got = fill(&mut response.body_mut().as_reader(), &mut bytes[..expected])?;
         if got < expected {
             return Err(ended_early(got, expected));

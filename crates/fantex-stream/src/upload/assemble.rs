@@ -10,8 +10,8 @@ use std::fs::OpenOptions;
 use std::io::{self, Read};
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result};
 use fantex_store::{ByteSource as _, write_all_at};
@@ -19,12 +19,13 @@ use rusty_s3::Method;
 
 use super::pieces::{Piece, pieces};
 use super::{
-    CONNECTIONS, Content, ObjectTarget, Refusal, Replace, Request, Upload, element, locked, new_mark,
+    CONNECTIONS, Content, Lane, ObjectTarget, RETRIES, Refusal, Replace, Request, Upload, element, new_mark,
+    pause, put_in_lanes,
 };
 use crate::read::{HttpSource, is_transient};
 
 /// Pieces that the store copies at once. Each takes seconds, and none of this machine's time.
-const COPIES: usize = 32;
+pub(super) const COPIES: usize = 32;
 
 /// Bytes of a run that are fetched at once.
 const FETCHED_AT_ONCE: u64 = 4 << 20;
@@ -114,26 +115,20 @@ impl ObjectTarget {
         replace: &Replace,
         watch: &(dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
     ) -> Result<Assembled> {
-        let length = path.metadata().map_err(|error| Error::reading(path, error))?.len();
+        let upload = Upload::of(path, watch)?;
+        let length = upload.length;
         let ranges: Vec<_> = runs.iter().map(|run| run.range.clone()).collect();
         let pieces = pieces(length, &ranges);
         let copied: u64 = pieces.iter().filter(|piece| piece.run.is_some()).map(Piece::length).sum();
         if copied == 0 {
             return Ok(Assembled::NotCopied(None));
         }
-        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        let upload = Upload { path, length, sent, stops, watch };
         let mark = new_mark();
         let id = self.begin(&mark).map_err(|refusal| self.refused(replace, refusal))?;
-        let assembly = Assembly { upload: &upload, id: &id, pieces: &pieces, runs };
-        let made = self.put_pieces(&assembly).and_then(|tags| {
-            self.complete(&upload, replace, &mark, &id, &tags)?;
-            self.check_made(&mark, length)
+        let made = self.make_of_parts(&upload, replace, &mark, id, &|id| {
+            self.put_pieces(&Assembly { upload: &upload, id, pieces: &pieces, runs })
         });
-        if made.is_err() {
-            self.abort(&id);
-        }
-        match made {
+        match made.and_then(|()| self.check_made(&mark, length)) {
             Ok(()) => Ok(Assembled::Done(copied)),
             Err(Failure::NotCopied(why)) => Ok(Assembled::NotCopied(Some(why))),
             Err(Failure::Refused(refusal)) if may_be_due_to_copying(&refusal) => {
@@ -149,37 +144,8 @@ impl ObjectTarget {
         let Assembly { upload, pieces, .. } = *assembly;
         let (copied, sent): (Vec<usize>, Vec<usize>) =
             (0..pieces.len()).partition(|&number| pieces[number].run.is_some());
-        let tags = Mutex::new(vec![String::new(); pieces.len()]);
-        let failure: Mutex<Option<Failure>> = Mutex::new(None);
-        let nexts = [AtomicUsize::new(0), AtomicUsize::new(0)];
-        let queues = [(&copied, &nexts[0], COPIES), (&sent, &nexts[1], CONNECTIONS)];
-        let work = |(queue, next, _): (&Vec<usize>, &AtomicUsize, usize)| {
-            while !upload.stops.load(Relaxed) {
-                let Some(&number) = queue.get(next.fetch_add(1, Relaxed)) else { return };
-                match self.put_piece(assembly, number) {
-                    Ok(tag) => locked(&tags)[number] = tag,
-                    Err(why) => {
-                        locked(&failure).get_or_insert(why);
-                        upload.stops.store(true, Relaxed);
-                    }
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for queue in queues {
-                for _ in 0..queue.2.min(queue.0.len()) {
-                    let builder = std::thread::Builder::new().name("fan-upload".into());
-                    // Where the system refuses a thread, this one does its work.
-                    drop(builder.spawn_scoped(scope, move || work(queue)));
-                }
-            }
-            queues.into_iter().for_each(work);
-        });
-        match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            Some(failure) => Err(failure),
-            None if upload.is_ended() => Err(Refusal::cancelled().into()),
-            None => Ok(tags.into_inner().unwrap_or_else(PoisonError::into_inner)),
-        }
+        let lanes = [Lane { numbers: copied, at_once: COPIES }, Lane { numbers: sent, at_once: CONNECTIONS }];
+        put_in_lanes::<Failure>(upload, pieces.len(), &lanes, &|number| self.put_piece(assembly, number))
     }
 
     /// Puts a piece there, counted from 0; gives its tag.
@@ -189,7 +155,7 @@ impl ObjectTarget {
         if let Some(run) = piece.run {
             return self.copy_piece(assembly, number, &runs[run]);
         }
-        fetch(upload.path, &piece.range, runs)?;
+        fetch(upload, &piece.range, runs)?;
         let mut section = upload.section(piece.range.start, piece.length()).map_err(Refusal::from)?;
         Ok(self.put_part(id, number + 1, &mut section, Some(upload))?)
     }
@@ -241,7 +207,7 @@ impl ObjectTarget {
 /// Whether this may be because pieces are copied, so that sending all bytes may help.
 fn may_be_due_to_copying(refusal: &Refusal) -> bool {
     let is_refused = (400..500).contains(&refusal.status) && !is_transient(&refusal.error);
-    refusal.status == 501 || is_refused && !refusal.is_conflict()
+    refusal.status == 501 || is_refused && !refusal.is_conflict() && !refusal.is_momentary()
 }
 
 fn changed(location: &Path) -> Error {
@@ -252,23 +218,39 @@ fn changed(location: &Path) -> Error {
     Error::conflict(sentence).with_path(location)
 }
 
-/// Fetches into a file what a range of it has of runs.
-fn fetch(path: &Path, range: &Range<u64>, runs: &[SharedRun]) -> Result<()> {
+/// Fetches into the file what a range of it has of runs.
+fn fetch(upload: &Upload<'_>, range: &Range<u64>, runs: &[SharedRun]) -> Result<(), Failure> {
     let first = runs.partition_point(|run| run.range.end <= range.start);
     for run in runs[first..].iter().take_while(|run| run.range.start < range.end) {
-        let writing = |error| Error::writing(path, error);
-        let file = OpenOptions::new().write(true).open(path).map_err(writing)?;
+        let writing = |error| Error::writing(upload.path, error);
+        let file = OpenOptions::new().write(true).open(upload.path).map_err(writing)?;
         let end = run.range.end.min(range.end);
         let mut at = run.range.start.max(range.start);
         while at < end {
             let mut bytes = vec![0; (end - at).min(FETCHED_AT_ONCE) as usize];
-            let read = run.source.read_exact_at(&mut bytes, run.offset + (at - run.range.start));
-            read.map_err(|error| Error::reading(run.source.location(), error))?;
+            read(upload, run, at, &mut bytes)?;
             write_all_at(&file, &bytes, at).map_err(writing)?;
             at += bytes.len() as u64;
         }
     }
     Ok(())
+}
+
+/// Reads bytes of a run that lie at `at` in the object, again where that may help, as long as what is sent would be.
+fn read(upload: &Upload<'_>, run: &SharedRun, at: u64, bytes: &mut [u8]) -> Result<(), Failure> {
+    let offset = run.offset + (at - run.range.start);
+    for attempt in 0.. {
+        if upload.is_ended() {
+            break;
+        }
+        match run.source.read_exact_at(bytes, offset) {
+            Err(error) if attempt < RETRIES.retries && is_transient(&error) => {
+                pause(RETRIES.pause(attempt), || upload.is_ended());
+            }
+            result => return result.map_err(|error| Error::reading(run.source.location(), error).into()),
+        }
+    }
+    Err(Refusal::cancelled().into())
 }
 
 #[cfg(test)]
