@@ -1,6 +1,6 @@
 //! The files that are written.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Seek, Write};
@@ -11,6 +11,7 @@ use fantex_base::files::{exists, folder_of, persist_all, temporary_file};
 use fantex_base::{Error, Result, uri_escaped};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use tempfile::TempPath;
 
@@ -467,7 +468,7 @@ impl Geometry {
         }
         for ((part, material, page), own) in by_kind {
             let start = geometry.positions.len();
-            let mut known = HashMap::new();
+            let mut known = FxHashMap::default();
             let mut vertex = |corner: usize| {
                 let v = mesh.triangles[corner / 3][corner % 3];
                 *known.entry((v, attributes(corner))).or_insert_with(|| {
