@@ -86,6 +86,8 @@ impl<'a> Target<'a> {
     /// As [`ObjectTarget::put`].
     pub fn finish(self, replace: &Replace, progress: &dyn Progress) -> Result<()> {
         let Some(staged) = self.staged else { return Ok(()) };
+        let length = staged.file.metadata().map_err(|error| Error::reading(&staged.file, error))?.len();
+        progress.report(0, length);
         staged.object.put(&staged.file, replace, &|done, total| watched(progress, done, total))
     }
 }
@@ -148,6 +150,7 @@ fn fetch(place: &Path, path: &Path, progress: &dyn Progress) -> Result<()> {
     let mut file = File::create(path).map_err(writing)?;
     let mut bytes = vec![0; length.min(FETCHED_AT_ONCE) as usize];
     let mut done = 0;
+    progress.report(done, length);
     while done < length {
         if progress.is_cancelled() {
             return Err(Error::cancelled(format!("fetching {} was ended", place.display())));
