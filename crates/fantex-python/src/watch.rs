@@ -10,8 +10,8 @@ use std::time::Duration;
 use fantex::addresses::is_address;
 use fantex::{ErrorKind, Progress};
 use pyo3::exceptions::{
-    PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyRuntimeError,
-    PyValueError,
+    PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyPermissionError,
+    PyRuntimeError, PyValueError,
 };
 use pyo3::prelude::*;
 
@@ -23,12 +23,16 @@ pyo3::create_exception!(
 );
 
 /// Flags in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 13] = [
+const ARGUMENTS: [(&str, &str); 17] = [
     ("use --force", "give overwrite=True"),
     ("with --force", "with overwrite=True"),
     ("allow more (--memory)", "allow more by fantex.set_read_limits(memory=...)"),
     ("(--allow-outside)", "by fantex.set_read_limits(allow_outside=True)"),
     ("--memory", "memory="),
+    ("--format rgba8", "format=\"rgba8\""),
+    ("--longest-edge", "longest_edge="),
+    ("--padding", "padding="),
+    ("--uv and --model", "uv="),
     ("--uv source", "uv=\"source\""),
     ("--uv", "uv="),
     ("--model", "uv=fantex.Mesh.load(...)"),
@@ -44,12 +48,19 @@ pub(crate) fn exception(error: fantex::Error) -> PyErr {
     let text =
         ARGUMENTS.iter().fold(error.to_string(), |text, (flag, argument)| text.replace(flag, argument));
     match error.kind() {
-        ErrorKind::NotFound if error.path().is_some() => PyFileNotFoundError::new_err(text),
+        ErrorKind::NotFound if error.path().is_some() => {
+            numbered(PyFileNotFoundError::new_err(text), io_source(&error))
+        }
         ErrorKind::AlreadyExists => PyFileExistsError::new_err(text),
-        ErrorKind::Io => match io_kind(&error) {
-            Some(io::ErrorKind::NotFound) => PyFileNotFoundError::new_err(text),
-            _ => PyOSError::new_err(text),
-        },
+        ErrorKind::Io => {
+            let source = io_source(&error);
+            let raised = match source.map(io::Error::kind) {
+                Some(io::ErrorKind::NotFound) => PyFileNotFoundError::new_err(text),
+                Some(io::ErrorKind::PermissionDenied) => PyPermissionError::new_err(text),
+                _ => PyOSError::new_err(text),
+            };
+            numbered(raised, source)
+        }
         ErrorKind::InvalidArgument => PyValueError::new_err(text),
         ErrorKind::Cancelled => PyKeyboardInterrupt::new_err(text),
         _ => damaged(text, error.path()),
@@ -67,9 +78,18 @@ fn damaged(text: String, path: Option<&Path>) -> PyErr {
     named.err().unwrap_or(raised)
 }
 
-fn io_kind(error: &fantex::Error) -> Option<io::ErrorKind> {
-    let source = std::error::Error::source(error)?;
-    source.downcast_ref::<io::Error>().map(io::Error::kind)
+/// An `OSError` whose attribute `errno` is the system's number, where there is one.
+fn numbered(raised: PyErr, source: Option<&io::Error>) -> PyErr {
+    match source.and_then(io::Error::raw_os_error).filter(|_| cfg!(unix)) {
+        Some(number) => {
+            Python::attach(|py| raised.value(py).setattr("errno", number)).err().unwrap_or(raised)
+        }
+        None => raised,
+    }
+}
+
+fn io_source(error: &fantex::Error) -> Option<&io::Error> {
+    std::error::Error::source(error)?.downcast_ref()
 }
 
 /// Progress of work on another thread, and the wish that it end.
