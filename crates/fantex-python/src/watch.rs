@@ -1,9 +1,10 @@
 //! Long work beside the interpreter, and errors on their way to Python.
 
+use std::cell::Cell;
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use pyo3::exceptions::{
     PyRuntimeError, PyValueError,
 };
 use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 pyo3::create_exception!(
     fantex,
@@ -92,11 +94,19 @@ fn io_source(error: &fantex::Error) -> Option<&io::Error> {
     std::error::Error::source(error)?.downcast_ref()
 }
 
+/// How far a step of work is.
+#[derive(Clone, Copy, Default, PartialEq)]
+struct Step {
+    /// From 1; 0 before the first.
+    number: u64,
+    done: u64,
+    total: u64,
+}
+
 /// Progress of work on another thread, and the wish that it end.
 #[derive(Default)]
 pub(crate) struct Watch {
-    /// Done and total.
-    state: Mutex<(u64, u64)>,
+    step: Mutex<Step>,
     is_cancelled: AtomicBool,
     /// Why.
     failure: Mutex<Option<PyErr>>,
@@ -109,16 +119,19 @@ impl Watch {
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    fn state(&self) -> MutexGuard<'_, (u64, u64)> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn step(&self) -> MutexGuard<'_, Step> {
+        self.step.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Progress for Watch {
     fn report(&self, done: u64, total: u64) {
-        let mut state = self.state();
-        // With another total, another step has begun; within one, threads may report out of order.
-        *state = if state.1 == total { (state.0.max(done), total) } else { (done, total) };
+        let mut step = self.step();
+        if done == 0 || step.total != total {
+            *step = Step { number: step.number + 1, done, total };
+        } else {
+            step.done = step.done.max(done);
+        }
     }
 
     fn is_cancelled(&self) -> bool {
@@ -129,8 +142,50 @@ impl Progress for Watch {
 /// How often signals are looked for.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then, and
-/// ends the work on Ctrl-C or when that raises.
+/// A pool, and the process that has its threads.
+type Pool = (u32, &'static ThreadPool);
+
+/// The pool of a process that was forked from one that had worked before.
+static FORKED: Mutex<Option<Pool>> = Mutex::new(None);
+
+thread_local! {
+    /// The pool for work that is asked for on this thread of another pool.
+    static BESIDE: Cell<Option<Pool>> = const { Cell::new(None) };
+}
+
+/// The pool for work that is asked for on this thread; none where the common one serves. Where a thread of a pool asks, a function of Python's
+/// does, such as the source of a bake: all threads of that pool may be waiting for such functions, so the work gets a thread beside them. A
+/// process that was forked has none of its parent's threads, and starts its own.
+fn own_pool() -> PyResult<Option<&'static ThreadPool>> {
+    static FIRST: OnceLock<u32> = OnceLock::new();
+    let process = std::process::id();
+    if rayon::current_thread_index().is_some() {
+        let pool = running(BESIDE.get(), ThreadPoolBuilder::new().num_threads(1))?;
+        BESIDE.set(Some(pool));
+        return Ok(Some(pool.1));
+    }
+    if *FIRST.get_or_init(|| process) == process {
+        return Ok(None);
+    }
+    let mut forked = FORKED.lock().unwrap_or_else(PoisonError::into_inner);
+    let pool = running(*forked, ThreadPoolBuilder::new())?;
+    *forked = Some(pool);
+    Ok(Some(pool.1))
+}
+
+/// The pool if it is of this process, else a new one. Pools stay: to drop one of a parent would be to wake its threads.
+fn running(pool: Option<Pool>, builder: ThreadPoolBuilder) -> PyResult<Pool> {
+    let process = std::process::id();
+    if let Some(pool) = pool.filter(|(owner, _)| *owner == process) {
+        return Ok(pool);
+    }
+    let pool =
+        builder.build().map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
+    Ok((process, Box::leak(Box::new(pool))))
+}
+
+/// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then and at the
+/// end, and ends the work on Ctrl-C or when that raises.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -138,27 +193,38 @@ pub(crate) fn watched<T: Send>(
 ) -> PyResult<T> {
     let watch = Watch::default();
     let caller = thread::current();
+    let pool = own_pool()?;
+    let mut told = Step::default();
+    let mut tell = || {
+        let step = *watch.step();
+        if let Some(progress) = progress.filter(|_| step != told && !watch.is_cancelled()) {
+            told = step;
+            if let Err(raised) = progress.call1((step.done, step.total)) {
+                watch.fail(raised);
+            }
+        }
+    };
     let result = thread::scope(|scope| {
         let worker = scope.spawn(|| {
-            let result = work(&watch);
+            let result = match pool {
+                Some(pool) => pool.install(|| work(&watch)),
+                None => work(&watch),
+            };
             caller.unpark();
             result
         });
-        let mut told = (0, 0);
         while !worker.is_finished() {
             py.detach(|| thread::park_timeout(PERIOD));
             if let Err(signal) = py.check_signals() {
                 watch.fail(signal);
             }
-            let state = *watch.state();
-            if let Some(progress) = progress.filter(|_| state != told && !watch.is_cancelled()) {
-                told = state;
-                if let Err(raised) = progress.call1(state) {
-                    watch.fail(raised);
-                }
-            }
+            tell();
         }
-        py.detach(|| worker.join())
+        let result = py.detach(|| worker.join());
+        if matches!(result, Ok(Ok(_))) {
+            tell();
+        }
+        result
     });
     if let Some(reason) = watch.failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(reason);
