@@ -126,6 +126,10 @@ impl Watch {
 
 impl Progress for Watch {
     fn report(&self, done: u64, total: u64) {
+        // Callers divide by it.
+        if total == 0 {
+            return;
+        }
         let mut step = self.step();
         if done == 0 || step.total != total {
             *step = Step { number: step.number + 1, done, total };
