@@ -202,3 +202,21 @@ def test_files_that_are_changed_again_and_again_stay_small(tmp_path, sphere):
     with pytest.raises(fantex.Error):
         asset.paint({"strokes": []})
     assert asset.sample([0, 0, 1]).shape == (4,)
+
+
+def test_pictures_that_cannot_be_compared():
+    picture = np.zeros((16, 16, 3), np.float32)
+    with pytest.raises(ValueError, match="test holds NaN"):
+        fantex.compare_pictures(picture, picture * np.nan)
+    with pytest.raises(TypeError, match="reference is a path; expected the picture"):
+        fantex.compare_pictures("a.png", picture)
+
+
+def test_tables_of_nothing(tmp_path):
+    look = tmp_path / "a.toml"
+    look.write_text('[textures.board]\nkind = "checker"\n')
+    for given in ({"slices": 0}, {"size": (0, 4)}):
+        with pytest.raises(ValueError, match="has nothing in it; all must be at least 1"):
+            fantex.table(look, **{"size": (4, 4), **given})
+    with pytest.raises(ValueError, match="all must be finite"):
+        fantex.table(look, size=(4, 4), start=(np.nan, 0, 0))

@@ -37,9 +37,6 @@ from ._picture import Camera, Picture, compare_pictures
 from ._plan import Plan, bake_part, check_parts, merge, plan
 from ._world import World, WorldCoarse, WorldObject, WorldPreview, make_world, split
 
-# Of errors that name no file.
-Error.path = None
-
 __all__ = [
     "NOTICES",
     "SOLIDS",

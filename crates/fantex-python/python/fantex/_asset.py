@@ -13,7 +13,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Opt
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, absolute, amount, names, whole
+from ._given import PATHS, Path, absolute, amount, failed, names, whole
 from ._mesh import Mesh, Progress, _array, _bounds, _plain
 from ._picture import Camera, Picture, _srgb8, _taken, _view, _warn
 
@@ -485,7 +485,7 @@ class Asset:
                     if path not in str(error):
                         raise
                     # Nobody knows that file.
-                    raise _native.Error(str(error).replace(path, "what was given to paint")) from None
+                    raise failed(str(error).replace(path, "what was given to paint")) from None
         return dict(zip(("strokes", "dabs", "pages", "unrecorded"), painted))
 
     def save_strokes(self, path: Path, *, overwrite: bool = False) -> dict:

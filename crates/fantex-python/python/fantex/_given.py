@@ -9,10 +9,19 @@ from typing import Any, Iterable, List, Sequence, Union
 
 import numpy as np
 
+from . import _native
+
 Path = Union[str, bytes, os.PathLike]
 
 #: Types of paths and addresses.
 PATHS = (str, bytes, os.PathLike)
+
+
+def failed(sentence: str) -> _native.Error:
+    """An error that is about no file."""
+    error = _native.Error(sentence)
+    error.path = None
+    return error
 
 
 def is_address(place: str) -> bool:

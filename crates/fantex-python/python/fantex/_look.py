@@ -53,7 +53,11 @@ def table(
         "seed": whole(seed, "seed", (1 << 64) - 1),
         "memory": amount(memory, "memory"),
     }
+    if not np.isfinite([*options["start"], *options["end"], time]).all():
+        raise ValueError(f"start is {start}, end {end} and time {time}; all must be finite")
     shape = [*_size(size, "size"), 1 if slices is None else whole(slices, "slices")]
+    if 0 in shape:
+        raise ValueError(f"a table of {shape[0]} x {shape[1]} x {shape[2]} texels has nothing in it; all must be at least 1")
     texels = _native.table(os.fsdecode(look), texture, shape, options, progress)
     return texels[0] if slices is None else texels
 

@@ -13,7 +13,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from . import _native
-from ._given import Path, size as _size, vector, whole
+from ._given import PATHS, Path, size as _size, vector, whole
 
 
 class Picture(np.ndarray):
@@ -147,6 +147,8 @@ def _srgb8(values: np.ndarray) -> np.ndarray:
 
 def _linear(picture: Any, name: str) -> np.ndarray:
     """A picture as linear floats ``(h, w, c)``."""
+    if isinstance(picture, PATHS):
+        raise TypeError(f"{name} is a path; expected the picture in it, as PIL.Image.open gives it")
     array = np.asarray(picture)
     if array.ndim == 2:
         array = array[:, :, None]
@@ -159,4 +161,6 @@ def _linear(picture: Any, name: str) -> np.ndarray:
         return np.ascontiguousarray(linear)
     if array.dtype.kind != "f":
         raise TypeError(f"{name} holds {array.dtype}; expected uint8 in sRGB or linear floats")
+    if np.isnan(array).any():
+        raise ValueError(f"{name} holds NaN, which differs from nothing by any measure")
     return np.ascontiguousarray(array, np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -76,7 +76,8 @@ class WorldCoarse:
 
 
 class World:
-    """A world: an index of assets that are shown together, near the eye whole, far away by their previews and by coarse assets.
+    """A world: an index of assets that are shown together, near the eye whole, far away by their previews and by coarse assets. It is a
+    sequence of its :attr:`objects`.
 
     Args:
         place: the index (``.fanworld``), a path or an ``https://``, ``s3://``, ``gs://`` or ``az://`` address. Only the index is read; assets are
@@ -227,6 +228,12 @@ class World:
 
     def __len__(self) -> int:
         return len(self.objects)
+
+    def __iter__(self) -> Iterator[WorldObject]:
+        return iter(self.objects)
+
+    def __getitem__(self, number: int) -> WorldObject:
+        return self.objects[number]
 
     def __reduce__(self) -> Any:
         return _again, (self._path, self._memory, self.made)

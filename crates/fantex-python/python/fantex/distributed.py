@@ -13,7 +13,7 @@ from typing import Any, Dict, List, Optional, Tuple, Union
 from . import _native
 from ._asset import Asset
 from ._bake import Function, Source
-from ._given import PATHS, Path, absolute, is_address
+from ._given import PATHS, Path, absolute, failed, is_address
 from ._mesh import Mesh, Progress
 from ._plan import Plan, bake_part, merge, plan
 
@@ -174,7 +174,7 @@ class _Run:
                 try:
                     lasting = future.result()
                 except KilledWorker as error:
-                    raise _native.Error(
+                    raise failed(
                         f"part {number} of {self.count} ended each worker that it ran on; "
                         "they may lack memory (give more parts or less memory=)"
                     ) from error
@@ -200,7 +200,7 @@ class _Run:
                         raise
             if attempt < self.retries:
                 self.finish(bad)
-        raise _native.Error(
+        raise failed(
             f"{parts[bad[0] - 1]} was baked and is not there; workers and caller need a folder that all of them see (folder=)"
         )
 
@@ -215,7 +215,7 @@ def _part(
 ) -> Optional[BaseException]:
     """The task of a worker. Returns what a second attempt would not change; raises what Dask shall try again."""
     if not _is_there(plan_path):
-        return _native.Error(
+        return failed(
             f"a worker does not see {plan_path}; workers and caller need a folder that all of them see (folder=)"
         )
     looked, pause = time.monotonic(), 10 if is_address(plan_path) else 1
@@ -226,7 +226,7 @@ def _part(
         if time.monotonic() - looked > pause:
             looked = time.monotonic()
             if not _is_there(plan_path):
-                raise _native.Error("the bake was given up")
+                raise failed("the bake was given up")
 
     try:
         bake_part(
@@ -241,7 +241,7 @@ def _part(
         raise
     except BaseException as error:
         # A panic of the compiled part is no Exception, and would end the worker's thread without an answer.
-        return _native.Error(f"part {shard[0]} of {shard[1]} failed inside: {error}")
+        return failed(f"part {shard[0]} of {shard[1]} failed inside: {error}")
     return None
 
 
