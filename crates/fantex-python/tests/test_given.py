@@ -202,6 +202,11 @@ def test_files_that_are_changed_again_and_again_stay_small(tmp_path, sphere):
     with pytest.raises(fantex.Error):
         asset.paint({"strokes": []})
     assert asset.sample([0, 0, 1]).shape == (4,)
+    if os.name == "posix":
+        (tmp_path / "a.fan").unlink()
+        with pytest.raises(FileNotFoundError):
+            asset.remove_preview()
+        assert asset.sample([0, 0, 1]).shape == (4,)
 
 
 def test_pictures_that_cannot_be_compared():

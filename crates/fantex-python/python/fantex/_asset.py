@@ -13,7 +13,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Opt
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, absolute, amount, failed, names, whole
+from ._given import PATHS, Path, absolute, amount, failed, is_address, names, whole
 from ._mesh import Mesh, Progress, _array, _bounds, _plain
 from ._picture import Camera, Picture, _srgb8, _taken, _view, _warn
 
@@ -89,7 +89,10 @@ class Asset:
         the file; other threads wait."""
         with self._lock:
             self._check_open()
-            self._opened = None
+            if not is_address(self._path):
+                # What is gone stays open.
+                os.stat(self._path)
+                self._opened = None
             try:
                 yield self._path
             finally:
