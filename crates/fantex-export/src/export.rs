@@ -217,11 +217,11 @@ pub fn export_channels(
     let mut outputs = Outputs::new(options.force);
     let mut sinks: Vec<Box<dyn RowSink>> = Vec::with_capacity(maps.len());
     for (&(_, output), map) in channels.iter().zip(&maps) {
-        let (file, temporary) = outputs.create(output)?;
+        let (file, _) = outputs.create(output)?;
         sinks.push(match extension(output).as_str() {
             "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], *map, depth)?),
             "ktx2" => Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, Packing::of(map))?),
-            _ => Box::new(FloatSink::new(temporary, page.side, map)),
+            _ => Box::new(FloatSink::new(file, output.into(), page.side, map)),
         });
     }
     let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
