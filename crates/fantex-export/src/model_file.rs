@@ -139,7 +139,7 @@ impl Gltf {
         let failed = |source| Error::writing(&self.output, source);
         let mut buffer = buffer.into_inner().map_err(|error| failed(error.into_error()))?;
         let json = self.json();
-        let (file, _) = outputs.create(&self.output)?;
+        let file = outputs.create(&self.output)?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
         if !self.is_binary {
             let written = serde_json::to_writer_pretty(&mut out, &json).map_err(io::Error::from);
@@ -171,7 +171,7 @@ impl Gltf {
         let file = match self.is_binary {
             true => tempfile::tempfile_in(folder_of(&self.output))
                 .map_err(|source| Error::writing(&self.output, source))?,
-            false => outputs.create(&self.output.with_file_name(self.buffer_name()))?.0,
+            false => outputs.create(&self.output.with_file_name(self.buffer_name()))?,
         };
         Ok(BufWriter::with_capacity(1 << 20, file))
     }
@@ -544,17 +544,16 @@ impl Outputs {
         Self { force, files: Vec::new() }
     }
 
-    /// A file that will be `path`, open for writing, and its temporary path.
-    pub(crate) fn create(&mut self, path: &Path) -> Result<(File, PathBuf)> {
+    /// A file that will be `path`, open for writing.
+    pub(crate) fn create(&mut self, path: &Path) -> Result<File> {
         let failed = |source| Error::writing(path, source);
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }
         let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
         let (file, temporary) = temporary_file(path, &suffix).map_err(failed)?.into_parts();
-        let opened = (file, temporary.to_path_buf());
         self.files.push((temporary, path.into()));
-        Ok(opened)
+        Ok(file)
     }
 
     /// Makes all files durable, then gives them their names, in the order in which they were made. Returns these with
