@@ -97,6 +97,8 @@ def test_as_xatlas_is_called(sphere):
     result = fantex.parametrize(positions.astype(np.float32), faces.astype(np.uint32), normals)
     vmapping, indices, uvs = result
     check(positions, faces, (vmapping, indices, uvs))
+    again = fantex.parametrize(positions.astype(np.float32), faces.astype(np.uint32), normals, normals[:, :2])
+    np.testing.assert_array_equal(again[2], uvs)
 
 
 def test_wrong_arguments(sphere):

@@ -288,6 +288,7 @@ def parametrize(
     positions: Any,
     faces: Any,
     normals: Any = None,
+    uvs: Any = None,
     *,
     resolution: int = 2048,
     padding: Optional[int] = 2,
@@ -298,7 +299,7 @@ def parametrize(
     Args:
         positions: ``(n, 3)`` floats.
         faces: ``(m, 3)`` vertex indices.
-        normals: taken for compatibility; charts do not depend on them.
+        normals, uvs: taken for compatibility; charts do not depend on them.
         resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
         padding: texels around each piece that are its own, a power of two; None for a 128th of the side, so that pictures may have
             coarser levels.
