@@ -183,9 +183,10 @@ fn running(pool: Option<Pool>, builder: ThreadPoolBuilder) -> PyResult<Pool> {
     if let Some(pool) = pool.filter(|(owner, _)| *owner == process) {
         return Ok(pool);
     }
-    let pool =
+    let built =
         builder.build().map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
-    Ok((process, Box::leak(Box::new(pool))))
+    let pool: &'static ThreadPool = Box::leak(Box::new(built));
+    Ok((process, pool))
 }
 
 /// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then and at the
