@@ -198,6 +198,8 @@ pub(crate) fn watched<T: Send>(
 ) -> PyResult<T> {
     let watch = Watch::default();
     let caller = thread::current();
+    // A thread has not ended yet when it wakes its caller.
+    let is_done = AtomicBool::new(false);
     let pool = own_pool()?;
     let mut told = Step::default();
     let mut tell = || {
@@ -215,10 +217,11 @@ pub(crate) fn watched<T: Send>(
                 Some(pool) => pool.install(|| work(&watch)),
                 None => work(&watch),
             };
+            is_done.store(true, Ordering::Release);
             caller.unpark();
             result
         });
-        while !worker.is_finished() {
+        while !is_done.load(Ordering::Acquire) && !worker.is_finished() {
             py.detach(|| thread::park_timeout(PERIOD));
             if let Err(signal) = py.check_signals() {
                 watch.fail(signal);
