@@ -53,10 +53,15 @@ fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) ->
     ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()?;
     let texels = f64::from(side) * f64::from(side);
     let budget = TexelBudget::Total(texels as u64);
+    let triangles = mesh.triangles.len() as u64;
+    progress.report(0, triangles);
     let (cover, _) = build_cover(mesh, &CoverOptions { budget, ..CoverOptions::default() })?;
+    // Charts and their places take longer.
+    progress.report(triangles / 4, triangles);
     let texels_per_unit = (texels / mesh.area()).sqrt() as f32;
     let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
     let layout = atlas(mesh, &cover, &request, progress)?;
+    progress.report(triangles, triangles);
     Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
 }
 

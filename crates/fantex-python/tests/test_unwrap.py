@@ -101,6 +101,18 @@ def test_as_xatlas_is_called(sphere):
     np.testing.assert_array_equal(again[2], uvs)
 
 
+def test_progress_is_told_and_may_end_it(sphere):
+    told = []
+    fantex.parametrize(*sphere, progress=lambda *state: told.append(state))
+    assert told[-1][0] == told[-1][1] > 2000
+
+    def enough(done, total):
+        raise StopIteration("enough")
+
+    with pytest.raises(StopIteration, match="enough"):
+        fantex.parametrize(*sphere, progress=enough)
+
+
 def test_wrong_arguments(sphere):
     positions, faces = sphere
     with pytest.raises(ValueError, match="power of two"):
