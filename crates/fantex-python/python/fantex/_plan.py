@@ -82,7 +82,8 @@ def plan(
     """Covers a mesh and plans a bake: parts are baked by :func:`bake_part` and joined by :func:`merge`.
 
     Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
-    address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
+    address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
+    with bytes that are sent to a store, and not while the mesh is covered.
     """
     options = _options(
         texels=texels,
