@@ -169,6 +169,12 @@ def test_pictures_are_saved_whole(tmp_path, waves):
     assert os.listdir(tmp_path) == ["a.png"]
 
 
+def test_cameras_of_arrays():
+    camera = fantex.Camera(np.array([0, 1, 2]), fov=np.float32(40))
+    assert camera == fantex.Camera((0, 1, 2), fov=40) and camera.eye == (0.0, 1.0, 2.0)
+    assert hash(camera) == hash(fantex.Camera([0, 1, 2], fov=40))
+
+
 def test_closed_assets(tmp_path, sphere):
     with fantex.bake(sphere, tmp_path / "a.fan", texels=5000, source=pattern) as asset:
         assert asset.sample([0, 0, 1]).shape == (4,)

@@ -47,6 +47,12 @@ class Camera:
     up: Sequence[float] = (0.0, 1.0, 0.0)
     fov: float = 35.0
 
+    def __post_init__(self) -> None:
+        # Arrays, too, as tuples of numbers, which can be compared.
+        for part in ("eye", "target", "up"):
+            object.__setattr__(self, part, tuple(vector(getattr(self, part), f"the camera's {part}")))
+        object.__setattr__(self, "fov", float(self.fov))
+
 
 def _view(
     *,
@@ -65,8 +71,7 @@ def _view(
     if camera is not None:
         if not isinstance(camera, Camera):
             raise TypeError(f"camera is of type {type(camera).__name__}; expected a fantex.Camera")
-        axes = [vector(getattr(camera, part), f"the camera's {part}") for part in ("eye", "target", "up")]
-        view = (*axes, float(camera.fov))
+        view = ([*camera.eye], [*camera.target], [*camera.up], camera.fov)
     return {
         "size": None if size is None else _size(size, "size"),
         "camera": view,
