@@ -3,7 +3,6 @@
 import sys
 import sysconfig
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
