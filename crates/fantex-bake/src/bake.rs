@@ -370,7 +370,8 @@ pub struct BakeSummary {
 
 /// Receives progress. Called from several threads.
 pub trait Progress: Sync {
-    /// `done` of `total` texels are finished.
+    /// `done` of `total` texels are finished. Reports of one step may come out of order; none of its texels, and another total, begin
+    /// another step.
     fn report(&self, done: u64, total: u64);
 
     /// A sentence that is worth knowing before long work begins. The outcome of the work may hold it as well.
@@ -400,6 +401,7 @@ pub(crate) struct Meter<'a> {
 
 impl<'a> Meter<'a> {
     pub(crate) fn new(progress: &'a dyn Progress, total: u64) -> Self {
+        progress.report(0, total);
         Self { progress, done: AtomicU64::new(0), total }
     }
 

@@ -404,6 +404,19 @@ pub fn bake_normal_map(
     detailed: &Mesh,
     options: &NormalMapOptions,
 ) -> Result<(Image, TransferReport)> {
+    bake_normal_map_until(coarse, detailed, options, &|| false)
+}
+
+/// [`bake_normal_map`], until somebody wants to stop, which is asked for each texel.
+///
+/// # Errors
+/// As there; or it was ended.
+pub fn bake_normal_map_until(
+    coarse: &Mesh,
+    detailed: &Mesh,
+    options: &NormalMapOptions,
+    is_cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<(Image, TransferReport)> {
     let uv = check(coarse, options)?;
     let projector = Projector::new(coarse, detailed, options.cage)?;
     let charts = Charts::new(coarse, uv, options.size);
@@ -411,7 +424,7 @@ pub fn bake_normal_map(
     let [width, height] = options.size;
     let normal_at = |texel: usize| {
         let owner = charts.owners[texel];
-        (owner != EMPTY).then(|| {
+        (owner != EMPTY && !is_cancelled()).then(|| {
             let at = |offset: [f32; 2]| charts.lambda(owner as usize, texel, offset);
             let normal = |offset| {
                 let at = SurfacePoint { triangle: owner, lambda: at(offset) }.on_triangle(coarse);
@@ -423,6 +436,9 @@ pub fn bake_normal_map(
     };
     let mut normals: Vec<Option<Vec3>> =
         (0..charts.owners.len()).into_par_iter().with_min_len(256).map(normal_at).collect();
+    if is_cancelled() {
+        return Err(Error::cancelled("the normal map was cancelled"));
+    }
     for _ in 0..options.padding {
         normals = grown(&normals, width as usize);
     }

@@ -30,12 +30,20 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     sweep(folder_of(path));
-    let file = builder.prefix(PREFIX).suffix(suffix).tempfile_in(folder_of(path))?;
+    let file = builder.prefix(PREFIX).suffix(suffix).tempfile_in(folder_of(path)).map_err(without_name)?;
     let same = file.as_file().try_clone()?;
     // Where there are no locks, others leave it alone for a while only.
     same.try_lock_shared().unwrap_or_default();
     remember(file.path(), same);
     Ok(file)
+}
+
+/// The error without the temporary name, which says nothing to anybody.
+fn without_name(error: io::Error) -> io::Error {
+    match error.to_string().split_once(" at path ") {
+        Some((cause, _)) => io::Error::new(error.kind(), cause),
+        None => error,
+    }
 }
 
 /// A folder in another one, for files that belong together, which goes away with the value and all that is in it.
@@ -80,7 +88,7 @@ impl Drop for TemporaryFolder {
 /// The system's.
 pub fn temporary_folder(folder: &Path) -> io::Result<TemporaryFolder> {
     sweep(folder);
-    let made = Builder::new().prefix(PREFIX).tempdir_in(folder)?;
+    let made = Builder::new().prefix(PREFIX).tempdir_in(folder).map_err(without_name)?;
     let [unnamed, path] = ["new", FOLDER_LOCK].map(|name| made.path().join(name));
     let lock = File::create(&unnamed)?;
     // Where there are no locks, nobody else can take it either.
@@ -300,6 +308,18 @@ mod tests {
         }
         (0..known.files.len()).for_each(|_| known.forget_gone());
         assert!(known.files.len() == 100 && known.files.keys().all(|path| path.exists()));
+    }
+
+    #[test]
+    fn errors_do_not_name_temporary_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let none = folder.path().join("none");
+        let errors =
+            [temporary_file(&none.join("a.fan"), ".tmp").unwrap_err(), temporary_folder(&none).unwrap_err()];
+        for error in errors {
+            assert_eq!(error.kind(), io::ErrorKind::NotFound);
+            assert!(!error.to_string().contains(PREFIX), "{error}");
+        }
     }
 
     #[test]

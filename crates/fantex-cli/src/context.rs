@@ -375,8 +375,8 @@ fn write_millions(state: &ProgressState, unit: &str, text: &mut dyn fmt::Write) 
 
 impl Progress for Bar<'_> {
     fn report(&self, done: u64, total: u64) {
-        if self.bar.length() != Some(total) {
-            // Another operation has begun.
+        if done == 0 || self.bar.length() != Some(total) {
+            // Another operation begins.
             self.bar.set_length(total);
             self.bar.set_position(0);
             self.done.store(0, Relaxed);

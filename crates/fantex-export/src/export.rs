@@ -217,11 +217,11 @@ pub fn export_channels(
     let mut outputs = Outputs::new(options.force);
     let mut sinks: Vec<Box<dyn RowSink>> = Vec::with_capacity(maps.len());
     for (&(_, output), map) in channels.iter().zip(&maps) {
-        let (file, temporary) = outputs.create(output)?;
+        let file = outputs.create(output)?;
         sinks.push(match extension(output).as_str() {
             "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], *map, depth)?),
             "ktx2" => Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, Packing::of(map))?),
-            _ => Box::new(FloatSink::new(temporary, page.side, map)),
+            _ => Box::new(FloatSink::new(file, output.into(), page.side, map)),
         });
     }
     let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
@@ -283,7 +283,7 @@ impl<'a> Job<'a> {
         let failed = |source| Error::writing(output, source);
         let file = match is_binary {
             true => tempfile::tempfile_in(folder_of(output)).map_err(failed)?,
-            false => outputs.create(&path)?.0,
+            false => outputs.create(&path)?,
         };
         let copy = file.try_clone().map_err(failed)?;
         let named = if is_binary { output } else { &path };
@@ -292,7 +292,7 @@ impl<'a> Job<'a> {
             return Ok((Box::new(png), file));
         }
         let path = output.with_file_name(format!("{name}.ktx2"));
-        let (ktx2, _) = outputs.create(&path)?;
+        let ktx2 = outputs.create(&path)?;
         let ktx2 = Ktx2Sink::new(ktx2, &path, [side; 2], map, Packing::of(map))?;
         Ok((Box::new(Both(png, ktx2)), file))
     }

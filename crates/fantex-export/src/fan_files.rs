@@ -210,7 +210,7 @@ impl<'a> FanFile<'a> {
         let stem = file_stem(self.output, object);
         let file_name = format!("{stem}.usda");
         let path = self.output.with_file_name(format!("{stem}.mtlx"));
-        let (mut file, _) = self.outputs.create(&path)?;
+        let mut file = self.outputs.create(&path)?;
         let is_exr = self.options.pictures == SheetPictures::Exr;
         let pictures = PictureFiles { stem: &stem, sheets, is_exr };
         let text = materialx(&pictures, geometry, &mesh.materials);
@@ -219,7 +219,7 @@ impl<'a> FanFile<'a> {
             Some(_) => self.output.with_file_name(&file_name),
             None => self.output.to_owned(),
         };
-        let (file, _) = self.outputs.create(&path)?;
+        let file = self.outputs.create(&path)?;
         write_usda(mesh, &pictures, geometry, &file).map_err(|e| Error::writing(&path, e))?;
         if let (Some((_, objects)), Some(object)) = (&mut self.root, object) {
             objects.push([object.to_owned(), file_name]);
@@ -232,13 +232,13 @@ impl<'a> FanFile<'a> {
         match (self.gltf, &self.root) {
             (Some(gltf), _) => gltf.finish(&mut self.outputs)?,
             (None, Some((root, objects))) => {
-                let (file, _) = self.outputs.create(self.output)?;
+                let file = self.outputs.create(self.output)?;
                 write_usda_objects(root, objects, &file).map_err(|e| Error::writing(self.output, e))?;
             }
             (None, None) => {}
         }
         for (path, text) in self.shaders {
-            let (mut file, _) = self.outputs.create(&path)?;
+            let mut file = self.outputs.create(&path)?;
             file.write_all(text.as_bytes()).map_err(|e| Error::writing(&path, e))?;
         }
         self.outputs.commit()
@@ -269,11 +269,11 @@ impl SheetFiles<'_> {
         }
         if self.pictures != SheetPictures::PngAndKtx2 {
             let path = path("exr");
-            let (file, _) = self.outputs.create(&path)?;
+            let file = self.outputs.create(&path)?;
             return write_exr(&file, &path, size, map, &drawn.samples);
         }
         let path = path("ktx2");
-        let (file, _) = self.outputs.create(&path)?;
+        let file = self.outputs.create(&path)?;
         let mut ktx2 = Ktx2Sink::new(file, &path, size, map, Packing::of_sheet(map))?;
         let row_bytes = 2 * map.components.count() * size[0] as usize;
         for rows in drawn.samples.chunks(64 * row_bytes) {
@@ -289,7 +289,7 @@ impl SheetFiles<'_> {
                 let unnamed = tempfile::tempfile_in(folder_of(self.output));
                 unnamed.map_err(|e| Error::writing(self.output, e))?
             }
-            false => self.outputs.create(&path)?.0,
+            false => self.outputs.create(&path)?,
         };
         let copy = file.try_clone().map_err(|e| Error::writing(&path, e))?;
         let named = if self.is_binary { self.output } else { &path };

@@ -1,6 +1,6 @@
 //! The files that are written.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Seek, Write};
@@ -11,6 +11,7 @@ use fantex_base::files::{exists, folder_of, persist_all, temporary_file};
 use fantex_base::{Error, Result, uri_escaped};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use tempfile::TempPath;
 
@@ -138,7 +139,7 @@ impl Gltf {
         let failed = |source| Error::writing(&self.output, source);
         let mut buffer = buffer.into_inner().map_err(|error| failed(error.into_error()))?;
         let json = self.json();
-        let (file, _) = outputs.create(&self.output)?;
+        let file = outputs.create(&self.output)?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
         if !self.is_binary {
             let written = serde_json::to_writer_pretty(&mut out, &json).map_err(io::Error::from);
@@ -170,7 +171,7 @@ impl Gltf {
         let file = match self.is_binary {
             true => tempfile::tempfile_in(folder_of(&self.output))
                 .map_err(|source| Error::writing(&self.output, source))?,
-            false => outputs.create(&self.output.with_file_name(self.buffer_name()))?.0,
+            false => outputs.create(&self.output.with_file_name(self.buffer_name()))?,
         };
         Ok(BufWriter::with_capacity(1 << 20, file))
     }
@@ -467,7 +468,7 @@ impl Geometry {
         }
         for ((part, material, page), own) in by_kind {
             let start = geometry.positions.len();
-            let mut known = HashMap::new();
+            let mut known = FxHashMap::default();
             let mut vertex = |corner: usize| {
                 let v = mesh.triangles[corner / 3][corner % 3];
                 *known.entry((v, attributes(corner))).or_insert_with(|| {
@@ -543,17 +544,16 @@ impl Outputs {
         Self { force, files: Vec::new() }
     }
 
-    /// A file that will be `path`, open for writing, and its temporary path.
-    pub(crate) fn create(&mut self, path: &Path) -> Result<(File, PathBuf)> {
+    /// A file that will be `path`, open for writing.
+    pub(crate) fn create(&mut self, path: &Path) -> Result<File> {
         let failed = |source| Error::writing(path, source);
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }
         let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
         let (file, temporary) = temporary_file(path, &suffix).map_err(failed)?.into_parts();
-        let opened = (file, temporary.to_path_buf());
         self.files.push((temporary, path.into()));
-        Ok(opened)
+        Ok(file)
     }
 
     /// Makes all files durable, then gives them their names, in the order in which they were made. Returns these with

@@ -25,8 +25,9 @@ use crate::export::{ChannelMap, Components, Map};
 use crate::texels::RowSink;
 
 pub(crate) struct FloatSink {
-    /// Where it is written, and what errors name.
-    temporary: PathBuf,
+    file: File,
+    /// What errors name.
+    path: PathBuf,
     side: u32,
     components: Components,
     samples: Vec<f32>,
@@ -38,9 +39,9 @@ impl FloatSink {
         3 * 4 * u64::from(side) * u64::from(side) * map.components.count() as u64
     }
 
-    /// Begins a square picture that is written to `temporary`.
-    pub(crate) fn new(temporary: PathBuf, side: u32, map: &Map) -> Self {
-        Self { temporary, side, components: map.components, samples: Vec::new() }
+    /// Begins a square picture in `file`; the extension of `path`, which errors name, is its format.
+    pub(crate) fn new(file: File, path: PathBuf, side: u32, map: &Map) -> Self {
+        Self { file, path, side, components: map.components, samples: Vec::new() }
     }
 }
 
@@ -57,7 +58,8 @@ impl RowSink for FloatSink {
     fn finish(&mut self) -> Result<()> {
         let samples = std::mem::take(&mut self.samples);
         let channels = self.components.count() as u8;
-        Image::from_linear(self.side, self.side, channels, samples).save(&self.temporary)
+        let bytes = Image::from_linear(self.side, self.side, channels, samples).encoded(&self.path)?;
+        self.file.write_all(&bytes).map_err(|source| Error::writing(&self.path, source))
     }
 }
 

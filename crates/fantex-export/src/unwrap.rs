@@ -1,12 +1,11 @@
 //! Texture coordinates for a mesh, without an asset.
 
-use std::collections::HashMap;
-
 use fantex_bake::{NoProgress, Progress};
 use fantex_base::{Error, ErrorKind, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, CornerOrigins, Mesh, Model, clean_traced};
 use glam::{DVec3, Vec2};
+use rustc_hash::FxHashMap;
 
 use crate::layout::{AtlasRequest, atlas};
 use crate::{ExportOptions, MAX_SIDE};
@@ -54,10 +53,15 @@ fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) ->
     ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()?;
     let texels = f64::from(side) * f64::from(side);
     let budget = TexelBudget::Total(texels as u64);
+    let triangles = mesh.triangles.len() as u64;
+    progress.report(0, triangles);
     let (cover, _) = build_cover(mesh, &CoverOptions { budget, ..CoverOptions::default() })?;
+    // Charts and their places take longer.
+    progress.report(triangles / 4, triangles);
     let texels_per_unit = (texels / mesh.area()).sqrt() as f32;
     let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
     let layout = atlas(mesh, &cover, &request, progress)?;
+    progress.report(triangles, triangles);
     Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
 }
 
@@ -76,7 +80,7 @@ impl SplitMesh {
     /// Splits the vertices of triangles; `uv`: of each triangle's corners.
     pub fn new(triangles: &[[u32; 3]], uv: &[[Vec2; 3]]) -> Self {
         let mut split = Self::default();
-        let mut known = HashMap::new();
+        let mut known = FxHashMap::default();
         split.triangles = triangles
             .iter()
             .zip(uv)
@@ -85,7 +89,7 @@ impl SplitMesh {
         split
     }
 
-    fn vertex(&mut self, vertex: u32, uv: Vec2, known: &mut HashMap<(u32, [u32; 2]), u32>) -> u32 {
+    fn vertex(&mut self, vertex: u32, uv: Vec2, known: &mut FxHashMap<(u32, [u32; 2]), u32>) -> u32 {
         *known.entry((vertex, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
             self.vertices.push(vertex);
             self.uv.push(uv);
@@ -157,8 +161,8 @@ fn lay_rest(
         return;
     }
     // Where a vertex of the input is in the mesh, one of its coordinates, and which triangle has three such vertices in their order.
-    let mut of_vertex: HashMap<u32, (u32, Vec2)> = HashMap::new();
-    let mut of_triangle: HashMap<[u32; 3], usize> = HashMap::new();
+    let mut of_vertex: FxHashMap<u32, (u32, Vec2)> = FxHashMap::default();
+    let mut of_triangle: FxHashMap<[u32; 3], usize> = FxHashMap::default();
     for (t, vertices) in mesh.triangles.iter().enumerate() {
         let source = origins.triangle(t);
         for (k, &vertex) in vertices.iter().enumerate() {

@@ -12,7 +12,7 @@ use fantex::mesh::lambda_step;
 use fantex::render::FanSurface;
 use fantex::scene::FilterOptions;
 use fantex::store::{JUMP_BOUND, PREVIEW, PageCache, VerifyOptions, verify_asset};
-use fantex::{ChannelKind, FileKind, Footprint, SurfacePoint, damage_note, not_verified};
+use fantex::{ChannelKind, Error, FileKind, Footprint, Progress, SurfacePoint, damage_note, not_verified};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
@@ -134,7 +134,6 @@ impl Asset {
         let nowhere = SurfacePoint { triangle: u32::MAX, lambda: Vec3::NAN };
         let found: Vec<SurfacePoint> = watched(py, None, |watch| {
             let nearest = |&p: &[f64; 3]| {
-                use fantex::Progress;
                 let found =
                     if watch.is_cancelled() { None } else { self.asset.nearest_point(DVec3::from(p)) };
                 found.unwrap_or(nowhere)
@@ -162,31 +161,24 @@ impl Asset {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let kind = self.channel(channel)?;
         let mesh = self.asset.mesh();
-        let lambda = rows::<3, f32>(&barycentric, "barycentric")?;
-        let faces = faces.as_array();
-        if faces.len() != lambda.len() {
-            let counts = format!("{} faces and {} barycentric coordinates", faces.len(), lambda.len());
-            return Err(PyValueError::new_err(format!("there are {counts}; expected as many of each")));
-        }
-        let count = mesh.triangles.len();
-        let known = |&face: &i64| usize::try_from(face).is_ok_and(|face| face < count);
-        if let Some(face) = faces.iter().find(|face| !known(face)) {
-            return Err(PyIndexError::new_err(format!("there is no face {face}; the asset has {count}")));
-        }
+        let at = self.points(&faces, &barycentric)?;
         let lengths = footprint.as_ref().map(|lengths| lengths.as_array());
-        if let Some(lengths) = lengths.filter(|lengths| lengths.len() != 1 && lengths.len() != lambda.len()) {
-            let message = format!("footprint has {} lengths; expected 1 or {}", lengths.len(), lambda.len());
+        if let Some(lengths) = lengths.filter(|lengths| lengths.len() != 1 && lengths.len() != at.len()) {
+            let message = format!("footprint has {} lengths; expected 1 or {}", lengths.len(), at.len());
             return Err(PyValueError::new_err(message));
         }
-        let points: Vec<(SurfacePoint, Footprint)> = (0..lambda.len())
-            .map(|i| {
-                let point = SurfacePoint { triangle: faces[i] as u32, lambda: Vec3::from(lambda[i]) };
+        let points: Vec<(SurfacePoint, Footprint)> = (0..)
+            .zip(at)
+            .map(|(i, point): (usize, SurfacePoint)| {
                 let length = lengths.map_or(0.0, |lengths| lengths[if lengths.len() == 1 { 0 } else { i }]);
                 (point, square(mesh, point, length))
             })
             .collect();
-        let values = watched(py, None, |_| {
-            let sample = |points| self.sampler.sample_many(kind, points);
+        let values = watched(py, None, |watch| {
+            let sample = |points| match watch.is_cancelled() {
+                true => Err(Error::cancelled("the look-up was cancelled")),
+                false => self.sampler.sample_many(kind, points),
+            };
             let parts: fantex::Result<Vec<_>> = points.par_chunks(1 << 14).map(sample).collect();
             Ok(parts?.concat())
         })?;
@@ -367,22 +359,36 @@ impl Asset {
         faces: PyReadonlyArray1<'py, i64>,
         barycentric: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let lambda = rows::<3, f32>(&barycentric, "barycentric")?;
-        let faces = faces.as_array();
-        let count = self.asset.mesh().triangles.len();
-        let normal = |(&face, &lambda): (&i64, &[f32; 3])| {
-            let triangle = u32::try_from(face).ok().filter(|&t| (t as usize) < count).ok_or_else(|| {
-                PyIndexError::new_err(format!("there is no face {face}; the asset has {count}"))
-            })?;
-            let point = SurfacePoint { triangle, lambda: Vec3::from(lambda) };
-            Ok(self.sampler.vertex_normal(point).to_array())
-        };
-        let normals = faces.iter().zip(&lambda).map(normal).collect::<PyResult<Vec<_>>>()?;
+        let points = self.points(&faces, &barycentric)?;
+        let normals: Vec<[f32; 3]> =
+            points.into_iter().map(|point| self.sampler.vertex_normal(point).to_array()).collect();
         array(py, &normals)
     }
 }
 
 impl Asset {
+    /// Points of the surface, checked against its triangles.
+    fn points(
+        &self,
+        faces: &PyReadonlyArray1<'_, i64>,
+        barycentric: &PyReadonlyArray2<'_, f32>,
+    ) -> PyResult<Vec<SurfacePoint>> {
+        let lambda = rows::<3, f32>(barycentric, "barycentric")?;
+        let faces = faces.as_array();
+        if faces.len() != lambda.len() {
+            let counts = format!("{} faces and {} barycentric coordinates", faces.len(), lambda.len());
+            return Err(PyValueError::new_err(format!("there are {counts}; expected as many of each")));
+        }
+        let count = self.asset.mesh().triangles.len();
+        let point = |(&face, lambda): (&i64, [f32; 3])| {
+            let triangle = u32::try_from(face).ok().filter(|&t| (t as usize) < count).ok_or_else(|| {
+                PyIndexError::new_err(format!("there is no face {face}; the asset has {count}"))
+            })?;
+            Ok(SurfacePoint { triangle, lambda: Vec3::from(lambda) })
+        };
+        faces.iter().zip(lambda).map(point).collect()
+    }
+
     fn channel(&self, name: &str) -> PyResult<ChannelKind> {
         let present = || self.channels().join(", ");
         let kind = CHANNELS.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind);

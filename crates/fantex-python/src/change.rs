@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::asset::{Asset, CHANNELS};
+use crate::export::check_is_path;
 use crate::options::{named, optional, word};
 use crate::watch::watched;
 
@@ -67,6 +68,7 @@ pub(crate) fn paint(
 #[pyfunction]
 pub(crate) fn save_strokes(py: Python<'_>, asset: &Asset, path: PathBuf) -> PyResult<(usize, usize)> {
     watched(py, None, |_| {
+        check_is_path(&path)?;
         let log = StrokeLog::of(asset.asset())?;
         log.save(&path)?;
         let unrecorded = log.strokes.strokes.iter().filter(|stroke| stroke.unrecorded).count();

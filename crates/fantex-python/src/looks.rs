@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fantex::bake::{NormalMapOptions, NormalSpace, bake_normal_map};
+use fantex::bake::{NormalMapOptions, NormalSpace, bake_normal_map_until};
 use fantex::base::counted;
 use fantex::base::random::folded_seed;
 use fantex::look::{LookFile, LookImages, ResolveOptions};
@@ -144,8 +144,10 @@ pub(crate) fn normal_map<'py>(
         samples: optional(options, "samples")?.unwrap_or(defaults.samples),
         cage: optional(options, "cage")?,
     };
-    let (image, report) =
-        watched(py, None, |_| bake_normal_map(coarse.geometry(), detailed.geometry(), &options))?;
+    let (image, report) = watched(py, None, |watch| {
+        let is_cancelled = || watch.is_cancelled();
+        bake_normal_map_until(coarse.geometry(), detailed.geometry(), &options, &is_cancelled)
+    })?;
     let samples = match image.samples {
         Samples::F32(samples) => samples,
         _ => Vec::new(),

@@ -1,19 +1,21 @@
 //! Long work beside the interpreter, and errors on their way to Python.
 
+use std::cell::Cell;
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use fantex::addresses::is_address;
 use fantex::{ErrorKind, Progress};
 use pyo3::exceptions::{
-    PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyRuntimeError,
-    PyValueError,
+    PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyPermissionError,
+    PyRuntimeError, PyValueError,
 };
 use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 pyo3::create_exception!(
     fantex,
@@ -23,12 +25,16 @@ pyo3::create_exception!(
 );
 
 /// Flags in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 13] = [
+const ARGUMENTS: [(&str, &str); 17] = [
     ("use --force", "give overwrite=True"),
     ("with --force", "with overwrite=True"),
     ("allow more (--memory)", "allow more by fantex.set_read_limits(memory=...)"),
     ("(--allow-outside)", "by fantex.set_read_limits(allow_outside=True)"),
     ("--memory", "memory="),
+    ("--format rgba8", "format=\"rgba8\""),
+    ("--longest-edge", "longest_edge="),
+    ("--padding", "padding="),
+    ("--uv and --model", "uv="),
     ("--uv source", "uv=\"source\""),
     ("--uv", "uv="),
     ("--model", "uv=fantex.Mesh.load(...)"),
@@ -44,12 +50,19 @@ pub(crate) fn exception(error: fantex::Error) -> PyErr {
     let text =
         ARGUMENTS.iter().fold(error.to_string(), |text, (flag, argument)| text.replace(flag, argument));
     match error.kind() {
-        ErrorKind::NotFound if error.path().is_some() => PyFileNotFoundError::new_err(text),
+        ErrorKind::NotFound if error.path().is_some() => {
+            numbered(PyFileNotFoundError::new_err(text), io_source(&error))
+        }
         ErrorKind::AlreadyExists => PyFileExistsError::new_err(text),
-        ErrorKind::Io => match io_kind(&error) {
-            Some(io::ErrorKind::NotFound) => PyFileNotFoundError::new_err(text),
-            _ => PyOSError::new_err(text),
-        },
+        ErrorKind::Io => {
+            let source = io_source(&error);
+            let raised = match source.map(io::Error::kind) {
+                Some(io::ErrorKind::NotFound) => PyFileNotFoundError::new_err(text),
+                Some(io::ErrorKind::PermissionDenied) => PyPermissionError::new_err(text),
+                _ => PyOSError::new_err(text),
+            };
+            numbered(raised, source)
+        }
         ErrorKind::InvalidArgument => PyValueError::new_err(text),
         ErrorKind::Cancelled => PyKeyboardInterrupt::new_err(text),
         _ => damaged(text, error.path()),
@@ -67,16 +80,33 @@ fn damaged(text: String, path: Option<&Path>) -> PyErr {
     named.err().unwrap_or(raised)
 }
 
-fn io_kind(error: &fantex::Error) -> Option<io::ErrorKind> {
-    let source = std::error::Error::source(error)?;
-    source.downcast_ref::<io::Error>().map(io::Error::kind)
+/// An `OSError` whose attribute `errno` is the system's number, where there is one.
+fn numbered(raised: PyErr, source: Option<&io::Error>) -> PyErr {
+    match source.and_then(io::Error::raw_os_error).filter(|_| cfg!(unix)) {
+        Some(number) => {
+            Python::attach(|py| raised.value(py).setattr("errno", number)).err().unwrap_or(raised)
+        }
+        None => raised,
+    }
+}
+
+fn io_source(error: &fantex::Error) -> Option<&io::Error> {
+    std::error::Error::source(error)?.downcast_ref()
+}
+
+/// How far a step of work is.
+#[derive(Clone, Copy, Default, PartialEq)]
+struct Step {
+    /// From 1; 0 before the first.
+    number: u64,
+    done: u64,
+    total: u64,
 }
 
 /// Progress of work on another thread, and the wish that it end.
 #[derive(Default)]
 pub(crate) struct Watch {
-    /// Done and total.
-    state: Mutex<(u64, u64)>,
+    step: Mutex<Step>,
     is_cancelled: AtomicBool,
     /// Why.
     failure: Mutex<Option<PyErr>>,
@@ -89,16 +119,23 @@ impl Watch {
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    fn state(&self) -> MutexGuard<'_, (u64, u64)> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn step(&self) -> MutexGuard<'_, Step> {
+        self.step.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Progress for Watch {
     fn report(&self, done: u64, total: u64) {
-        let mut state = self.state();
-        // With another total, another step has begun; within one, threads may report out of order.
-        *state = if state.1 == total { (state.0.max(done), total) } else { (done, total) };
+        // Callers divide by it.
+        if total == 0 {
+            return;
+        }
+        let mut step = self.step();
+        if done == 0 || step.total != total {
+            *step = Step { number: step.number + 1, done, total };
+        } else {
+            step.done = step.done.max(done);
+        }
     }
 
     fn is_cancelled(&self) -> bool {
@@ -109,8 +146,51 @@ impl Progress for Watch {
 /// How often signals are looked for.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then, and
-/// ends the work on Ctrl-C or when that raises.
+/// A pool, and the process that has its threads.
+type Pool = (u32, &'static ThreadPool);
+
+/// The pool of a process that was forked from one that had worked before.
+static FORKED: Mutex<Option<Pool>> = Mutex::new(None);
+
+thread_local! {
+    /// The pool for work that is asked for on this thread of another pool.
+    static BESIDE: Cell<Option<Pool>> = const { Cell::new(None) };
+}
+
+/// The pool for work that is asked for on this thread; none where the common one serves. Where a thread of a pool asks, a function of Python's
+/// does, such as the source of a bake: all threads of that pool may be waiting for such functions, so the work gets a thread beside them. A
+/// process that was forked has none of its parent's threads, and starts its own.
+fn own_pool() -> PyResult<Option<&'static ThreadPool>> {
+    static FIRST: OnceLock<u32> = OnceLock::new();
+    let process = std::process::id();
+    if rayon::current_thread_index().is_some() {
+        let pool = running(BESIDE.get(), ThreadPoolBuilder::new().num_threads(1))?;
+        BESIDE.set(Some(pool));
+        return Ok(Some(pool.1));
+    }
+    if *FIRST.get_or_init(|| process) == process {
+        return Ok(None);
+    }
+    let mut forked = FORKED.lock().unwrap_or_else(PoisonError::into_inner);
+    let pool = running(*forked, ThreadPoolBuilder::new())?;
+    *forked = Some(pool);
+    Ok(Some(pool.1))
+}
+
+/// The pool if it is of this process, else a new one. Pools stay: to drop one of a parent would be to wake its threads.
+fn running(pool: Option<Pool>, builder: ThreadPoolBuilder) -> PyResult<Pool> {
+    let process = std::process::id();
+    if let Some(pool) = pool.filter(|(owner, _)| *owner == process) {
+        return Ok(pool);
+    }
+    let built =
+        builder.build().map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
+    let pool: &'static ThreadPool = Box::leak(Box::new(built));
+    Ok((process, pool))
+}
+
+/// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then and at the
+/// end, and ends the work on Ctrl-C or when that raises.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -118,27 +198,41 @@ pub(crate) fn watched<T: Send>(
 ) -> PyResult<T> {
     let watch = Watch::default();
     let caller = thread::current();
+    // A thread has not ended yet when it wakes its caller.
+    let is_done = AtomicBool::new(false);
+    let pool = own_pool()?;
+    let mut told = Step::default();
+    let mut tell = || {
+        let step = *watch.step();
+        if let Some(progress) = progress.filter(|_| step != told && !watch.is_cancelled()) {
+            told = step;
+            if let Err(raised) = progress.call1((step.done, step.total)) {
+                watch.fail(raised);
+            }
+        }
+    };
     let result = thread::scope(|scope| {
         let worker = scope.spawn(|| {
-            let result = work(&watch);
+            let result = match pool {
+                Some(pool) => pool.install(|| work(&watch)),
+                None => work(&watch),
+            };
+            is_done.store(true, Ordering::Release);
             caller.unpark();
             result
         });
-        let mut told = (0, 0);
-        while !worker.is_finished() {
+        while !is_done.load(Ordering::Acquire) && !worker.is_finished() {
             py.detach(|| thread::park_timeout(PERIOD));
             if let Err(signal) = py.check_signals() {
                 watch.fail(signal);
             }
-            let state = *watch.state();
-            if let Some(progress) = progress.filter(|_| state != told && !watch.is_cancelled()) {
-                told = state;
-                if let Err(raised) = progress.call1(state) {
-                    watch.fail(raised);
-                }
-            }
+            tell();
         }
-        py.detach(|| worker.join())
+        let result = py.detach(|| worker.join());
+        if matches!(result, Ok(Ok(_))) {
+            tell();
+        }
+        result
     });
     if let Some(reason) = watch.failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
         if let Ok(Err(error)) = &result

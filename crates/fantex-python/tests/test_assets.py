@@ -147,7 +147,7 @@ def test_the_lock_is_released(tmp_path, sphere):
 def test_own_materials_pictures_and_exports(tmp_path, bottle):
     asset = fantex.bake(bottle, tmp_path / "bottle.fan", texels=150_000)
     assert asset.channels[0] == "base-color" and "normal" in asset.channels
-    assert asset.baked["texels"] > 100_000
+    assert asset.baked["texels"] > 100_000 and asset.baked["channels"] == asset.channels
     picture = asset.render(size=(160, 120), samples=2)
     assert picture.shape == (120, 160, 4) and picture.dtype == np.uint8
     assert picture.std() > 10

@@ -1,5 +1,6 @@
 """Bakes in parts, in one process."""
 
+import os
 import pickle
 
 import numpy as np
@@ -97,7 +98,9 @@ def test_sources_travel(tmp_path, sphere):
     plan = fantex.plan(sphere, tmp_path / "a.plan", texels=20_000, source=fantex.mesh(sphere, cage=0.1))
     again = pickle.loads(pickle.dumps(plan))
     assert (again.path, again.texels, again.tiles) == (plan.path, plan.texels, plan.tiles)
-    for source in [fantex.solid("marble"), fantex.vertex_colors(), fantex.image("a.png", "box")]:
+    for source in [fantex.solid("marble"), fantex.vertex_colors(), fantex.image(tmp_path / "a.png", "box")]:
         assert repr(pickle.loads(pickle.dumps(source))) == repr(source)
+    # Other processes may be in other folders.
+    assert pickle.loads(pickle.dumps(fantex.look("a.toml")))._parts == {"path": os.path.abspath("a.toml")}
     source = pickle.loads(pickle.dumps(fantex.mesh(sphere, cage=0.1)))
     assert source._parts["cage"] == 0.1 and len(source._parts["mesh"].faces) > 1000

@@ -1,6 +1,8 @@
 """Assets, plans, parts and worlds in an object store, which checks signatures by itself."""
 
+import os
 import pickle
+import urllib.request
 
 import numpy as np
 import pytest
@@ -50,6 +52,21 @@ def test_bakes_plans_parts_and_merges(tmp_path, store, sphere):
         fantex.merge(plan, parts, "s3://scans/farm/b.fan")
     assert damaged.value.path == parts[1]
     assert not (store / "farm" / "b.fan").exists()
+
+
+def test_each_step_of_a_merge_is_told(store, sphere):
+    """Parts are read once to see what the store could copy, and again where that is nothing: as many bytes both times."""
+    plan = fantex.plan(sphere, "s3://scans/a.plan", texels=60_000, source=fantex.solid("marble"))
+    parts = [f"s3://scans/{number}.part" for number in (1, 2)]
+    for number, part in enumerate(parts, 1):
+        fantex.bake_part(plan, (number, 2), part, mesh=sphere)
+    urllib.request.urlopen(os.environ["AWS_ENDPOINT_URL"] + "/faults?latency=0.1", b"").close()
+    told = []
+    merged = fantex.merge(plan, parts, "s3://scans/a.fan", progress=lambda *state: told.append(state))
+    read = told[0][1]
+    both = [done for done, total in told if total == read]
+    assert any(after < before for before, after in zip(both, both[1:])), told
+    assert told[-1] == (merged.info["bytes"], merged.info["bytes"])
 
 
 def test_what_cannot_be_written_is_refused_before_any_work(store, sphere, monkeypatch):

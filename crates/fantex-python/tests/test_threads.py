@@ -2,6 +2,7 @@
 
 import sys
 import sysconfig
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -44,6 +45,39 @@ def test_one_asset_for_all_threads(waves):
         for found in threads.map(read, range(8)):
             for one, other in zip(found, expected):
                 np.testing.assert_array_equal(one, other)
+
+
+def test_an_asset_is_read_while_it_is_changed(tmp_path, sphere):
+    """Readers of other threads wait until the file is open again."""
+    white = lambda points, normals: np.ones_like(points)
+    asset = fantex.bake(sphere, tmp_path / "a.fan", texels=60_000, source=white)
+    painted = threading.Event()
+
+    def read():
+        seen = []
+        while not painted.is_set():
+            seen.append(float(asset.sample([0, 0, 1])[1]))
+        return seen + [float(asset.sample([0, 0, 1])[1])]
+
+    with ThreadPoolExecutor(2) as threads:
+        reading = [threads.submit(read) for _ in range(2)]
+        try:
+            for color in np.linspace(0.9, 0.1, 5):
+                asset.paint(
+                    [
+                        {
+                            "brush": {"size": {"texels": 40}, "hardness": 1},
+                            "channels": [{"kind": "base_color", "color": {"srgb": [1, color, 1]}}],
+                            "samples": [{"at": {"position": [0, 0, 1]}}],
+                        }
+                    ]
+                )
+        finally:
+            painted.set()
+        for future in reading:
+            seen = future.result()
+            # Each stroke is seen whole or not at all, and none is taken back.
+            assert seen[-1] < 0.05 and all(after <= before + 1e-3 for before, after in zip(seen, seen[1:]))
 
 
 def test_mistakes_stay_in_their_thread(tmp_path, sphere):

@@ -97,6 +97,20 @@ def test_as_xatlas_is_called(sphere):
     result = fantex.parametrize(positions.astype(np.float32), faces.astype(np.uint32), normals)
     vmapping, indices, uvs = result
     check(positions, faces, (vmapping, indices, uvs))
+    again = fantex.parametrize(positions.astype(np.float32), faces.astype(np.uint32), normals, normals[:, :2])
+    np.testing.assert_array_equal(again[2], uvs)
+
+
+def test_progress_is_told_and_may_end_it(sphere):
+    told = []
+    fantex.parametrize(*sphere, progress=lambda *state: told.append(state))
+    assert told[-1][0] == told[-1][1] > 2000
+
+    def enough(done, total):
+        raise StopIteration("enough")
+
+    with pytest.raises(StopIteration, match="enough"):
+        fantex.parametrize(*sphere, progress=enough)
 
 
 def test_wrong_arguments(sphere):

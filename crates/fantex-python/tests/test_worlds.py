@@ -26,6 +26,7 @@ def test_a_split_shows_the_whole(tmp_path, globe):
     assert Path(globe.place).read_bytes() == before
     assert isinstance(world, fantex.World) and world.place == str(tmp_path / "land" / "globe.fanworld")
     assert 3 <= len(world) <= 8 and world.made["sectors"] == len(world) and world.coarse == []
+    assert list(world) == world.objects and world[-1] is world.objects[-1]
     assert "World" in repr(world) and str(len(world)) in repr(world)
     files = sorted(path.name for path in (tmp_path / "land").iterdir())
     assert files == ["globe.fanworld", *(f"sector-{number:04}.fan" for number in range(1, len(world) + 1))]

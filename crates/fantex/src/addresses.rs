@@ -86,6 +86,8 @@ impl<'a> Target<'a> {
     /// As [`ObjectTarget::put`]. The file is kept then, and the error says where, unless somebody else has changed what it was to replace.
     pub fn finish(self, replace: &Replace, progress: &dyn Progress) -> Result<()> {
         let Some(Staged { object, folder, file }) = self.staged else { return Ok(()) };
+        let length = file.metadata().map_err(|error| Error::reading(&file, error))?.len();
+        progress.report(0, length);
         let name = Path::new(file.file_name().unwrap_or_default());
         let target = SendTarget {
             place: self.place,
@@ -151,6 +153,7 @@ fn fetch(place: &Path, path: &Path, progress: &dyn Progress) -> Result<()> {
     let mut file = File::create(path).map_err(writing)?;
     let mut bytes = vec![0; length.min(FETCHED_AT_ONCE) as usize];
     let mut done = 0;
+    progress.report(done, length);
     while done < length {
         if progress.is_cancelled() {
             return Err(Error::cancelled(format!("fetching {} was ended", place.display())));

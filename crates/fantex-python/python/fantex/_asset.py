@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
 import tempfile
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
+import threading
+from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from . import _native
-from ._mesh import Mesh, Progress, _array
-from ._picture import Camera, Picture, _taken, _view, _warn
+from ._given import PATHS, Path, absolute, amount, failed, is_address, names, whole
+from ._mesh import Mesh, Progress, _array, _bounds, _plain
+from ._picture import Camera, Picture, _srgb8, _taken, _view, _warn
 
 MIB = 1 << 20
 
@@ -51,14 +54,69 @@ class Fans(NamedTuple):
 
 
 class Asset:
-    """A baked asset, open for reading. Any number of threads may use it."""
+    """A baked asset, open for reading: until :meth:`close`, the end of a ``with`` block, or as long as there is a reference. Any
+    number of threads may use it. Sent to another process, it is opened there again, under the same path.
 
-    def __init__(self, place: Union[str, os.PathLike], *, memory: float = 256 * MIB) -> None:
-        self._place = os.fspath(place)
-        self._memory = int(memory)
-        self._native = _native.Asset(self._place, self._memory)
+    Args:
+        place: path or URL.
+        memory: bytes that decoded tiles may take.
+    """
+
+    def __init__(self, place: Path, *, memory: float = 256 * MIB) -> None:
+        self._place = os.fsdecode(place)
+        # The folder that the process is in may change.
+        self._path = absolute(place)
+        self._memory = amount(memory, "memory")
+        # Held while the file is changed.
+        self._lock = threading.RLock()
+        self._opened: Optional[_native.Asset] = _native.Asset(self._place, self._memory)
         #: What the bake said, where it was baked right here: texels, tiles, bytes, seconds, notes.
         self.baked: Optional[dict] = None
+
+    @property
+    def _native(self) -> _native.Asset:
+        with self._lock:
+            return self._check_open()
+
+    def _check_open(self) -> _native.Asset:
+        if self._opened is None:
+            raise ValueError(f"{self._place} is closed; open it again with fantex.open")
+        return self._opened
+
+    @contextlib.contextmanager
+    def _changing(self) -> Iterator[str]:
+        """Where the file is, to be changed. It is let go of meanwhile, as writers use the room of what they replaced only when nobody reads
+        the file; other threads wait."""
+        with self._lock:
+            self._check_open()
+            if not is_address(self._path):
+                # What is gone stays open.
+                os.stat(self._path)
+                self._opened = None
+            try:
+                yield self._path
+            finally:
+                self._opened = _native.Asset(self._path, self._memory)
+
+    def close(self) -> None:
+        """Lets go of the file and of what was decoded. Everything but another ``close`` then raises ``ValueError``."""
+        with self._lock:
+            self._opened = None
+
+    def __enter__(self) -> "Asset":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def __reduce__(self) -> Any:
+        return _again, (self._path, self._memory, self.baked)
+
+    def __copy__(self) -> "Asset":
+        return _again(self._path, self._memory, self.baked)
+
+    def __deepcopy__(self, memo: Any) -> "Asset":
+        return self.__copy__()
 
     @property
     def place(self) -> str:
@@ -76,6 +134,11 @@ class Asset:
         return self._native.faces
 
     @property
+    def bounds(self) -> np.ndarray:
+        """``(2, 3)`` float64: the corners of its box, world units."""
+        return _bounds(self.positions)
+
+    @property
     def channels(self) -> List[str]:
         """Names of the channels, such as ``base-color``."""
         return self._native.channels
@@ -87,13 +150,15 @@ class Asset:
         return self._native.figures()
 
     def nearest(self, points: Any) -> tuple:
-        """The nearest points of the surface to points ``(n, 3)`` of the world.
+        """The nearest points of the surface to points ``(n, 3)`` of the world, or to one.
 
         Returns:
             ``face`` ``(n,)`` uint32, ``barycentric`` ``(n, 3)`` float32, ``position`` ``(n, 3)`` float64. Points that are not
-            finite get NaN, and the face 2**32 - 1.
+            finite get NaN, and the face 2**32 - 1. Without the first axis for one point.
         """
-        return self._native.nearest(_array(points, np.float64, "points", 3))
+        points, is_single = _rows(points, "points")
+        found = self._native.nearest(_array(points, np.float64, "points", 3))
+        return tuple(values[0] for values in found) if is_single else found
 
     def sample(
         self,
@@ -116,39 +181,32 @@ class Asset:
             srgb: give colours as ``uint8`` in sRGB.
 
         Returns:
-            ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z. NaN for points that are not finite. One row
-            alone, without the first axis, for one point.
+            ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z. NaN for points that are not finite, all 0 with
+            ``srgb``. One row alone, without the first axis, for one point.
         """
         is_single = False
         if points is not None:
             if face is not None or barycentric is not None:
                 raise ValueError("give points, or face and barycentric, not both")
-            points = np.asarray(points, np.float64)
-            is_single = points.ndim == 1
-            face, barycentric, _ = self.nearest(points[None] if is_single else points)
+            points, is_single = _rows(points, "points")
+            face, barycentric, _ = self.nearest(points)
         elif face is None or barycentric is None:
             raise ValueError("give points, or face and barycentric")
-        else:
-            is_single = np.ndim(face) == 0
-            face, barycentric = np.atleast_1d(np.asarray(face)), np.atleast_2d(np.asarray(barycentric))
-        face = _array(face, np.int64, "face")
-        barycentric = _array(barycentric, np.float32, "barycentric", 3)
+        face, barycentric, is_nowhere, is_one = _on_surface(face, barycentric)
         if footprint is not None:
             footprint = np.atleast_1d(_array(footprint, np.float64, "footprint"))
-        nowhere = face == 0xFFFF_FFFF
-        if nowhere.any():
-            face, barycentric = face.copy(), barycentric.copy()
-            face[nowhere], barycentric[nowhere] = 0, (1, 0, 0)
         values = self._native.sample(channel, face, barycentric, footprint)
-        values[nowhere] = np.nan
+        values[is_nowhere] = np.nan
         if srgb:
             values = _srgb8(values)
-        return values[0] if is_single else values
+        return values[0] if is_single or is_one else values
 
     def normals(self, face: Any, barycentric: Any) -> np.ndarray:
-        """Unit vertex normals ``(n, 3)`` float32 at points of the surface."""
-        face = _array(face, np.int64, "face")
-        return self._native.normals(face, _array(barycentric, np.float32, "barycentric", 3))
+        """Unit vertex normals ``(n, 3)`` float32 at points of the surface, or at one; NaN where :meth:`nearest` gave NaN."""
+        face, barycentric, is_nowhere, is_one = _on_surface(face, barycentric)
+        values = self._native.normals(face, barycentric)
+        values[is_nowhere] = np.nan
+        return values[0] if is_one else values
 
     def render(
         self,
@@ -158,7 +216,7 @@ class Asset:
         samples: int = 8,
         filter: str = "anisotropic",
         light: Optional[Sequence[float]] = None,
-        environment: Union[str, os.PathLike, None] = None,
+        environment: Optional[Path] = None,
         environment_strength: float = 1.0,
         environment_rotation: float = 0.0,
         transparent: bool = False,
@@ -211,12 +269,13 @@ class Asset:
             memory: bytes that texels may take.
             progress: called with ``(done, total)`` texels.
         """
-        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, int(memory), progress)
+        resolution, padding = _whole_or_none(resolution, "resolution"), _whole_or_none(padding, "padding")
+        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, amount(memory, "memory"), progress)
         return Atlas(vmapping, faces, uvs, {name: image.view(Picture) for name, image in images})
 
     def export(
         self,
-        path: Union[str, os.PathLike],
+        path: Path,
         *,
         resolution: Optional[int] = None,
         largest_side: int = 8192,
@@ -242,11 +301,11 @@ class Asset:
             The paths of all files.
         """
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
-        return _written(self._native.export(os.fspath(path), {**options, "ktx2": ktx2}, progress))
+        return _written(self._native.export(os.fsdecode(path), {**options, "ktx2": ktx2}, progress))
 
     def export_channels(
         self,
-        paths: Mapping[str, Union[str, os.PathLike]],
+        paths: Mapping[str, Path],
         *,
         depth: int = 8,
         resolution: Optional[int] = None,
@@ -268,8 +327,12 @@ class Asset:
             The paths of all files.
         """
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
-        channels = [(name, os.fspath(path)) for name, path in paths.items()]
-        return _written(self._native.export_channels(channels, depth, options, progress))
+        if not isinstance(paths, Mapping):
+            raise TypeError(f"paths is of type {type(paths).__name__}; expected a dictionary with a file for each channel")
+        channels = [(name, os.fsdecode(path)) for name, path in paths.items()]
+        if len({absolute(path) for _, path in channels}) < len(channels):
+            raise ValueError("two channels have the same file; give each its own")
+        return _written(self._native.export_channels(channels, whole(depth, "depth"), options, progress))
 
     def fan_attributes(
         self,
@@ -286,16 +349,17 @@ class Asset:
             largest_side: the most columns and rows of a sheet.
             memory: bytes that sheets may take.
         """
-        return Fans(**self._native.fans(gutter, largest_side, int(memory), progress))
+        gutter, largest_side = whole(gutter, "gutter"), whole(largest_side, "largest_side")
+        return Fans(**self._native.fans(gutter, largest_side, amount(memory, "memory"), progress))
 
     def export_fans(
         self,
-        path: Union[str, os.PathLike],
+        path: Path,
         *,
         gutter: int = 4,
         largest_side: int = 8192,
         textures: str = "png",
-        shaders: Sequence[str] = (),
+        shaders: Union[str, Sequence[str]] = (),
         overwrite: bool = False,
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
@@ -313,7 +377,7 @@ class Asset:
             The paths of all files.
         """
         options = _fan_options(gutter, largest_side, textures, shaders, overwrite, memory)
-        return _written(self._native.export_fans(os.fspath(path), options, progress))
+        return _written(self._native.export_fans(os.fsdecode(path), options, progress))
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
         """A ``trimesh.Trimesh`` with an atlas; needs trimesh and Pillow."""
@@ -360,23 +424,24 @@ class Asset:
         Returns:
             ``triangles``, ``texels`` and ``bytes`` of the preview.
         """
-        made = _native.make_preview(self._place, int(triangles), int(texels), keep_borders, int(memory), progress)
-        self._reopen()
+        numbers = amount(triangles, "triangles"), amount(texels, "texels")
+        memory = amount(memory, "memory")
+        with self._changing() as place:
+            made = _native.make_preview(place, *numbers, keep_borders, memory, progress)
         return dict(zip(("triangles", "texels", "bytes"), made))
 
     def remove_preview(self) -> bool:
         """Takes the preview out of the file; False where there is none."""
-        was_there = _native.remove_preview(self._place)
-        self._reopen()
-        return was_there
+        with self._changing() as place:
+            return _native.remove_preview(place)
 
     def paint(
         self,
         strokes: Any = None,
         *,
         history: bool = True,
-        add_channels: Iterable[str] = (),
-        remove_channels: Iterable[str] = (),
+        add_channels: Union[str, Iterable[str]] = (),
+        remove_channels: Union[str, Iterable[str]] = (),
         alpha: Optional[str] = None,
     ) -> dict:
         """Paints on the file: all strokes or none, and opens it anew. A file in a store is fetched, changed here, and put back whole.
@@ -395,46 +460,52 @@ class Asset:
         """
         options = {
             "history": history,
-            "add_channels": list(add_channels),
-            "remove_channels": list(remove_channels),
+            "add_channels": names(add_channels),
+            "remove_channels": names(remove_channels),
             "alpha": alpha,
             "memory": self._memory,
         }
-        if strokes is None:
-            painted = _native.paint(self._place, None, None, options)
-        elif isinstance(strokes, Asset):
-            painted = _native.paint(self._place, None, strokes._native, options)
-        elif isinstance(strokes, (str, os.PathLike)):
-            path = os.fspath(strokes)
-            painted = _native.paint(self._place, (path, os.path.dirname(path) or "."), None, options)
+        if isinstance(strokes, Asset):
+            log = strokes._native
+            with self._changing() as place:
+                painted = _native.paint(place, None, log, options)
+        elif strokes is None or isinstance(strokes, PATHS):
+            path = None if strokes is None else os.fsdecode(strokes)
+            given = None if path is None else (path, os.path.dirname(path) or ".")
+            with self._changing() as place:
+                painted = _native.paint(place, given, None, options)
         else:
-            if not isinstance(strokes, dict):
+            if not isinstance(strokes, Mapping):
                 strokes = {"version": 1, "strokes": list(strokes)}
             with tempfile.TemporaryDirectory() as folder:
                 path = os.path.join(folder, "strokes.json")
                 with io.open(path, "w", encoding="utf-8") as file:
-                    json.dump(strokes, file)
-                painted = _native.paint(self._place, (path, os.getcwd()), None, options)
-        self._reopen()
+                    json.dump(strokes, file, default=_json)
+                try:
+                    with self._changing() as place:
+                        painted = _native.paint(place, (path, os.getcwd()), None, options)
+                except _native.Error as error:
+                    if path not in str(error):
+                        raise
+                    # Nobody knows that file.
+                    raise failed(str(error).replace(path, "what was given to paint")) from None
         return dict(zip(("strokes", "dabs", "pages", "unrecorded"), painted))
 
-    def save_strokes(self, path: Union[str, os.PathLike], *, overwrite: bool = False) -> dict:
+    def save_strokes(self, path: Path, *, overwrite: bool = False) -> dict:
         """Writes the strokes that were painted on the asset as a stroke file (``.json``), which :meth:`paint` takes, with the pictures
         that it mentions in the folder ``files`` beside it.
 
         Returns:
             Numbers of ``strokes``, and of those that were ``unrecorded`` and are missing.
         """
-        path = os.fspath(path)
+        path = os.fsdecode(path)
         if os.path.lexists(path) and not overwrite:
             raise FileExistsError(f"{path} exists already; give overwrite=True to overwrite it")
         return dict(zip(("strokes", "unrecorded"), _native.save_strokes(self._native, path)))
 
-    def _reopen(self) -> None:
-        """Reads the file again after it was changed."""
-        self._native = _native.Asset(self._place, self._memory)
-
     def __repr__(self) -> str:
+        if self._opened is None:
+            return f"fantex.Asset({self._place!r}: closed)"
         figures = self.info
         return (
             f"fantex.Asset({self._place!r}: {figures['texels']} texels in {figures['tiles']} tiles, "
@@ -442,15 +513,44 @@ class Asset:
         )
 
 
-def _srgb8(values: np.ndarray) -> np.ndarray:
-    """Linear RGBA as sRGB bytes."""
-    table = np.asarray(_native.LINEAR_FROM_SRGB8, np.float32)
-    between = (table[1:] + table[:-1]) / 2
-    values = np.nan_to_num(values)
-    result = np.empty(values.shape, np.uint8)
-    result[:, :3] = np.searchsorted(between, values[:, :3])
-    result[:, 3] = np.clip(values[:, 3], 0, 1) * 255 + 0.5
-    return result
+def _again(place: str, memory: int, baked: Optional[dict]) -> Asset:
+    """An asset as another process or a copy has it."""
+    asset = Asset(place, memory=memory)
+    asset.baked = baked
+    return asset
+
+
+def _rows(points: Any, name: str) -> Tuple[np.ndarray, bool]:
+    """Points as rows, and whether there was one alone."""
+    points = _plain(points)
+    is_single = points.ndim == 1 and points.size > 0
+    return _array(points[None] if is_single else points, np.float64, name, 3), is_single
+
+
+def _on_surface(face: Any, barycentric: Any) -> Tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+    """Points of the surface as rows, which of them are nowhere (there the first face is given), and whether there was one alone."""
+    face, barycentric = _plain(face), _plain(barycentric)
+    is_single = face.ndim == 0
+    face = _array(np.atleast_1d(face), np.int64, "face")
+    barycentric = _array(np.atleast_2d(barycentric), np.float32, "barycentric", 3)
+    is_nowhere = face == 0xFFFF_FFFF
+    if len(face) == len(barycentric):
+        is_nowhere |= ~np.isfinite(barycentric).all(axis=1)
+        if is_nowhere.any():
+            face, barycentric = face.copy(), barycentric.copy()
+            face[is_nowhere], barycentric[is_nowhere] = 0, (1, 0, 0)
+    return face, barycentric, is_nowhere, is_single
+
+
+def _json(value: Any) -> Any:
+    """Numbers and arrays of numpy, in strokes."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(f"strokes hold a {type(value).__name__}; expected numbers, texts, lists and dictionaries")
+
+
+def _whole_or_none(value: Any, name: str) -> Optional[int]:
+    return None if value is None else whole(value, name)
 
 
 def _atlas_options(
@@ -460,27 +560,27 @@ def _atlas_options(
     if isinstance(uv, str) and uv not in ("atlas", "source"):
         raise ValueError(f"uv is 'atlas', 'source' or a model, not {uv!r}")
     return {
-        "resolution": resolution,
-        "largest_side": largest_side,
-        "padding": padding,
+        "resolution": _whole_or_none(resolution, "resolution"),
+        "largest_side": whole(largest_side, "largest_side"),
+        "padding": _whole_or_none(padding, "padding"),
         "source_uv": isinstance(uv, str) and uv == "source",
         "model": None if isinstance(uv, str) else Mesh.of(uv)._native,
         "overwrite": overwrite,
-        "memory": int(memory),
+        "memory": amount(memory, "memory"),
     }
 
 
 def _fan_options(
-    gutter: int, largest_side: int, textures: str, shaders: Sequence[str], overwrite: bool, memory: float
+    gutter: int, largest_side: int, textures: str, shaders: Union[str, Sequence[str]], overwrite: bool, memory: float
 ) -> Dict[str, Any]:
     """How fans are written, as the compiled part takes it."""
     return {
-        "gutter": gutter,
-        "largest_side": largest_side,
+        "gutter": whole(gutter, "gutter"),
+        "largest_side": whole(largest_side, "largest_side"),
         "textures": textures,
-        "shaders": list(shaders),
+        "shaders": names(shaders),
         "overwrite": overwrite,
-        "memory": int(memory),
+        "memory": amount(memory, "memory"),
     }
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from . import _native
 from ._asset import Asset
+from ._given import PATHS, Path, absolute, amount, whole
 from ._mesh import Mesh, Progress, _linear_rgba, _plain
 
-Path = Union[str, os.PathLike]
 Function = Callable[[np.ndarray, np.ndarray], Any]
 
 
@@ -28,7 +28,11 @@ class Source:
     def __reduce__(self) -> Tuple[Any, ...]:
         if self._given is not None:
             return _mesh_source, (self._given, self._parts.get("cage"))
-        return _source, (self._name, self._parts)
+        return _source, (self._name, self._found())
+
+    def _found(self) -> Dict[str, Any]:
+        """Its parts for processes in other folders."""
+        return {key: absolute(value) if key in ("path", "images") else value for key, value in self._parts.items()}
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{key}={value!r}" for key, value in self._parts.items())
@@ -60,31 +64,21 @@ def solid(name: str) -> Source:
 
 def image(path: Path, mapping: str = "triplanar") -> Source:
     """An image laid over the mesh: ``planar``, ``box``, ``cylinder``, ``sphere`` or ``triplanar``."""
-    return Source("image", path=os.fspath(path), mapping=mapping)
+    return Source("image", path=os.fsdecode(path), mapping=mapping)
 
 
 def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
     """Another, more detailed mesh: its materials or colours, and its normals. An :class:`Asset`, or the path or URL of one, gives all
     its channels. ``cage``: how far its surface is looked for, world units; measured where it is not given."""
-    is_path = isinstance(other, (str, os.PathLike))
-    if is_path and _native.kind(os.fspath(other)) == "asset":
+    is_path = isinstance(other, PATHS)
+    if is_path and _native.kind(os.fsdecode(other)) == "asset":
         other = Asset(other)
     if isinstance(other, Asset):
         source = Source("mesh", asset=other, cage=cage)
     else:
         source = Source("mesh", mesh=Mesh.of(other), cage=cage)
-    source._given = _absolute(other) if is_path or isinstance(other, Asset) else other
+    source._given = other._path if isinstance(other, Asset) else absolute(other) if is_path else other
     return source
-
-
-def _absolute(place: Union[Path, Asset]) -> str:
-    """An absolute path, or an address as it is."""
-    place = place.place if isinstance(place, Asset) else os.fspath(place)
-    return place if _is_address(place) else os.path.abspath(place)
-
-
-def _is_address(place: str) -> bool:
-    return "://" in place
 
 
 def photos(
@@ -105,8 +99,8 @@ def photos(
     """
     return Source(
         "photos",
-        path=os.fspath(path),
-        images=None if images is None else os.fspath(images),
+        path=os.fsdecode(path),
+        images=None if images is None else os.fsdecode(images),
         original_frame=original_frame,
         keep_exposure=keep_exposure,
         unseen=unseen,
@@ -115,7 +109,7 @@ def photos(
 
 def look(path: Path) -> Source:
     """The materials of a look (``.toml``)."""
-    return Source("look", path=os.fspath(path))
+    return Source("look", path=os.fsdecode(path))
 
 
 def bake(
@@ -183,20 +177,30 @@ def bake(
     )
     figures = _native.bake(
         Mesh.of(mesh)._native,
-        os.fspath(path),
+        os.fsdecode(path),
         _parts(source, options),
-        {**options, "overwrite": overwrite, "memory": int(memory)},
+        {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
     asset = Asset(path)
-    asset.baked = figures
+    # By their names here.
+    asset.baked = {**figures, "channels": asset.channels}
     return asset
 
 
 def _options(**given: Any) -> Dict[str, Any]:
     """Settings of a bake as the compiled part takes them."""
-    texels = given["texels"]
-    return {**given, "texels": None if texels is None else int(texels)}
+    asked = [name for name in ("texels", "density", "match") if given[name] not in (None, False)]
+    if len(asked) > 1:
+        raise ValueError(f"{asked[0]} and {asked[1]} both say how many texels there are; give one of them")
+    texels, tile, edge = given["texels"], given["tile"], given["longest_edge"]
+    return {
+        **given,
+        "texels": None if texels is None else amount(texels, "texels"),
+        "tile": None if tile is None else whole(tile, "tile"),
+        "longest_edge": edge if edge is None or isinstance(edge, str) else whole(edge, "longest_edge"),
+        "seed": whole(given["seed"], "seed", (1 << 64) - 1),
+    }
 
 
 def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:

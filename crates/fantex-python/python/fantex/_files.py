@@ -7,11 +7,10 @@ from typing import Any, Optional, Sequence, Union
 
 from . import _native
 from ._asset import Asset
+from ._given import PATHS, Path, amount, whole
 from ._mesh import Mesh, Progress
 from ._picture import Camera, Picture, _taken, _view, _warn
 from ._world import World
-
-Path = Union[str, os.PathLike]
 
 
 def open(place: Path, *, memory: Optional[float] = None) -> Any:
@@ -25,7 +24,7 @@ def open(place: Path, *, memory: Optional[float] = None) -> Any:
         A :class:`World` where the name ends with ``.fanworld``, else an :class:`Asset`.
     """
     given = {} if memory is None else {"memory": memory}
-    if _native.kind(os.fspath(place)) == "world":
+    if _native.kind(os.fsdecode(place)) == "world":
         return World(place, **given)
     return Asset(place, **given)
 
@@ -40,9 +39,9 @@ def info(what: Any) -> dict:
     """
     if isinstance(what, (Asset, World, Mesh)):
         return what.info
-    kind = _native.kind(os.fspath(what))
+    kind = _native.kind(os.fsdecode(what))
     if kind == "look":
-        figures = _native.look_figures(os.fspath(what))
+        figures = _native.look_figures(os.fsdecode(what))
         figures["models"] = [os.fspath(model) for model in figures["models"]]
         return figures
     return Mesh.load(what).info if kind == "model" else open(what).info
@@ -97,7 +96,7 @@ def render(
         environment_rotation=environment_rotation,
         transparent=transparent,
     )
-    kind = _native.kind(os.fspath(what)) if isinstance(what, (str, os.PathLike)) else None
+    kind = _native.kind(os.fsdecode(what)) if isinstance(what, PATHS) else None
     lights = {"light": light, "environment": environment}
     given = [name for name, value in lights.items() if value is not None]
     if look is None and kind != "look":
@@ -106,14 +105,15 @@ def render(
         if kind in ("asset", "world"):
             what = open(what, memory=memory)
         if isinstance(what, World):
-            return _taken(what._native.render(view, int(memory)))
+            return _taken(what._native.render(view, amount(memory, "memory")))
         subject = what if isinstance(what, Asset) else Mesh.of(what)
         return _taken(subject._native.render(view))
-    path = os.fspath(what if look is None else look)
+    path = os.fsdecode(what if look is None else look)
     if given:
         raise ValueError(f"{path} is a look, which has its lamps and surroundings itself; leave {given[0]} out")
     model = None if look is None else Mesh.of(what)._native
-    return _taken(_native.render_look(path, model, view, time, seed, int(memory)))
+    seed = whole(seed, "seed", (1 << 64) - 1)
+    return _taken(_native.render_look(path, model, view, time, seed, amount(memory, "memory")))
 
 
 def compare(
@@ -142,6 +142,7 @@ def compare(
         and ``model_share``, the share of pixels that show a model; ``whole_psnr_db``, over all pixels; the number of ``views`` and of
         ``empty_views``, which show neither and do not count; ``per_view``, a dictionary with the measures of each camera.
     """
+    views = whole(views, "views")
     if not 1 <= views <= 1000:
         raise ValueError(f"views is {views}; expected 1 to 1000")
     options = _view(size=size, samples=samples, filter=filter)
@@ -172,7 +173,7 @@ def _subject(what: Any) -> Union[Asset, Mesh]:
     """An asset, or the mesh of a model."""
     if isinstance(what, Asset):
         return what
-    if isinstance(what, (str, os.PathLike)) and _native.kind(os.fspath(what)) == "asset":
+    if isinstance(what, PATHS) and _native.kind(os.fsdecode(what)) == "asset":
         return Asset(what)
     return Mesh.of(what)
 
@@ -184,4 +185,4 @@ def set_read_limits(*, memory: float = 8 << 30, allow_outside: bool = False) -> 
         memory: bytes that all that is read whole may take together: images, volumes, tables, meshes.
         allow_outside: let models, looks in assets and stroke files name files outside their folders.
     """
-    _native.set_read_limits(int(memory), allow_outside)
+    _native.set_read_limits(amount(memory, "memory"), allow_outside)

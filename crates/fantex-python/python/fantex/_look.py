@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple, Optional, Sequence, Union
+from typing import Any, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from . import _native
+from ._given import Path, amount, size as _size, vector, whole
 from ._mesh import Mesh, Progress
 
 
 def table(
-    look: Union[str, os.PathLike],
+    look: Path,
     texture: Optional[str] = None,
     *,
     size: Sequence[int] = (512, 512),
@@ -44,17 +45,20 @@ def table(
     Returns:
         ``(rows, columns, 4)`` float32, linear RGBA; with ``slices`` ``(slices, rows, columns, 4)``.
     """
-    width, height = (int(side) for side in size)
     options = {
-        "start": [*map(float, start)],
-        "end": [*map(float, end)],
-        "samples": samples,
+        "start": vector(start, "start"),
+        "end": vector(end, "end"),
+        "samples": whole(samples, "samples"),
         "time": time,
-        "seed": seed,
-        "memory": int(memory),
+        "seed": whole(seed, "seed", (1 << 64) - 1),
+        "memory": amount(memory, "memory"),
     }
-    shape = [width, height, 1 if slices is None else int(slices)]
-    texels = _native.table(os.fspath(look), texture, shape, options, progress)
+    if not np.isfinite([*options["start"], *options["end"], time]).all():
+        raise ValueError(f"start is {start}, end {end} and time {time}; all must be finite")
+    shape = [*_size(size, "size"), 1 if slices is None else whole(slices, "slices")]
+    if 0 in shape:
+        raise ValueError(f"a table of {shape[0]} x {shape[1]} x {shape[2]} texels has nothing in it; all must be at least 1")
+    texels = _native.table(os.fsdecode(look), texture, shape, options, progress)
     return texels[0] if slices is None else texels
 
 
@@ -93,13 +97,12 @@ def normal_map(
         samples: rays along each side of a texel.
         cage: how far the detailed surface is looked for, world units; measured where it is not given.
     """
-    width, height = (int(side) for side in size)
     options = {
-        "size": [width, height],
+        "size": _size(size, "size"),
         "space": space,
-        "uv_set": uv_set,
-        "padding": padding,
-        "samples": samples,
+        "uv_set": whole(uv_set, "uv_set"),
+        "padding": whole(padding, "padding"),
+        "samples": whole(samples, "samples"),
         "cage": cage,
     }
     return NormalMap(*_native.normal_map(Mesh.of(coarse)._native, Mesh.of(detailed)._native, options))

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import io
 import os
-from typing import Any, Callable, Optional, Sequence, Union
+from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
 
 from . import _native
-from ._picture import Camera, Picture, _taken, _view
+from ._given import PATHS, Path, amount, whole
+from ._picture import Camera, Picture, _srgb8, _taken, _view
 
 Progress = Callable[[int, int], Any]
 
 
 def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) -> np.ndarray:
-    """A contiguous, aligned array; copied only where type or layout ask for it. Takes lists, numpy, torch (CPU), Open3D's vectors."""
+    """A contiguous, aligned array, with rows where there are columns; copied only where type or layout ask for it. Takes lists, numpy,
+    torch (CPU), Open3D's vectors."""
     if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
         values = values.detach() if hasattr(values, "detach") else values
         try:
@@ -31,6 +33,8 @@ def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) ->
         raise TypeError(f"{name} holds {array.dtype}, not {wanted}")
     if columns is not None and (array.ndim != 2 or array.shape[1] != columns):
         raise ValueError(f"{name} has the shape {array.shape}; expected (n, {columns})")
+    if columns is None and array.ndim > 1:
+        raise ValueError(f"{name} has the shape {array.shape}; expected (n,)")
     return np.require(array, dtype, ("C", "ALIGNED"))
 
 
@@ -48,30 +52,30 @@ def _linear_rgba(colors: Any, count: int, name: str) -> np.ndarray:
         rgba[:, :3] = table[colors[:, :3]]
         if colors.shape[1] == 4:
             rgba[:, 3] = colors[:, 3] / np.float32(255)
-    elif colors.dtype.kind in "fiub":
+    elif colors.dtype.kind in "fb" or colors.size == 0:
         rgba[:, :3] = colors[:, :3]
         if colors.shape[1] == 4:
             rgba[:, 3] = colors[:, 3]
     else:
-        raise TypeError(f"{name} holds {colors.dtype}, not numbers")
+        raise TypeError(f"{name} holds {colors.dtype}; expected uint8 in sRGB or linear floats")
     return rgba
 
 
 def _encoded(picture: Any) -> bytes:
-    """A picture as the bytes of a file: encoded already, a path, a PIL image, or an array (h, w, c)."""
-    if isinstance(picture, (bytes, bytearray)):
+    """A picture as the bytes of a file: encoded already, a path, a PIL image, or an array (h, w, c), sRGB as uint8, linear as floats."""
+    if isinstance(picture, (bytes, bytearray)) or (isinstance(picture, memoryview) and picture.ndim == 1):
         return bytes(picture)
     if isinstance(picture, (str, os.PathLike)):
         with io.open(picture, "rb") as file:
             return file.read()
-    array = np.asarray(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
+    array = _plain(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
+    if array.ndim not in (2, 3) or not (array.dtype == np.uint8 or array.dtype.kind == "f"):
+        raise TypeError(f"a picture is (h, w) or (h, w, c), uint8 or float, not {array.shape} {array.dtype}")
     if array.ndim == 2:
         array = array[:, :, None]
-    if array.dtype.kind == "f":
-        array = (np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
-    if array.dtype != np.uint8 or array.ndim != 3:
-        raise TypeError(f"a picture is (h, w, c) uint8 or float, not {array.shape} {array.dtype}")
-    return _native.encode_png(np.ascontiguousarray(array))
+    if array.dtype.kind == "f" and array.shape[2] in (1, 2, 3, 4):
+        array = _srgb8(array)
+    return _native.encode_png(np.ascontiguousarray(array, np.uint8))
 
 
 class Mesh:
@@ -83,9 +87,10 @@ class Mesh:
         colors: ``(n, 3)`` or ``(n, 4)`` per vertex: linear floats or sRGB ``uint8``.
         normals: ``(n, 3)`` per vertex.
         uv: ``(n, 2)`` per vertex, v upwards.
-        image: the base colour that ``uv`` refers to: ``(h, w, c)``, a PIL image, a path, or a file's bytes.
+        image: the base colour that ``uv`` refers to: ``(h, w, c)`` linear floats or sRGB ``uint8``, a PIL image, a path, or a
+            file's bytes.
 
-    Arrays may be numpy's, lists, torch tensors on the CPU or anything with DLPack or the buffer protocol.
+    Arrays may be numpy's, lists, torch tensors on the CPU or anything with DLPack or the buffer protocol. A mesh does not change.
     """
 
     def __init__(
@@ -112,9 +117,9 @@ class Mesh:
         self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded)
 
     @classmethod
-    def load(cls, path: Union[str, os.PathLike]) -> "Mesh":
+    def load(cls, path: Path) -> "Mesh":
         """Reads a model (``.glb .gltf .obj .ply .stl``), or the mesh of an asset (``.fan``), without what is baked."""
-        return cls._of(_native.Mesh.load(os.fspath(path)))
+        return cls._of(_native.Mesh.load(os.fsdecode(path)))
 
     @classmethod
     def _of(cls, native: Any) -> "Mesh":
@@ -125,10 +130,11 @@ class Mesh:
     @classmethod
     def of(cls, mesh: Any) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
-        ``faces``, or an :class:`Asset`."""
+        ``faces``, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture; of
+        Open3D colours of vertices."""
         if isinstance(mesh, Mesh):
             return mesh
-        if isinstance(mesh, (str, os.PathLike)):
+        if isinstance(mesh, PATHS):
             return cls.load(mesh)
         if isinstance(getattr(mesh, "_native", None), _native.Asset):
             return cls._of(_native.Mesh.of_asset(mesh._native))
@@ -144,19 +150,24 @@ class Mesh:
             colors = np.asarray(mesh.vertex_colors) if mesh.has_vertex_colors() else None
             return cls(mesh.vertices, mesh.triangles, colors=None if colors is None else _srgb_floats(colors))
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+            if getattr(getattr(mesh, "visual", None), "kind", None) == "face":
+                # A vertex each for the corners of a face, so that they have its colour; cleaning joins them again.
+                corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
+                colors = np.repeat(np.asarray(mesh.visual.face_colors), 3, axis=0)
+                return cls(corners, np.arange(len(corners)).reshape(-1, 3), colors=colors)
             return cls(mesh.vertices, mesh.faces, **_visual(mesh))
         raise TypeError(
             f"{type(mesh).__name__} is no mesh: give a path, a fantex.Mesh, (positions, faces), or an object with vertices and faces"
         )
 
-    def simplified(self, faces: int) -> "Mesh":
+    def simplified(self, faces: float) -> "Mesh":
         """The same shape with about so many faces, without colours, normals and texture coordinates: bake this mesh onto it with
         ``source=fantex.mesh(this)``."""
-        return Mesh._of(self._native.simplified(faces))
+        return Mesh._of(self._native.simplified(amount(faces, "faces")))
 
-    def save(self, path: Union[str, os.PathLike], *, overwrite: bool = False) -> None:
+    def save(self, path: Path, *, overwrite: bool = False) -> None:
         """Writes positions and faces, without colours, textures and coordinates: ``.ply``, ``.obj`` or ``.glb``."""
-        self._native.save(os.fspath(path), overwrite)
+        self._native.save(os.fsdecode(path), overwrite)
 
     def look(self) -> str:
         """The mesh's own materials as a look: text for a ``.toml`` file beside the model, to change and to give to :func:`look` or
@@ -171,7 +182,7 @@ class Mesh:
         samples: int = 8,
         filter: str = "anisotropic",
         light: Optional[Sequence[float]] = None,
-        environment: Union[str, os.PathLike, None] = None,
+        environment: Optional[Path] = None,
         environment_strength: float = 1.0,
         environment_rotation: float = 0.0,
         transparent: bool = False,
@@ -208,6 +219,11 @@ class Mesh:
         return self._native.faces
 
     @property
+    def bounds(self) -> np.ndarray:
+        """``(2, 3)`` float64: the corners of its box, world units."""
+        return _bounds(self.positions)
+
+    @property
     def source_faces(self) -> np.ndarray:
         """``(m,)`` uint32: which face of the input each face was. Cleaning leaves out some."""
         return self._native.source_faces
@@ -217,8 +233,22 @@ class Mesh:
         """What loading noticed and what cleaning did, a sentence each."""
         return self._native.notes
 
+    def __copy__(self) -> "Mesh":
+        return self
+
+    def __deepcopy__(self, memo: Any) -> "Mesh":
+        return self
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a fantex.Mesh cannot be sent to other processes; send the path or the arrays that it was made of")
+
     def __repr__(self) -> str:
         return f"fantex.Mesh({len(self.positions)} positions, {len(self.faces)} faces)"
+
+
+def _bounds(positions: np.ndarray) -> np.ndarray:
+    """The corners of the box around points."""
+    return np.stack([positions.min(0), positions.max(0)])
 
 
 def _plain(values: Any) -> np.ndarray:
@@ -234,7 +264,7 @@ def _srgb_floats(colors: np.ndarray) -> np.ndarray:
 
 
 def _visual(mesh: Any) -> dict:
-    """Colours, or coordinates and a picture, of a mesh of trimesh."""
+    """Colours of vertices, or coordinates and a picture, of a mesh of trimesh."""
     visual = getattr(mesh, "visual", None)
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)
@@ -242,7 +272,7 @@ def _visual(mesh: Any) -> dict:
     picture = getattr(material, "image", None) if picture is None else picture
     if uv is not None and picture is not None:
         return {"uv": uv, "image": picture}
-    if getattr(visual, "kind", None) in ("vertex", "face"):
+    if getattr(visual, "kind", None) == "vertex":
         return {"colors": np.asarray(visual.vertex_colors)}
     return {}
 
@@ -258,6 +288,7 @@ def parametrize(
     positions: Any,
     faces: Any,
     normals: Any = None,
+    uvs: Any = None,
     *,
     resolution: int = 2048,
     padding: Optional[int] = 2,
@@ -268,11 +299,11 @@ def parametrize(
     Args:
         positions: ``(n, 3)`` floats.
         faces: ``(m, 3)`` vertex indices.
-        normals: taken for compatibility; charts do not depend on them.
+        normals, uvs: taken for compatibility; charts do not depend on them.
         resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
         padding: texels around each piece that are its own, a power of two; None for a 128th of the side, so that pictures may have
             coarser levels.
-        progress: called with ``(done, total)``.
+        progress: called with ``(done, total)`` triangles after a few steps; what it raises ends the work.
 
     Returns:
         ``vmapping`` ``(k,)`` uint32, the vertex of ``positions`` that each new vertex was; ``faces`` ``(m, 3)`` uint32 of new
@@ -281,6 +312,7 @@ def parametrize(
     """
     positions = _array(positions, np.float64, "positions", 3)
     faces = _array(faces, np.int64, "faces", 3)
+    resolution, padding = whole(resolution, "resolution"), None if padding is None else whole(padding, "padding")
     vmapping, faces, uvs, charts, side = _native.parametrize(positions, faces, resolution, padding, progress)
     result = Unwrapping((vmapping, faces, uvs))
     result.charts, result.side = charts, side

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
+import uuid
 import warnings
 from dataclasses import dataclass
-from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from . import _native
+from ._given import PATHS, Path, size as _size, vector, whole
 
 
 class Picture(np.ndarray):
@@ -19,13 +22,16 @@ class Picture(np.ndarray):
     def to_png(self) -> bytes:
         """The bytes of a PNG file."""
         array = np.asarray(self)
+        if array.dtype != np.uint8 or array.ndim not in (2, 3):
+            raise TypeError(f"a picture is (h, w) or (h, w, c) uint8, not {array.shape} {array.dtype}")
         return _native.encode_png(np.ascontiguousarray(array[:, :, None] if array.ndim == 2 else array))
 
-    def save(self, path: Union[str, os.PathLike]) -> None:
-        """Writes a PNG file."""
-        data = self.to_png()
-        with io.open(path, "wb") as file:
-            file.write(data)
+    def save(self, path: Path) -> None:
+        """Writes a PNG file, over one that is there."""
+        path = os.fsdecode(path)
+        if os.path.splitext(path)[1].lower() not in ("", ".png"):
+            raise ValueError(f"{path} names no PNG file; PIL.Image.fromarray(picture).save(...) writes others")
+        _write(path, self.to_png())
 
     def _repr_png_(self) -> Optional[bytes]:
         is_picture = self.dtype == np.uint8 and self.ndim in (2, 3) and self.size > 0
@@ -41,6 +47,12 @@ class Camera:
     up: Sequence[float] = (0.0, 1.0, 0.0)
     fov: float = 35.0
 
+    def __post_init__(self) -> None:
+        # Arrays, too, as tuples of numbers, which can be compared.
+        for part in ("eye", "target", "up"):
+            object.__setattr__(self, part, tuple(vector(getattr(self, part), f"the camera's {part}")))
+        object.__setattr__(self, "fov", float(self.fov))
+
 
 def _view(
     *,
@@ -49,7 +61,7 @@ def _view(
     samples: Optional[int] = None,
     filter: Optional[str] = None,
     light: Optional[Sequence[float]] = None,
-    environment: Union[str, os.PathLike, None] = None,
+    environment: Optional[Path] = None,
     environment_strength: float = 1.0,
     environment_rotation: float = 0.0,
     transparent: bool = False,
@@ -57,20 +69,19 @@ def _view(
     """A picture to be taken, as the compiled part takes it."""
     view = None
     if camera is not None:
-        view = ([*map(float, camera.eye)], [*map(float, camera.target)], [*map(float, camera.up)], float(camera.fov))
-    if size is not None:
-        width, height = (int(side) for side in size)
-        size = [width, height]
+        if not isinstance(camera, Camera):
+            raise TypeError(f"camera is of type {type(camera).__name__}; expected a fantex.Camera")
+        view = ([*camera.eye], [*camera.target], [*camera.up], camera.fov)
     return {
-        "size": size,
+        "size": None if size is None else _size(size, "size"),
         "camera": view,
-        "samples": samples,
+        "samples": None if samples is None else whole(samples, "samples"),
         "filter": filter,
-        "light": None if light is None else [*map(float, light)],
-        "environment": None if environment is None else os.fspath(environment),
+        "light": None if light is None else vector(light, "light"),
+        "environment": None if environment is None else os.fsdecode(environment),
         "environment_strength": environment_strength,
         "environment_rotation": environment_rotation,
-        "transparent": transparent,
+        "transparent": bool(transparent),
     }
 
 
@@ -79,6 +90,28 @@ def _taken(rendered: Tuple[np.ndarray, List[str]]) -> Picture:
     picture, notes = rendered
     _warn(notes, 4)
     return picture.view(Picture)
+
+
+def _write(path: str, data: bytes) -> None:
+    """Makes bytes a file, whole or not at all; what is no file, such as a pipe, gets them as they come."""
+    path = os.path.realpath(path)
+    if os.path.lexists(path) and not os.path.isfile(path):
+        with io.open(path, "wb") as file:
+            file.write(data)
+        return
+    folder, name = os.path.split(path)
+    unfinished = os.path.join(folder, f".{uuid.uuid4().hex}.tmp")
+    try:
+        with io.open(unfinished, "xb") as file:
+            file.write(data)
+        os.replace(unfinished, path)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            os.remove(unfinished)
+        if isinstance(error, OSError):
+            # The user knows the file by this name.
+            raise OSError(error.errno, error.strerror, path) from None
+        raise
 
 
 def _warn(notes: List[str], stacklevel: int) -> None:
@@ -105,8 +138,22 @@ def compare_pictures(reference: Any, test: Any, *, counts: Any = None) -> Dict[s
     return dict(zip(("psnr_db", "ssim", "flip"), found))
 
 
+def _srgb8(values: np.ndarray) -> np.ndarray:
+    """Linear grey, RGB or RGBA as sRGB bytes."""
+    table = np.asarray(_native.LINEAR_FROM_SRGB8, np.float32)
+    between = (table[1:] + table[:-1]) / 2
+    values = np.nan_to_num(values)
+    result = np.empty(values.shape, np.uint8)
+    colors = values.shape[-1] - (values.shape[-1] in (2, 4))
+    result[..., :colors] = np.searchsorted(between, values[..., :colors])
+    result[..., colors:] = np.clip(values[..., colors:], 0, 1) * 255 + 0.5
+    return result
+
+
 def _linear(picture: Any, name: str) -> np.ndarray:
     """A picture as linear floats ``(h, w, c)``."""
+    if isinstance(picture, PATHS):
+        raise TypeError(f"{name} is a path; expected the picture in it, as PIL.Image.open gives it")
     array = np.asarray(picture)
     if array.ndim == 2:
         array = array[:, :, None]
@@ -119,4 +166,6 @@ def _linear(picture: Any, name: str) -> np.ndarray:
         return np.ascontiguousarray(linear)
     if array.dtype.kind != "f":
         raise TypeError(f"{name} holds {array.dtype}; expected uint8 in sRGB or linear floats")
+    if np.isnan(array).any():
+        raise ValueError(f"{name} holds NaN, which differs from nothing by any measure")
     return np.ascontiguousarray(array, np.float32)

@@ -8,7 +8,8 @@ from typing import Any, Dict, Iterable, Optional, Tuple, Union
 
 from . import _native
 from ._asset import Asset
-from ._bake import Function, Path, Source, _absolute, _options, _parts
+from ._bake import Function, Source, _options, _parts
+from ._given import PATHS, Path, absolute, amount
 from ._mesh import Mesh, Progress
 from ._picture import _warn
 
@@ -37,7 +38,7 @@ class Plan:
     """Number of tiles; more parts than tiles are of no use."""
 
     def __init__(self, path: Path) -> None:
-        self.path = _absolute(path)
+        self.path = absolute(path)
         self._native = _native.Plan(self.path)
         self.channels = tuple(self._native.channels)
         self.texels, self.tiles, self._triangles = self._native.figures()
@@ -81,7 +82,8 @@ def plan(
     """Covers a mesh and plans a bake: parts are baked by :func:`bake_part` and joined by :func:`merge`.
 
     Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
-    address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``.
+    address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
+    with bytes that are sent to a store, and not while the mesh is covered.
     """
     options = _options(
         texels=texels,
@@ -98,10 +100,10 @@ def plan(
     note = {_NOTE: {"mesh": _noted_mesh(mesh), "source": _noted_source(source), "options": options}}
     _native.plan(
         Mesh.of(mesh)._native,
-        os.fspath(path),
+        os.fsdecode(path),
         json.dumps(note).encode(),
         parts,
-        {**options, "overwrite": overwrite, "memory": int(memory)},
+        {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
     return Plan(path)
@@ -155,9 +157,9 @@ def bake_part(
         plan._native,
         (number, count),
         Mesh.of(mesh)._native,
-        os.fspath(path),
+        os.fsdecode(path),
         _parts(source, options),
-        {**options, "overwrite": overwrite, "memory": int(memory)},
+        {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
     return figures["bytes"]
@@ -188,7 +190,7 @@ def merge(
         KeyboardInterrupt: Ctrl-C; nothing is left of the file.
     """
     plan = plan if isinstance(plan, Plan) else Plan(plan)
-    _, note = _native.merge(plan._native, [os.fspath(part) for part in parts], os.fspath(path), overwrite, progress)
+    _, note = _native.merge(plan._native, [os.fsdecode(part) for part in parts], os.fsdecode(path), overwrite, progress)
     _warn([note] if note else [], 3)
     return Asset(path)
 
@@ -202,12 +204,14 @@ def check_parts(plan: Union[Plan, Path], parts: Iterable[Path], *, progress: Opt
         progress: called with ``(done, total)`` bytes.
     """
     plan = plan if isinstance(plan, Plan) else Plan(plan)
-    _native.merge(plan._native, [os.fspath(part) for part in parts], None, False, progress)
+    _native.merge(plan._native, [os.fsdecode(part) for part in parts], None, False, progress)
 
 
 def _noted_mesh(mesh: Any) -> Optional[str]:
     """The model's path; None for what lies in memory."""
-    return _absolute(mesh) if isinstance(mesh, (str, os.PathLike, Asset)) else None
+    if isinstance(mesh, Asset):
+        return mesh._path
+    return absolute(mesh) if isinstance(mesh, PATHS) else None
 
 
 def _noted_source(source: Union[Source, Function, None]) -> Any:
@@ -216,10 +220,7 @@ def _noted_source(source: Union[Source, Function, None]) -> Any:
         return None
     if not isinstance(source, Source):
         return "memory"
-    parts = dict(source._parts)
-    for key in ("path", "images"):
-        if key in parts:
-            parts[key] = os.path.abspath(parts[key])
+    parts = source._found()
     if {"mesh", "asset"} & parts.keys():
         if not isinstance(source._given, str):
             return "memory"

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from . import _native
 from ._asset import MIB, Asset, _atlas_options, _fan_options, _written
+from ._given import PATHS, Path, absolute, amount
 from ._mesh import Progress
 from ._picture import Camera, Picture, _taken, _view
 
-Path = Union[str, os.PathLike]
 Point = Tuple[float, float, float]
 
 
@@ -76,7 +76,8 @@ class WorldCoarse:
 
 
 class World:
-    """A world: an index of assets that are shown together, near the eye whole, far away by their previews and by coarse assets.
+    """A world: an index of assets that are shown together, near the eye whole, far away by their previews and by coarse assets. It is a
+    sequence of its :attr:`objects`.
 
     Args:
         place: the index (``.fanworld``), a path or an ``https://``, ``s3://``, ``gs://`` or ``az://`` address. Only the index is read; assets are
@@ -85,9 +86,11 @@ class World:
     """
 
     def __init__(self, place: Path, *, memory: float = 1 << 30) -> None:
-        self._place = os.fspath(place)
-        self._memory = int(memory)
-        self._native = _native.World(self._place)
+        self._place = os.fsdecode(place)
+        # The folder that the process is in may change.
+        self._path = absolute(place)
+        self._memory = amount(memory, "memory")
+        self._native = _native.World(self._path)
         #: The assets, in the order of the index.
         self.objects: List[WorldObject] = [_object(parts) for parts in self._native.objects]
         #: Coarse assets, each of which stands for several of these or of its own kind.
@@ -142,7 +145,7 @@ class World:
         samples: int = 8,
         filter: str = "anisotropic",
         light: Optional[Sequence[float]] = None,
-        environment: Union[str, os.PathLike, None] = None,
+        environment: Optional[Path] = None,
         environment_strength: float = 1.0,
         environment_rotation: float = 0.0,
         transparent: bool = False,
@@ -167,7 +170,7 @@ class World:
             environment_rotation=environment_rotation,
             transparent=transparent,
         )
-        return _taken(self._native.render(view, self._memory if memory is None else int(memory)))
+        return _taken(self._native.render(view, self._memory if memory is None else amount(memory, "memory")))
 
     def export(
         self,
@@ -188,7 +191,7 @@ class World:
             The paths of all files.
         """
         options = _atlas_options(resolution, largest_side, padding, "atlas", overwrite, memory)
-        return _written(self._native.export(os.fspath(path), {**options, "ktx2": ktx2}, progress))
+        return _written(self._native.export(os.fsdecode(path), {**options, "ktx2": ktx2}, progress))
 
     def export_fans(
         self,
@@ -207,7 +210,7 @@ class World:
             The paths of all files.
         """
         options = _fan_options(gutter, largest_side, textures, (), overwrite, memory)
-        return _written(self._native.export_fans(os.fspath(path), options, progress))
+        return _written(self._native.export_fans(os.fsdecode(path), options, progress))
 
     def verify(self, *, texels: bool = False, progress: Optional[Progress] = None) -> dict:
         """Checks every asset, preview and coarse asset as :meth:`Asset.verify` does, that the index says what is there, and that sectors
@@ -221,10 +224,19 @@ class World:
             ``ok``; numbers of ``objects``, ``coarse`` and ``faulty`` ones; ``seam_edges`` that were compared, and the ``largest_jump`` there
             with its ``bound``; ``faults``, a sentence each.
         """
-        return _native.verify_index(self._place, texels, self._memory, progress)
+        return _native.verify_index(self._path, texels, self._memory, progress)
 
     def __len__(self) -> int:
         return len(self.objects)
+
+    def __iter__(self) -> Iterator[WorldObject]:
+        return iter(self.objects)
+
+    def __getitem__(self, number: int) -> WorldObject:
+        return self.objects[number]
+
+    def __reduce__(self) -> Any:
+        return _again, (self._path, self._memory, self.made)
 
     def __repr__(self) -> str:
         coarse = f", {len(self.coarse)} coarse assets" if self.coarse else ""
@@ -282,10 +294,12 @@ def split(
     asset = asset if isinstance(asset, Asset) else Asset(asset)
     sizes = None
     if previews:
-        sizes = tuple(None if size is None else int(size) for size in (preview_triangles, preview_texels))
+        given = {"preview_triangles": preview_triangles, "preview_texels": preview_texels}
+        sizes = tuple(None if size is None else amount(size, name) for name, size in given.items())
     elif preview_triangles is not None or preview_texels is not None:
         raise ValueError("preview_triangles and preview_texels are for previews; leave previews=False out")
-    made = _native.split(asset._native, os.fspath(folder), int(triangles), sizes, overwrite, int(memory), progress)
+    triangles, memory = amount(triangles, "triangles"), amount(memory, "memory")
+    made = _native.split(asset._native, os.fsdecode(folder), triangles, sizes, overwrite, memory, progress)
     world = World(made["index"])
     world.made = made
     return world
@@ -328,13 +342,21 @@ def make_world(
     put, gone = _places(assets), _places(remove)
     if not put and not gone and not make_previews and not make_coarse:
         raise ValueError("give assets to put into the world, remove=, make_previews=True or make_coarse=True")
-    made = _native.change_world(os.fspath(index), put, gone, make_previews, make_coarse, int(memory), progress)
+    memory = amount(memory, "memory")
+    made = _native.change_world(os.fsdecode(index), put, gone, make_previews, make_coarse, memory, progress)
     world = World(made["index"])
+    world.made = made
+    return world
+
+
+def _again(place: str, memory: int, made: Optional[dict]) -> World:
+    """A world as another process or a copy has it."""
+    world = World(place, memory=memory)
     world.made = made
     return world
 
 
 def _places(assets: Any) -> List[str]:
     """Paths and addresses of one asset or of several."""
-    one = isinstance(assets, (str, os.PathLike, Asset))
-    return [asset.place if isinstance(asset, Asset) else os.fspath(asset) for asset in ([assets] if one else assets)]
+    one = isinstance(assets, (*PATHS, Asset))
+    return [asset._path if isinstance(asset, Asset) else os.fsdecode(asset) for asset in ([assets] if one else assets)]

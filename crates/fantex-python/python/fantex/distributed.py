@@ -12,7 +12,8 @@ from typing import Any, Dict, List, Optional, Tuple, Union
 
 from . import _native
 from ._asset import Asset
-from ._bake import Function, Path, Source, _absolute, _is_address
+from ._bake import Function, Source
+from ._given import PATHS, Path, absolute, failed, is_address
 from ._mesh import Mesh, Progress
 from ._plan import Plan, bake_part, merge, plan
 
@@ -68,8 +69,8 @@ def bake(
         KeyboardInterrupt: Ctrl-C; workers end their parts, and nothing is left.
     """
     workers = _workers(client)
-    model = model.place if isinstance(model, Asset) else model
-    out = _absolute(out)
+    model = model._path if isinstance(model, Asset) else model
+    out = absolute(out)
     if os.path.lexists(out) and not overwrite:
         raise FileExistsError(f"{out} exists; overwrite=True replaces it")
     _native.check_target(out, overwrite)
@@ -79,9 +80,9 @@ def bake(
         raise ValueError(f"retries is {retries}; it cannot be negative")
     if isinstance(model, Mesh):
         raise TypeError("a fantex.Mesh cannot be sent to workers; give the path or the arrays that it was made of")
-    parent = os.path.dirname(out) if folder is None else _absolute(folder).rstrip("/")
+    parent = os.path.dirname(out) if folder is None else absolute(folder).rstrip("/")
     prefix = f".{os.path.basename(out)}.parts-"
-    if _is_address(parent):
+    if is_address(parent):
         scratch = _join(parent, prefix + uuid.uuid4().hex)
     else:
         scratch = tempfile.mkdtemp(prefix=prefix, dir=parent)
@@ -99,7 +100,7 @@ def bake(
 def _remove(folder: str, parts: int) -> None:
     """Removes the plan and its parts. In a folder, parts of a bake that was given up may still begin files; in a store, workers remove
     what they have sent in vain."""
-    if _is_address(folder):
+    if is_address(folder):
         for name in ["plan", *(f"{number}.part" for number in range(1, parts + 1))]:
             try:
                 _native.remove_object(_join(folder, name))
@@ -115,12 +116,12 @@ def _remove(folder: str, parts: int) -> None:
 
 
 def _join(folder: str, name: str) -> str:
-    return f"{folder}/{name}" if _is_address(folder) else os.path.join(folder, name)
+    return f"{folder}/{name}" if is_address(folder) else os.path.join(folder, name)
 
 
 def _is_there(place: str) -> bool:
     """Whether there is a file or an object."""
-    return _native.is_there(place) if _is_address(place) else os.path.isfile(place)
+    return _native.is_there(place) if is_address(place) else os.path.isfile(place)
 
 
 class _Run:
@@ -139,7 +140,7 @@ class _Run:
     ) -> None:
         self.client, self.plan, self.count, self.retries = client, planned, count, retries
         self.memory, self.progress = memory, progress
-        is_file = isinstance(model, (str, os.PathLike))
+        is_file = isinstance(model, PATHS)
         # A mesh in memory is sent once per worker, not with each part.
         self.model = None if is_file else client.scatter([model], broadcast=True, hash=False)[0]
         self.source = source
@@ -173,7 +174,7 @@ class _Run:
                 try:
                     lasting = future.result()
                 except KilledWorker as error:
-                    raise _native.Error(
+                    raise failed(
                         f"part {number} of {self.count} ended each worker that it ran on; "
                         "they may lack memory (give more parts or less memory=)"
                     ) from error
@@ -199,7 +200,7 @@ class _Run:
                         raise
             if attempt < self.retries:
                 self.finish(bad)
-        raise _native.Error(
+        raise failed(
             f"{parts[bad[0] - 1]} was baked and is not there; workers and caller need a folder that all of them see (folder=)"
         )
 
@@ -214,10 +215,10 @@ def _part(
 ) -> Optional[BaseException]:
     """The task of a worker. Returns what a second attempt would not change; raises what Dask shall try again."""
     if not _is_there(plan_path):
-        return _native.Error(
+        return failed(
             f"a worker does not see {plan_path}; workers and caller need a folder that all of them see (folder=)"
         )
-    looked, pause = time.monotonic(), 10 if _is_address(plan_path) else 1
+    looked, pause = time.monotonic(), 10 if is_address(plan_path) else 1
 
     def is_wanted(done: int, total: int) -> None:
         # The caller removes the plan when it gives up; tasks that run already end here.
@@ -225,13 +226,13 @@ def _part(
         if time.monotonic() - looked > pause:
             looked = time.monotonic()
             if not _is_there(plan_path):
-                raise _native.Error("the bake was given up")
+                raise failed("the bake was given up")
 
     try:
         bake_part(
             plan_path, shard, path, mesh=model, source=source, overwrite=True, memory=memory, progress=is_wanted
         )
-        if _is_address(path) and not _is_there(plan_path):
+        if is_address(path) and not _is_there(plan_path):
             # Nobody else would remove it.
             _native.remove_object(path)
     except _LASTING as error:
@@ -240,7 +241,7 @@ def _part(
         raise
     except BaseException as error:
         # A panic of the compiled part is no Exception, and would end the worker's thread without an answer.
-        return _native.Error(f"part {shard[0]} of {shard[1]} failed inside: {error}")
+        return failed(f"part {shard[0]} of {shard[1]} failed inside: {error}")
     return None
 
 

@@ -367,6 +367,9 @@ fn merge(
         means.extend(contents.means);
         done = before + reader.length;
     }
+    if watch(done, total).is_break() {
+        return Err(Error::cancelled("merging was ended; nothing was written"));
+    }
     merger.finish(plan, &means)
 }
 

@@ -1,0 +1,82 @@
+"""Arguments as users have them: paths, whole numbers, names."""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+from typing import Any, Iterable, List, Sequence, Union
+
+import numpy as np
+
+from . import _native
+
+Path = Union[str, bytes, os.PathLike]
+
+#: Types of paths and addresses.
+PATHS = (str, bytes, os.PathLike)
+
+
+def failed(sentence: str) -> _native.Error:
+    """An error that is about no file."""
+    error = _native.Error(sentence)
+    error.path = None
+    return error
+
+
+def is_address(place: str) -> bool:
+    return "://" in place
+
+
+def absolute(place: Path) -> str:
+    """An absolute path, or an address as it is."""
+    place = os.fsdecode(place)
+    return place if is_address(place) else os.path.abspath(place)
+
+
+def whole(value: Any, name: str, most: int = (1 << 32) - 1) -> int:
+    """A whole number from 0 to ``most``; floats such as ``1e3`` may be one."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        if not isinstance(value, (float, np.floating)):
+            raise TypeError(f"{name} is of type {type(value).__name__}; expected a whole number") from None
+        if not math.isfinite(value) or value != math.floor(value):
+            raise ValueError(f"{name} is {value}; expected a whole number") from None
+        number = int(value)
+    if number < 0:
+        raise ValueError(f"{name} is {value}; it cannot be negative")
+    if number > most:
+        raise ValueError(f"{name} is {value}; expected at most {most}")
+    return number
+
+
+def amount(value: Any, name: str) -> int:
+    """A number of bytes, texels or triangles: whole, or rounded down."""
+    is_float = isinstance(value, (float, np.floating)) and math.isfinite(value)
+    return whole(math.floor(value) if is_float else value, name, (1 << 63) - 1)
+
+
+def size(sides: Any, name: str) -> List[int]:
+    """Columns and rows."""
+    if isinstance(sides, (str, bytes)) or not isinstance(sides, Iterable):
+        raise TypeError(f"{name} is {sides!r}; expected two whole numbers, columns and rows")
+    sides = list(sides)
+    if len(sides) != 2:
+        raise ValueError(f"{name} has {len(sides)} numbers; expected two, columns and rows")
+    return [whole(side, name) for side in sides]
+
+
+def vector(numbers: Any, name: str) -> List[float]:
+    """Three numbers."""
+    if isinstance(numbers, (str, bytes)) or not isinstance(numbers, Iterable):
+        raise TypeError(f"{name} is {numbers!r}; expected three numbers")
+    numbers = [*map(float, numbers)]
+    if len(numbers) != 3:
+        raise ValueError(f"{name} has {len(numbers)} numbers; expected three")
+    return numbers
+
+
+def names(given: Union[str, Iterable[str]]) -> Sequence[str]:
+    """Several names, or one."""
+    return [given] if isinstance(given, str) else list(given)
