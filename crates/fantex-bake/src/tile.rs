@@ -163,6 +163,7 @@ impl TileBaker<'_> {
         let channels = self.plans.len();
         let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
         let mut values = Vec::with_capacity(POINTS * channels);
+        let mut hidden = Vec::new();
         let light = self.source.light_map();
         let smooth =
             self.noisy_light().map(|light| self.smooth_light(light, &footprints, block)).transpose()?;
@@ -200,9 +201,11 @@ impl TileBaker<'_> {
                 raster.values[first * channels..][..of_run].copy_from_slice(own);
                 raster.valid[first..][..run.len()].fill(true);
             }
-            // Texels that lie under something continue those around them.
             for (&texel, light) in texels.iter().zip(known.iter().flatten()) {
-                raster.valid[texel as usize] = light.is_some();
+                if light.is_none() {
+                    raster.valid[texel as usize] = false;
+                    hidden.push(texel);
+                }
             }
             if !cut_outs.is_empty() {
                 for (&texel, point) in texels.iter().zip(points.iter()) {
@@ -224,6 +227,9 @@ impl TileBaker<'_> {
         })?;
         evaluate(&mut points, &mut texels)?;
         raster.read = footprints.in_region;
+        if !hidden.is_empty() {
+            continue_over(&mut raster, &hidden);
+        }
         tile.bake_time += started.elapsed();
         Ok(raster)
     }
@@ -415,6 +421,51 @@ impl Plane {
             position: interpolate(self.corners, lambda),
             position_steps: self.position_steps,
             normal: interpolate(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
+        }
+    }
+}
+
+/// Gives texels that lie under something what is seen around them: the mean of their neighbours, or else what the finest level that shows
+/// something there has. So coarser levels are means of all texels of the surface, as everywhere.
+fn continue_over(raster: &mut Raster, hidden: &[u32]) {
+    let mut levels: Vec<Raster> = Vec::new();
+    loop {
+        let finer = levels.last().unwrap_or(&*raster);
+        if finer.extent == [1, 1] {
+            break;
+        }
+        let coarser = finer.halved(finer.extent.map(|n| n.div_ceil(2)));
+        levels.push(coarser);
+    }
+    let [width, height] = raster.extent.map(|n| n as usize);
+    let mut continued = Vec::with_capacity(hidden.len() * raster.channels);
+    for &texel in hidden {
+        let [x, y] = [texel as usize % width, texel as usize / width];
+        for channel in 0..raster.channels {
+            let mut near = Mean::default();
+            for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+                for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                    let texel = ny * width + nx;
+                    if raster.valid[texel] {
+                        near.add(raster.texel(texel)[channel]);
+                    }
+                }
+            }
+            let of_level = |level: &Raster| {
+                let [columns, rows] = level.extent.map(|n| n as usize);
+                let texel = y * rows / height * columns + x * columns / width;
+                level.valid[texel].then(|| level.texel(texel)[channel])
+            };
+            continued.push(near.value().or_else(|| levels.iter().find_map(of_level)));
+        }
+    }
+    for (&texel, values) in hidden.iter().zip(continued.chunks_exact(raster.channels)) {
+        let first = texel as usize * raster.channels;
+        for (channel, value) in values.iter().enumerate() {
+            if let Some(value) = value {
+                raster.values[first + channel] = *value;
+                raster.valid[texel as usize] = true;
+            }
         }
     }
 }

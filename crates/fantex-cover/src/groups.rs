@@ -68,6 +68,11 @@ impl Patch {
         self.flat.distortion.cost(region, self.density * self.density, self.corners.len())
     }
 
+    /// Texels that its surface asks for.
+    fn texels(&self) -> f32 {
+        self.flat.distortion.area() * self.density * self.density
+    }
+
     /// The density of two patches as one.
     fn density_with(&self, other: &Self) -> f32 {
         let mut demand = self.demand;
@@ -108,8 +113,9 @@ pub(crate) fn group_fans(
             others.iter().map(tried).fold(best, |best, next| if next.cost < best.cost { next } else { best });
     }
     let Grouped { mut builder, mut patches, .. } = best;
-    if may_gain {
-        builder.unroll_unions(&mut patches);
+    let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
+    if is_tried.contains(&true) {
+        builder.unroll_unions(&mut patches, &is_tried);
         builder.number_groups(&patches);
     }
     let laid = patches.into_iter().map(|patch| patch.laid(&builder.order, density)).collect();
@@ -142,6 +148,16 @@ fn flat_share(shapes: &[FanShape]) -> f32 {
     let flat = area(&mut shapes.iter().filter(|shape| shape.cone.cos > FLAT));
     (flat / area(&mut shapes.iter())) as f32
 }
+// On other meshes only small groups that are dear are laid flat freely.
+
+/// Small groups have so many fans at most.
+const SMALL: u32 = 16;
+
+/// Dear ones cost at least so many times their texels: 3 dB are lost.
+const DEAR: f32 = 1.25;
+
+/// Of groups that are small and dear so many fans are laid flat freely, those first that cost most.
+const MAX_DEAR_FANS: usize = 500_000;
 
 /// The groups found in one way, and what they cost.
 struct Grouped<'a> {
@@ -153,7 +169,7 @@ struct Grouped<'a> {
 impl Grouped<'_> {
     /// Decibels beside as many ideal texels, whose cost is their number (see [`cost`](crate::cost)).
     fn loss(&self) -> f32 {
-        let texels: f32 = self.patches.iter().map(|patch| patch.demand.texels()).sum();
+        let texels: f32 = self.patches.iter().map(Patch::texels).sum();
         30.0 * libm::log10f(self.cost / texels)
     }
 }
@@ -404,17 +420,46 @@ impl Builder<'_> {
         FlatLimits { delta: self.limits.delta, pad: pad(density), facing: 0.0 }
     }
 
-    /// Lays unions of neighbours flat freely where that costs less.
-    fn unroll_unions(&mut self, patches: &mut Vec<Patch>) {
+    /// Which patches are small and dear, if much is lost there.
+    fn dear(&self, patches: &[Patch]) -> Vec<bool> {
+        let is_dear = |patch: &Patch| patch.length <= SMALL && patch.cost() >= DEAR * patch.texels();
+        let lost_per_fan = |patch: &Patch| (patch.cost() - patch.texels()) / patch.length as f32;
+        let numbered = patches.par_iter().zip(0..patches.len()).with_min_len(1 << 10);
+        let mut dear: Vec<(f32, usize)> =
+            numbered.filter(|(patch, _)| is_dear(patch)).map(|(patch, p)| (lost_per_fan(patch), p)).collect();
+        dear.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut is_tried = vec![false; patches.len()];
+        let (mut fans, mut lost) = (0, 0.0);
+        for (lost_per_fan, p) in dear {
+            let length = patches[p].length;
+            fans += length as usize;
+            if fans > MAX_DEAR_FANS {
+                break;
+            }
+            is_tried[p] = true;
+            lost += f64::from(lost_per_fan) * f64::from(length);
+        }
+        let cost: f64 = patches.iter().map(|patch| f64::from(patch.cost())).sum();
+        if lost < f64::from(WORTH_UNROLLING) * cost {
+            is_tried.fill(false);
+        }
+        is_tried
+    }
+
+    /// Lays unions of neighbours flat freely where that costs less, of the patches that are tried.
+    fn unroll_unions(&mut self, patches: &mut Vec<Patch>, is_tried: &[bool]) {
         self.number_groups(patches);
-        let neighbours = neighbours(&self.surface.fans, &self.fan_groups, patches.len());
+        let mut neighbours = neighbours(&self.surface.fans, &self.fan_groups, patches.len());
+        for (around, &is_own) in neighbours.iter_mut().zip(is_tried) {
+            around.retain(|&(other, _)| is_own && is_tried[other as usize]);
+        }
         let mut unrolling = Unrolling {
             fans: patches.iter().map(|patch| patch.fans(&self.order).to_vec()).collect(),
             patches: std::mem::take(patches).into_iter().map(Some).collect(),
             neighbours,
             builder: self,
         };
-        unrolling.run();
+        unrolling.run(is_tried);
         let Unrolling { patches: unions, fans, .. } = unrolling;
         let mut order = Vec::with_capacity(self.order.len());
         for (patch, fans) in unions.into_iter().zip(fans) {
@@ -434,7 +479,7 @@ struct Unrolling<'b> {
     patches: Vec<Option<Patch>>,
     /// The fans of each.
     fans: Vec<Vec<u32>>,
-    /// For every patch `(neighbour, common triangles)`. Those with which it cannot be joined are taken out.
+    /// For every patch `(neighbour, common triangles)`. Those with which it cannot be joined are taken out, and those that are not tried.
     neighbours: Vec<Vec<(u32, u32)>>,
 }
 
@@ -445,10 +490,12 @@ const UNROLLED_ROUNDS: usize = 32;
 const WORTH_UNROLLING: f32 = 0.02;
 
 impl Unrolling<'_> {
-    fn run(&mut self) {
+    fn run(&mut self, is_tried: &[bool]) {
         let alone: Vec<Option<Patch>> = (0..self.patches.len() as u32)
             .into_par_iter()
-            .map_init(Flattener::default, |flattener, p| self.unrolled(&[p], flattener))
+            .map_init(Flattener::default, |flattener, p| {
+                if is_tried[p as usize] { self.unrolled(&[p], flattener) } else { None }
+            })
             .collect();
         for (patch, alone) in self.patches.iter_mut().zip(alone).filter(|(_, alone)| alone.is_some()) {
             *patch = alone;

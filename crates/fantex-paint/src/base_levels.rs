@@ -24,7 +24,7 @@ pub(crate) const MEAN_BYTES: usize = 16;
 
 impl Painter {
     /// What coarser levels of a group change, page by page. First layered are pages whose base is to be put aside.
-    pub(crate) fn page_steps(&self, result: &mut CoarserLevels) -> Result<Vec<PageStep>> {
+    pub(crate) fn page_steps(&self, group: u32, result: &mut CoarserLevels) -> Result<Vec<PageStep>> {
         let mut steps: BTreeMap<PageId, PageStep> = BTreeMap::new();
         for change in result.pages.drain(..) {
             let new = || PageStep { id: change.id, channels: Vec::new(), is_first_layered: false };
@@ -32,8 +32,8 @@ impl Painter {
             step.channels.push((change.channel, change.before, change.after));
         }
         if result.is_layered {
-            self.restore_base(&mut steps)?;
-            self.restore_means(&steps, &mut result.means)?;
+            self.restore_base(group, &mut steps)?;
+            self.restore_means(group, &steps, &mut result.means)?;
         }
         for step in steps.values_mut() {
             step.channels.retain(|(_, before, after)| before != after);
@@ -44,12 +44,11 @@ impl Painter {
     }
 
     /// Gives blocks that show nothing but the base the base's bytes.
-    fn restore_base(&self, steps: &mut BTreeMap<PageId, PageStep>) -> Result<()> {
+    fn restore_base(&self, group: u32, steps: &mut BTreeMap<PageId, PageStep>) -> Result<()> {
         // Of finer pages.
         let mut layered: BTreeMap<PageId, Vec<Vec<Rect>>> = BTreeMap::new();
         let ids: Vec<PageId> = steps.keys().copied().collect();
-        let group = ids.first().map(|id| id.group);
-        let cut_outs = group.and_then(|group| cut_outs_of(&self.surface, self.editor.asset(), group));
+        let cut_outs = cut_outs_of(&self.surface, self.editor.asset(), group);
         let alpha = cut_outs.map(|(_, channel)| channel);
         // Of parts of level 0, by their corners.
         let mut is_base_below: BTreeMap<[[u32; 2]; 2], bool> = BTreeMap::new();
@@ -144,10 +143,10 @@ impl Painter {
     /// Where the coarsest page of a group shows nothing but the base, so does its mean.
     fn restore_means(
         &self,
+        group: u32,
         steps: &BTreeMap<PageId, PageStep>,
         means: &mut [(usize, [f32; 4])],
     ) -> Result<()> {
-        let Some(PageId { group, .. }) = steps.keys().next().copied() else { return Ok(()) };
         let Some(kept) = self.editor.attachment(&base_mean_name(group))? else { return Ok(()) };
         let numbers: Vec<f32> =
             kept.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();

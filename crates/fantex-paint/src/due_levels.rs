@@ -232,7 +232,7 @@ impl Painter {
         if result.is_layered {
             self.keep_means(group)?;
         }
-        for step in self.page_steps(&mut result)? {
+        for step in self.page_steps(group, &mut result)? {
             let id = step.id;
             if step.is_first_layered {
                 self.editor.attach(&base_name(id), base_bytes(&self.editor, id, None)?.concat())?;

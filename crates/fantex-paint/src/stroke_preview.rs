@@ -44,8 +44,8 @@ impl Painter {
             work.layered.clear();
         }
         let mut pages = Vec::new();
-        for (_, mut result) in work.run(&self.editor, false, &mut self.maps)? {
-            for PageStep { id, channels, .. } in self.page_steps(&mut result)? {
+        for (group, mut result) in work.run(&self.editor, false, &mut self.maps)? {
+            for PageStep { id, channels, .. } in self.page_steps(group, &mut result)? {
                 let preview = |(channel, _, bytes)| PreviewPage { id, channel, bytes };
                 pages.extend(channels.into_iter().map(preview));
             }

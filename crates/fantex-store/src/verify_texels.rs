@@ -83,7 +83,8 @@ const SUM_ERROR: f32 = 1e-4;
 // What encoders of blocks may have changed: at least so much, and these shares of the contrast, linear.
 //
 // An encoder has a line of colours for a block, mostly, and gives up what lies beside it. What it gives up is not in the finer blocks, but
-// shows in the coarser ones, as these are made of the texels from before. Where both blocks are even, nothing was given up.
+// shows in the coarser ones, as these are made of the texels from before. Of a coarser block it shows in the finer ones. Where both blocks are
+// even, and so is what the coarser one was made of, nothing was given up.
 const BLOCK_ERROR: f32 = 0.1;
 const SHARE_OF_FINER: f32 = 0.5;
 const SHARE_OF_OWN: f32 = 0.75;
@@ -344,7 +345,12 @@ impl Step {
         let is_uncertain = channel.format.is_compressed() || self.is_painted;
         let contrasts = is_uncertain.then(|| {
             let count = channel.format.channel_count();
-            [contrasts(self.under, finer, count), contrasts(self.around, coarser, count)]
+            let mut own = contrasts(self.around, coarser, count);
+            if channel.format.is_compressed() {
+                let given = contrasts_of_means(self.around, &means, count);
+                own.iter_mut().zip(given).for_each(|(own, given)| *own = own.max(given));
+            }
+            [contrasts(self.under, finer, count), own]
         });
         for at in self.own.texels() {
             let texel = self.around.index(at);
@@ -511,6 +517,17 @@ fn contrasts(rect: Rect, texels: &[Vec4], components: usize) -> Vec<f32> {
     };
     let rows = texels.chunks_exact(4 * width);
     rows.flat_map(|rows| (0..width).step_by(4).map(move |x| of_block(rows, x))).collect()
+}
+
+/// Per block of 4x4 of a rectangle the widest range of a component that its means surely have.
+fn contrasts_of_means(rect: Rect, means: &[Option<Bounds>], components: usize) -> Vec<f32> {
+    let of_block = |block: Rect| {
+        let known = || block.texels().filter_map(|at| means[rect.index(at)]);
+        let least = known().fold(Vec4::INFINITY, |least, mean| least.min(mean.high));
+        let most = known().fold(Vec4::NEG_INFINITY, |most, mean| most.max(mean.low));
+        (most - least).to_array()[..components].iter().copied().fold(0.0, f32::max)
+    };
+    rect.blocks().map(of_block).collect()
 }
 
 /// What is known of the texels of a tile's level.

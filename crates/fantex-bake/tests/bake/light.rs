@@ -630,6 +630,9 @@ fn floors_are_not_dark_at_the_foot_of_a_box() {
     for denoise in [false, true] {
         let source = LightMapSource::new(&mesh, &scene, LightMapOptions { denoise, ..options }).unwrap();
         let asset = baked(&mesh, &cover(&mesh, 64, 3000), &source, &float_options(Fit::Box));
+        let report = verify(&asset.path, &VerifyOptions { texels: true, ..VerifyOptions::default() });
+        let report = report.unwrap();
+        assert!(report.ok, "what lies under the box is at all levels: {report:?}");
         for &place in &places {
             let expected = exact.illumination(place, [Vec3::ZERO; 2]).value.x;
             assert!(expected > 0.45, "{place:?}: {expected}");

@@ -149,6 +149,17 @@ fn whatever_is_baked_passes() {
     }
 }
 
+/// Blocks of several colours have texels that the encoder gives up: of many such tiles all pass.
+#[test]
+fn patchworks_pass_in_compressed_blocks() {
+    let mesh = cleaned(generate::torus(24, 12));
+    for texels in (40_000..72_000).step_by(2_000) {
+        let cover = cover(&mesh, 1024, texels);
+        let baked = baked(&mesh, &cover, &Hard::of(Show::Triangles), &options(BakeFormat::Bc7, Fit::Sharp));
+        assert_passes(&format!("{texels}"), &baked);
+    }
+}
+
 /// Alpha that is scaled, and alpha that colours count by.
 #[test]
 fn cut_outs_and_transparency_pass() {

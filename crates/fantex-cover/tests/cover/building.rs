@@ -32,6 +32,30 @@ fn a_total_is_kept_and_used_up() {
     }
 }
 
+/// Small groups are laid flat across creases on large meshes, too: a town loses hardly more than a street of the same houses.
+#[test]
+fn many_boxes_are_covered_as_well_as_few() {
+    let boxes = |count: u32| {
+        let (mut boxes, cube) = (Model::default(), generate::cube(1));
+        for number in 0..count {
+            let first = boxes.positions.len() as u32;
+            boxes.triangles.extend(cube.triangles.iter().map(|t| t.map(|v| v + first)));
+            let place = 4.0 * DVec3::new(f64::from(number % 50), f64::from(number / 50), 0.0);
+            let size = DVec3::new(1.0, 0.7, 0.5 + f64::from(number % 7) / 5.0);
+            boxes.positions.extend(cube.positions.iter().map(|&p| p * size + place));
+        }
+        cleaned(boxes)
+    };
+    let [few, many] = [200, 2_600].map(|count| {
+        let mesh = boxes(count);
+        let (cover, stats) =
+            build_cover(&mesh, &options(1024, TexelBudget::Total(333 * u64::from(count)))).unwrap();
+        (cover.groups.len() as f64 / f64::from(count), stats.loss_db)
+    });
+    assert!(many.1 < few.1 + 1.5, "{} dB, {} dB of few", many.1, few.1);
+    assert!(many.0 < 5.0, "{} tiles per box, {} of few", many.0, few.0);
+}
+
 /// Where single fans are longer than tiles may be, those beside them share their tiles all the same.
 #[test]
 fn long_strips_side_by_side_share_tiles() {

@@ -428,10 +428,15 @@ pub(crate) fn pad<T: Clone>(values: &mut Vec<T>, corners: usize, fill: T) {
 }
 
 /// Brings all attribute arrays to three entries per triangle (or none). Normals that are missing, zero or not finite
-/// become the triangle's own normal; such tangents follow the first UV set. Colours become white, coordinates zero.
+/// become the triangle's own normal, or none where all are so; such tangents follow the first UV set. Colours become white,
+/// coordinates zero.
 pub(crate) fn finish(model: &mut Model) {
     let corners = 3 * model.triangles.len();
     let attributes = &mut model.corners;
+    // Programs that have worked out no normals write zeros.
+    if attributes.normals.iter().all(|normal| normal.try_normalize().is_none()) {
+        attributes.normals.clear();
+    }
     pad_if_present(&mut attributes.normals, corners, Vec3::ZERO);
     pad_if_present(&mut attributes.colors, corners, Vec4::ONE);
     pad_if_present(&mut attributes.tangents, corners, Vec4::ZERO);
@@ -545,7 +550,7 @@ mod tests {
             positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             triangles: vec![[0, 1, 2]],
             corners: crate::CornerAttributes {
-                normals: vec![Vec3::ZERO; 3],
+                normals: vec![Vec3::Z, Vec3::ZERO, Vec3::NAN],
                 uv_sets: vec![vec![Vec2::new(0., 1.), Vec2::new(1., 1.), Vec2::new(0., 0.)]],
                 tangents: vec![Vec4::ZERO],
                 ..Default::default()
@@ -561,6 +566,15 @@ mod tests {
         assert_eq!(model.corners.normals, [Vec3::Z; 3]);
         assert_eq!(model.corners.tangents, [Vec4::new(1., 0., 0., 1.); 3]);
         assert_eq!(model.materials.len(), 1);
+    }
+
+    /// So that they are made smooth, as where a file has none.
+    #[test]
+    fn normals_that_are_all_zero_are_none() {
+        let mut model = half_square();
+        model.corners.normals = vec![Vec3::ZERO, Vec3::NAN, Vec3::ZERO];
+        finish(&mut model);
+        assert!(model.corners.normals.is_empty());
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub(super) struct Library {
 pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library> {
     let mut library = Library::default();
     let mut done = HashSet::new();
-    for name in names {
+    for name in names.iter().flat_map(|written| library_names(file, written)) {
         let Some(relative) = relative_path(name) else { continue };
         let path = match locate(file.path, &relative) {
             Ok(path) => path,
@@ -59,6 +59,16 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
         }
     }
     Ok(library)
+}
+
+/// The files that `mtllib` names: one, which may have spaces in its name, or several with spaces between.
+fn library_names<'a>(file: &SourceFile, written: &'a str) -> Vec<&'a str> {
+    let is_there = |name: &str| {
+        let path = relative_path(name).and_then(|relative| locate(file.path, &relative).ok());
+        path.is_some_and(|path| path.is_file())
+    };
+    let several: Vec<&str> = written.split_ascii_whitespace().collect();
+    if is_there(written) || !several.iter().any(|name| is_there(name)) { vec![written] } else { several }
 }
 
 struct Reader<'a> {

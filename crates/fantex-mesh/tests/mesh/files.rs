@@ -220,6 +220,27 @@ fn errors_name_the_line() {
     assert_mentions(&refuse("v 0 0 \\\n 0\nv 1 0 0\nf 1 2 a\n"), &["line 4:", "\"a\""]);
 }
 
+/// A name with spaces comes before several names.
+#[test]
+fn a_line_may_name_several_material_libraries() {
+    let text = "mtllib a.mtl b.mtl gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\nusemtl green\nf 1 2 3\n";
+    let files: [(&str, &[u8]); 3] = [
+        ("a.obj", text.as_bytes()),
+        ("a.mtl", b"newmtl red\nKd 1 0 0\n"),
+        ("b.mtl", b"newmtl green\nKd 0 1 0\n"),
+    ];
+    let model = load_files(&files).unwrap();
+    let colors: Vec<Vec4> = model.materials.iter().map(|material| material.base_color).collect();
+    assert_eq!(colors, [Vec4::new(1., 0., 0., 1.), Vec4::new(0., 1., 0., 1.)]);
+    assert_mentions(&model.notes.join("\n"), &["the material file gone.mtl cannot be read"]);
+    let whole: &[u8] = b"newmtl red\nKd 0 0 1\nnewmtl green\nKd 0 0 1\n";
+    let model = load_files(&[files[0], files[1], files[2], ("a.mtl b.mtl gone.mtl", whole)]).unwrap();
+    assert!(model.materials.iter().all(|material| material.base_color == Vec4::new(0., 0., 1., 1.)));
+    assert_eq!(model.notes.len(), 0, "{:?}", model.notes);
+    let model = load_files(&[("a.obj", b"mtllib my lib.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")]).unwrap();
+    assert_mentions(&model.notes.join("\n"), &["the material file my lib.mtl cannot be read"]);
+}
+
 const LIBRARY: &str = "newmtl shiny\nKd 1 0.5 0\nKe 0 0 1\nd 0.5\nPr 0.3\nPm 0.8\nmap_Kd -s 2 3 1 -o 0.25 0.5 -clamp on my image.png\nnorm -bm 0.5 n.png\nmap_Ks s.png\n\nnewmtl cut\nmap_Kd tex\\leaf.png\nmap_d tex\\leaf.png\nmap_Ke C:\\work\\glow.png\nmap_Bump bump.png\nNs 0\nmap_Pr rough.png\n";
 
 #[test]

@@ -72,6 +72,24 @@ fn hidden_layers_give_back_the_base_and_shown_ones_come_back() {
     }
 }
 
+/// So do the means of tiles that have no coarser level.
+#[test]
+fn hidden_layers_give_back_the_means_of_the_smallest_tiles() {
+    let mesh = cleaned(generate::icosphere(2));
+    let cover = cover(&mesh, 0, 16);
+    assert!(cover.groups.iter().all(|group| group.level_count() == 1));
+    let baked = Baked::new(&mesh, &cover, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let base = contents(&painter);
+    let layer = painter.add_layer(Layer::painted("paint")).unwrap();
+    paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE);
+    painter.commit().unwrap();
+    assert!(contents(&painter).1 != base.1);
+    painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
+    painter.commit().unwrap();
+    assert!(contents(&painter) == base);
+}
+
 #[test]
 fn layers_over_paint_on_the_base_give_it_back() {
     let baked = ball(60_000, BakeFormat::Bc7);
