@@ -103,6 +103,9 @@ function fail(text) {
     say(text, "error", RELOAD);
 }
 
+// Servers on one's own machine have no picture.
+preview.addEventListener("error", () => { preview.hidden = true; });
+
 function schedule() {
     if (!scheduled && viewer) {
         scheduled = true;
@@ -115,7 +118,8 @@ function frame(now) {
     if (!viewer) return;
     try {
         const progress = viewer.frame(now);
-        progress.is_preview ? bar.removeAttribute("value") : (bar.value = progress.share);
+        // How far it is while nothing is finished cannot be told.
+        progress.share > 0 ? (bar.value = progress.share) : bar.removeAttribute("value");
         if (progress.is_settled || progress.uploaded_bytes !== uploadedBytes) cameNew(!progress.is_settled);
         uploadedBytes = progress.uploaded_bytes;
         enter(progress.is_preview ? "preview" : progress.is_settled ? "sharp" : "sharpening");
@@ -213,7 +217,7 @@ canvas.addEventListener("wheel", (event) => {
     change(() => viewer.zoom(x, y, Math.exp(Math.max(-200, Math.min(200, event.deltaY * lines)) * 0.002)));
 }, { passive: false });
 
-canvas.addEventListener("keydown", (event) => {
+function press(event) {
     const keys = {
         ArrowLeft: [-KEY_STEP, 0], ArrowRight: [KEY_STEP, 0], ArrowUp: [0, -KEY_STEP], ArrowDown: [0, KEY_STEP],
     };
@@ -227,6 +231,13 @@ canvas.addEventListener("keydown", (event) => {
         event.preventDefault();
         change(action);
     }
+}
+
+canvas.addEventListener("keydown", press);
+
+// There is nothing else on the page that arrow keys could be meant for.
+document.body.addEventListener("keydown", (event) => {
+    if (event.target === document.body) press(event);
 });
 
 document.addEventListener("visibilitychange", () => cameNew());

@@ -138,11 +138,7 @@ impl Browser {
     pub(crate) fn hide(&self) {
         let tab = self.post("/window/new", &json!({ "type": "tab" })).unwrap();
         self.command("Target.activateTarget", &json!({ "targetId": tab["handle"] }));
-        let deadline = Instant::now() + PATIENCE;
-        while self.run("return document.visibilityState") != "hidden" {
-            assert!(Instant::now() < deadline, "the page is still visible");
-            std::thread::sleep(Duration::from_millis(50));
-        }
+        self.wait_until("return document.visibilityState === 'hidden'");
     }
 
     /// Brings the driven tab to the front.
@@ -167,6 +163,15 @@ impl Browser {
                 return (text(0), text(1));
             }
             assert!(Instant::now() < deadline, "the page is still {now}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Waits until a function's body returns true in the page.
+    pub(crate) fn wait_until(&self, script: &str) {
+        let deadline = Instant::now() + PATIENCE;
+        while self.run(script) != true {
+            assert!(Instant::now() < deadline, "not yet: {script}");
             std::thread::sleep(Duration::from_millis(50));
         }
     }

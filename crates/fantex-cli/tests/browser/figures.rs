@@ -34,8 +34,9 @@ fn figures_of_the_first_picture() {
         let page = folder.path().join(name);
         fantex(&["export", text(&asset), "-o", text(&page), "--web"]);
         std::fs::remove_file(page.join("land.fan")).unwrap();
-        let index = std::fs::read_to_string(page.join("index.html")).unwrap();
-        assert!(index.contains("data-asset=\"land.fan\""), "{index}");
+        // Whose page asks for the asset's ranges, with and without a preview.
+        let index = ureq::get(&served.url).call().unwrap().body_mut().read_to_string().unwrap();
+        assert!(index.contains("data-asset=\"land.fan\" data-ranges=\"0-65535 "), "{index}");
         let index = index.replace("data-asset=\"land.fan\"", &format!("data-asset=\"{}\"", served.asset_url));
         std::fs::write(page.join("index.html"), index).unwrap();
         let Some((_host, url)) = serve_folder(&page) else { return skip("no python3") };

@@ -6,6 +6,7 @@
 
 mod driver;
 mod figures;
+mod hands;
 mod network;
 mod phones;
 mod three;

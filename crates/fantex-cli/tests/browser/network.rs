@@ -11,15 +11,15 @@ use super::three::{WHOLE, address, page};
 use super::{bottle, browser, serve};
 
 /// A server that passes on what another one answers, the asset's bytes late.
-struct SlowServer {
-    address: SocketAddr,
+pub(super) struct SlowServer {
+    pub(super) address: SocketAddr,
     /// Milliseconds that a request for the asset waits before it is passed on.
-    delay: Arc<AtomicU64>,
+    pub(super) delay: Arc<AtomicU64>,
 }
 
 impl SlowServer {
     /// Passes on to the server of an address, and ends with the test's process.
-    fn before(url: &str, delay: Duration) -> Self {
+    pub(super) fn before(url: &str, delay: Duration) -> Self {
         let host = url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();

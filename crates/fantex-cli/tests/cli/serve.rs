@@ -288,6 +288,29 @@ fn pages_that_cannot_be_written_are_refused_with_what_to_do() {
     }
 }
 
+#[test]
+fn a_page_gets_the_preview_that_the_asset_has() {
+    if fantex_web::files().is_none() {
+        return fantex_test::skip("the viewer for browsers is not built (cargo xtask web)");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let (model, asset) = (place("land.ply"), place("land.fan"));
+    // So many triangles that it gets one where it has none.
+    succeeds(&[&"generate", &"landscape", &"-o", &model, &"--triangles", &"250k"]);
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--source", &"solid=landscape", &"--texels", &"300k"]);
+    let exported = |page: &str| {
+        json(&[&"export", &asset, &"-o", &place(page), &"--web"]);
+        json(&[&"info", &place(page).join("land.fan")])["preview_bytes"].as_u64()
+    };
+    assert!(exported("without").is_some());
+    assert!(json(&[&"info", &asset])["preview_bytes"].is_null(), "the asset itself stays as it is");
+    let made = json(&[&"preview", &asset, &"--triangles", &"1k", &"--texels", &"10k"]);
+    assert_eq!(exported("with"), made["bytes"].as_u64());
+    // Then the page asks for the same bytes of the copy and of the asset.
+    assert_eq!(std::fs::read(place("with/land.fan")).unwrap(), std::fs::read(&asset).unwrap());
+}
+
 #[cfg(unix)]
 #[test]
 #[expect(unsafe_code, reason = "a signal to the program")]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use fantex::base::files::{folder_of, persist_all, temporary_file};
 use fantex::base::uri_escaped;
 use fantex::render::{FilterOptions, RenderOptions};
-use fantex::store::FileSource;
+use fantex::store::{FileSource, PREVIEW};
 use fantex::stream::url_of;
 use fantex::texture::Filter;
 use fantex::{Error, ErrorKind, FileKind, Preview, PreviewOptions, Result, World, WorldScene};
@@ -25,7 +25,7 @@ use crate::text::megabytes;
 /// Of the preview, in pixels: what services that show links ask for.
 const PREVIEW_SIZE: [u32; 2] = [1200, 630];
 
-/// Assets whose mesh, cover and directory take more get a preview.
+/// Assets whose mesh, cover and directory take more get a preview, unless they have one.
 const MAX_BYTES_WITHOUT_PREVIEW: u64 = 1 << 20;
 
 /// Bytes of the asset that are copied at a time.
@@ -157,7 +157,7 @@ impl Shown {
         Ok(assets)
     }
 
-    /// Copies an asset. One that is shown alone gets a preview where it takes long to open; an index knows which of its assets have one.
+    /// Copies an asset. One that is shown alone and has no preview gets one where it takes long to open; an index knows which of its assets have one.
     fn copy_asset(&self, from: &Path, to: &Path, context: &Context) -> Result<(TempPath, PathBuf)> {
         let asset = match self {
             Self::Asset(scene) => {
@@ -175,7 +175,8 @@ impl Shown {
             Ok(())
         })?;
         context.check_interrupt()?;
-        if matches!(self, Self::Asset(_)) && asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW {
+        let may_gain = matches!(self, Self::Asset(_)) && asset.head_bytes() > MAX_BYTES_WITHOUT_PREVIEW;
+        if may_gain && asset.attachment_bytes(PREVIEW)?.is_none() {
             let options = PreviewOptions {
                 memory_bytes: context.memory_bytes,
                 strict: context.strict,
