@@ -469,15 +469,7 @@ fn charts_of(mesh: &Mesh, patch: Patch, across: &[u32], texels_per_unit: f32) ->
 fn cut(mesh: &Mesh, chart: Chart, is_whole: bool, across: &[u32], texels_per_unit: f32) -> Vec<Chart> {
     let (mut charts, mut waiting) = (Vec::new(), vec![(chart, is_whole)]);
     while let Some((chart, is_whole)) = waiting.pop() {
-        let is_all = |is_taken: &[bool]| is_taken.iter().all(|&is| is);
-        let mut is_taken = without_crossings(&chart, across);
-        if !(is_whole && is_all(&is_taken)) {
-            // Much of it first, where it overlaps widely.
-            let in_cells = without_overlap(mesh, &chart, texels_per_unit);
-            if !is_all(&in_cells) {
-                is_taken = in_cells;
-            }
-        }
+        let is_taken = first_part(mesh, &chart, is_whole, across, texels_per_unit);
         if is_all(&is_taken) {
             charts.push(chart);
             continue;
@@ -489,6 +481,24 @@ fn cut(mesh: &Mesh, chart: Chart, is_whole: bool, across: &[u32], texels_per_uni
         }));
     }
     charts
+}
+
+fn is_all(is_taken: &[bool]) -> bool {
+    is_taken.iter().all(|&is| is)
+}
+
+/// Which triangles of a chart come into its first part, all of them where it does not overlap itself.
+fn first_part(mesh: &Mesh, chart: &Chart, is_whole: bool, across: &[u32], texels_per_unit: f32) -> Vec<bool> {
+    let uncrossed = is_whole.then(|| without_crossings(chart, across));
+    if let Some(uncrossed) = uncrossed.as_ref().filter(|uncrossed| is_all(uncrossed)) {
+        return uncrossed.clone();
+    }
+    // Much of it first, where it overlaps widely.
+    let in_cells = without_overlap(mesh, chart, texels_per_unit);
+    if !is_all(&in_cells) {
+        return in_cells;
+    }
+    uncrossed.unwrap_or_else(|| without_crossings(chart, across))
 }
 
 /// Which triangles share no cell; taken in the order in which they hang together, so that what is left over hangs together as well.
@@ -514,10 +524,19 @@ fn without_overlap(mesh: &Mesh, chart: &Chart, texels_per_unit: f32) -> Vec<bool
 
 /// The indices of triangles, each after one that it shares a vertex with, as far as they hang together.
 fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
-    // Vertices, and the triangles at each.
-    let mut around: Vec<(u32, u32)> =
-        (0u32..).zip(triangles).flat_map(|(i, &t)| mesh.triangles[t as usize].map(|v| (v, i))).collect();
+    // Vertices, and the corners at each; in one number, which is sorted faster than a pair.
+    let vertices = triangles.iter().flat_map(|&t| mesh.triangles[t as usize]);
+    let mut around: Vec<u64> =
+        (0u64..).zip(vertices).map(|(corner, v)| u64::from(v) << 32 | corner).collect();
     around.sort_unstable();
+    let corner_of = |entry: u64| entry as u32 as usize;
+    // Of every corner where its vertex' corners begin.
+    let mut first_of = vec![0u32; around.len()];
+    let mut first = 0;
+    for at_vertex in around.chunk_by(|a, b| a >> 32 == b >> 32) {
+        at_vertex.iter().for_each(|&entry| first_of[corner_of(entry)] = first);
+        first += at_vertex.len() as u32;
+    }
     let mut is_done = vec![false; around.len()];
     let mut order = Vec::with_capacity(triangles.len());
     let mut is_seen = vec![false; triangles.len()];
@@ -528,17 +547,18 @@ fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
         let mut next = order.len();
         order.push(start as u32);
         while next < order.len() {
-            let t = triangles[order[next] as usize];
+            let corner = 3 * order[next] as usize;
             next += 1;
-            for v in mesh.triangles[t as usize] {
-                let first = around.partition_point(|&(vertex, _)| vertex < v);
+            for first in first_of[corner..corner + 3].iter().map(|&first| first as usize) {
                 // A vertex' triangles are needed once.
                 if std::mem::replace(&mut is_done[first], true) {
                     continue;
                 }
-                for &(_, i) in around[first..].iter().take_while(|(vertex, _)| *vertex == v) {
-                    if !std::mem::replace(&mut is_seen[i as usize], true) {
-                        order.push(i);
+                let vertex = around[first] >> 32;
+                for &entry in around[first..].iter().take_while(|&entry| entry >> 32 == vertex) {
+                    let i = corner_of(entry) / 3;
+                    if !std::mem::replace(&mut is_seen[i], true) {
+                        order.push(i as u32);
                     }
                 }
             }
@@ -546,6 +566,9 @@ fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
     }
     order
 }
+
+/// So many cells of a row are looked at faster than it is found out which of them a triangle reaches.
+pub(crate) const NARROW: u32 = 6;
 
 /// Visits the cells whose middles lie inside a triangle (in cells), not on its border.
 pub(crate) fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
@@ -558,13 +581,18 @@ pub(crate) fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
         [[b, c], [c, a], [a, b]].map(|[from, to]| (from, (to - from).normalize_or_zero() * area.signum()));
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let (first, last) = ((low - 0.5).ceil().as_ivec2(), (high - 0.5).floor().as_ivec2());
+    let is_narrow = last.x < first.x.saturating_add(NARROW as i32);
     for y in first.y..=last.y {
         let row = y as f32 + 0.5;
-        let Some([left, right]) = span(corners.map(|p| p.to_array()), row - SPAN_SLACK, row + SPAN_SLACK)
-        else {
-            continue;
-        };
-        for x in first.x.max((left - 1.5).floor() as i32)..=last.x.min((right + 0.5).ceil() as i32) {
+        let (mut from, mut to) = (first.x, last.x);
+        if !is_narrow {
+            let Some([left, right]) = span(corners.map(|p| p.to_array()), row - SPAN_SLACK, row + SPAN_SLACK)
+            else {
+                continue;
+            };
+            (from, to) = (from.max((left - 1.5).floor() as i32), to.min((right + 0.5).ceil() as i32));
+        }
+        for x in from..=to {
             let p = Vec2::new(x as f32 + 0.5, row);
             if sides.iter().all(|(from, along)| along.perp_dot(p - *from) > SHRINK) {
                 visit(IVec2::new(x, y));

@@ -262,7 +262,7 @@ impl<'a> Job<'a> {
 
     /// Tangents of the layout's coordinates, one per corner; none where no map needs them.
     pub(crate) fn tangents(&self, maps: &[Map]) -> Vec<Vec4> {
-        if maps.iter().all(|m| m.kind != ChannelMap::Normal) {
+        if !maps.iter().any(Map::has_normals) {
             return Vec::new();
         }
         corner_tangents(self.cache.asset().mesh(), &self.normals, |t| Some(self.layout.uv[t]))
@@ -591,6 +591,11 @@ impl Map {
             _ => mean(asset, channel),
         };
         Some(Self { kind, channel, components, is_srgb, scale: 1.0, background })
+    }
+
+    /// Whether it shows normals, which have frames of their own.
+    pub(crate) fn has_normals(&self) -> bool {
+        self.kind == ChannelMap::Normal
     }
 
     pub(crate) fn scaled(self, scale: f32) -> Self {

@@ -28,6 +28,7 @@ mod texels;
 mod unions;
 mod unwrap;
 mod usd;
+mod vertex_copies;
 
 pub use atlas::*;
 pub use export::*;

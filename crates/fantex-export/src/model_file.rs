@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 use tempfile::TempPath;
 
 use crate::export::{ChannelMap, Map};
+use crate::vertex_copies::VertexCopies;
 
 // ---- glTF 2.0: one buffer with the geometry, a mesh per part with a primitive per material, one picture per map and page.
 
@@ -462,22 +463,24 @@ impl Geometry {
                 uv(corner).map(|uv| uv.to_array().map(f32::to_bits)),
             )
         };
+        let mut copies = VertexCopies::new(mesh.positions.len());
         let mut by_kind: BTreeMap<(usize, usize, usize), Vec<usize>> = BTreeMap::new();
         for t in 0..mesh.triangles.len() {
             by_kind.entry((mesh.parts.of(t), mesh.material_of(t), page(t))).or_default().push(t);
         }
         for ((part, material, page), own) in by_kind {
             let start = geometry.positions.len();
-            let mut known = FxHashMap::default();
+            copies.restart();
             let mut vertex = |corner: usize| {
                 let v = mesh.triangles[corner / 3][corner % 3];
-                *known.entry((v, attributes(corner))).or_insert_with(|| {
+                let (copy, is_new) = copies.find_or_add(v, attributes(corner));
+                if is_new {
                     geometry.positions.push((world(v as usize) - translation).as_vec3());
                     geometry.normals.push(normals[corner]);
                     geometry.tangents.extend(tangents.get(corner));
                     geometry.uv.iter_mut().zip(uv(corner)).for_each(|(set, uv)| set.push(uv));
-                    (geometry.positions.len() - 1 - start) as u32
-                })
+                }
+                copy
             };
             let triangles = own.into_iter().map(|t| [0, 1, 2].map(|k| vertex(3 * t + k))).collect();
             let vertices = start..geometry.positions.len();

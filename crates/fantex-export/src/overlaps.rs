@@ -96,21 +96,36 @@ fn smaller(chart: &Chart, one: usize, other: usize) -> usize {
 fn overlaps_at_points(chart: &Chart, sides: &[Side]) -> Vec<[usize; 2]> {
     let key = |p: Vec2| p.to_array().map(f32::to_bits);
     let mut names: FxHashMap<[u32; 2], u32> = FxHashMap::default();
-    for end in sides.iter().flat_map(|side| side.ends) {
-        let next = names.len() as u32;
-        names.entry(key(end.as_vec2())).or_insert(next);
+    let mut points: Vec<BorderPoint> = Vec::new();
+    for (is_begin, end) in sides.iter().flat_map(|side| [true, false].into_iter().zip(side.ends)) {
+        let name = *names.entry(key(end.as_vec2())).or_insert(points.len() as u32);
+        if name as usize == points.len() {
+            points.push(BorderPoint::default());
+        }
+        points[name as usize].sides += u32::from(is_begin);
     }
-    // Point, direction where the triangle begins there, how far it reaches around, and its index.
-    let mut wedges: Vec<(u32, f64, f64, usize)> = Vec::new();
+    let wedge = |index: usize, k: usize| {
+        let [at, next, previous] = [0, 1, 2].map(|i| chart.corners[index][(k + i) % 3].as_dvec2());
+        // v points downwards: the triangle lies clockwise of its first side.
+        [previous - at, next - at]
+    };
+    let mut at_border = Vec::new();
     for (index, corners) in chart.corners.iter().enumerate() {
         for k in 0..3 {
             let Some(&name) = names.get(&key(corners[k])) else { continue };
-            let [at, next, previous] = [0, 1, 2].map(|i| corners[(k + i) % 3].as_dvec2());
-            // v points downwards: the triangle lies clockwise of its first side.
-            let [from, to] = [previous - at, next - at];
-            wedges.push((name, libm::atan2(from.y, from.x), from.angle_to(to), index));
+            points[name as usize].add(wedge(index, k));
+            at_border.push((name, index, k));
         }
     }
+    // Point, direction where the triangle begins there, how far it reaches around, and its index.
+    let mut wedges: Vec<(u32, f64, f64, usize)> = at_border
+        .into_iter()
+        .filter(|&(name, ..)| points[name as usize].may_overlap())
+        .map(|(name, index, k)| {
+            let [from, to] = wedge(index, k);
+            (name, libm::atan2(from.y, from.x), from.angle_to(to), index)
+        })
+        .collect();
     wedges.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let mut overlaps = Vec::new();
     for around in wedges.chunk_by(|a, b| a.0 == b.0).filter(|around| around.len() > 1) {
@@ -123,6 +138,35 @@ fn overlaps_at_points(chart: &Chart, sides: &[Side]) -> Vec<[usize; 2]> {
         }
     }
     overlaps
+}
+
+/// What tells at most points, without their angles, that triangles lie beside each other: those around a point at which one side of the border
+/// begins are a single chain, each glued to the next, and do not overlap if they do not go all around together.
+#[derive(Clone, Copy, Default)]
+struct BorderPoint {
+    /// Those that begin there.
+    sides: u32,
+    /// The triangles go around it by less than so many right angles.
+    right_angles: u32,
+    /// Some triangle is so narrow there that rounding may have turned it over.
+    is_unsure: bool,
+}
+
+/// Sine of an angle that rounding does not turn over.
+const SURE_SINE: f64 = 1e-2;
+
+impl BorderPoint {
+    /// Adds a triangle, given by where its sides go from the point.
+    fn add(&mut self, [from, to]: [DVec2; 2]) {
+        self.right_angles += if from.dot(to) > 0.0 { 1 } else { 2 };
+        let sine = from.perp_dot(to);
+        self.is_unsure |= !(sine > 0.0
+            && sine * sine > SURE_SINE * SURE_SINE * from.length_squared() * to.length_squared());
+    }
+
+    fn may_overlap(&self) -> bool {
+        self.sides != 1 || self.right_angles > 4 || self.is_unsure
+    }
 }
 
 #[cfg(test)]

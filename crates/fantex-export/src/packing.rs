@@ -1,8 +1,10 @@
 //! Charts as sets of blocks, packed into a square.
 
 use fantex_cover::{SPAN_SLACK, span};
-use glam::Vec2;
+use glam::{UVec2, Vec2};
 use rayon::prelude::*;
+
+use crate::charts::NARROW;
 
 /// Where a chart lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,16 +41,16 @@ impl Mask {
         let [a, b, c] = corners;
         let (low, high) = (a.min(b).min(c) - 0.5, a.max(b).max(c) + 0.5);
         let first = low.floor().max(Vec2::ZERO).as_uvec2();
-        let last = high.floor().max(Vec2::ZERO).as_uvec2();
-        for y in first.y..=last.y.min(self.height - 1) {
-            // A block is asked for a square that reaches half a block beyond it on all sides.
-            let Some([left, right]) =
-                span(corners.map(|p| p.to_array()), y as f32 - 0.5 - SPAN_SLACK, y as f32 + 1.5 + SPAN_SLACK)
-            else {
-                continue;
-            };
-            let from = first.x.max((left - 2.5).max(0.0) as u32);
-            let to = last.x.min(self.width - 1).min((right + 1.5).max(0.0) as u32);
+        let last = high.floor().max(Vec2::ZERO).as_uvec2().min(UVec2::new(self.width - 1, self.height - 1));
+        let is_narrow = last.x < first.x + NARROW;
+        for y in first.y..=last.y {
+            let (mut from, mut to) = (first.x, last.x);
+            if !is_narrow {
+                // A block is asked for a square that reaches half a block beyond it on all sides.
+                let (top, bottom) = (y as f32 - 0.5 - SPAN_SLACK, y as f32 + 1.5 + SPAN_SLACK);
+                let Some([left, right]) = span(corners.map(|p| p.to_array()), top, bottom) else { continue };
+                (from, to) = (from.max((left - 2.5).max(0.0) as u32), to.min((right + 1.5).max(0.0) as u32));
+            }
             for x in from..=to {
                 let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                 if !self.contains(x, y) && touches_square(corners, middle, 1.0) {

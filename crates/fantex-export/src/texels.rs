@@ -6,16 +6,17 @@
 //!
 //! A picture is made in bands of rows, a band in square regions in parallel; nothing but one band of all maps is in memory.
 
-use std::collections::HashMap;
+use std::rc::Rc;
 
 use fantex_bake::Progress;
 use fantex_base::Result;
 use fantex_cover::{Cover, SPAN_SLACK, Tap, TriangleTiles, span};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
-use fantex_store::{ChannelKind, PageCache, Tile, TileId, TileSource, TileTexels};
+use fantex_store::{PageCache, Tile, TileId, TileSource, TileTexels};
 use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
@@ -199,15 +200,12 @@ impl Region {
             }
         }
         let [width, height] = extent.map(|n| n as i32);
-        let inner = |texel: usize| {
-            let x = texel as i32 % size[0] - margin;
-            let y = texel as i32 / size[0] - margin;
-            (0..width).contains(&x) && (0..height).contains(&y)
-        };
         let mut stats = PageStats::default();
-        for (_, best) in search.best.iter().enumerate().filter(|(texel, _)| inner(*texel)) {
-            stats.covered += u64::from(best.kind == Kind::Inside);
-            stats.contested += u64::from(best.is_contested);
+        for row in search.best.chunks(size[0] as usize).skip(margin as usize).take(height as usize) {
+            for best in &row[margin as usize..][..width as usize] {
+                stats.covered += u64::from(best.kind == Kind::Inside);
+                stats.contested += u64::from(best.is_contested);
+            }
         }
         let sources = search.spread();
         let count = (width + 2 * border) as usize * (height + 2 * border) as usize;
@@ -308,6 +306,10 @@ impl<'a> Search<'a> {
 
     fn offer(&mut self, texel: usize, index: u32, is_beyond: bool, shape: &Shape, centre: Vec2) {
         let best = &mut self.best[texel];
+        // Only where the chart is near, so that padding farther out is the chart's own.
+        if is_beyond && best.kind != Kind::Near {
+            return;
+        }
         if let Some(lambda) = shape.lambda(centre).filter(|lambda| lambda.min_element() >= 0.0) {
             match (is_beyond, best.kind) {
                 (false, Kind::Inside) => {
@@ -319,16 +321,17 @@ impl<'a> Search<'a> {
                     let point = Point { placed: index, lambda };
                     *best = Best { kind: Kind::Inside, distance, is_contested: false, point };
                 }
-                // Only where the chart is near, so that padding farther out is the chart's own.
-                (true, Kind::Near) => {
+                (true, _) => {
                     best.kind = Kind::Beyond;
                     best.point = Point { placed: index, lambda };
                 }
-                (true, _) => {}
             }
             return;
         }
-        if is_beyond || !matches!(best.kind, Kind::Near | Kind::Nothing) {
+        if is_beyond
+            || !matches!(best.kind, Kind::Near | Kind::Nothing)
+            || shape.is_beyond(centre, best.distance.min(NEAR_TEXELS * NEAR_TEXELS))
+        {
             return;
         }
         let (lambda, distance) = shape.nearest(centre);
@@ -394,6 +397,9 @@ impl<'a> Search<'a> {
 
 struct Shape {
     corners: [Vec2; 3],
+    /// Of its rectangle.
+    low: Vec2,
+    high: Vec2,
     /// Barycentric coordinates change by these per texel to the right and downwards; none where it has no area.
     steps: Option<[Vec3; 2]>,
     /// Barycentric coordinates below this are nearer than a hundredth of a texel to a side.
@@ -402,19 +408,23 @@ struct Shape {
 
 impl Shape {
     fn new(placed: &Placed) -> Self {
+        let [low, high] = bounds(placed);
+        let flat = Self { corners: placed.corners, low, high, steps: None, border: 0.0 };
         let [a, b, c] = placed.corners.map(|p| p.as_dvec2());
         let area = (b - a).perp_dot(c - a);
         if !(area.abs() > 1e-9 && area.is_finite()) {
-            return Self { corners: placed.corners, steps: None, border: 0.0 };
+            return flat;
         }
         let dx = glam::DVec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area;
         let dy = glam::DVec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area;
         let steepest = (dx * dx + dy * dy).max_element().sqrt();
-        Self {
-            corners: placed.corners,
-            steps: Some([dx.as_vec3(), dy.as_vec3()]),
-            border: (0.01 * steepest) as f32,
-        }
+        Self { steps: Some([dx.as_vec3(), dy.as_vec3()]), border: (0.01 * steepest) as f32, ..flat }
+    }
+
+    /// True where its rectangle, and so all of it, lies farther from a place than a squared distance, rounding included.
+    fn is_beyond(&self, at: Vec2, squared: f32) -> bool {
+        let off = (self.low - at).max(at - self.high).max(Vec2::ZERO);
+        off.length_squared() > squared + 1e-3 * (1.0 + squared)
     }
 
     /// Barycentric coordinates; none where it has no area.
@@ -469,18 +479,18 @@ impl TexelSampler<'_> {
     /// Linear values of every map at every texel of a region.
     fn values(&self, page: &Page, region: &Region, maps: &[Map]) -> Vec<Values> {
         // Triangle by triangle, so that a tile is fetched once.
-        let mut order: Vec<(u32, u32)> =
-            (0..).zip(&region.points).map(|(i, point)| (point.placed, i)).collect();
+        let number = |(i, point): (u64, &Point)| u64::from(point.placed) << 32 | i;
+        let mut order: Vec<u64> = (0..).zip(&region.points).map(number).collect();
         order.sort_unstable();
         let mut of_points: Vec<Values> = maps.iter().map(|_| vec![[0.0; 4]; order.len()]).collect();
-        let mut tiles = Tiles { cache: self.cache, held: HashMap::new() };
-        for same_triangle in order.chunk_by(|a, b| a.0 == b.0) {
-            let placed = &page.placed[same_triangle[0].0 as usize];
+        let mut tiles = Tiles { cache: self.cache, held: FxHashMap::default() };
+        for same_triangle in order.chunk_by(|a, b| a >> 32 == b >> 32) {
+            let placed = &page.placed[(same_triangle[0] >> 32) as usize];
             let reader = TriangleReader::new(self, placed, maps, &mut tiles);
-            for &(_, point) in same_triangle {
-                let lambda = region.points[point as usize].lambda;
+            for point in same_triangle.iter().map(|&number| number as u32 as usize) {
+                let lambda = region.points[point].lambda;
                 for (index, (map, values)) in maps.iter().zip(&mut of_points).enumerate() {
-                    values[point as usize] = reader.value(index, map, lambda).to_array();
+                    values[point] = reader.value(index, map, lambda).to_array();
                 }
             }
         }
@@ -495,22 +505,22 @@ impl TexelSampler<'_> {
 /// Tiles in use, so that the cache is asked once for each.
 struct Tiles<'a> {
     cache: &'a PageCache,
-    held: HashMap<(usize, TileId), Tile>,
+    held: FxHashMap<(usize, TileId), Rc<Tile>>,
 }
 
 impl Tiles<'_> {
-    fn get(&mut self, channel: usize, id: TileId) -> Tile {
+    fn get(&mut self, channel: usize, id: TileId) -> Rc<Tile> {
         if self.held.len() >= MAX_TILES {
             self.held.clear();
         }
         let cache = self.cache;
-        self.held.entry((channel, id)).or_insert_with(|| cache.tile(channel, id)).clone()
+        Rc::clone(self.held.entry((channel, id)).or_insert_with(|| Rc::new(cache.tile(channel, id))))
     }
 }
 
 struct SlotReader {
     /// The level that is read, of every map's channel.
-    tiles: Vec<Tile>,
+    tiles: Vec<Rc<Tile>>,
     /// Positions, as changes of barycentric coordinates, whose mean is taken.
     offsets: &'static [Vec2],
 }
@@ -521,6 +531,7 @@ struct TriangleReader<'a> {
     slots: [SlotReader; 3],
     /// Barycentric coordinates change by these per texel to the right and downwards.
     steps: [Vec3; 2],
+    /// Of the corners, where a map needs them.
     normals: [Vec3; 3],
     tangents: [Vec4; 3],
 }
@@ -549,28 +560,38 @@ impl<'a> TriangleReader<'a> {
             let tiles = maps.iter().map(|m| tiles.get(m.channel, TileId { group: index, level })).collect();
             SlotReader { tiles, offsets }
         });
-        let normals = [0, 1, 2].map(|k| sampler.normals[3 * triangle + k]);
-        let tangents = match sampler.tangents.get(3 * triangle..3 * triangle + 3) {
-            Some(own) if !placed.is_beyond => [own[0], own[1], own[2]],
-            _ => tangents_of_picture(sampler.mesh, triangle, &normals, steps),
+        let mut reader = Self {
+            sampler,
+            tiles: triangle_tiles,
+            slots,
+            steps,
+            normals: [Vec3::ZERO; 3],
+            tangents: [Vec4::ZERO; 3],
         };
-        Self { sampler, tiles: triangle_tiles, slots, steps, normals, tangents }
+        if maps.iter().any(Map::has_normals) {
+            let normals = [0, 1, 2].map(|k| sampler.normals[3 * triangle + k]);
+            reader.normals = normals;
+            reader.tangents = match sampler.tangents.get(3 * triangle..3 * triangle + 3) {
+                Some(own) if !placed.is_beyond => [own[0], own[1], own[2]],
+                _ => tangents_of_picture(sampler.mesh, triangle, &normals, steps),
+            };
+        }
+        reader
     }
 
     /// The value of a map, which is the one of that index, at a point.
     fn value(&self, index: usize, map: &Map, lambda: Vec3) -> Vec4 {
-        let is_normal = map.kind.channel() == ChannelKind::Normal;
-        let normal = interpolate(self.normals, lambda).normalize_or(Vec3::Z);
-        let mut sum = Vec4::ZERO;
-        for tap in self.tiles.taps(lambda) {
-            let mut value = self.stored(&tap, index, lambda);
-            if is_normal {
-                let group = &self.sampler.cover.groups[tap.group as usize];
-                value = group.normal_from_stored(value.truncate().truncate(), normal).extend(0.0);
-            }
-            sum += tap.weight * value;
+        let stored = |tap: Tap| tap.weight * self.stored(&tap, index, lambda);
+        if !map.has_normals() {
+            return self.tiles.taps(lambda).map(stored).sum::<Vec4>() / map.scale;
         }
-        if is_normal { self.tangent_space(sum.truncate(), normal, lambda) } else { sum / map.scale }
+        let normal = interpolate(self.normals, lambda).normalize_or(Vec3::Z);
+        let in_mesh = |tap: Tap| {
+            let group = &self.sampler.cover.groups[tap.group as usize];
+            let stored = self.stored(&tap, index, lambda);
+            tap.weight * group.normal_from_stored(stored.truncate().truncate(), normal)
+        };
+        self.tangent_space(self.tiles.taps(lambda).map(in_mesh).sum(), normal, lambda)
     }
 
     fn stored(&self, tap: &Tap, map: usize, lambda: Vec3) -> Vec4 {
@@ -626,7 +647,7 @@ const UNDERSHOOT: f32 = 0.25;
 fn fitted(values: &[[f32; 4]], region: &Region, map: &Map) -> Values {
     let border = BORDER as usize;
     let stride = region.extent[0] as usize + 2 * border;
-    let is_normal = map.kind.channel() == ChannelKind::Normal;
+    let is_normal = map.has_normals();
     let mut inner = Vec::with_capacity(region.extent[0] as usize * region.extent[1] as usize);
     for y in border..border + region.extent[1] as usize {
         for x in border..border + region.extent[0] as usize {

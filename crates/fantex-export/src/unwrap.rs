@@ -5,9 +5,9 @@ use fantex_base::{Error, ErrorKind, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, CornerOrigins, Mesh, Model, clean_traced};
 use glam::{DVec3, Vec2};
-use rustc_hash::FxHashMap;
 
 use crate::layout::{AtlasRequest, atlas};
+use crate::vertex_copies::VertexCopies;
 use crate::{ExportOptions, MAX_SIDE};
 
 /// How a mesh is unwrapped.
@@ -80,21 +80,19 @@ impl SplitMesh {
     /// Splits the vertices of triangles; `uv`: of each triangle's corners.
     pub fn new(triangles: &[[u32; 3]], uv: &[[Vec2; 3]]) -> Self {
         let mut split = Self::default();
-        let mut known = FxHashMap::default();
-        split.triangles = triangles
-            .iter()
-            .zip(uv)
-            .map(|(vertices, uv)| [0, 1, 2].map(|k| split.vertex(vertices[k], uv[k], &mut known)))
-            .collect();
+        let count = triangles.as_flattened().iter().max().map_or(0, |&last| last as usize + 1);
+        let mut copies = VertexCopies::new(count);
+        let mut copy = |vertex: u32, uv: Vec2| {
+            let (copy, is_new) = copies.find_or_add(vertex, uv.to_array().map(f32::to_bits));
+            if is_new {
+                split.vertices.push(vertex);
+                split.uv.push(uv);
+            }
+            copy
+        };
+        let corners = triangles.iter().zip(uv);
+        split.triangles = corners.map(|(vertices, uv)| [0, 1, 2].map(|k| copy(vertices[k], uv[k]))).collect();
         split
-    }
-
-    fn vertex(&mut self, vertex: u32, uv: Vec2, known: &mut FxHashMap<(u32, [u32; 2]), u32>) -> u32 {
-        *known.entry((vertex, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
-            self.vertices.push(vertex);
-            self.uv.push(uv);
-            (self.vertices.len() - 1) as u32
-        })
     }
 }
 
