@@ -22,7 +22,7 @@ Example:
   fantex simplify scan.fan -o coarse.ply --triangles 20k
   fantex bake coarse.ply -o coarse.fan --source mesh=scan.fan --texels 16M
 
-Edges collapse in the order of the error that this leaves. Where that is not enough, as with many loose pieces, vertices are united in
+Edges collapse in the order of the error that this leaves. Where that is not enough, as with many loose pieces, vertices are united in \
 the cells of a grid. Positions and triangles are written, no texture coordinates and no materials: 'fantex bake' needs none.")]
 pub(crate) struct SimplifyArgs {
     /// A model (.glb .gltf .obj .ply .stl), or an asset (.fan), of which the mesh is taken
