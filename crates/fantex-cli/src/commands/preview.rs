@@ -84,10 +84,10 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
         format!(
-            "{}: a preview of {} and {} texels, {}, {:.1} s\n",
+            "{}: a preview of {} and {}, {}, {:.1} s\n",
             info.asset.display(),
             counted(info.triangles, "triangle"),
-            info.texels,
+            counted(info.texels, "texel"),
             megabytes(info.bytes),
             info.seconds
         )
