@@ -10,6 +10,7 @@ import numpy as np
 from . import _native
 from ._asset import Asset
 from ._mesh import Mesh, Progress, _linear_rgba, _plain
+from ._picture import _count
 
 Path = Union[str, os.PathLike]
 Function = Callable[[np.ndarray, np.ndarray], Any]
@@ -185,7 +186,7 @@ def bake(
         Mesh.of(mesh)._native,
         os.fspath(path),
         _parts(source, options),
-        {**options, "overwrite": overwrite, "memory": int(memory)},
+        {**options, "overwrite": overwrite, "memory": _count(memory, "memory", 64)},
         progress,
     )
     asset = Asset(path)
@@ -195,8 +196,7 @@ def bake(
 
 def _options(**given: Any) -> Dict[str, Any]:
     """Settings of a bake as the compiled part takes them."""
-    texels = given["texels"]
-    return {**given, "texels": None if texels is None else int(texels)}
+    return {**given, "texels": _count(given["texels"], "texels", 64)}
 
 
 def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:
