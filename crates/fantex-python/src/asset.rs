@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex::base::counted;
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels, export_fans,
     export_model, fan_sheets,
@@ -176,9 +175,7 @@ impl Asset {
         }
         let lengths = footprint.as_ref().map(|lengths| lengths.as_array());
         if let Some(lengths) = lengths.filter(|lengths| lengths.len() != 1 && lengths.len() != lambda.len()) {
-            let points = counted(lambda.len() as u64, "point");
-            let message =
-                format!("footprint has {} lengths for {points}; expected one, or as many", lengths.len());
+            let message = format!("footprint has {} lengths; expected 1 or {}", lengths.len(), lambda.len());
             return Err(PyValueError::new_err(message));
         }
         let points: Vec<(SurfacePoint, Footprint)> = (0..lambda.len())

@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _native
 from ._mesh import Mesh, Progress, _array
-from ._picture import Camera, Picture, _count, _taken, _view, _warn
+from ._picture import Camera, Picture, _taken, _view, _warn
 
 MIB = 1 << 20
 
@@ -55,7 +55,7 @@ class Asset:
 
     def __init__(self, place: Union[str, os.PathLike], *, memory: float = 256 * MIB) -> None:
         self._place = os.fspath(place)
-        self._memory = _count(memory, "memory", 64)
+        self._memory = int(memory)
         self._native = _native.Asset(self._place, self._memory)
         #: What the bake said, where it was baked right here: texels, tiles, bytes, seconds, notes.
         self.baked: Optional[dict] = None
@@ -136,8 +136,6 @@ class Asset:
         barycentric = _array(barycentric, np.float32, "barycentric", 3)
         if footprint is not None:
             footprint = np.atleast_1d(_array(footprint, np.float64, "footprint"))
-            if not (np.isfinite(footprint) & (footprint >= 0)).all():
-                raise ValueError("footprint has lengths below zero, or such that are not finite")
         nowhere = face == 0xFFFF_FFFF
         if nowhere.any():
             face, barycentric = face.copy(), barycentric.copy()
@@ -214,8 +212,7 @@ class Asset:
             memory: bytes that texels may take.
             progress: called with ``(done, total)`` texels.
         """
-        resolution, padding = _count(resolution, "resolution"), _count(padding, "padding")
-        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, _count(memory, "memory", 64), progress)
+        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, int(memory), progress)
         return Atlas(vmapping, faces, uvs, {name: image.view(Picture) for name, image in images})
 
     def export(
@@ -290,8 +287,7 @@ class Asset:
             largest_side: the most columns and rows of a sheet.
             memory: bytes that sheets may take.
         """
-        gutter, largest_side = _count(gutter, "gutter"), _count(largest_side, "largest_side")
-        return Fans(**self._native.fans(gutter, largest_side, _count(memory, "memory", 64), progress))
+        return Fans(**self._native.fans(gutter, largest_side, int(memory), progress))
 
     def export_fans(
         self,
@@ -365,10 +361,7 @@ class Asset:
         Returns:
             ``triangles``, ``texels`` and ``bytes`` of the preview.
         """
-        triangles, texels = _count(triangles, "triangles"), _count(texels, "texels", 64)
-        made = _native.make_preview(
-            self._place, triangles, texels, keep_borders, _count(memory, "memory", 64), progress
-        )
+        made = _native.make_preview(self._place, int(triangles), int(texels), keep_borders, int(memory), progress)
         self._reopen()
         return dict(zip(("triangles", "texels", "bytes"), made))
 
@@ -468,13 +461,13 @@ def _atlas_options(
     if isinstance(uv, str) and uv not in ("atlas", "source"):
         raise ValueError(f"uv is 'atlas', 'source' or a model, not {uv!r}")
     return {
-        "resolution": _count(resolution, "resolution"),
-        "largest_side": _count(largest_side, "largest_side"),
-        "padding": _count(padding, "padding"),
+        "resolution": resolution,
+        "largest_side": largest_side,
+        "padding": padding,
         "source_uv": isinstance(uv, str) and uv == "source",
         "model": None if isinstance(uv, str) else Mesh.of(uv)._native,
         "overwrite": overwrite,
-        "memory": _count(memory, "memory", 64),
+        "memory": int(memory),
     }
 
 
@@ -483,12 +476,12 @@ def _fan_options(
 ) -> Dict[str, Any]:
     """How fans are written, as the compiled part takes it."""
     return {
-        "gutter": _count(gutter, "gutter"),
-        "largest_side": _count(largest_side, "largest_side"),
+        "gutter": gutter,
+        "largest_side": largest_side,
         "textures": textures,
         "shaders": list(shaders),
         "overwrite": overwrite,
-        "memory": _count(memory, "memory", 64),
+        "memory": int(memory),
     }
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from . import _native
 from ._asset import Asset
 from ._mesh import Mesh, Progress, _linear_rgba, _plain
-from ._picture import _count
 
 Path = Union[str, os.PathLike]
 Function = Callable[[np.ndarray, np.ndarray], Any]
@@ -186,7 +185,7 @@ def bake(
         Mesh.of(mesh)._native,
         os.fspath(path),
         _parts(source, options),
-        {**options, "overwrite": overwrite, "memory": _count(memory, "memory", 64)},
+        {**options, "overwrite": overwrite, "memory": int(memory)},
         progress,
     )
     asset = Asset(path)
@@ -196,7 +195,8 @@ def bake(
 
 def _options(**given: Any) -> Dict[str, Any]:
     """Settings of a bake as the compiled part takes them."""
-    return {**given, "texels": _count(given["texels"], "texels", 64)}
+    texels = given["texels"]
+    return {**given, "texels": None if texels is None else int(texels)}
 
 
 def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any, Optional, Sequence, Union
 from . import _native
 from ._asset import Asset
 from ._mesh import Mesh, Progress
-from ._picture import Camera, Picture, _count, _taken, _view
+from ._picture import Camera, Picture, _taken, _view
 from ._world import World
 
 Path = Union[str, os.PathLike]
@@ -106,14 +106,14 @@ def render(
         if kind in ("asset", "world"):
             what = open(what, memory=memory)
         if isinstance(what, World):
-            return _taken(what._native.render(view, _count(memory, "memory", 64)))
+            return _taken(what._native.render(view, int(memory)))
         subject = what if isinstance(what, Asset) else Mesh.of(what)
         return _taken(subject._native.render(view))
     path = os.fspath(what if look is None else look)
     if given:
         raise ValueError(f"{path} is a look, which has its lamps and surroundings itself; leave {given[0]} out")
     model = None if look is None else Mesh.of(what)._native
-    return _taken(_native.render_look(path, model, view, time, seed, _count(memory, "memory", 64)))
+    return _taken(_native.render_look(path, model, view, time, seed, int(memory)))
 
 
 def compare(
@@ -164,4 +164,4 @@ def set_read_limits(*, memory: float = 8 << 30, allow_outside: bool = False) -> 
         memory: bytes that all that is read whole may take together: images, volumes, tables, meshes.
         allow_outside: let models, looks in assets and stroke files name files outside their folders.
     """
-    _native.set_read_limits(_count(memory, "memory", 64), allow_outside)
+    _native.set_read_limits(int(memory), allow_outside)

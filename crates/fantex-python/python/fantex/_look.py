@@ -9,7 +9,6 @@ import numpy as np
 
 from . import _native
 from ._mesh import Mesh, Progress
-from ._picture import _count
 
 
 def table(
@@ -45,16 +44,16 @@ def table(
     Returns:
         ``(rows, columns, 4)`` float32, linear RGBA; with ``slices`` ``(slices, rows, columns, 4)``.
     """
-    width, height = (_count(side, "a side of size") for side in size)
+    width, height = (int(side) for side in size)
     options = {
         "start": [*map(float, start)],
         "end": [*map(float, end)],
         "samples": samples,
         "time": time,
         "seed": seed,
-        "memory": _count(memory, "memory", 64),
+        "memory": int(memory),
     }
-    shape = [width, height, 1 if slices is None else _count(slices, "slices")]
+    shape = [width, height, 1 if slices is None else int(slices)]
     texels = _native.table(os.fspath(look), texture, shape, options, progress)
     return texels[0] if slices is None else texels
 
@@ -94,7 +93,7 @@ def normal_map(
         samples: rays along each side of a texel.
         cage: how far the detailed surface is looked for, world units; measured where it is not given.
     """
-    width, height = (_count(side, "a side of size") for side in size)
+    width, height = (int(side) for side in size)
     options = {
         "size": [width, height],
         "space": space,

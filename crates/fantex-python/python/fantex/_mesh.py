@@ -9,7 +9,7 @@ from typing import Any, Callable, Optional, Sequence, Union
 import numpy as np
 
 from . import _native
-from ._picture import Camera, Picture, _count, _taken, _view
+from ._picture import Camera, Picture, _taken, _view
 
 Progress = Callable[[int, int], Any]
 
@@ -152,7 +152,7 @@ class Mesh:
     def simplified(self, faces: int) -> "Mesh":
         """The same shape with about so many faces, without colours, normals and texture coordinates: bake this mesh onto it with
         ``source=fantex.mesh(this)``."""
-        return Mesh._of(self._native.simplified(_count(faces, "faces")))
+        return Mesh._of(self._native.simplified(faces))
 
     def save(self, path: Union[str, os.PathLike], *, overwrite: bool = False) -> None:
         """Writes positions and faces, without colours, textures and coordinates: ``.ply``, ``.obj`` or ``.glb``."""
@@ -281,9 +281,7 @@ def parametrize(
     """
     positions = _array(positions, np.float64, "positions", 3)
     faces = _array(faces, np.int64, "faces", 3)
-    vmapping, faces, uvs, charts, side = _native.parametrize(
-        positions, faces, _count(resolution, "resolution"), _count(padding, "padding"), progress
-    )
+    vmapping, faces, uvs, charts, side = _native.parametrize(positions, faces, resolution, padding, progress)
     result = Unwrapping((vmapping, faces, uvs))
     result.charts, result.side = charts, side
     return result

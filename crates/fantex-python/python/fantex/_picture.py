@@ -42,15 +42,6 @@ class Camera:
     fov: float = 35.0
 
 
-def _count(value: Optional[float], name: str, bits: int = 32) -> Any:
-    """A number of things, which the compiled part takes in so many bits; None stays None."""
-    if value is None:
-        return None
-    if not 0 <= value < 1 << bits:
-        raise ValueError(f"{name} is {value}; expected a number from 0 to {(1 << bits) - 1}")
-    return int(value)
-
-
 def _view(
     *,
     size: Optional[Sequence[int]] = None,
@@ -68,12 +59,12 @@ def _view(
     if camera is not None:
         view = ([*map(float, camera.eye)], [*map(float, camera.target)], [*map(float, camera.up)], float(camera.fov))
     if size is not None:
-        width, height = (_count(side, "a side of size") for side in size)
+        width, height = (int(side) for side in size)
         size = [width, height]
     return {
         "size": size,
         "camera": view,
-        "samples": _count(samples, "samples"),
+        "samples": samples,
         "filter": filter,
         "light": None if light is None else [*map(float, light)],
         "environment": None if environment is None else os.fspath(environment),

@@ -10,7 +10,7 @@ from . import _native
 from ._asset import Asset
 from ._bake import Function, Path, Source, _absolute, _options, _parts
 from ._mesh import Mesh, Progress
-from ._picture import _count, _warn
+from ._picture import _warn
 
 # The key of the note in a plan. Plans of the command line note something else.
 _NOTE = "fantex.plan"
@@ -101,7 +101,7 @@ def plan(
         os.fspath(path),
         json.dumps(note).encode(),
         parts,
-        {**options, "overwrite": overwrite, "memory": _count(memory, "memory", 64)},
+        {**options, "overwrite": overwrite, "memory": int(memory)},
         progress,
     )
     return Plan(path)
@@ -157,7 +157,7 @@ def bake_part(
         Mesh.of(mesh)._native,
         os.fspath(path),
         _parts(source, options),
-        {**options, "overwrite": overwrite, "memory": _count(memory, "memory", 64)},
+        {**options, "overwrite": overwrite, "memory": int(memory)},
         progress,
     )
     return figures["bytes"]

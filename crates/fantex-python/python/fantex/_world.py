@@ -11,7 +11,7 @@ import numpy as np
 from . import _native
 from ._asset import MIB, Asset, _atlas_options, _fan_options, _written
 from ._mesh import Progress
-from ._picture import Camera, Picture, _count, _taken, _view
+from ._picture import Camera, Picture, _taken, _view
 
 Path = Union[str, os.PathLike]
 Point = Tuple[float, float, float]
@@ -86,7 +86,7 @@ class World:
 
     def __init__(self, place: Path, *, memory: float = 1 << 30) -> None:
         self._place = os.fspath(place)
-        self._memory = _count(memory, "memory", 64)
+        self._memory = int(memory)
         self._native = _native.World(self._place)
         #: The assets, in the order of the index.
         self.objects: List[WorldObject] = [_object(parts) for parts in self._native.objects]
@@ -167,7 +167,7 @@ class World:
             environment_rotation=environment_rotation,
             transparent=transparent,
         )
-        return _taken(self._native.render(view, self._memory if memory is None else _count(memory, "memory", 64)))
+        return _taken(self._native.render(view, self._memory if memory is None else int(memory)))
 
     def export(
         self,
@@ -281,11 +281,10 @@ def split(
     asset = asset if isinstance(asset, Asset) else Asset(asset)
     sizes = None
     if previews:
-        sizes = _count(preview_triangles, "preview_triangles"), _count(preview_texels, "preview_texels", 64)
+        sizes = tuple(None if size is None else int(size) for size in (preview_triangles, preview_texels))
     elif preview_triangles is not None or preview_texels is not None:
         raise ValueError("preview_triangles and preview_texels are for previews; leave previews=False out")
-    triangles, memory = _count(triangles, "triangles"), _count(memory, "memory", 64)
-    made = _native.split(asset._native, os.fspath(folder), triangles, sizes, overwrite, memory, progress)
+    made = _native.split(asset._native, os.fspath(folder), int(triangles), sizes, overwrite, int(memory), progress)
     world = World(made["index"])
     world.made = made
     return world
@@ -325,7 +324,7 @@ def make_world(
     put, gone = _places(assets), _places(remove)
     if not put and not gone and not make_previews:
         raise ValueError("give assets to put into the world, remove= or make_previews=True")
-    made = _native.change_world(os.fspath(index), put, gone, make_previews, _count(memory, "memory", 64), progress)
+    made = _native.change_world(os.fspath(index), put, gone, make_previews, int(memory), progress)
     world = World(made["index"])
     world.made = made
     return world
