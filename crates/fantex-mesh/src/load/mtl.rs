@@ -40,7 +40,7 @@ pub(super) struct Library {
 pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library> {
     let mut library = Library::default();
     let mut done = HashSet::new();
-    for name in names.iter().flat_map(|names| single_names(file, names)) {
+    for name in names {
         let Some(relative) = relative_path(name) else { continue };
         let path = match locate(file.path, &relative) {
             Ok(path) => path,
@@ -61,16 +61,6 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
         }
     }
     Ok(library)
-}
-
-/// The names of libraries that a line `mtllib` has: one, which may hold spaces, or, where there is no file of that name, several.
-fn single_names<'n>(file: &SourceFile, names: &'n str) -> Vec<&'n str> {
-    let is_there = |name: &str| {
-        let path = relative_path(name).and_then(|path| locate(file.path, &path).ok());
-        path.is_some_and(|path| path.exists())
-    };
-    let words: Vec<&str> = names.split_whitespace().collect();
-    if is_there(names) || !words.iter().any(|word| is_there(word)) { vec![names] } else { words }
 }
 
 struct Reader<'a> {

@@ -241,7 +241,6 @@ fn material_libraries_are_read() {
         other => panic!("{other:?}"),
     };
     assert_eq!(name(base.image), "my image.png");
-    assert_eq!(model.image_places[base.image], "line 7 of my lib.mtl");
     assert_eq!(name(shiny.normal_texture.as_ref().unwrap().image), "n.png");
     assert_eq!(cut.alpha, AlphaMode::Blend);
     assert_eq!(name(cut.base_color_texture.as_ref().unwrap().image), "leaf.png");
@@ -338,26 +337,6 @@ fn maps_of_single_numbers_are_packed() {
     assert_eq!(apart.materials[0].alpha, AlphaMode::Opaque);
     let rough = apart.materials[0].metallic_roughness_texture.as_ref().unwrap();
     assert_eq!(name(&apart.images[rough.image]), "r.png");
-}
-
-#[test]
-fn a_line_may_name_several_libraries() {
-    let text = "mtllib one.mtl two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl b\nf 1 2 3\nusemtl a\nf 1 2 3\n";
-    let model = load_files(&[
-        ("a.obj", text.as_bytes()),
-        ("one.mtl", b"newmtl a\nKd 1 0 0\n"),
-        ("two.mtl", b"newmtl b\nKd 0 0 1\n"),
-    ])
-    .unwrap();
-    assert_eq!(
-        model.materials.iter().map(|m| m.base_color).collect::<Vec<_>>(),
-        [Vec4::new(0., 0., 1., 1.), Vec4::new(1., 0., 0., 1.)]
-    );
-    let missing = load_files(&[("a.obj", text.as_bytes()), ("two.mtl", b"newmtl b\nKd 0 0 1\n")]).unwrap();
-    assert_mentions(
-        &missing.notes.join("\n"),
-        &["material file one.mtl cannot be read", "without a definition: a"],
-    );
 }
 
 #[test]
