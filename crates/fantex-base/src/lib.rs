@@ -11,6 +11,7 @@
 //! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
+//! | [`sweep`] | pairs of boxes that meet |
 //! | [`text`] | counts in messages, names in addresses |
 //! | [`union_find`] | disjoint sets |
 //! | [`zstandard`] | unpacking of Zstandard frames |
@@ -23,6 +24,7 @@ mod json_problem;
 mod parameters;
 pub mod random;
 pub mod srgb;
+pub mod sweep;
 pub mod text;
 pub mod union_find;
 pub mod zstandard;

@@ -113,6 +113,7 @@ Exit codes: 0 done, 1 failed (bad input, input or output error, check not passed
 
 /// Flags of every command.
 #[derive(Args, Debug)]
+#[command(next_help_heading = "Options of every command")]
 pub(crate) struct CommonArgs {
     /// Print the result as one JSON object on standard output
     #[arg(long, global = true)]

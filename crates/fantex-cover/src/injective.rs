@@ -6,6 +6,7 @@
 //! So it is enough to look for crossing segments, and around the boundary's vertices: segments with a common vertex do not
 //! cross elsewhere, but the wedges that they bound may overlap.
 
+use fantex_base::sweep::any_pair_of_boxes;
 use glam::Vec2;
 
 /// A boundary segment, named by its vertices so that neighbours are recognised. The region lies to its left.
@@ -20,12 +21,10 @@ impl Segment {
         Self { vertices, ends }
     }
 
-    fn x_range(&self) -> (f32, f32) {
-        (self.ends[0].x.min(self.ends[1].x), self.ends[0].x.max(self.ends[1].x))
-    }
-
-    fn y_range(&self) -> (f32, f32) {
-        (self.ends[0].y.min(self.ends[1].y), self.ends[0].y.max(self.ends[1].y))
+    /// Along x and along y.
+    fn ranges(&self) -> [(f32, f32); 2] {
+        let [a, b] = self.ends;
+        [(a.x.min(b.x), a.x.max(b.x)), (a.y.min(b.y), a.y.max(b.y))]
     }
 
     fn crosses(&self, other: &Segment) -> bool {
@@ -41,20 +40,11 @@ impl Segment {
     }
 }
 
-/// True where two segments without a common vertex meet. Reorders `segments`. A sweep along x.
+/// True where two segments without a common vertex meet. Reorders `segments`.
 pub(crate) fn any_crossing(segments: &mut [Segment]) -> bool {
-    segments
-        .sort_unstable_by(|a, b| a.x_range().0.total_cmp(&b.x_range().0).then(a.vertices.cmp(&b.vertices)));
-    for (i, s) in segments.iter().enumerate() {
-        let (x_end, (y_start, y_end)) = (s.x_range().1, s.y_range());
-        for o in segments[i + 1..].iter().take_while(|o| o.x_range().0 <= x_end) {
-            let (o_start, o_end) = o.y_range();
-            if o_start <= y_end && o_end >= y_start && s.crosses(o) {
-                return true;
-            }
-        }
-    }
-    false
+    let start = |segment: &Segment| segment.ranges()[0].0;
+    segments.sort_unstable_by(|a, b| start(a).total_cmp(&start(b)).then(a.vertices.cmp(&b.vertices)));
+    any_pair_of_boxes(segments, Segment::ranges, Segment::crosses)
 }
 
 /// What a triangle of the region spans around one of its vertices: the directions from `from` counter-clockwise to `to`, less

@@ -5,6 +5,7 @@
 use std::cmp::Ordering;
 use std::f64::consts::TAU;
 
+use fantex_base::sweep::any_pair_of_boxes;
 use glam::{DVec2, Vec2};
 use rustc_hash::FxHashMap;
 
@@ -19,9 +20,10 @@ struct Side {
 }
 
 impl Side {
-    fn range(&self, axis: usize) -> (f64, f64) {
-        let [a, b] = self.ends.map(|p| p[axis]);
-        (a.min(b), a.max(b))
+    /// Along x and along y.
+    fn ranges(&self) -> [(f64, f64); 2] {
+        let [a, b] = self.ends;
+        [(a.x.min(b.x), a.x.max(b.x)), (a.y.min(b.y), a.y.max(b.y))]
     }
 
     /// Whether two sides cross, not counting those that end at each other.
@@ -61,18 +63,14 @@ pub(crate) fn without_crossings(chart: &Chart, across: &[u32]) -> Vec<bool> {
             }
         }
     }
-    // A sweep along x.
-    sides.sort_by(|a, b| a.range(0).0.total_cmp(&b.range(0).0));
+    sides.sort_by(|a, b| a.ranges()[0].0.total_cmp(&b.ranges()[0].0));
     let mut is_taken = vec![true; chart.triangles.len()];
-    for (i, one) in sides.iter().enumerate() {
-        let (end, (low, high)) = (one.range(0).1, one.range(1));
-        for other in sides[i + 1..].iter().take_while(|other| other.range(0).0 <= end) {
-            let (other_low, other_high) = other.range(1);
-            if other_low <= high && other_high >= low && one.index != other.index && one.crosses(other) {
-                is_taken[smaller(chart, one.index, other.index)] = false;
-            }
+    any_pair_of_boxes(&sides, Side::ranges, |one, other| {
+        if one.index != other.index && one.crosses(other) {
+            is_taken[smaller(chart, one.index, other.index)] = false;
         }
-    }
+        false
+    });
     for [one, other] in overlaps_at_points(chart, &sides) {
         is_taken[smaller(chart, one, other)] = false;
     }

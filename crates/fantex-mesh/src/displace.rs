@@ -203,6 +203,7 @@ fn model_of(mesh: &Mesh, vertices: Vec<Vertex>, pieces: Vec<Piece>) -> Model {
         triangle_materials: materials_of(mesh, &pieces),
         materials: mesh.materials.clone(),
         images: mesh.images.clone(),
+        image_places: mesh.image_places.clone(),
         parts: mesh.parts.of_sources(pieces.iter().map(|piece| piece.triangle)),
         notes: Vec::new(),
     }

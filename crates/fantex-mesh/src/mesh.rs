@@ -99,6 +99,8 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// Encoded images that the materials refer to.
     pub images: Vec<ImageSource>,
+    /// Where a model file names each image, for messages: `line 12 of chair.mtl`; an empty list where that is not known.
+    pub image_places: Vec<String>,
     /// What the file calls its parts.
     pub parts: Parts,
     /// Where the mesh lies in the world.
@@ -156,6 +158,7 @@ impl Mesh {
             },
             materials: self.materials.clone(),
             images: self.images.clone(),
+            image_places: self.image_places.clone(),
             parts: self.parts.of_sources(triangles.iter().copied()),
             world_from_mesh: self.world_from_mesh,
             undisplaced_bounds: self.undisplaced_bounds,
@@ -279,6 +282,8 @@ pub struct Model {
     pub materials: Vec<Material>,
     /// Encoded images that the materials refer to.
     pub images: Vec<ImageSource>,
+    /// Where a model file names each image, for messages: `line 12 of chair.mtl`; an empty list where that is not known.
+    pub image_places: Vec<String>,
     /// What the file calls its parts.
     pub parts: Parts,
     /// What the loader noticed: skipped points and lines, unsupported optional extensions, ...

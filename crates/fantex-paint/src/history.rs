@@ -266,6 +266,10 @@ impl History {
                 other => others.push(other),
             }
         }
+        // What a step has changed more than once was at first as its first record says.
+        if direction == Direction::Back {
+            others.reverse();
+        }
         for (id, base) in bases {
             match base {
                 None => editor.detach(&base_name(id)),

@@ -207,13 +207,7 @@ impl Painter {
         if stack.iter().any(Layer::is_everywhere) {
             return self.all_pages();
         }
-        let names = self.editor.attachment_names();
-        let mut pages = BTreeSet::new();
-        for prefix in stack.iter().flat_map(|l| [Target::Layer(l.id()), Target::Mask(l.id())]).map(prefix) {
-            let suffixes = names.iter().filter_map(|name| name.strip_prefix(&prefix));
-            pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
-        }
-        pages.into_iter().collect()
+        self.pages_of_targets(stack.iter().flat_map(|l| [Target::Layer(l.id()), Target::Mask(l.id())]))
     }
 
     /// Drops what was painted on masks that are gone.
@@ -375,14 +369,6 @@ impl Painter {
         let channel = &self.editor.asset().channels()[index];
         replace_blocks(channel, extent, &mut bytes, &values, Rect::of(extent), |_| true)?;
         Ok((index, bytes))
-    }
-
-    /// The bytes of a page of any level under all layers, per channel.
-    ///
-    /// # Errors
-    /// There is no such page, or the asset cannot be read.
-    pub fn page_under_layers(&self, page: PageId) -> Result<Vec<Vec<u8>>> {
-        base_bytes(&self.editor, page, self.editor.attachment(&base_name(page))?)
     }
 
     /// A layer's mask on a page of any level, row by row: of coarser levels some of the texels below each. 1 without a mask.

@@ -488,10 +488,15 @@ impl Painter {
         if self.layers.stack.iter().chain(before).any(Layer::is_everywhere) {
             return self.all_pages();
         }
-        let names = self.editor.attachment_names();
         let masks = self.layers.stack.iter().map(|layer| Target::Mask(layer.id()));
+        self.pages_of_targets(masks.chain([Target::Base]))
+    }
+
+    /// Pages of which something is kept for one of the targets, ascending.
+    pub(crate) fn pages_of_targets(&self, targets: impl Iterator<Item = Target>) -> Vec<PageId> {
+        let names = self.editor.attachment_names();
         let mut pages = BTreeSet::new();
-        for prefix in masks.chain([Target::Base]).map(prefix) {
+        for prefix in targets.map(prefix) {
             let suffixes = names.iter().filter_map(|name| name.strip_prefix(&prefix));
             pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
         }

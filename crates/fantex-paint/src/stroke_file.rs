@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_base::{Error, Result};
 use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
-use fantex_texture::{ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
+use fantex_texture::{SolidTexture, solid_by_name};
 use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
@@ -519,7 +519,7 @@ pub(crate) fn color_of(
         ColorSettings::Solid { name, seed } => {
             let solid = solid_by_name(name, surface.space().bounds(), *seed);
             let solid = solid.map_err(|source| preparation.of_stroke(malformed(source)))?;
-            return Ok(PaintColor::Texture(Arc::new(NamedSolid(solid))));
+            return Ok(PaintColor::Texture(Arc::new(SolidTexture(solid))));
         }
         ColorSettings::Texture { look, name } => {
             let texture = preparation.graph(look)?.texture(surface, name);
@@ -537,13 +537,4 @@ pub(crate) fn color_of(
     };
     preparation.finite("a colour", &color.to_array())?;
     Ok(PaintColor::Constant(color))
-}
-
-struct NamedSolid(Box<dyn Solid>);
-
-impl Texture for NamedSolid {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
-        Vec4::from_array(self.0.color(&point))
-    }
 }

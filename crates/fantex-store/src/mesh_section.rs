@@ -235,6 +235,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh> {
             .collect(),
         materials: (0..materials).map(|i| decode_material(i, &mut input)).collect::<Result<_, _>>()?,
         images: Vec::new(),
+        image_places: Vec::new(),
         parts: if flags & HAS_PARTS != 0 { decode_parts(triangles, &mut input)? } else { Parts::default() },
         world_from_mesh,
         undisplaced_bounds: None,

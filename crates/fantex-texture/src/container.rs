@@ -239,7 +239,7 @@ fn masked_format(bytes: &[u8]) -> Result<TexelFormat> {
 /// By four characters, or the numbers of Direct3D 9's floating-point formats.
 fn coded_format(code: u32) -> Option<TexelFormat> {
     Some(match &code.to_le_bytes() {
-        b"DXT1" => TexelFormat::Bc1,
+        b"DXT1" => TexelFormat::Bc1 { has_alpha: true },
         b"DXT2" | b"DXT3" => TexelFormat::Bc2,
         b"DXT4" | b"DXT5" => TexelFormat::Bc3,
         b"ATI1" | b"BC4U" => TexelFormat::Bc4,
@@ -356,8 +356,8 @@ const FORMATS: [(TexelFormat, [u32; 2], [u32; 2]); 30] = {
         (F::F32 { channels: 4 }, [109, 0], [2, 0]),
         (F::B10G11R11, [122, 0], [26, 0]),
         (F::E5B9G9R9, [123, 0], [67, 0]),
-        (F::Bc1, [131, 132], [71, 72]),
-        (F::Bc1, [133, 134], [0, 0]),
+        (F::Bc1 { has_alpha: false }, [131, 132], [0, 0]),
+        (F::Bc1 { has_alpha: true }, [133, 134], [71, 72]),
         (F::Bc2, [135, 136], [74, 75]),
         (F::Bc3, [137, 138], [77, 78]),
         (F::Bc4, [139, 0], [80, 0]),
@@ -392,8 +392,8 @@ enum TexelFormat {
     B10G11R11,
     /// Three mantissas of 9 bits, red lowest, and a common exponent.
     E5B9G9R9,
-    /// 4 x 4 texels in 8 bytes, RGBA.
-    Bc1,
+    /// 4 x 4 texels in 8 bytes, RGBA, or RGB: then what would be transparent is black.
+    Bc1 { has_alpha: bool },
     /// In 16 bytes, RGBA.
     Bc2,
     /// In 16 bytes, RGBA.
@@ -414,7 +414,7 @@ const BLOCK: usize = 4;
 impl TexelFormat {
     fn block_bytes(self) -> Option<usize> {
         match self {
-            Self::Bc1 | Self::Bc4 => Some(8),
+            Self::Bc1 { .. } | Self::Bc4 => Some(8),
             Self::Bc2 | Self::Bc3 | Self::Bc5 | Self::Bc6h { .. } | Self::Bc7 => Some(16),
             _ => None,
         }
@@ -443,7 +443,7 @@ impl TexelFormat {
     fn decoded_bytes(self) -> u64 {
         match self {
             Self::U8 { .. } | Self::Bgr8 { .. } | Self::Bgrx8 | Self::GreyAlpha8 => 4,
-            Self::Bc1 | Self::Bc2 | Self::Bc3 | Self::Bc4 | Self::Bc5 | Self::Bc7 => 4,
+            Self::Bc1 { .. } | Self::Bc2 | Self::Bc3 | Self::Bc4 | Self::Bc5 | Self::Bc7 => 4,
             Self::U16 { .. } => 8,
             _ => 16,
         }
@@ -487,7 +487,16 @@ impl TexelFormat {
             }
             Self::B10G11R11 => floats(3, words().flat_map(b10g11r11).collect()),
             Self::E5B9G9R9 => floats(3, words().flat_map(e5b9g9r9).collect()),
-            Self::Bc1 => image(4, Samples::U8(blocks.texels::<8, _, 64>(4, bcdec_rs::bc1))),
+            Self::Bc1 { has_alpha } => {
+                let samples = blocks.texels::<8, _, 64>(4, bcdec_rs::bc1);
+                match has_alpha {
+                    true => image(4, Samples::U8(samples)),
+                    false => {
+                        let texels = samples.as_chunks::<4>().0;
+                        image(3, Samples::U8(texels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()))
+                    }
+                }
+            }
             Self::Bc2 => image(4, Samples::U8(blocks.texels::<16, _, 64>(4, bcdec_rs::bc2))),
             Self::Bc3 => image(4, Samples::U8(blocks.texels::<16, _, 64>(4, bcdec_rs::bc3))),
             Self::Bc7 => image(4, Samples::U8(blocks.texels::<16, _, 64>(4, bcdec_rs::bc7))),
@@ -581,6 +590,18 @@ mod tests {
         assert!(b10g11r11(u32::MAX).iter().all(|value| value.is_finite()));
         // 256 / 512 * 2^(16 - 15) = 1.
         assert_eq!(e5b9g9r9(16 << 27 | 256 | 128 << 9), [1.0, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn opaque_blocks_have_no_holes() {
+        // The first end point is the smaller one, so the last index is no colour: a hole, or black.
+        let block = [0, 0, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff];
+        for (code, texel) in [(131, vec![0; 3]), (133, vec![0; 4])] {
+            let (format, space) = texel_format(code).unwrap();
+            let image = format.decode(&block, 4, 4, space);
+            assert_eq!(usize::from(image.channels), texel.len(), "{code}");
+            assert_eq!(image.samples, Samples::U8(texel.repeat(16)), "{code}");
+        }
     }
 
     #[test]

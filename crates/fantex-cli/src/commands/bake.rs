@@ -30,16 +30,16 @@ Example:
   fantex bake coarse.obj -o coarse.fan --source mesh=scan.ply,cage=0.02
   fantex bake scan.ply -o scan.fan --source photos=scan/sparse/0,images=scan/images
 
-Another model (mesh=PATH) gives its textures or vertex colours and its normals: every point of the model looks for its surface
+Another model (mesh=PATH) gives its textures or vertex colours and its normals: every point of the model looks for its surface \
 along the smooth normal, outwards and inwards, not farther than the cage, which is measured where it is not given.
 
-Photographs (photos=PATH) need their cameras: a sparse model of COLMAP (text or binary) or a transforms.json, in whose coordinates
-the model lies. They are brought to one exposure unless exposure=off; what none of them sees takes the colours of its surroundings, or
-those of unseen=RRGGBB (docs/photographs.md). With --json the result then has photos, photos_used, photos_masked, unseen_share, gains and
-scratch_bytes, too. With --json, looks that bake light tell its noise: light has mean_samples, mean_light, error and, after denoising,
+Photographs (photos=PATH) need their cameras: a sparse model of COLMAP (text or binary) or a transforms.json, in whose coordinates \
+the model lies. They are brought to one exposure unless exposure=off; what none of them sees takes the colours of its surroundings, or \
+those of unseen=RRGGBB (docs/photographs.md). With --json the result then has photos, photos_used, photos_masked, unseen_share, gains and \
+scratch_bytes, too. With --json, looks that bake light tell its noise: light has mean_samples, mean_light, error and, after denoising, \
 error_left.
 
-Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
+Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own \
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
 pub(crate) struct BakeArgs {
     #[command(flatten)]

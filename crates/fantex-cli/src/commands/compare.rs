@@ -27,16 +27,16 @@ Example:
   fantex compare bottle.gltf bottle.fan --views 8 -o out/bottle
   fantex compare oak.toml chair.fan
 
-The cameras stand around the first file's model. A look brings its own lamps and dresses the other file's model where it
-names none; its background is left out. PSNR, SSIM and FLIP are those of the sRGB pictures, over the pixels that show
-either model; 'whole' is the PSNR with the background, which is equal in both. FLIP is 0 for equal pictures.
+The cameras stand around the first file's model. A look brings its own lamps and dresses the other file's model where it \
+names none; its background is left out. PSNR, SSIM and FLIP are those of the sRGB pictures, over the pixels that show \
+either model; 'whole' is the PSNR with the background, which is equal in both. FLIP is 0 for equal pictures. \
 Difference pictures show the absolute difference, sixteen times enlarged.
 
-A camera that sees neither model, as a flat one edge-on, does not count. The mean PSNR is over the pictures that
+A camera that sees neither model, as a flat one edge-on, does not count. The mean PSNR is over the pictures that \
 differ.
 
-With --json: psnr_db (mean and min over the views), ssim and flip are over the pixels of the model, model_share says
-how many of all these are, whole_psnr_db is over all; per_view has the same for each camera, and empty_views says how
+With --json: psnr_db (mean and min over the views), ssim and flip are over the pixels of the model, model_share says \
+how many of all these are, whole_psnr_db is over all; per_view has the same for each camera, and empty_views says how \
 many cameras do not count. PSNR of equal pictures is null.")]
 pub(crate) struct CompareArgs {
     /// The reference: a model, an asset or a look

@@ -39,10 +39,10 @@ Example:
   fantex export bottle.fan -o page --web --title \"A bottle\" --credits \"by Ada, CC BY 4.0\"
   fantex export land.fanworld -o land.glb
 
-A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A single channel becomes .png, .exr or
-.ktx2 and lies as in the model. A turntable becomes one animated PNG (.png) or numbered pictures in a folder.
-A world becomes one model: a node for each of its assets, with pictures of its own (--size is the side of each).
-A page (--web) is a folder for any web server that sends ranges of files; browsers show it by WebGPU.
+A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A single channel becomes .png, .exr or \
+.ktx2 and lies as in the model. A turntable becomes one animated PNG (.png) or numbered pictures in a folder. \
+A world becomes one model: a node for each of its assets, with pictures of its own (--size is the side of each). \
+A page (--web) is a folder for any web server that sends ranges of files; browsers show it by WebGPU. \
 Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
 pub(crate) struct ExportArgs {
     /// An asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address

@@ -193,7 +193,7 @@ Example:
   fantex generate photographs bottle.gltf -o shoot --count 24 --lens radial --exposure 0.4 --standing
   fantex bake bottle.gltf -o bottle.fan --source photos=shoot
 
-The model is lit from everywhere, before a grey wall, so photographs show its base colour; what is behind glass and holes is seen through
+The model is lit from everywhere, before a grey wall, so photographs show its base colour; what is behind glass and holes is seen through \
 them.")]
 pub(super) struct PhotographsArgs {
     /// A model (.glb .gltf .obj .ply .stl)

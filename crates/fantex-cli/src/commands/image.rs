@@ -21,10 +21,10 @@ Example:
   fantex image photo.jpg -o small.png --size 320x200
   fantex image height.png -o slopes.png --derivatives
 
-A smaller size takes the exact mean over each new texel, a larger one a cubic, both in linear light. --power-of-two takes the nearest power of two along each
+A smaller size takes the exact mean over each new texel, a larger one a cubic, both in linear light. --power-of-two takes the nearest power of two along each \
 side.
 
---derivatives writes the height (red) with its derivatives by u (green) and by v (blue, downwards), 0.5 + 0.5 d / range, in 16 bits. The
+--derivatives writes the height (red) with its derivatives by u (green) and by v (blue, downwards), 0.5 + 0.5 d / range, in 16 bits. The \
 range that it prints is the key 'range' of a look's 'derivatives'; 'height' is that of a bump map of the same image.")]
 pub(crate) struct ImageArgs {
     /// The image

@@ -19,7 +19,7 @@ Example:
   fantex merge world.plan *.part --check
   fantex merge s3://farm/world.plan s3://farm/1.part s3://farm/2.part -o s3://farm/world.fan
 
-Parts may come in any order. What is missing, damaged, there twice or of another plan is named, and nothing is written. Where parts and asset lie
+Parts may come in any order. What is missing, damaged, there twice or of another plan is named, and nothing is written. Where parts and asset lie \
 in one object store that copies ranges of objects, it copies most texels itself; then --check alone reads all of them.")]
 pub(crate) struct MergeArgs {
     /// The plan, also at an https://, s3://, gs:// or az:// address

@@ -21,8 +21,8 @@ Example:
   fantex normals coarse.glb scan.ply -o coarse-normals.png --size 2048x2048
   fantex normals coarse.glb scan.ply -o coarse-normals.png --space object --depth 16
 
-Every point of the coarse model looks for the detailed one along its smooth normal, outwards and inwards, not farther than the cage, which is
-measured where it is not given. Tangent space is glTF's: green points to the top of the image. Without texture coordinates there is
+Every point of the coarse model looks for the detailed one along its smooth normal, outwards and inwards, not farther than the cage, which is \
+measured where it is not given. Tangent space is glTF's: green points to the top of the image. Without texture coordinates there is \
 'fantex bake coarse.ply -o coarse.fan --source mesh=scan.ply', which needs none.")]
 pub(crate) struct NormalsArgs {
     /// The coarse model, or an asset, with texture coordinates

@@ -33,17 +33,17 @@ Example:
   fantex paint richer.fan --remove-channel emission
   fantex paint fence.fan --replay holes.json --alpha cut-out
 
-Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is
+Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is \
 painted is saved all the time, and every step can be undone.
 
-With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all
-strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An
+With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all \
+strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An \
 asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.
 
-With --add-channel the asset is first given channels that it does not have. They show what was seen without them: the model's
+With --add-channel the asset is first given channels that it does not have. They show what was seen without them: the model's \
 materials, its own normals, a middle height.
 
-With --remove-channel channels are first taken out, with all that was baked and painted in them, on the base and on layers.
+With --remove-channel channels are first taken out, with all that was baked and painted in them, on the base and on layers. \
 That cannot be undone. Without height normals lose the relief of layers, and the history goes.
 
 With --alpha painted opacity is seen: materials of models often ignore it.")]

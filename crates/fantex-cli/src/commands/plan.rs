@@ -55,8 +55,8 @@ Example:
   fantex bake world.plan --shard 3/3 -o 3.part
   fantex merge world.plan 1.part 2.part 3.part -o world.fan
 
-The plan is the asset without its texels; the merged parts are the asset that 'fantex bake' writes in one go, byte for byte, however many
-parts there are. Each part may be baked by any machine of the same kind of processor that sees the model and its pictures under the same paths, in
+The plan is the asset without its texels; the merged parts are the asset that 'fantex bake' writes in one go, byte for byte, however many \
+parts there are. Each part may be baked by any machine of the same kind of processor that sees the model and its pictures under the same paths, in \
 any order, and again where it was lost (docs/farms.md).")]
 pub(crate) struct PlanArgs {
     #[command(flatten)]

@@ -20,8 +20,8 @@ Example:
   fantex preview world.fan --triangles 20k --texels 1M
   fantex preview scan.fan --remove
 
-A preview is a coarse mesh with the look and the normals of the fine one, in some hundred kilobytes: a viewer in a browser shows it
-after a fraction of a second, whatever the size of the asset, and exchanges it for the asset itself as soon as that is there.
+A preview is a coarse mesh with the look and the normals of the fine one, in some hundred kilobytes: a viewer in a browser shows it \
+after a fraction of a second, whatever the size of the asset, and exchanges it for the asset itself as soon as that is there. \
 'fantex export --web' gives one to large assets. What is painted later is not in it; call the command again.")]
 pub(crate) struct PreviewArgs {
     /// The asset, which is changed in place; one at an s3://, gs:// or az:// address is fetched, changed here, and put back whole
@@ -84,10 +84,10 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
         format!(
-            "{}: a preview of {} and {} texels, {}, {:.1} s\n",
+            "{}: a preview of {} and {}, {}, {:.1} s\n",
             info.asset.display(),
             counted(info.triangles, "triangle"),
-            info.texels,
+            counted(info.texels, "texel"),
             megabytes(info.bytes),
             info.seconds
         )

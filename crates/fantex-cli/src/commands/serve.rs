@@ -24,8 +24,8 @@ Example:
   fantex serve bunny.fan --port 8080
   fantex serve land.fanworld
 
-A browser shows the asset at the address that is printed (it needs WebGPU), and other programs read it at the address of the file.
-The server is reached from this machine only, sends nothing but what it names, and ends with Ctrl-C. An asset that changes is
+A browser shows the asset at the address that is printed (it needs WebGPU), and other programs read it at the address of the file. \
+The server is reached from this machine only, sends nothing but what it names, and ends with Ctrl-C. An asset that changes is \
 served as it is then; who has the old one open is told so. Of a world the index is served and the assets that it names now.")]
 pub(crate) struct ServeArgs {
     /// An asset (.fan) or a world (.fanworld)

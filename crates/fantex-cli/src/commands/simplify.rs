@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{check_model_name, open_shape, show_notes};
-use crate::text::{Count, counted};
+use crate::text::{Count, counted, grouped};
 
 /// Write a model with the same shape and fewer triangles, to bake the fine one onto.
 #[derive(Args, Debug)]
@@ -22,7 +22,7 @@ Example:
   fantex simplify scan.fan -o coarse.ply --triangles 20k
   fantex bake coarse.ply -o coarse.fan --source mesh=scan.fan --texels 16M
 
-Edges collapse in the order of the error that this leaves. Where that is not enough, as with many loose pieces, vertices are united in
+Edges collapse in the order of the error that this leaves. Where that is not enough, as with many loose pieces, vertices are united in \
 the cells of a grid. Positions and triangles are written, no texture coordinates and no materials: 'fantex bake' needs none.")]
 pub(crate) struct SimplifyArgs {
     /// A model (.glb .gltf .obj .ply .stl), or an asset (.fan), of which the mesh is taken
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
-        let (before, after) = (counted(info.triangles_before, "triangle"), info.triangles);
+        let (before, after) = (counted(info.triangles_before, "triangle"), grouped(info.triangles));
         format!("{}: {after} of {before}, {:.1} s\n", info.output.display(), info.seconds)
     })
 }

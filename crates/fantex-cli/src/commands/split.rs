@@ -21,11 +21,11 @@ Example:
   fantex info land/land.fanworld
   fantex verify land/land.fanworld
 
-The folder gets the sectors, sector-0001.fan and so on, and when all are there the index, named after the asset. Sectors show what the
-whole shows, to the last bit: tiles are copied, those at borders into each sector that needs them. Their previews, by which they are
-shown far away, keep their borders, so that nothing shows through between them. More than 16 sectors also get coarse assets,
-coarse-0001.fan and so on, each of which is shown from still farther away in the place of up to 16. Surfaces that can hardly be
-simplified get neither. With --force, a world that is there is replaced at once, and stays where the split fails; the new files are
+The folder gets the sectors, sector-0001.fan and so on, and when all are there the index, named after the asset. Sectors show what the \
+whole shows, to the last bit: tiles are copied, those at borders into each sector that needs them. Their previews, by which they are \
+shown far away, keep their borders, so that nothing shows through between them. More than 16 sectors also get coarse assets, \
+coarse-0001.fan and so on, each of which is shown from still farther away in the place of up to 16. Surfaces that can hardly be \
+simplified get neither. With --force, a world that is there is replaced at once, and stays where the split fails; the new files are \
 sector-0001-2.fan and so on then. See docs/worlds.md.")]
 pub(crate) struct SplitArgs {
     /// The asset (.fan, also at an https://, s3://, gs:// or az:// address), which stays as it is

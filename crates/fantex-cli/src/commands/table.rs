@@ -24,11 +24,11 @@ Example:
   fantex table ramp.toml --texture scale -o scale.png --size 256x1
   fantex table clouds.toml -o slices --size 128x128 --slices 128 --from -1,1,-1 --to 1,-1,1
 
-The domain is a rectangle of object space: columns go from the x of --from to that of --to, rows from y to y, slices from z to z. Texture
-coordinates go from 0 to 1 over it, so that images are seen whole. It is the front of a cube of edge 1 where it is left out: -0.5,0.5,0 to
+The domain is a rectangle of object space: columns go from the x of --from to that of --to, rows from y to y, slices from z to z. Texture \
+coordinates go from 0 to 1 over it, so that images are seen whole. It is the front of a cube of edge 1 where it is left out: -0.5,0.5,0 to \
 0.5,-0.5,0, the first row on top. A texel is the texture's mean over it; --samples takes more means of smaller parts.
 
-With --slices the output is a folder of pictures, slice-0001.png and so on, the lowest z first where z grows: what 'slices' of a look's
+With --slices the output is a folder of pictures, slice-0001.png and so on, the lowest z first where z grows: what 'slices' of a look's \
 'volume' reads.")]
 pub(crate) struct TableArgs {
     /// The look (.toml)

@@ -23,9 +23,9 @@ Example:
   fantex verify bottle.fan --texels
   fantex verify land/land.fanworld
 
-Checked are both headers, every stored cluster and attachment against its checksum, the mesh, and the texture function on both sides of every
-edge, in all channels, at every level and at mixed levels. Edges say nothing of what texels show. With --texels, all that look-ups read at coarser
-levels are compared with the finer ones that they are made of; docs/format.md says what that finds and what it cannot. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree
+Checked are both headers, every stored cluster and attachment against its checksum, the mesh, and the texture function on both sides of every \
+edge, in all channels, at every level and at mixed levels. Edges say nothing of what texels show. With --texels, all that look-ups read at coarser \
+levels are compared with the finer ones that they are made of; docs/format.md says what that finds and what it cannot. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree \
 where they meet.")]
 pub(crate) struct VerifyArgs {
     /// An asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address

@@ -26,12 +26,12 @@ Example:
   fantex warp brick.png -o turned.png --map affine --corners 100,0 300,100 0,200 --size 300x300
   fantex warp brick.png -o bent.png --map bilinear --corners 0,0 400,80 300,400 60,300 --size 400x400 --way forward
 
-The corners are pixels of the new picture, x to the right and y downwards, to which the image's corners go: the upper left, the upper right,
-the lower right, the lower left. An affine map takes three: the upper left, the upper right, the lower left. They may lie
+The corners are pixels of the new picture, x to the right and y downwards, to which the image's corners go: the upper left, the upper right, \
+the lower right, the lower left. An affine map takes three: the upper left, the upper right, the lower left. They may lie \
 outside of the picture.
 
-Inverse mapping goes through the picture's pixels and looks each one up in the image, filtered over the pixel's pre-image. Forward
-mapping goes through the image's texels and spreads each one over the pixels that it covers (--spread area), or over the four around
+Inverse mapping goes through the picture's pixels and looks each one up in the image, filtered over the pixel's pre-image. Forward \
+mapping goes through the image's texels and spreads each one over the pixels that it covers (--spread area), or over the four around \
 its centre (--spread bilinear), which leaves holes where the map magnifies. What the image does not reach is transparent.")]
 pub(crate) struct WarpArgs {
     /// The image

@@ -20,7 +20,7 @@ Example:
   fantex world town.fanworld --remove houses/barn.fan
   fantex info town.fanworld
 
-Assets stay where they are, below the folder of the index or at an address; an index at an address names such at addresses. One that is in the index already is read again. Viewers
+Assets stay where they are, below the folder of the index or at an address; an index at an address names such at addresses. One that is in the index already is read again. Viewers \
 show assets near the eye whole, others by their previews. 'fantex split' makes a world of one large asset. See docs/worlds.md.")]
 pub(crate) struct WorldArgs {
     /// The index (.fanworld), also at an s3://, gs:// or az:// address

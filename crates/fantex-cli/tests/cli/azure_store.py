@@ -16,15 +16,14 @@ import datetime
 import email.utils
 import hashlib
 import hmac
-import http.server
-import json
 import os
 import re
 import sys
-import threading
-import time
 import urllib.parse
 import xml.etree.ElementTree
+
+import folder_store
+from folder_store import counts, faults, happens, lock, serve
 
 FOLDER, CONTAINER, ACCOUNT, KEY, TOKEN, PUBLIC = sys.argv[1:7]
 SIGNED_HEADERS = (
@@ -41,12 +40,9 @@ SIGNED_HEADERS = (
     "Range",
 )
 
-lock = threading.RLock()
 uncommitted = {}
 committed = {}
 metadata = {}
-faults = {}
-counts = {"parts": 0, "most_at_once": 0, "now": 0}
 
 
 def signature(method, path, query, headers):
@@ -65,17 +61,7 @@ def signature(method, path, query, headers):
     return base64.b64encode(hmac.new(base64.b64decode(KEY), text.encode(), hashlib.sha256).digest()).decode()
 
 
-def happens(fault):
-    """Whether a fault happens now; each does so often."""
-    with lock:
-        left = faults.get(fault, 0)
-        faults[fault] = max(left - 1, 0)
-        return left > 0
-
-
-class Handler(http.server.BaseHTTPRequestHandler):
-    protocol_version = "HTTP/1.1"
-
+class Handler(folder_store.Handler):
     def may_ask(self, path, query):
         """None, or with which status and code the request is refused."""
         proof = self.headers.get("Authorization")
@@ -93,29 +79,15 @@ class Handler(http.server.BaseHTTPRequestHandler):
         is_right = abs(age.total_seconds()) < 900 and hmac.compare_digest(proof, expected)
         return None if is_right else (403, "AuthenticationFailed")
 
-    def answer(self, status, body=b"", headers=(), is_late=True):
-        time.sleep(faults.get("latency", 0) if is_late else 0)
-        self.send_response(status)
-        for name, value in headers:
-            self.send_header(name, value)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
-
     def fail(self, status, code, headers=()):
         body = f'\ufeff<?xml version="1.0" encoding="utf-8"?><Error><Code>{code}</Code><Message>no</Message></Error>'
         self.answer(status, body.encode(), [*headers, ("x-ms-error-code", code)])
 
     def ask(self):
         """What the request is about: the blob's file and the query; None where it is answered already."""
-        path, _, query = self.path.partition("?")
-        self.query = dict(urllib.parse.parse_qsl(query, keep_blank_values=True))
-        if path in ("/faults", "/state"):
-            if path == "/faults":
-                faults.update((name, float(value)) for name, value in self.query.items())
-            self.answer(200, json.dumps({**counts, "uploads": len(uncommitted)}).encode(), is_late=False)
+        if self.is_for_tests(len(uncommitted)):
             return None
+        path, _, query = self.path.partition("?")
         account, container, self.key = (urllib.parse.unquote(path)[1:].split("/", 2) + ["", ""])[:3]
         is_public = self.command in ("GET", "HEAD") and self.key == PUBLIC
         refusal = None if is_public else self.may_ask(path, query)
@@ -161,9 +133,6 @@ class Handler(http.server.BaseHTTPRequestHandler):
         committed[self.key] = blocks
         metadata[self.key] = [(name, value) for name, value in self.headers.items() if name.lower().startswith("x-ms-meta-")]
 
-    def do_HEAD(self):
-        self.do_GET()
-
     def do_GET(self):
         place = self.ask()
         if place is None:
@@ -177,12 +146,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return self.answer(200, b"", headers)
         if self.headers.get("If-Range"):
             return self.fail(400, "UnsupportedHeader")
-        first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers["Range"]).groups())
-        if first >= len(content):
-            return self.fail(416, "InvalidRange", [("Content-Range", f"bytes */{len(content)}")])
-        part = content[first : last + 1]
-        span = f"bytes {first}-{first + len(part) - 1}/{len(content)}"
-        self.answer(206, part, [*headers, ("Content-Range", span)])
+        if not self.give_range(content, headers):
+            self.fail(416, "InvalidRange", [("Content-Range", f"bytes */{len(content)}")])
 
     def do_PUT(self):
         place = self.ask()
@@ -193,18 +158,11 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if self.headers.get("Transfer-Encoding") or "Content-Length" not in self.headers:
             self.close_connection = True
             return self.fail(411, "MissingContentLengthHeader")
-        length = int(self.headers["Content-Length"])
-        if what == "block" and length > 1 and happens("broken"):
-            self.rfile.read(length // 2)
-            self.close_connection = True
+        # A block of one byte asks whether one may write.
+        is_part = what == "block" and int(self.headers["Content-Length"]) > 1
+        content = self.receive(is_part, is_counted=is_part)
+        if content is None:
             return
-        with lock:
-            counts["now"] += what == "block" and length > 1
-            counts["most_at_once"] = max(counts["most_at_once"], counts["now"])
-        content = self.rfile.read(length)
-        time.sleep(faults.get("latency", 0))
-        with lock:
-            counts["now"] -= what == "block" and length > 1
         if what == "block":
             return self.put_block(content)
         names = [name.lower()[len("x-ms-meta-") :] for name in self.headers if name.lower().startswith("x-ms-meta-")]
@@ -218,7 +176,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             if not self.may_make(place):
                 return
             self.make(place, content, {})
-        self.made(place)
+        self.made(place, 201)
 
     def put_block(self, content):
         name = self.query.get("blockid", "")
@@ -259,13 +217,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             if not self.may_make(place):
                 return
             self.make(place, b"".join(blocks[name] for _, name in named), blocks)
-        self.made(place)
-
-    def made(self, place):
-        if happens("lost"):
-            self.close_connection = True
-            return
-        self.answer(201, headers=[("ETag", self.tag(place))])
+        self.made(place, 201)
 
     def do_POST(self):
         if self.ask() is not None:
@@ -280,10 +232,4 @@ class Handler(http.server.BaseHTTPRequestHandler):
         os.remove(place)
         self.answer(202)
 
-    def log_message(self, *_):
-        pass
-
-
-server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-print(server.server_address[1], flush=True)
-server.serve_forever()
+serve(Handler)

@@ -166,7 +166,7 @@ fn a_texture_that_is_missing_is_named_with_its_material() {
     let model = write(folder.path(), "a.obj", obj);
     write(folder.path(), "a.mtl", "# made by hand\nnewmtl oak\nmap_Kd bark.png\n");
     let asset = folder.path().join("x.fan");
-    let words = ["the base colour of material \"oak\" (line 2 of a.mtl)", "bark.png", "put the file there"];
+    let words = ["the base colour of material \"oak\" (line 3 of a.mtl)", "bark.png", "put the file there"];
     fails(1, &words, &[&"bake", &model, &"-o", &asset]);
     fails(1, &words, &[&"render", &model, &"-o", &folder.path().join("x.png")]);
     assert_eq!(files(folder.path()), ["a.mtl", "a.obj"]);

@@ -16,26 +16,23 @@ GET /state tells what is under way, parts and uploads, and how many bytes came i
 import datetime
 import hashlib
 import hmac
-import http.server
-import json
 import os
 import re
 import sys
 import tempfile
-import threading
-import time
 import urllib.parse
+
+import folder_store
+from folder_store import counts, faults, happens, lock, serve
 
 FOLDER, BUCKET, KEY_ID, SECRET, PUBLIC = sys.argv[1:6]
 MARK = "x-amz-meta-fantex-upload"
 # Beside the folder, so that what is made gets its name at once.
 WORK = os.path.dirname(os.path.abspath(FOLDER))
 
-lock = threading.Lock()
 uploads = {}
 marks = {}
-faults = {}
-counts = {"parts": 0, "most_at_once": 0, "now": 0, "aborted": 0, "received": 0, "given": 0, "copied": 0}
+counts.update({"aborted": 0, "received": 0, "given": 0, "copied": 0})
 MIN_PART = 5 << 20
 
 
@@ -56,17 +53,7 @@ def signature(method, path, query, headers, region, date, time):
     return hmac.new(key, text.encode(), hashlib.sha256).hexdigest()
 
 
-def happens(fault):
-    """Whether a fault happens now; each does so often."""
-    with lock:
-        left = faults.get(fault, 0)
-        faults[fault] = max(left - 1, 0)
-        return left > 0
-
-
-class Handler(http.server.BaseHTTPRequestHandler):
-    protocol_version = "HTTP/1.1"
-
+class Handler(folder_store.Handler):
     def may_ask(self, path, query):
         values = dict(query)
         if "X-Amz-Signature" not in values:
@@ -87,28 +74,14 @@ class Handler(http.server.BaseHTTPRequestHandler):
             and values["X-Amz-Signature"] == signature(self.command, path, query, headers, region, date, time)
         )
 
-    def answer(self, status, body=b"", headers=(), is_late=True):
-        time.sleep(faults.get("latency", 0) if is_late else 0)
-        self.send_response(status)
-        for name, value in headers:
-            self.send_header(name, value)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
-
     def fail(self, status, code):
         self.answer(status, f"<?xml version=\"1.0\"?><Error><Code>{code}</Code><Message>no</Message></Error>".encode())
 
     def ask(self):
         """What the request is about: the object's file and the query; None where it is answered already."""
-        path, _, query = self.path.partition("?")
-        self.query = dict(urllib.parse.parse_qsl(query, keep_blank_values=True))
-        if path in ("/faults", "/state"):
-            if path == "/faults":
-                faults.update((name, float(value)) for name, value in self.query.items())
-            self.answer(200, json.dumps({**counts, "uploads": len(uploads)}).encode(), is_late=False)
+        if self.is_for_tests(len(uploads)):
             return None
+        path, _, query = self.path.partition("?")
         bucket, _, self.key = urllib.parse.unquote(path)[1:].partition("/")
         pairs = urllib.parse.parse_qsl(query, keep_blank_values=True)
         is_public = self.command in ("GET", "HEAD") and self.key == PUBLIC
@@ -147,9 +120,6 @@ class Handler(http.server.BaseHTTPRequestHandler):
         os.replace(file.name, place)
         marks[self.key] = mark
 
-    def do_HEAD(self):
-        self.do_GET()
-
     def do_GET(self):
         place = self.ask()
         if place is None:
@@ -163,32 +133,21 @@ class Handler(http.server.BaseHTTPRequestHandler):
             headers.append((MARK, marks[self.key]))
         if self.command == "HEAD":
             return self.answer(200, content, headers)
-        first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers["Range"]).groups())
-        if first >= len(content):
+        given = self.give_range(content, headers)
+        if not given:
             return self.answer(416, headers=[*headers, ("Content-Range", f"bytes */{len(content)}")])
-        part = content[first : last + 1]
         with lock:
-            counts["given"] += len(part)
-        span = f"bytes {first}-{first + len(part) - 1}/{len(content)}"
-        self.answer(206, part, [*headers, ("Content-Range", span)])
+            counts["given"] += given
 
     def do_PUT(self):
         place = self.ask()
         if place is None:
             return
-        length = int(self.headers["Content-Length"])
         part = self.query.get("partNumber")
-        if part and happens("broken"):
-            self.rfile.read(length // 2)
-            self.close_connection = True
+        content = self.receive(is_part=part is not None, is_counted=True)
+        if content is None:
             return
         with lock:
-            counts["now"] += 1
-            counts["most_at_once"] = max(counts["most_at_once"], counts["now"])
-        content = self.rfile.read(length)
-        time.sleep(faults.get("latency", 0))
-        with lock:
-            counts["now"] -= 1
             counts["received"] += len(content)
         source = self.headers.get("x-amz-copy-source")
         if part and source and not faults.get("deaf"):
@@ -209,7 +168,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             if not self.may_make(place):
                 return
             self.make(place, content, self.headers.get(MARK))
-        self.made(place)
+        self.made(place, 200)
 
     def take_part(self, number, content):
         """Keeps a part; gives its tag, none where it is answered already."""
@@ -255,12 +214,6 @@ class Handler(http.server.BaseHTTPRequestHandler):
         space = "http://s3.amazonaws.com/doc/2006-03-01/"
         self.answer(200, f'<?xml version="1.0"?><CopyPartResult xmlns="{space}">{result}</CopyPartResult>'.encode())
 
-    def made(self, place, body=b""):
-        if happens("lost"):
-            self.close_connection = True
-            return
-        self.answer(200, body, [("ETag", self.tag(place))])
-
     def do_POST(self):
         place = self.ask()
         if place is None:
@@ -296,7 +249,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 return
             self.make(place, b"".join(parts), upload["mark"])
             del uploads[self.query["uploadId"]]
-        self.made(place, b"<CompleteMultipartUploadResult><ETag>a</ETag></CompleteMultipartUploadResult>")
+        self.made(place, 200, b"<CompleteMultipartUploadResult><ETag>a</ETag></CompleteMultipartUploadResult>")
 
     def do_DELETE(self):
         place = self.ask()
@@ -312,10 +265,4 @@ class Handler(http.server.BaseHTTPRequestHandler):
             os.remove(place)
         self.answer(204)
 
-    def log_message(self, *_):
-        pass
-
-
-server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-print(server.server_address[1], flush=True)
-server.serve_forever()
+serve(Handler)

@@ -276,6 +276,7 @@ impl Surface {
             triangle_materials,
             materials,
             images: model.images,
+            image_places: model.image_places,
             parts,
             world_from_mesh,
             undisplaced_bounds: None,

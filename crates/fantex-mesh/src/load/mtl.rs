@@ -24,6 +24,8 @@ pub(super) struct Library {
     /// Index into `materials`.
     pub(super) of_name: HashMap<String, usize>,
     pub(super) images: Vec<ImageSource>,
+    /// Where each image is first named.
+    pub(super) image_places: Vec<String>,
     /// Index into `images`.
     of_path: HashMap<PathBuf, usize>,
     /// Index into `images`, of those made of channels of others.
@@ -107,6 +109,11 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
+    /// Where the reader is, for messages.
+    fn place(&self) -> String {
+        format!("line {} of {}", self.line, self.path.file_name().unwrap_or_default().to_string_lossy())
+    }
+
     fn read_line(&mut self, line: &[u8]) -> Result<()> {
         let keyword = &line[..line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len())];
         let arguments = line[keyword.len()..].trim_ascii();
@@ -116,9 +123,7 @@ impl<'a> Reader<'a> {
         if keyword == b"newmtl" {
             self.end_material();
             let name = String::from_utf8_lossy(arguments).into_owned();
-            let file = self.path.file_name().unwrap_or_default().to_string_lossy();
-            let place = format!("line {} of {file}", self.line);
-            let material = Material { name, place, ..Material::default() };
+            let material = Material { name, place: self.place(), ..Material::default() };
             self.current = Some(Pending { material, ..Pending::default() });
             return Ok(());
         }
@@ -282,8 +287,13 @@ impl<'a> Reader<'a> {
 
     /// An image of channels of others.
     fn packed(&mut self, channels: [Option<(usize, ImageChannel)>; 4]) -> usize {
-        let images = &mut self.library.images;
-        *self.library.of_channels.entry(channels).or_insert_with(|| {
+        let Library { images, image_places, of_channels, .. } = &mut *self.library;
+        *of_channels.entry(channels).or_insert_with(|| {
+            let mut parts: Vec<usize> = channels.iter().flatten().map(|&(image, _)| image).collect();
+            parts.dedup();
+            let places: Vec<&str> = parts.into_iter().map(|image| image_places[image].as_str()).collect();
+            let place = places.join(" and ");
+            image_places.push(place);
             let channels = channels.map(|of| {
                 let (image, channel) = of?;
                 Some(PackedChannel { source: images[image].clone(), channel })
@@ -315,8 +325,10 @@ impl<'a> Reader<'a> {
     }
 
     fn image(&mut self, path: PathBuf) -> usize {
-        let images = &mut self.library.images;
-        *self.library.of_path.entry(path).or_insert_with_key(|path| {
+        let place = self.place();
+        let Library { images, image_places, of_path, .. } = &mut *self.library;
+        *of_path.entry(path).or_insert_with_key(|path| {
+            image_places.push(place);
             images.push(ImageSource::File(path.clone()));
             images.len() - 1
         })

@@ -510,6 +510,7 @@ fn linear_colors(text: &ObjText, notes: &mut Vec<String>) -> Vec<Vec4> {
 fn assign_materials(model: &mut Model, names: &[String], of_triangle: Vec<u32>, library: Library) {
     model.notes.extend(library.notes);
     model.images = library.images;
+    model.image_places = library.image_places;
     let mut index_of_name = vec![None; names.len()];
     model.triangle_materials = of_triangle;
     let mut undefined = Vec::new();

@@ -7,8 +7,8 @@ use fantex_bake::BakeFormat;
 use fantex_base::ErrorKind;
 use fantex_mesh::{Mesh, generate};
 use fantex_paint::{
-    BlendMode, ChannelPaint, Layer, MaskMeasure, MaskSource, Paint, PaintColor, Painter, StrokeFile,
-    StrokeLog, Target, Tool, dabs_of, replay,
+    BlendMode, ChannelPaint, Layer, LayerMove, MaskMeasure, MaskSource, Paint, PaintColor, Painter,
+    StrokeFile, StrokeLog, Target, Tool, dabs_of, replay,
 };
 use fantex_store::{Asset, AssetEditor, EditOptions, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -112,6 +112,34 @@ fn layers_over_paint_on_the_base_give_it_back() {
     while painter.undo().unwrap() {}
     let untouched = ball(60_000, BakeFormat::Bc7);
     assert!(contents(&painter) == contents(&untouched.painter()));
+}
+
+/// Pages of a layer that one step changes twice are as before when it is taken back.
+#[test]
+fn two_merges_in_one_step_are_undone() {
+    let baked = ball(60_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let ids = ["lowest", "middle", "top"].map(|name| painter.add_layer(Layer::painted(name)).unwrap());
+    let paints = [red(1.0), white(), red(0.5)];
+    for (&id, paint) in ids.iter().zip(paints) {
+        paint_on(&mut painter, Target::Layer(id), paint, &LINE);
+    }
+    let [lowest, middle, top] = ids;
+    let alone = |painter: &mut Painter| {
+        let hide = |layer: &mut Layer| layer.visible = layer.id() == lowest;
+        painter.edit_layers("alone", |layers| layers.iter_mut().for_each(hide)).unwrap();
+        let seen = contents(painter);
+        painter.undo().unwrap();
+        seen
+    };
+    let before = alone(&mut painter);
+    let stack = painter.layers().iter().filter(|layer| layer.id() == lowest).cloned().collect();
+    let moves = [LayerMove::Merge([middle, lowest]), LayerMove::Merge([top, lowest])];
+    painter.set_layers("merge all", stack, &moves).unwrap();
+    assert!(alone(&mut painter) != before);
+    painter.undo().unwrap();
+    assert_eq!(painter.layers().len(), 3);
+    assert!(alone(&mut painter) == before);
 }
 
 /// A tile's own value at a point of the surface differs from its neighbours' by no more than the texture varies: a fill layer of

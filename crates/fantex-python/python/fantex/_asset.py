@@ -181,8 +181,9 @@ class Asset:
             srgb: give colours as ``uint8`` in sRGB.
 
         Returns:
-            ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z. NaN for points that are not finite, all 0 with
-            ``srgb``. One row alone, without the first axis, for one point.
+            ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z; for anisotropy the
+            highlight's direction in x, y and z and its strength. NaN for points that are not finite, all 0
+            with ``srgb``. One row alone, without the first axis, for one point.
         """
         is_single = False
         if points is not None:

@@ -75,6 +75,7 @@ pub(crate) fn sheet(n: u32) -> Mesh {
         positions,
         triangles,
         images: Vec::new(),
+        image_places: Vec::new(),
         world_from_mesh: WorldFromMesh { offset: DVec3::new(1e6, 2.0, -3.5), scale: 64.0 },
         undisplaced_bounds: None,
     }

@@ -122,9 +122,10 @@ impl ImageUse {
     }
 }
 
-/// A material in messages: its name and its place in the model file, as far as there are any.
-fn label(index: usize, Material { name, place, .. }: &Material) -> String {
-    match (name.as_str(), place.as_str()) {
+/// A material in messages: its name and the place in the model file where it names the image, or else its own, as far as there are any.
+fn label(mesh: &Mesh, index: usize, image: usize) -> String {
+    let Material { name, place, .. } = &mesh.materials[index];
+    match (name.as_str(), mesh.image_places.get(image).unwrap_or(place).as_str()) {
         ("", "") => format!("material {index}"),
         ("", place) => place.to_owned(),
         (name, "") => format!("material {name:?}"),
@@ -158,7 +159,7 @@ pub fn read_used_images<T: Send>(
     let loaded: Vec<_> = used_images(mesh, usable)
         .into_par_iter()
         .map(|(used, index, channel)| {
-            let failed = |cause| unreadable(channel, &label(index, &mesh.materials[index]), cause);
+            let failed = |cause| unreadable(channel, &label(mesh, index, used.image), cause);
             Ok((used, read(&mesh.images[used.image], used).map_err(failed)?))
         })
         .collect();

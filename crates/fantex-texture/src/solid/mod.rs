@@ -72,6 +72,12 @@ pub trait Solid: Send + Sync {
     }
 }
 
+impl Solid for Box<dyn Solid> {
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        (**self).colors(at, colors);
+    }
+}
+
 /// Calls `block` with up to [`BLOCK`] points and their colours at a time.
 fn in_blocks(
     at: &[SolidPoint],

@@ -31,9 +31,9 @@ Example:
   fantex bench stream world.fan --pool 16M --path flight.json
   fantex bench stream world.fan --gpu --size 1920x1080
 
-A path is a JSON file as 'fantex view' records it: {\"keys\": [{\"seconds\": 0,
-\"eye\": [0, 2, 5], \"target\": [0, 1, 0],
-\"up\": [0, 1, 0], \"fov_degrees\": 50}, ...]}. Without one the camera circles the model, flies through it
+A path is a JSON file as 'fantex view' records it: {\"keys\": [{\"seconds\": 0, \
+\"eye\": [0, 2, 5], \"target\": [0, 1, 0], \
+\"up\": [0, 1, 0], \"fov_degrees\": 50}, ...]}. Without one the camera circles the model, flies through it \
 and jumps around.")]
 pub(super) struct StreamArgs {
     /// An asset (.fan) or its URL
