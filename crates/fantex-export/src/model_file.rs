@@ -11,7 +11,6 @@ use fantex_base::files::{exists, folder_of, persist_all, temporary_file};
 use fantex_base::{Error, Result, uri_escaped};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
-use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use tempfile::TempPath;
 

@@ -5,6 +5,7 @@ use fantex_base::{Error, ErrorKind, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, CornerOrigins, Mesh, Model, clean_traced};
 use glam::{DVec3, Vec2};
+use rustc_hash::FxHashMap;
 
 use crate::layout::{AtlasRequest, atlas};
 use crate::vertex_copies::VertexCopies;

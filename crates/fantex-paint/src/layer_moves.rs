@@ -13,9 +13,7 @@ use crate::layer_groups::{
     become_painted, groups_around, layer_below, move_layer, only_erases, remove_layer, with_members,
 };
 use crate::layer_stack::LayerStack;
-use crate::layers::{
-    Held, Layers, TEXEL_BYTES, base_bytes, base_name, float_of, page_name, page_of_suffix, prefix,
-};
+use crate::layers::{Held, Layers, TEXEL_BYTES, base_bytes, base_name, float_of, page_name, prefix};
 use crate::levels::{fine_rect, pages_of};
 use crate::texel_page::Rect;
 use crate::{BlendMode, GroupKind, Layer, LayerContent, LayerPlace, Painter, SurfacePoint, Target};
