@@ -32,6 +32,17 @@ pub enum LayerMove {
 /// Pages that are merged at a time.
 const BATCH: usize = 16;
 
+/// Refuses to merge layers that are not there.
+pub(crate) fn check_moves(layers: &Layers, moves: &[LayerMove]) -> Result<()> {
+    for step in moves {
+        let LayerMove::Merge(ids) = step else { continue };
+        if let Some(id) = ids.iter().find(|&&id| layers.find(id).is_none()) {
+            return Err(Error::not_found(format!("there is no layer number {id} to be merged")));
+        }
+    }
+    Ok(())
+}
+
 impl Painter {
     /// Puts a copy of a layer above it, with what was painted on it and its mask, of a group with all within it; returns the copy's number.
     ///
@@ -149,11 +160,6 @@ impl Painter {
                 let mut stack = Vec::new();
                 let members: BTreeSet<u64> =
                     [upper, lower].into_iter().flat_map(|id| with_members(&before.stack, id)).collect();
-                for id in [upper, lower] {
-                    before.find(id).ok_or_else(|| {
-                        Error::not_found(format!("there is no layer number {id} to be merged"))
-                    })?;
-                }
                 // What does nothing but erase is laid over nothing as paint: what that covers, the layer erases.
                 let is_hole = [upper, lower].iter().all(|&id| only_erases(&before.stack, id));
                 let lets_pass = |id: &u64| {

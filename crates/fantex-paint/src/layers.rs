@@ -28,6 +28,7 @@ use crate::error::encoded;
 use crate::graph::{check_files, found_folder, kept_folder};
 use crate::history::PageStep;
 use crate::layer_groups::{check_depth, move_layer, tidy};
+use crate::layer_moves::check_moves;
 use crate::layer_stack::LayerStack;
 use crate::steps::Changes;
 use crate::stroke_page::StrokePage;
@@ -432,7 +433,7 @@ impl Painter {
             return Ok(());
         }
         let path = self.editor.asset().path().to_owned();
-        let checked = check_stack(&self.layers.stack, &path);
+        let checked = check_moves(&before, moves).and_then(|()| check_stack(&self.layers.stack, &path));
         if let Err(error) = checked.and_then(|()| self.fills.update(&self.surface, &self.layers)) {
             self.layers = before;
             return Err(error);

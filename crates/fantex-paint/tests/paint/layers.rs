@@ -140,6 +140,10 @@ fn two_merges_in_one_step_are_undone() {
     painter.undo().unwrap();
     assert_eq!(painter.layers().len(), 3);
     assert!(alone(&mut painter) == before);
+    // Layers that are not there are not merged, and nothing else is done then.
+    let refused = painter.set_layers("merge", Vec::new(), &[LayerMove::Merge([99, lowest])]).unwrap_err();
+    assert_eq!(refused.to_string(), "there is no layer number 99 to be merged");
+    assert_eq!(painter.layers().len(), 3);
 }
 
 /// A tile's own value at a point of the surface differs from its neighbours' by no more than the texture varies: a fill layer of
