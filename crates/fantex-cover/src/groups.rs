@@ -156,6 +156,9 @@ const SMALL: u32 = 16;
 /// Dear ones cost at least so many times their texels: 3 dB are lost.
 const DEAR: f32 = 1.25;
 
+/// So much of the whole cost must be lost in small groups that are dear: rough scans, where less is, gain 0.2 dB in a fifth more time.
+const MUCH: f64 = 0.15;
+
 /// Of groups that are small and dear so many fans are laid flat freely, those first that cost most.
 const MAX_DEAR_FANS: usize = 500_000;
 
@@ -420,7 +423,7 @@ impl Builder<'_> {
         FlatLimits { delta: self.limits.delta, pad: pad(density), facing: 0.0 }
     }
 
-    /// Which patches are small and dear, if much is lost there.
+    /// Which patches are small and dear, where much is lost in them.
     fn dear(&self, patches: &[Patch]) -> Vec<bool> {
         let is_dear = |patch: &Patch| patch.length <= SMALL && patch.cost() >= DEAR * patch.texels();
         let lost_per_fan = |patch: &Patch| (patch.cost() - patch.texels()) / patch.length as f32;
@@ -440,7 +443,7 @@ impl Builder<'_> {
             lost += f64::from(lost_per_fan) * f64::from(length);
         }
         let cost: f64 = patches.iter().map(|patch| f64::from(patch.cost())).sum();
-        if lost < f64::from(WORTH_UNROLLING) * cost {
+        if lost < MUCH * cost {
             is_tried.fill(false);
         }
         is_tried

@@ -54,6 +54,9 @@ def test_wrong_questions(waves):
         waves.sample([[0, 0, 1]], channel="roughness")
     with pytest.raises(IndexError, match="there is no face 99999999"):
         waves.sample(face=[99999999], barycentric=[[1, 0, 0]])
+    for length in (-1, float("nan"), float("inf"), [1, 2]):
+        with pytest.raises(ValueError, match="footprint has"):
+            waves.sample([0, 0, 1], footprint=length)
     with pytest.raises(ValueError, match="points, or face and barycentric"):
         waves.sample()
     with pytest.raises(FileNotFoundError):

@@ -196,6 +196,8 @@ class Asset:
         face, barycentric, is_nowhere, is_one = _on_surface(face, barycentric)
         if footprint is not None:
             footprint = np.atleast_1d(_array(footprint, np.float64, "footprint"))
+            if not (np.isfinite(footprint) & (footprint >= 0)).all():
+                raise ValueError("footprint has lengths below zero, or such that are not finite")
         values = self._native.sample(channel, face, barycentric, footprint)
         values[is_nowhere] = np.nan
         if srgb:
