@@ -31,6 +31,8 @@ let hasPicture = false;
 let isLoading = false;
 /** Tells of a wait that is long. */
 let timer = null;
+/** When the last frame began. */
+let lastFrame = 0;
 /** Bytes of texels that were there when something new came last. */
 let uploadedBytes = -1;
 
@@ -76,14 +78,20 @@ function fetchAhead(asset, ranges) {
 const RELOAD = { name: "Load again", run: () => location.reload() };
 
 const SLOW = "Still loading: the connection is slow.";
+const SLOW_DEVICE = "Still drawing: this device is slow.";
 
 /** Something new has come: ends the sentence that the page waits, and waits for the next where there is one. Pages that nobody sees get no frames. */
 function cameNew(isMore = isLoading) {
     isLoading = isMore;
     clearTimeout(timer);
-    if (line.dataset.said === SLOW) say("");
+    if ([SLOW, SLOW_DEVICE].includes(line.dataset.said)) say("");
     if (!isMore || document.hidden) return;
-    timer = setTimeout(() => { if (line.dataset.kind !== "error") say(SLOW); }, SLOW_MILLISECONDS);
+    timer = setTimeout(() => {
+        if (line.dataset.kind === "error") return;
+        // A device that is behind holds frames back.
+        const isBehind = viewer && performance.now() - lastFrame > SLOW_MILLISECONDS / 2;
+        say(isBehind ? SLOW_DEVICE : SLOW);
+    }, SLOW_MILLISECONDS);
 }
 
 /** What the page is doing, for tests, style sheets and whoever measures: a mark on the page's time line tells when it began. */
@@ -116,6 +124,7 @@ function schedule() {
 function frame(now) {
     scheduled = false;
     if (!viewer) return;
+    lastFrame = performance.now();
     try {
         const progress = viewer.frame(now);
         // How far it is while nothing is finished cannot be told.

@@ -6,6 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use serde_json::json;
+
 use super::driver::Browser;
 use super::three::{WHOLE, address, page};
 use super::{bottle, browser, serve};
@@ -82,6 +84,20 @@ fn a_slow_server_is_waited_for_and_named() {
     slow.delay.store(0, Ordering::Relaxed);
     let (state, said) = browser.wait_for(&["sharp", "failed"]);
     assert_eq!((state.as_str(), said.as_str()), ("sharp", ""));
+}
+
+#[test]
+fn a_slow_device_is_not_taken_for_a_slow_connection() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = bottle(folder.path(), "1M");
+    let (_server, served) = serve(&asset, &[]);
+    // The next frame never comes.
+    let script = "window.requestAnimationFrame = () => 0";
+    browser.command("Page.addScriptToEvaluateOnNewDocument", &json!({ "source": script }));
+    browser.open(&served.url);
+    wait_for_sentence(&browser, "Still drawing: this device is slow.");
+    assert_eq!(browser.run("return document.documentElement.dataset.state"), "loading");
 }
 
 #[test]
