@@ -20,6 +20,7 @@ use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
 use crate::overlaps::without_crossings;
+use crate::slots::Slots;
 use crate::unions::unite;
 
 /// A piece of the surface in the plane, none of whose triangles overlap.
@@ -82,10 +83,10 @@ pub(crate) fn charts(
     let edges = edges(mesh, across);
     let atoms = atoms(mesh, cover, &edges);
     let patches = join(mesh, &atoms, &edges, texels_per_unit);
-    let projected =
-        patches.into_par_iter().flat_map_iter(|patch| charts_of(mesh, patch, across, texels_per_unit));
+    let cutter = Cutter::new(mesh, across, texels_per_unit);
+    let projected = patches.into_par_iter().flat_map_iter(|patch| cutter.charts_of(patch));
     let united = unite(mesh, projected.collect(), across, progress);
-    let whole = united.into_par_iter().flat_map_iter(|chart| cut(mesh, chart, true, across, texels_per_unit));
+    let whole = united.into_par_iter().flat_map_iter(|chart| cutter.cut(chart, true));
     whole.map_init(RectangleFinder::default, |rectangles, chart| chart.lying(rectangles)).collect()
 }
 
@@ -451,54 +452,67 @@ const MAX_CELLS: f32 = 4096.0;
 /// How much a triangle is shrunk before its cells are taken, so that neighbours never meet: share of a cell.
 const SHRINK: f32 = 1e-3;
 
-fn charts_of(mesh: &Mesh, patch: Patch, across: &[u32], texels_per_unit: f32) -> Vec<Chart> {
-    let (seen, hidden): (Vec<u32>, Vec<u32>) = patch
-        .triangles
-        .into_iter()
-        .partition(|&t| facet_normal(mesh, t as usize).dot(patch.direction) >= MIN_FACING_OF_CHART);
-    let mut charts = Vec::new();
-    if !seen.is_empty() {
-        charts = cut(mesh, Chart::projected(mesh, seen, patch.direction), false, across, texels_per_unit);
-    }
-    let alone = |t: u32| Chart::projected(mesh, vec![t], facet_normal(mesh, t as usize));
-    charts.extend(hidden.into_iter().map(alone));
-    charts
-}
-
-/// Cuts a chart into some that do not overlap themselves. `is_whole` where it hangs together, so that its border tells.
-fn cut(mesh: &Mesh, chart: Chart, is_whole: bool, across: &[u32], texels_per_unit: f32) -> Vec<Chart> {
-    let (mut charts, mut waiting) = (Vec::new(), vec![(chart, is_whole)]);
-    while let Some((chart, is_whole)) = waiting.pop() {
-        let is_taken = first_part(mesh, &chart, is_whole, across, texels_per_unit);
-        if is_all(&is_taken) {
-            charts.push(chart);
-            continue;
-        }
-        waiting.extend([false, true].map(|which| {
-            let part = chart.iter().zip(&is_taken).filter(|(_, is)| **is == which);
-            let (triangles, corners) = part.map(|(triangle, _)| triangle).unzip();
-            (Chart::new(triangles, corners), false)
-        }));
-    }
-    charts
-}
-
 fn is_all(is_taken: &[bool]) -> bool {
     is_taken.iter().all(|&is| is)
 }
 
-/// Which triangles of a chart come into its first part, all of them where it does not overlap itself.
-fn first_part(mesh: &Mesh, chart: &Chart, is_whole: bool, across: &[u32], texels_per_unit: f32) -> Vec<bool> {
-    let uncrossed = is_whole.then(|| without_crossings(chart, across));
-    if let Some(uncrossed) = uncrossed.as_ref().filter(|uncrossed| is_all(uncrossed)) {
-        return uncrossed.clone();
+struct Cutter<'a> {
+    mesh: &'a Mesh,
+    across: &'a [u32],
+    texels_per_unit: f32,
+    /// In the charts, of which each triangle is in one.
+    slots: Slots,
+}
+
+impl<'a> Cutter<'a> {
+    fn new(mesh: &'a Mesh, across: &'a [u32], texels_per_unit: f32) -> Self {
+        Self { mesh, across, texels_per_unit, slots: Slots::new(mesh.triangles.len()) }
     }
-    // Much of it first, where it overlaps widely.
-    let in_cells = without_overlap(mesh, chart, texels_per_unit);
-    if !is_all(&in_cells) {
-        return in_cells;
+
+    fn charts_of(&self, patch: Patch) -> Vec<Chart> {
+        let normal = |t: u32| facet_normal(self.mesh, t as usize);
+        let is_seen = |t: &u32| normal(*t).dot(patch.direction) >= MIN_FACING_OF_CHART;
+        let (seen, hidden): (Vec<u32>, Vec<u32>) = patch.triangles.into_iter().partition(is_seen);
+        let mut charts = Vec::new();
+        if !seen.is_empty() {
+            charts = self.cut(Chart::projected(self.mesh, seen, patch.direction), false);
+        }
+        charts.extend(hidden.into_iter().map(|t| Chart::projected(self.mesh, vec![t], normal(t))));
+        charts
     }
-    uncrossed.unwrap_or_else(|| without_crossings(chart, across))
+
+    /// Cuts a chart into some that do not overlap themselves. `is_whole` where it hangs together, so that its border tells.
+    fn cut(&self, chart: Chart, is_whole: bool) -> Vec<Chart> {
+        let (mut charts, mut waiting) = (Vec::new(), vec![(chart, is_whole)]);
+        while let Some((chart, is_whole)) = waiting.pop() {
+            let is_taken = self.first_part(&chart, is_whole);
+            if is_all(&is_taken) {
+                charts.push(chart);
+                continue;
+            }
+            waiting.extend([false, true].map(|which| {
+                let part = chart.iter().zip(&is_taken).filter(|(_, is)| **is == which);
+                let (triangles, corners) = part.map(|(triangle, _)| triangle).unzip();
+                (Chart::new(triangles, corners), false)
+            }));
+        }
+        charts
+    }
+
+    /// Which triangles of a chart come into its first part, all of them where it does not overlap itself.
+    fn first_part(&self, chart: &Chart, is_whole: bool) -> Vec<bool> {
+        let uncrossed = || without_crossings(chart, self.across, &self.slots);
+        let of_whole = is_whole.then(uncrossed);
+        if let Some(all) = of_whole.as_ref().filter(|is_taken| is_all(is_taken)) {
+            return all.clone();
+        }
+        // Much of it first, where it overlaps widely.
+        let in_cells = without_overlap(self.mesh, chart, self.texels_per_unit);
+        if !is_all(&in_cells) {
+            return in_cells;
+        }
+        of_whole.unwrap_or_else(uncrossed)
+    }
 }
 
 /// Which triangles share no cell; taken in the order in which they hang together, so that what is left over hangs together as well.
@@ -641,7 +655,7 @@ mod tests {
         let mesh = helix();
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let patch = Patch { triangles: all.clone(), direction: Vec3::Z };
-        let charts = charts_of(&mesh, patch, &continued(&mesh), 200.0);
+        let charts = Cutter::new(&mesh, &continued(&mesh), 200.0).charts_of(patch);
         assert_eq!(charts.len(), 2);
         let mut triangles: Vec<u32> = charts.iter().flat_map(|c| c.triangles.clone()).collect();
         triangles.sort_unstable();
@@ -654,7 +668,7 @@ mod tests {
         let triangle = |x: f32, y: f32| [[x, y], [x + 1.0, y + 2.0], [x + 2.0, y]].map(Vec2::from);
         let mesh = Mesh { triangles: vec![[0, 1, 2], [3, 4, 5]], ..Mesh::default() };
         let chart = Chart::new(vec![0, 1], vec![triangle(0.0, 0.0), triangle(0.5, 1.75)]);
-        let charts = cut(&mesh, chart, true, &continued(&mesh), 0.01);
+        let charts = Cutter::new(&mesh, &continued(&mesh), 0.01).cut(chart, true);
         let triangles: Vec<_> = charts.into_iter().map(|chart| chart.triangles).collect();
         assert_eq!(triangles, [[0], [1]]);
     }

@@ -24,6 +24,7 @@ mod overlaps;
 mod packing;
 mod pictures;
 mod planes;
+mod slots;
 mod texels;
 mod unions;
 mod unwrap;

@@ -10,6 +10,7 @@ use glam::{DVec2, Vec2};
 use rustc_hash::FxHashMap;
 
 use crate::charts::{Chart, NONE};
+use crate::slots::Slots;
 
 /// A side of a triangle on the border of a chart.
 #[derive(Clone, Copy)]
@@ -45,15 +46,18 @@ const ROUNDING: f64 = 1e-5;
 const ROUNDING_OF_ANGLES: f64 = 1e-4;
 
 /// Which triangles have no side on the border that crosses another one's, but for the larger one of any two: where a chart overlaps itself by
-/// less than a cell, its border crosses itself.
-pub(crate) fn without_crossings(chart: &Chart, across: &[u32]) -> Vec<bool> {
+/// less than a cell, its border crosses itself. Numbers the chart's triangles.
+pub(crate) fn without_crossings(chart: &Chart, across: &[u32], slots: &Slots) -> Vec<bool> {
+    slots.number(&chart.triangles);
+    // What is no triangle of the chart has any number.
+    let index_of = |t: u32| Some(slots.of(t) as usize).filter(|&i| chart.triangles.get(i) == Some(&t));
     let mut sides = Vec::new();
     for (index, (triangle, corners)) in chart.iter().enumerate() {
         for (k, half_edge) in (0..3).zip(3 * triangle..) {
             let ends = [corners[k], corners[(k + 1) % 3]];
             let other = across[half_edge as usize];
             let goes_on = other != NONE
-                && chart.triangles.binary_search(&(other / 3)).is_ok_and(|beyond| {
+                && index_of(other / 3).is_some_and(|beyond| {
                     let corners = chart.corners[beyond];
                     let at = other as usize % 3;
                     [corners[(at + 1) % 3], corners[at]] == ends
@@ -189,7 +193,7 @@ mod tests {
             [(4, 80.0, true), (6, 60.0, true), (6, 65.0, false), (3, 150.0, false)]
         {
             let (mesh, chart) = fan(count, degrees);
-            let is_taken = without_crossings(&chart, &continued(&mesh));
+            let is_taken = without_crossings(&chart, &continued(&mesh), &Slots::new(mesh.triangles.len()));
             assert_eq!(is_taken.iter().all(|&is| is), is_whole, "{count} of {degrees} degrees: {is_taken:?}");
         }
     }
@@ -200,7 +204,10 @@ mod tests {
         let triangle = |x: f32, y: f32| [[x, y], [x + 1.0, y + 2.0], [x + 2.0, y]].map(Vec2::from);
         let mesh = Mesh { triangles: vec![[0, 1, 2], [3, 4, 5]], ..Mesh::default() };
         let chart = Chart::new(vec![0, 1], vec![triangle(0.0, 0.0), triangle(0.5, 1.75)]);
-        assert_eq!(without_crossings(&chart, &continued(&mesh)), [true, false]);
+        assert_eq!(
+            without_crossings(&chart, &continued(&mesh), &Slots::new(mesh.triangles.len())),
+            [true, false]
+        );
     }
 
     /// Two squares of two triangles each, the second moved by this much to the right of the first one's left side.
@@ -214,7 +221,7 @@ mod tests {
             let triangles = vec![[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]];
             let mesh = Mesh { triangles, ..Mesh::default() };
             let chart = Chart::new((0..4).collect(), [square(0., 0.), square(shift, 0.3)].concat());
-            let is_taken = without_crossings(&chart, &continued(&mesh));
+            let is_taken = without_crossings(&chart, &continued(&mesh), &Slots::new(mesh.triangles.len()));
             assert_eq!(is_taken.iter().all(|&is| is), is_whole, "moved by {shift}: {is_taken:?}");
         }
     }

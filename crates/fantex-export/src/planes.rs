@@ -49,6 +49,18 @@ pub(crate) struct Fit {
     pub(crate) misfit: f64,
 }
 
+/// The length of a half-edge, and where one of its ends lies on this and on the other side.
+type Pair = (f64, [DVec2; 2]);
+
+fn misfit(pairs: impl IntoIterator<Item = Pair>, motion: &Motion) -> f64 {
+    let (mut length, mut sum) = (0.0, 0.0);
+    for (weight, [p, q]) in pairs {
+        length += weight;
+        sum += weight * (motion.turn.rotate(q) + motion.shift).distance_squared(p);
+    }
+    (sum / length).sqrt()
+}
+
 impl Planes<'_> {
     pub(crate) fn length(&self, half_edge: u32) -> f64 {
         let corners = self.mesh.triangles[half_edge as usize / 3];
@@ -65,43 +77,37 @@ impl Planes<'_> {
     /// The motion that brings what is beyond half-edges as near to them as it goes, by least squares (P. H. Schoenemann, "A Generalized Solution
     /// of the Orthogonal Procrustes Problem", 1966).
     pub(crate) fn fit(&self, half_edges: &[u32]) -> Fit {
+        let pairs: Vec<Pair> = self.pairs(half_edges).collect();
         let (mut length, mut here, mut there) = (0.0, DVec2::ZERO, DVec2::ZERO);
-        self.pairs(half_edges, |weight, [p, q]| {
+        for &(weight, [p, q]) in &pairs {
             length += weight;
             here += weight * p;
             there += weight * q;
-        });
+        }
         let [here, there] = [here, there].map(|sum| sum / length);
         let mut turn = DVec2::ZERO;
-        self.pairs(half_edges, |weight, [p, q]| {
+        for &(weight, [p, q]) in &pairs {
             let (p, q) = (p - here, q - there);
             turn += weight * DVec2::new(q.dot(p), q.perp_dot(p));
-        });
+        }
         let turn = turn.normalize_or(DVec2::X);
         let motion = Motion { turn, shift: here - turn.rotate(there) };
-        let misfit = self.misfit(half_edges, &motion);
+        let misfit = misfit(pairs, &motion);
         // Every edge has two ends.
         Fit { motion, half_edges: half_edges.to_vec(), length: 0.5 * length, misfit }
     }
 
     /// Root mean square distance of the ends of half-edges from those beyond, after a motion.
     pub(crate) fn misfit(&self, half_edges: &[u32], motion: &Motion) -> f64 {
-        let (mut length, mut sum) = (0.0, 0.0);
-        self.pairs(half_edges, |weight, [p, q]| {
-            length += weight;
-            sum += weight * (motion.turn.rotate(q) + motion.shift).distance_squared(p);
-        });
-        (sum / length).sqrt()
+        misfit(self.pairs(half_edges), motion)
     }
 
-    /// Lengths of half-edges and where their ends lie, on this and on the other side.
-    pub(crate) fn pairs(&self, half_edges: &[u32], mut visit: impl FnMut(f64, [DVec2; 2])) {
-        for &half_edge in half_edges {
+    fn pairs(&self, half_edges: &[u32]) -> impl Iterator<Item = Pair> {
+        half_edges.iter().flat_map(|&half_edge| {
             let weight = self.length(half_edge);
             let ([a, b], [d, c]) = (self.ends(half_edge), self.ends(self.across[half_edge as usize]));
-            visit(weight, [a, c]);
-            visit(weight, [b, d]);
-        }
+            [(weight, [a, c]), (weight, [b, d])]
+        })
     }
 
     /// Half-edges in parts that share vertices.

@@ -11,7 +11,6 @@
 //! a tube does that is rolled out.
 
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use fantex_bake::Progress;
 use fantex_base::UnionFind;
@@ -23,6 +22,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
 use crate::planes::{Fit, Planes};
+use crate::slots::Slots;
 
 /// Two pieces are joined while they gain less strain than this per area, on the mean of all unions; a stretch of 10 % in both directions is a
 /// strain of 0.02.
@@ -134,36 +134,6 @@ struct Uniter<'a> {
     longest: f32,
 }
 
-/// Of every triangle its index among those that are looked at, or [`NONE`]. Who looks at triangles of one piece has its entries for himself.
-struct Slots(Vec<AtomicU32>);
-
-impl Slots {
-    fn new(count: usize) -> Self {
-        Self((0..count).map(|_| AtomicU32::new(NONE)).collect())
-    }
-
-    fn of(&self, triangle: u32) -> u32 {
-        self.0[triangle as usize].load(Ordering::Relaxed)
-    }
-
-    fn has(&self, triangle: u32) -> bool {
-        self.of(triangle) != NONE
-    }
-
-    fn set(&self, triangle: u32, slot: u32) {
-        self.0[triangle as usize].store(slot, Ordering::Relaxed);
-    }
-
-    /// Numbers triangles from 0.
-    fn number(&self, triangles: &[u32]) {
-        (0..).zip(triangles).for_each(|(slot, &t)| self.set(t, slot));
-    }
-
-    fn clear(&self, triangles: &[u32]) {
-        triangles.iter().for_each(|&t| self.set(t, NONE));
-    }
-}
-
 impl<'a> Uniter<'a> {
     fn new(mesh: &'a Mesh, charts: Vec<Chart>, across: &'a [u32]) -> Self {
         let count = mesh.triangles.len();
@@ -241,11 +211,18 @@ impl<'a> Uniter<'a> {
     /// between two edges.
     fn straighten(&mut self) {
         let Self { planes, pieces, piece_of, .. } = self;
+        // Few triangles have a better place before one beside them moves.
+        let has_better = |t: u32| planes.better_place(t, piece_of).is_some();
+        let mut is_worth_a_look: Vec<bool> =
+            (0..piece_of.len() as u32).into_par_iter().with_min_len(1 << 12).map(has_better).collect();
         let mut waiting: VecDeque<u32> = (0..piece_of.len() as u32).collect();
         let mut is_waiting = vec![true; piece_of.len()];
         let mut any = false;
         while let Some(t) = waiting.pop_front() {
             is_waiting[t as usize] = false;
+            if !is_worth_a_look[t as usize] {
+                continue;
+            }
             let Some((piece, corners, kept)) = planes.better_place(t, piece_of) else { continue };
             any = true;
             planes.flat[t as usize] = corners;
@@ -255,6 +232,7 @@ impl<'a> Uniter<'a> {
                 if other != NONE {
                     planes.is_glued[half_edge as usize] = k != kept;
                     planes.is_glued[other as usize] = k != kept;
+                    is_worth_a_look[other as usize / 3] = true;
                     if !std::mem::replace(&mut is_waiting[other as usize / 3], true) {
                         waiting.push_back(other / 3);
                     }
@@ -706,7 +684,8 @@ mod tests {
         triangles.sort_unstable();
         assert!(triangles.into_iter().eq(0..mesh.triangles.len() as u32));
         for chart in &charts {
-            assert!(without_crossings(chart, &across).iter().all(|&is| is));
+            let slots = Slots::new(mesh.triangles.len());
+            assert!(without_crossings(chart, &across, &slots).iter().all(|&is| is));
             // v points downwards.
             assert!(chart.corners.iter().all(|[a, b, c]| (*b - *a).perp_dot(*c - *a) < 0.0));
         }

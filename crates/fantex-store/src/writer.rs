@@ -419,10 +419,13 @@ impl NewFile {
 
     /// Adds the sections of channels, cover and mesh.
     fn contents(&mut self, mesh: &Mesh, cover: &Cover, channels: &[Channel]) -> io::Result<()> {
-        let sections =
-            [channel::encode_channels(channels), cover_section::encode(cover), mesh_section::encode(mesh)];
-        for (index, raw) in sections.iter().enumerate() {
-            let (stored, record) = pack_section(raw)?;
+        let (cover, mesh) = rayon::join(
+            || pack_section(&cover_section::encode(cover)),
+            || pack_section(&mesh_section::encode(mesh)),
+        );
+        let sections = [pack_section(&channel::encode_channels(channels)), cover, mesh];
+        for (index, packed) in sections.into_iter().enumerate() {
+            let (stored, record) = packed?;
             self.section(index, &stored, record)?;
         }
         Ok(())

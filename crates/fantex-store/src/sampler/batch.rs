@@ -9,7 +9,7 @@
 //!
 //! Points beside each other look into the same few tiles: fetching a tile (a hash table behind a lock) is shared by them.
 
-use fantex_cover::{Cover, Tap};
+use fantex_cover::{Cover, Tap, TriangleTiles};
 use fantex_mesh::SurfacePoint;
 use fantex_texture::filter::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
 use glam::{Vec2, Vec4};
@@ -110,18 +110,29 @@ struct Plan {
 impl Plan {
     fn new<S: TileSource>(
         sampler: &Sampler<S>,
-        points: impl ExactSizeIterator<Item = (SurfacePoint, Footprint)>,
+        count: usize,
+        point: impl Fn(usize) -> (SurfacePoint, Footprint),
     ) -> Self {
-        let count = points.len();
         let mut plan = Self {
             entries: Vec::with_capacity(count + count / 4),
             probes: Vec::with_capacity(2 * count),
             means: Vec::new(),
             pages: PageNames { names: Vec::with_capacity(64), table: [0; 256] },
         };
-        for (index, (point, footprint)) in points.enumerate() {
-            for tap in sampler.taps(point) {
-                plan.add(sampler.cover(), index, tap, &sampler.lookup(&tap, footprint));
+        // Where the triangle of several points in a row lies in its tiles.
+        let mut of_triangle: Option<(u32, TriangleTiles)> = None;
+        for index in 0..count {
+            let (at, footprint) = point(index);
+            let mut add = |tap| plan.add(sampler.cover(), index, tap, &sampler.lookup(&tap, footprint));
+            let is_same = |other: u32| other == at.triangle;
+            if !of_triangle.as_ref().is_some_and(|(known, _)| is_same(*known)) {
+                let goes_on = index + 1 < count && is_same(point(index + 1).0.triangle);
+                let tiles = || (at.triangle, sampler.cover().triangle_tiles(sampler.mesh(), at.triangle));
+                of_triangle = goes_on.then(tiles);
+            }
+            match &of_triangle {
+                Some((_, tiles)) => tiles.taps(at.lambda).for_each(&mut add),
+                None => sampler.taps(at).for_each(&mut add),
             }
         }
         plan
@@ -149,7 +160,7 @@ impl<S: TileSource> Sampler<S> {
         if points.len() < MIN_BATCH || !TileLookup::has_probes(self.filter.filter) {
             return points.iter().map(|at| self.values(at)).collect();
         }
-        let plan = Plan::new(self, points.iter().map(|at| (at.point, at.footprint)));
+        let plan = Plan::new(self, points.len(), |index| (points[index].point, points[index].footprint));
         let read = self.read(&plan, self.value_channels);
         let channels = self.value_channels.iter().flatten().count() as u32;
         let mut sums = vec![([Vec4::ZERO; VALUE_KINDS.len()], 0); points.len()];
@@ -178,7 +189,7 @@ impl<S: TileSource> Sampler<S> {
             return points.iter().map(sample).collect();
         }
         let kind = self.channels[channel].kind;
-        let plan = Plan::new(self, points.iter().copied());
+        let plan = Plan::new(self, points.len(), |index| points[index]);
         let mut values: Vec<_> =
             points.iter().map(|&(point, _)| (Vec4::ZERO, self.vertex_normal_for(kind, point))).collect();
         for (Entry { point, tap }, [stored]) in plan.entries.iter().zip(self.read(&plan, [Some(channel)])) {

@@ -6,7 +6,7 @@
 
 use fantex_cover::Group;
 use fantex_texture::filter::{
-    EWA_MINOR_TEXELS, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse, catmull_rom_weights,
+    EWA_MINOR_TEXELS, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse, catmull_rom_weights, log2,
 };
 use fantex_texture::{Filter, FilterOptions};
 use glam::{Vec2, Vec4};
@@ -51,48 +51,50 @@ impl TileLookup {
             span: Vec2::ZERO,
         };
         let anisotropy = options.max_anisotropy;
-        let axes_at = |level: u32| axes(footprint, group.level_extent(level));
+        let finest = || axes(footprint, group.extent);
+        let squared_minor = |level: u32| squared_minor(footprint, group.level_extent(level), anisotropy);
         match options.filter {
             Filter::Nearest | Filter::Bilinear | Filter::Bicubic => {}
             Filter::BicubicMipmaps | Filter::Trilinear => {
-                plan.choose_levels(|level| major(footprint, group.level_extent(level)));
+                plan.choose_levels(|level| squared_major(footprint, group.level_extent(level)));
             }
             Filter::Anisotropic => {
-                plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy));
-                let finest = axes_at(0);
+                plan.choose_levels(squared_minor);
+                let finest = finest();
                 let width = finest.limited_minor(anisotropy).max(1.0);
                 plan.probes = (finest.major / width).ceil().clamp(1.0, MAX_ANISOTROPY) as u32;
                 plan.span = finest.direction * finest.major / texels(group.extent);
             }
             Filter::Ewa => {
-                plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy) / EWA_MINOR_TEXELS);
-                let finest = axes_at(0).limited(anisotropy);
+                plan.choose_levels(|level| squared_minor(level) / EWA_MINOR_TEXELS.powi(2));
+                let finest = finest().limited(anisotropy);
                 plan.footprint = finest.vectors().map(|axis| axis / texels(group.extent));
             }
         }
         plan
     }
 
-    /// Chooses the levels between which the pixel is one texel wide. `width` is the pixel's width in texels of a level, which
-    /// does not grow with the level.
-    fn choose_levels(&mut self, width: impl Fn(u32) -> f32) {
-        let mut here = width(0);
+    /// Chooses the levels between which the pixel is one texel wide. `squared_width` is the square of the pixel's width in texels of a
+    /// level, which does not grow with the level.
+    fn choose_levels(&mut self, squared_width: impl Fn(u32) -> f32) {
+        let mut here = squared_width(0);
         if here <= 1.0 || here.is_nan() {
             return;
         }
-        // Levels are about half as long as the one before: the search starts near its end.
-        let guess = (here.min(1e9) as u32).ilog2().saturating_sub(1).min(self.level_count - 1);
+        // Levels are about half as long as the one before: the search starts near its end. (The exponent of a number above 1.)
+        let whole_log2 = (here.to_bits() >> 23) - 127;
+        let guess = (whole_log2 / 2).saturating_sub(1).min(self.level_count - 1);
         if guess > 0 {
-            let there = width(guess);
+            let there = squared_width(guess);
             if there > 1.0 {
                 (self.fine.level, here) = (guess, there);
             }
         }
         loop {
             let is_last = self.coarse().is_none();
-            let next = if is_last { here * 0.25 } else { width(self.fine.level + 1) };
+            let next = if is_last { here / 16.0 } else { squared_width(self.fine.level + 1) };
             if next <= 1.0 || is_last {
-                self.coarse_share = (here.ln() / (here / next).ln()).clamp(0.0, 1.0);
+                self.coarse_share = (log2(here) / log2(here / next)).clamp(0.0, 1.0);
                 return;
             }
             self.fine.level += 1;
@@ -181,10 +183,24 @@ fn texels(extent: [u32; 2]) -> Vec2 {
     Vec2::from(extent.map(|n| n as f32))
 }
 
-/// The longer axis, in texels, of a footprint in tile coordinates.
-fn major(footprint: [Vec2; 2], extent: [u32; 2]) -> f32 {
+/// The square of the longer axis, in texels, of a footprint in tile coordinates.
+#[inline]
+fn squared_major(footprint: [Vec2; 2], extent: [u32; 2]) -> f32 {
     let [dx, dy] = footprint.map(|d| d * texels(extent));
-    FootprintAxes::squared_major(dx, dy).sqrt()
+    FootprintAxes::squared_major(dx, dy)
+}
+
+/// The square of [`FootprintAxes::limited_minor`].
+#[inline]
+fn squared_minor(footprint: [Vec2; 2], extent: [u32; 2], max_anisotropy: f32) -> f32 {
+    let [dx, dy] = footprint.map(|d| d * texels(extent));
+    let major = FootprintAxes::squared_major(dx, dy);
+    if major > 0.0 {
+        let minor = dx.perp_dot(dy).powi(2) / major;
+        minor.max(major / max_anisotropy.clamp(1.0, MAX_ANISOTROPY).powi(2))
+    } else {
+        0.0
+    }
 }
 
 /// The axes, in texels, of a footprint in tile coordinates.

@@ -73,7 +73,7 @@ impl FootprintAxes {
 /// The logarithm to base 2 of a finite number above 0 (normal, no denormal), to 3e-7 or one part in ten million: exponent,
 /// and `artanh` of the mantissa. A library call takes three times as long.
 #[inline(always)]
-pub(crate) fn log2(x: f32) -> f32 {
+pub fn log2(x: f32) -> f32 {
     const MANTISSA: u32 = 0x007f_ffff;
     // Mantissas in [1/sqrt 2, sqrt 2).
     let bits = x.to_bits().wrapping_sub((SQRT_2 * 0.5).to_bits());
