@@ -113,8 +113,8 @@ fn overlaps_at_points(chart: &Chart, sides: &[Side]) -> Vec<[usize; 2]> {
     };
     let mut at_border = Vec::new();
     for (index, corners) in chart.corners.iter().enumerate() {
-        for k in 0..3 {
-            let Some(&name) = names.get(&key(corners[k])) else { continue };
+        for (k, corner) in corners.iter().enumerate() {
+            let Some(&name) = names.get(&key(*corner)) else { continue };
             points[name as usize].add(wedge(index, k));
             at_border.push((name, index, k));
         }

@@ -386,7 +386,7 @@ fn an_upload_that_fails_leaves_no_object() {
     put("disputed.fan");
     assert!(store.count("parts") - parts >= 6, "all parts are sent again");
     store.faults("disputed=1000");
-    fails(&["NoSuchUpload", "run the command again"], "always.fan");
+    fails(&["409 (ConditionalRequestConflict)", "run the command again"], "always.fan");
     store.faults("disputed=0");
 
     // What does not pass leaves nothing, and can be done again.
