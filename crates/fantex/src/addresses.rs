@@ -96,7 +96,9 @@ impl<'a> Target<'a> {
         };
         folder.send(name, &target, |folder| {
             object.put(&folder.join(name), replace, &|done, total| watched(progress, done, total))
-        })
+        })?;
+        progress.report(length, length);
+        Ok(())
     }
 }
 
