@@ -143,10 +143,13 @@ const FLAT: f32 = 0.999_998;
 
 /// The share of the area around vertices where nothing is bent.
 fn flat_share(shapes: &[FanShape]) -> f32 {
-    let area =
-        |shapes: &mut dyn Iterator<Item = &FanShape>| shapes.map(|shape| f64::from(shape.area)).sum::<f64>();
-    let flat = area(&mut shapes.iter().filter(|shape| shape.cone.cos > FLAT));
-    (flat / area(&mut shapes.iter())) as f32
+    let (mut flat, mut all) = (0.0, 0.0);
+    for shape in shapes {
+        let area = f64::from(shape.area);
+        all += area;
+        flat += if shape.cone.cos > FLAT { area } else { 0.0 };
+    }
+    (flat / all) as f32
 }
 // On other meshes only small groups that are dear are laid flat freely.
 

@@ -456,6 +456,7 @@ fn is_all(is_taken: &[bool]) -> bool {
     is_taken.iter().all(|&is| is)
 }
 
+/// Cuts charts into some that do not overlap themselves.
 struct Cutter<'a> {
     mesh: &'a Mesh,
     across: &'a [u32],
@@ -502,9 +503,9 @@ impl<'a> Cutter<'a> {
     /// Which triangles of a chart come into its first part, all of them where it does not overlap itself.
     fn first_part(&self, chart: &Chart, is_whole: bool) -> Vec<bool> {
         let uncrossed = || without_crossings(chart, self.across, &self.slots);
-        let of_whole = is_whole.then(uncrossed);
-        if let Some(all) = of_whole.as_ref().filter(|is_taken| is_all(is_taken)) {
-            return all.clone();
+        let mut of_whole = is_whole.then(uncrossed);
+        if let Some(all) = of_whole.take_if(|is_taken| is_all(is_taken)) {
+            return all;
         }
         // Much of it first, where it overlaps widely.
         let in_cells = without_overlap(self.mesh, chart, self.texels_per_unit);

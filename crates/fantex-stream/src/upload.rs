@@ -286,7 +286,8 @@ impl ObjectTarget {
         self.try_to_write().map_err(|refusal| self.failed(refusal))
     }
 
-    /// Makes a local file the object. `watch` is told often, from several threads, how many bytes of how many are sent, and may end it.
+    /// Makes a local file the object. `watch` is told often, from several threads, how many bytes of how many are sent, from none to all of them, and
+    /// may end it.
     ///
     /// # Errors
     /// An object is there that may not be replaced ([`AlreadyExists`](fantex_base::ErrorKind::AlreadyExists), or
@@ -299,12 +300,19 @@ impl ObjectTarget {
         watch: &(dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
     ) -> Result<()> {
         let upload = Upload::of(path, watch)?;
+        if upload.is_ended() {
+            return Err(self.refused(replace, Refusal::cancelled()));
+        }
         let mark = new_mark();
         let put = match upload.length {
             0..=PART_BYTES => self.put_at_once(&upload, replace, &mark),
             _ => self.put_in_parts(&upload, replace, &mark),
         };
-        put.map_err(|refusal| self.refused(replace, refusal))
+        put.map_err(|refusal| self.refused(replace, refusal))?;
+        // Only told: it is there.
+        upload.sent.store(upload.length, Relaxed);
+        upload.is_ended();
+        Ok(())
     }
 
     /// Removes the object, if it is there.

@@ -86,8 +86,6 @@ impl<'a> Target<'a> {
     /// As [`ObjectTarget::put`]. The file is kept then, and the error says where, unless somebody else has changed what it was to replace.
     pub fn finish(self, replace: &Replace, progress: &dyn Progress) -> Result<()> {
         let Some(Staged { object, folder, file }) = self.staged else { return Ok(()) };
-        let length = file.metadata().map_err(|error| Error::reading(&file, error))?.len();
-        progress.report(0, length);
         let name = Path::new(file.file_name().unwrap_or_default());
         let target = SendTarget {
             place: self.place,
@@ -96,9 +94,7 @@ impl<'a> Target<'a> {
         };
         folder.send(name, &target, |folder| {
             object.put(&folder.join(name), replace, &|done, total| watched(progress, done, total))
-        })?;
-        progress.report(length, length);
-        Ok(())
+        })
     }
 }
 

@@ -34,10 +34,8 @@ pub(crate) struct MadeCoarse {
     pub(crate) count: u64,
     /// What is to be known, a sentence each.
     pub(crate) notes: Vec<String>,
-    /// Those that were made.
+    /// Those that were made, and those that they replace.
     files: Files,
-    /// Places of those that they replace.
-    replaced: Vec<PathBuf>,
 }
 
 /// Makes the coarse assets of all objects of a world that no other coarse asset stands for, and puts them into the index that will be written to
@@ -53,21 +51,20 @@ pub(crate) fn make_coarse(
 ) -> Result<MadeCoarse> {
     let progress = &CancelOnly(progress);
     let mut files = Files::new(world, index)?;
-    let replaced = files.old.clone();
     world.coarse.retain(|coarse| !files.is_own(&coarse.asset));
-    let mut made = MadeCoarse { count: 0, notes: Vec::new(), files: files.emptied(), replaced };
-    let Some(space) = world.space() else { return Ok(made) };
+    let mut notes = Vec::new();
+    let Some(space) = world.space() else { return Ok(MadeCoarse { count: 0, notes, files }) };
     let (nodes, bare) = nodes(world, &space)?;
     if bare > 0 {
-        made.notes.push(format!(
+        notes.push(format!(
             "no coarse asset stands for {} without previews: these are shown whole or not at all; --make-previews gives them some",
             counted(bare, "asset")
         ));
     }
     if nodes.len() < 2 {
-        made.notes
+        notes
             .push("coarse assets stand for two assets with previews or more, which are not there".to_owned());
-        return Ok(made);
+        return Ok(MadeCoarse { count: 0, notes, files });
     }
     let meetings = Meetings::of(&nodes, index, space, progress)?;
     let before = world.coarse.len();
@@ -76,7 +73,7 @@ pub(crate) fn make_coarse(
     let memory = (options.memory_bytes, options.strict);
     let left_out = coarse_tree::add_coarse(world, nodes, &mut maker, memory, progress)?;
     if left_out > 0 {
-        made.notes.push(format!(
+        notes.push(format!(
             "{} left out, as what is there can hardly be simplified: views from afar take more memory",
             match left_out {
                 1 => "a coarse asset is".to_owned(),
@@ -84,19 +81,18 @@ pub(crate) fn make_coarse(
             }
         ));
     }
-    made.count = (world.coarse.len() - before) as u64;
-    made.files = files;
-    Ok(made)
+    Ok(MadeCoarse { count: (world.coarse.len() - before) as u64, notes, files })
 }
 
 impl MadeCoarse {
     /// The index that names them is there: they stay, and those that they replace go. Returns what is to be known.
     pub(crate) fn stay(mut self) -> Vec<String> {
         self.files.written.clear();
-        for (number, place) in self.replaced.iter().enumerate() {
+        let old = &self.files.old;
+        for (number, place) in old.iter().enumerate() {
             if let Err(error) = remove(place) {
                 let left: Vec<String> =
-                    self.replaced[number..].iter().map(|place| place.display().to_string()).collect();
+                    old[number..].iter().map(|place| place.display().to_string()).collect();
                 return vec![left_behind(&left, &error)];
             }
         }
@@ -387,13 +383,6 @@ impl Files {
         Ok(files)
     }
 
-    /// Without what is written and what was there.
-    fn emptied(&self) -> Self {
-        let Self { prefix, generation, next, .. } = self;
-        let (prefix, generation, next) = (prefix.clone(), *generation, *next);
-        Self { prefix, generation, next, written: Vec::new(), old: Vec::new() }
-    }
-
     /// Whether an asset's name is one of these.
     fn is_own(&self, name: &str) -> bool {
         numbered_name(name, &[self.prefix.as_str()]).is_some()
@@ -471,12 +460,12 @@ mod tests {
         let written = folder.path().join(files.next());
         std::fs::write(&written, "new").unwrap();
         files.written.push(written.clone());
-        let made = MadeCoarse { count: 1, notes: Vec::new(), replaced: files.old.clone(), files };
+        let made = MadeCoarse { count: 1, notes: Vec::new(), files };
         drop(made);
         assert!(!written.exists() && old.iter().all(|place| place.exists()));
         let files = Files::new(&world, &index).unwrap();
         std::fs::write(&written, "new").unwrap();
-        let mut made = MadeCoarse { count: 1, notes: Vec::new(), replaced: files.old.clone(), files };
+        let mut made = MadeCoarse { count: 1, notes: Vec::new(), files };
         made.files.written.push(written.clone());
         assert!(made.stay().is_empty());
         assert!(written.exists() && !old.iter().any(|place| place.exists()));

@@ -135,15 +135,18 @@ impl StoreFolder {
             path.metadata().map(|found| found.len()).map_err(|error| Error::reading(path, error))
         };
         let lengths = names.iter().map(bytes).collect::<Result<Vec<_>>>()?;
-        let of_assets: u64 = lengths.iter().sum();
+        let mut of_assets = 0;
+        // What is sent before each.
+        let starts: Vec<u64> =
+            lengths.iter().map(|length| std::mem::replace(&mut of_assets, of_assets + length)).collect();
         let taken = if force { self.generations_of_index()? } else { HashSet::new() };
         let most = if force { MAX_GENERATIONS } else { 1 };
         let staging = Staging::new()?;
         let mut sent = Err(files::exists(&self.place(&names[0])));
         for generation in (1..=most).filter(|generation| !taken.contains(generation)) {
             let mut done = Vec::new();
-            let put = self.put_all(folder, &names, generation, &mut done, &|before, name| {
-                watched(progress, lengths[..name].iter().sum::<u64>() + before, of_assets)
+            let put = self.put_all(folder, &names, generation, &mut done, &|sent, number| {
+                watched(progress, starts[number] + sent, of_assets)
             });
             if put.is_err() {
                 remove_own(&done);

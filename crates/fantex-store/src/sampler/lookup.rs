@@ -190,17 +190,11 @@ fn squared_major(footprint: [Vec2; 2], extent: [u32; 2]) -> f32 {
     FootprintAxes::squared_major(dx, dy)
 }
 
-/// The square of [`FootprintAxes::limited_minor`].
+/// The square of the shorter one, as far as it is widened.
 #[inline]
 fn squared_minor(footprint: [Vec2; 2], extent: [u32; 2], max_anisotropy: f32) -> f32 {
     let [dx, dy] = footprint.map(|d| d * texels(extent));
-    let major = FootprintAxes::squared_major(dx, dy);
-    if major > 0.0 {
-        let minor = dx.perp_dot(dy).powi(2) / major;
-        minor.max(major / max_anisotropy.clamp(1.0, MAX_ANISOTROPY).powi(2))
-    } else {
-        0.0
-    }
+    FootprintAxes::squared_limited_minor(dx, dy, max_anisotropy)
 }
 
 /// The axes, in texels, of a footprint in tile coordinates.

@@ -57,6 +57,14 @@ impl FootprintAxes {
         self.minor.max(self.major / max_anisotropy.clamp(1.0, MAX_ANISOTROPY))
     }
 
+    /// The square of [`FootprintAxes::limited_minor`] of [`FootprintAxes::new`] alone.
+    #[inline(always)]
+    pub fn squared_limited_minor(texels_dx: Vec2, texels_dy: Vec2, max_anisotropy: f32) -> f32 {
+        let major = Self::squared_major(texels_dx, texels_dy);
+        let minor = if major > 0.0 { texels_dx.perp_dot(texels_dy).powi(2) / major } else { 0.0 };
+        minor.max(major / max_anisotropy.clamp(1.0, MAX_ANISOTROPY).powi(2))
+    }
+
     /// With the shorter axis as [`FootprintAxes::limited_minor`] says.
     pub fn limited(&self, max_anisotropy: f32) -> Self {
         Self { minor: self.limited_minor(max_anisotropy), ..*self }

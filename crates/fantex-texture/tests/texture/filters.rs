@@ -793,11 +793,15 @@ mod footprint {
     }
 
     #[test]
-    fn the_longer_axis_alone_is_the_same() {
+    fn either_axis_alone_is_the_same() {
         for (dx, dy) in [((3.0, 1.0), (-2.0, 0.5)), ((0.0, 0.0), (1.0, 7.0)), ((1e4, 2.0), (1e-3, 1e4))] {
             let (dx, dy) = (Vec2::from(dx), Vec2::from(dy));
             let (squared, axes) = (FootprintAxes::squared_major(dx, dy), FootprintAxes::new(dx, dy));
             assert!((squared.sqrt() - axes.major).abs() < 1e-6 * axes.major);
+            for anisotropy in [0.5, 1.0, 3.0, 64.0, 1e3] {
+                let alone = FootprintAxes::squared_limited_minor(dx, dy, anisotropy).sqrt();
+                assert!((alone - axes.limited_minor(anisotropy)).abs() < 1e-6 * axes.major, "{anisotropy}");
+            }
         }
     }
 
