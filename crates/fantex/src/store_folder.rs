@@ -135,10 +135,13 @@ impl StoreFolder {
             path.metadata().map(|found| found.len()).map_err(|error| Error::reading(path, error))
         };
         let lengths = names.iter().map(bytes).collect::<Result<Vec<_>>>()?;
-        let mut of_assets = 0;
+        let mut of_assets: u64 = 0;
         // What is sent before each.
-        let starts: Vec<u64> =
-            lengths.iter().map(|length| std::mem::replace(&mut of_assets, of_assets + length)).collect();
+        let mut starts = Vec::with_capacity(lengths.len());
+        for length in lengths {
+            starts.push(of_assets);
+            of_assets += length;
+        }
         let taken = if force { self.generations_of_index()? } else { HashSet::new() };
         let most = if force { MAX_GENERATIONS } else { 1 };
         let staging = Staging::new()?;
