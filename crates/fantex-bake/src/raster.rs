@@ -128,8 +128,9 @@ impl<'a> Fitting<'a> {
     }
 
     /// Whole rows of blocks, where every texel that a bilinear look-up may read, and the rest of its 4x4 block, has a value: invalid
-    /// ones continue their valid neighbours, or take their block's mean. Blocks that nothing reads are zero.
-    pub(crate) fn rows(&self, rows: Range<usize>) -> StoredRows {
+    /// ones continue their valid neighbours, or take their block's mean. Blocks that nothing reads are zero: `is_read` tells them by their
+    /// columns and rows.
+    pub(crate) fn rows(&self, rows: Range<usize>, is_read: impl Fn([usize; 2]) -> bool) -> StoredRows {
         let raster = self.raster;
         let width = raster.extent[0] as usize;
         let mut values = Vec::with_capacity(rows.len() * width * raster.channels);
@@ -139,7 +140,7 @@ impl<'a> Fitting<'a> {
         let mut read = Vec::with_capacity(width / 4 * (rows.len() / 4));
         for y in rows.clone().step_by(4) {
             for x in (0..width).step_by(4) {
-                read.push(is_block_read(raster, x, y));
+                read.push(is_read([x / 4, y / 4]));
                 let first = (y - rows.start) * width + x;
                 if read.last() == Some(&true) {
                     self.fill_block([x, y], first, &mut values);
@@ -196,9 +197,10 @@ pub(crate) struct StoredRows {
     pub(crate) read: Vec<bool>,
 }
 
-/// True where a look-up falls into the block at a texel or a texel beside it.
-fn is_block_read(raster: &Raster, x: usize, y: usize) -> bool {
+/// True where a look-up falls into a block of 4x4 texels or a texel beside it.
+pub(crate) fn is_block_read(raster: &Raster, block: [usize; 2]) -> bool {
     let [width, height] = raster.extent.map(|n| n as usize);
+    let [x, y] = block.map(|n| 4 * n);
     (y.saturating_sub(1)..(y + 5).min(height)).any(|row| {
         raster.read[row * width + x.saturating_sub(1)..row * width + (x + 5).min(width)].contains(&true)
     })
@@ -241,7 +243,9 @@ mod tests {
 
     /// What is stored where everything is read.
     fn fitted(raster: &Raster, fit: Fit, prefilter: Prefilter, overshoot: Overshoot) -> Vec<Vec4> {
-        Fitting::new(raster, fit, prefilter, |_| overshoot).rows(0..raster.extent[1] as usize).values
+        Fitting::new(raster, fit, prefilter, |_| overshoot)
+            .rows(0..raster.extent[1] as usize, |_| true)
+            .values
     }
 
     fn texels(values: Vec<f32>, extent: [u32; 2]) -> Raster {
@@ -297,8 +301,9 @@ mod tests {
             (0..raster.valid.len()).for_each(|texel| raster.set_alpha_mode(texel, mode));
             let mut fitting = Fitting::new(&raster, Fit::Sharp, Prefilter::Box, |_| Overshoot::COLOR);
             fitting.keep_coverage(&mut Covered(vec![Some(0.3)]));
-            let whole = fitting.rows(0..24);
-            let parts = [fitting.rows(0..4), fitting.rows(4..16), fitting.rows(16..24)];
+            let rows = |rows| fitting.rows(rows, |block| is_block_read(&raster, block));
+            let whole = rows(0..24);
+            let parts = [rows(0..4), rows(4..16), rows(16..24)];
             prop_assert_eq!(&whole.values, &parts.iter().flat_map(|p| p.values.clone()).collect::<Vec<_>>());
             prop_assert_eq!(&whole.read, &parts.iter().flat_map(|p| p.read.clone()).collect::<Vec<_>>());
         }
@@ -354,7 +359,8 @@ mod tests {
             raster.valid[x] = true;
         }
         raster.read[3] = true;
-        let stored = Fitting::new(&raster, Fit::Sharp, Prefilter::Box, |_| Overshoot::SIGNED).rows(0..4);
+        let stored = Fitting::new(&raster, Fit::Sharp, Prefilter::Box, |_| Overshoot::SIGNED)
+            .rows(0..4, |block| is_block_read(&raster, block));
         assert_eq!(stored.read, [true, true, false, false]);
         let curved = 0.25 - 0.5 / 8.0;
         for (i, value) in stored.values.iter().enumerate() {

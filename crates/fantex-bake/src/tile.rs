@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
-use crate::raster::{Fitting, Mean, Overshoot, StoredRows};
+use crate::raster::{Fitting, Mean, Overshoot, StoredRows, is_block_read};
 use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint};
 
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
@@ -75,8 +75,8 @@ impl TileBaker<'_> {
         let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
         if extent.iter().all(|&n| n <= MAX_BLOCK_SIDE) {
             let block = TexelBlock { origin: [0, 0], extent };
-            let raster = self.evaluate(group, triangles, block, &cut_outs, &mut tile)?;
-            self.finish_levels(group, 0, raster, &mut tile)?;
+            let (raster, read) = self.evaluate(group, triangles, block, &cut_outs, &mut tile)?;
+            self.finish_levels(group, 0, raster, &read, &mut tile)?;
             self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         } else {
             self.bake_blocks(group, &triangles, &cut_outs, &mut tile)?;
@@ -123,7 +123,7 @@ impl TileBaker<'_> {
             tile.encode_time += block.encode_time;
         }
         tile.pages.sort_by_key(|p| (p.id.level, p.id.page[1], p.id.page[0]));
-        self.finish_levels(group, SHARED_LEVEL, shared, tile)
+        self.finish_levels(group, SHARED_LEVEL, shared, &[], tile)
     }
 
     /// The pages of a block finer than `SHARED_LEVEL`, and its part of that level with its place there.
@@ -138,9 +138,9 @@ impl TileBaker<'_> {
         let near: Vec<TexelTriangle> =
             triangles.iter().filter(|t| t.touches(block.around)).copied().collect();
         let mut tile = BakedTile::default();
-        let mut raster = self.evaluate(group, near, block.around, cut_outs, &mut tile)?;
+        let (mut raster, read) = self.evaluate(group, near, block.around, cut_outs, &mut tile)?;
         for level in 0..SHARED_LEVEL {
-            self.encode_level(group, level, &raster, block.at_level(level), &mut tile)?;
+            self.encode_level(group, level, &raster, block.at_level(level), &read, &mut tile)?;
             raster = raster.halved(block.halved(level, raster.extent));
         }
         let part = block.at_level(SHARED_LEVEL);
@@ -148,6 +148,7 @@ impl TileBaker<'_> {
         Ok((tile, raster.window(part.start, part.size), part.first))
     }
 
+    /// The texels of a block, and which of its 4x4 blocks look-ups read at level 0.
     fn evaluate(
         &self,
         group: u32,
@@ -155,7 +156,7 @@ impl TileBaker<'_> {
         block: TexelBlock,
         cut_outs: &CutOuts,
         tile: &mut BakedTile,
-    ) -> Result<Raster> {
+    ) -> Result<(Raster, Vec<bool>)> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
@@ -226,12 +227,14 @@ impl TileBaker<'_> {
             }
         })?;
         evaluate(&mut points, &mut texels)?;
+        let extent = self.cover.groups[group as usize].extent;
+        let read = footprints.read_blocks(block, extent, self.cover.delta);
         raster.read = footprints.in_region;
         if !hidden.is_empty() {
             continue_over(&mut raster, &hidden);
         }
         tile.bake_time += started.elapsed();
-        Ok(raster)
+        Ok((raster, read))
     }
 
     /// All texels of a block that a triangle owns, those of a triangle in a row, up to the first error.
@@ -325,8 +328,16 @@ impl TileBaker<'_> {
         }
     }
 
-    /// Encodes `raster`, which is the whole tile at `level`, and all coarser levels; computes the means.
-    fn finish_levels(&self, group: u32, level: u32, mut raster: Raster, tile: &mut BakedTile) -> Result<()> {
+    /// Encodes `raster`, which is the whole tile at `level`, and all coarser levels; computes the means. `read` are the blocks of level 0 that are
+    /// read, if that is the level.
+    fn finish_levels(
+        &self,
+        group: u32,
+        level: u32,
+        mut raster: Raster,
+        read: &[bool],
+        tile: &mut BakedTile,
+    ) -> Result<()> {
         let shape = &self.cover.groups[group as usize];
         tile.means = means(&raster);
         for l in level..shape.level_count() {
@@ -336,18 +347,20 @@ impl TileBaker<'_> {
                 tile.bake_time += started.elapsed();
             }
             let all = BlockPart { start: [0, 0], size: raster.extent, first: [0, 0] };
-            self.encode_level(group, l, &raster, all, tile)?;
+            self.encode_level(group, l, &raster, all, read, tile)?;
         }
         Ok(())
     }
 
-    /// Fits, fills and encodes a part of `raster`.
+    /// Fits, fills and encodes a part of `raster`. `read` are the blocks that are read at level 0; on coarser levels those are kept that a
+    /// look-up falls into or beside.
     fn encode_level(
         &self,
         group: u32,
         level: u32,
         raster: &Raster,
         BlockPart { start, size, first }: BlockPart,
+        read: &[bool],
         tile: &mut BakedTile,
     ) -> Result<()> {
         let started = Instant::now();
@@ -364,7 +377,12 @@ impl TileBaker<'_> {
             self.meter.check()?;
             let started = Instant::now();
             let row = (start[1] + page_origin([0, y])[1]) as usize;
-            let stored = fitting.rows(row..row + page_extent(size, [0, y])[1] as usize);
+            let rows = row..row + page_extent(size, [0, y])[1] as usize;
+            let columns = raster.extent[0] as usize / 4;
+            let stored = match level {
+                0 => fitting.rows(rows, |[x, y]| read[y * columns + x]),
+                _ => fitting.rows(rows, |block| is_block_read(raster, block)),
+            };
             tile.bake_time += started.elapsed();
             let started = Instant::now();
             let window = |x| Window {

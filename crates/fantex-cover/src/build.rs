@@ -340,10 +340,9 @@ fn assemble(
         .zip(&groups)
         .filter(|(laid, _)| laid.layout == Layout::Unfolded)
         .flat_map_iter(|(laid, group)| {
-            laid.corners.iter().map(|&(corner, planar)| UnfoldedCorner {
-                corner,
-                uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
-            })
+            let steps = steps(group.extent);
+            let uv = move |p: Vec2| ((group.uv_offset + group.uv_scale * p) * steps).round() / steps;
+            laid.corners.iter().map(move |&(corner, planar)| UnfoldedCorner { corner, uv: planar.map(uv) })
         })
         .collect();
     unfolded.par_sort_unstable_by_key(|u| u.corner);
@@ -356,6 +355,14 @@ fn assemble(
     let is_paired_by_angle = surface.fans.has_links_by_angle();
     Ok(Cover { delta, density, is_creased: false, is_paired_by_angle, corner_groups, groups, unfolded })
 }
+
+/// Tile coordinates of unfolded corners are rounded to so many steps per tile, a power of two, so that they pack well: a 256th of a texel at most.
+fn steps(extent: [u32; 2]) -> Vec2 {
+    let steps = extent.map(|n| (STEPS_PER_TEXEL * n).next_power_of_two() as f32);
+    Vec2::from_array(steps)
+}
+
+const STEPS_PER_TEXEL: u32 = 256;
 
 /// The tile map that takes the group's rectangle to the tile, half a texel inside.
 fn place(laid: &Laid, scale: f32) -> Group {

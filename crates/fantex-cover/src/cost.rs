@@ -10,19 +10,23 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::stored::{self, GROWTH};
+
 /// Surfaces seen at a smaller cosine than this are so bad that how bad makes no difference.
 const MIN_COSINE: f32 = 0.125;
 
 /// Texels beside a rectangle on both sides together, and what rounding to multiples of four adds on average.
 const MARGIN: f32 = 1.5;
 
-/// Texels of the blocks beside a convex region, per texel of its outline. Blocks are kept that meet the region grown by a texel on all sides: on
-/// average over all places and directions `A + 2/pi (4 + 2) P + (4 + 2)^2` texels (L. A. Santalo, "Integral Geometry and Geometric Probability",
-/// 1976).
-const RIM: f32 = 12.0 / std::f32::consts::PI;
+/// Blocks are kept that meet a region grown on all sides: this long is a square around a point that meets those that the point needs.
+const REACH: f32 = stored::BLOCK as f32 + 2.0 * GROWTH;
+
+/// Texels of the blocks beside a convex region, per texel of its outline: `A + 2/pi s P + s^2` with the side `s` of that square are kept on
+/// average over all places and directions (L. A. Santalo, "Integral Geometry and Geometric Probability", 1976).
+const RIM: f32 = 2.0 / std::f32::consts::PI * REACH;
 
 /// The same of a point.
-const BLOCK: f32 = 36.0;
+const BLOCK: f32 = REACH * REACH;
 
 /// A region in the plane, in any unit of length.
 #[derive(Clone, Copy, Debug, Default)]

@@ -7,6 +7,8 @@
 use arrayvec::ArrayVec;
 use glam::{Vec2, Vec3};
 
+use crate::stored::{self, Cells};
+
 /// A rectangle of texels of level 0 of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TexelBlock {
@@ -132,6 +134,32 @@ impl Footprints {
             self.extend(i as u32, block);
             self.mark_outline(i as u32, block, delta);
         }
+    }
+
+    /// Per 4x4 block of a block of a tile, row by row: whether look-ups of the texture function read it. The triangles are those of level 0,
+    /// where the tile has `extent` texels; origin and extent of the block are multiples of 4.
+    pub fn read_blocks(&self, block: TexelBlock, extent: [u32; 2], delta: f32) -> Vec<bool> {
+        let [first, count] = [block.origin, block.extent].map(|texels| texels.map(|n| n / stored::BLOCK));
+        let mut read = vec![false; (count[0] * count[1]) as usize];
+        let cells = Cells::blocks(extent);
+        let end = [0, 1].map(|k| first[k] + count[k]);
+        let part = |row: u32, [from, to]: [u32; 2]| {
+            let (from, to) = (from.max(first[0]), (to + 1).min(end[0]));
+            let is_met = (first[1]..end[1]).contains(&row) && from < to;
+            let at = |column: u32| ((row - first[1]) * count[0] + column - first[0]) as usize;
+            if is_met { at(from)..at(from) + (to - from) as usize } else { 0..0 }
+        };
+        for triangle in &self.triangles {
+            // Small triangles lie in blocks that their neighbours read, mostly.
+            let [low, high] = cells.around(&triangle.corners);
+            if (low[1]..=high[1]).all(|row| !read[part(row, [low[0], high[0]])].contains(&false)) {
+                continue;
+            }
+            for piece in region_pieces(triangle.corners, triangle.inside, delta) {
+                cells.for_each_run(&piece, |row, from, to| read[part(row, [from, to])].fill(true));
+            }
+        }
+        read
     }
 
     /// Visits every triangle that owns texels with them, ascending.
@@ -278,8 +306,7 @@ pub(crate) fn region_pieces(
     whole.into_iter().chain((0..3).filter(move |&k| inside[k] && !is_whole).map(kite))
 }
 
-/// Steps along an outline are shorter than a texel, so that they miss the corners of texels at most; a look-up there is
-/// within the texel of margin that blocks are read with.
+/// Steps along an outline are shorter than a texel, so that they miss the corners of texels at most.
 const STEPS_PER_TEXEL: f32 = 1.5;
 
 /// Longer outlines than any tile come from numerical accidents only.

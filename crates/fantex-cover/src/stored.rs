@@ -1,8 +1,7 @@
 //! Which blocks of a cover's tiles anything reads at level 0.
 //!
 //! A bilinear look-up reads texels within half a texel of its place, in each direction. Bakes keep the blocks of 4x4 texels that meet the group's
-//! region grown by a whole texel, which leaves half of one to filters that look farther. A region is convex within each triangle, so these blocks
-//! are found exactly, row by row.
+//! region grown by that and a little more. A region is convex within each triangle, so these blocks are found exactly, row by row.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,8 +13,9 @@ use rayon::prelude::*;
 use crate::footprints::region_pieces;
 use crate::{Cover, Group, GroupTriangles};
 
-/// Texels by which a region grows on all sides.
-const GROWTH: f32 = 1.0;
+/// Texels by which a region grows on all sides: what bilinear look-ups read, and a 16th for places that other programs and graphics
+/// cards compute with less care.
+pub(crate) const GROWTH: f32 = 0.5 + 1.0 / 16.0;
 
 /// Texels along a side of a block.
 pub(crate) const BLOCK: u32 = 4;
@@ -130,7 +130,7 @@ impl Cover {
         let inside = groups.map(|other| other == id);
         let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
         let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
-        let cells = Cells { side: BLOCK as f32, growth: GROWTH, count: group.extent.map(|n| n / BLOCK) };
+        let cells = Cells::blocks(group.extent);
         let start = blocks.starts[id as usize - blocks.first_group];
         let in_row = |row: u32, [from, to]: [u32; 2]| {
             let first = start + u64::from(row) * u64::from(cells.count[0]);
@@ -190,8 +190,13 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
+    /// The blocks of a tile of `extent` texels at level 0 that look-ups may read.
+    pub(crate) fn blocks(extent: [u32; 2]) -> Self {
+        Self { side: BLOCK as f32, growth: GROWTH, count: extent.map(|n| n / BLOCK) }
+    }
+
     /// The first and the last cell, column and row, around a polygon (in texels) that has grown.
-    fn around(&self, polygon: &[Vec2]) -> [[u32; 2]; 2] {
+    pub(crate) fn around(&self, polygon: &[Vec2]) -> [[u32; 2]; 2] {
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
         for &p in polygon {
             low = low.min(p);
@@ -242,7 +247,50 @@ mod tests {
     use fantex_test::cleaned;
 
     use super::*;
-    use crate::{CoverOptions, TexelBudget, build_cover};
+    use crate::{CoverOptions, Footprints, TexelBlock, TexelBudget, TexelTriangle, build_cover};
+
+    /// Bakes and painters, which see a part of a tile, keep what the whole cover says.
+    #[test]
+    fn blocks_of_a_part_are_those_of_the_cover() {
+        let mesh = cleaned(generate::icosphere(3));
+        for tile in [0, 256] {
+            let budget = TexelBudget::Total(60_000);
+            let options = CoverOptions { budget, tile, ..CoverOptions::default() };
+            let cover = build_cover(&mesh, &options).unwrap().0;
+            let stored = cover.stored_blocks(&mesh);
+            let all = GroupTriangles::of(&cover);
+            let (mut seen, mut kept) = (0, 0);
+            for (id, group) in (0..).zip(&cover.groups) {
+                let extent = group.extent;
+                let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
+                let triangle = |&t: &u32| {
+                    let inside = cover.corner_groups[t as usize].map(|other| other == id);
+                    let slot = inside.iter().position(|&is_inside| is_inside)?;
+                    let corners = cover.tile_corners(&mesh, t as usize, slot).map(|uv| uv * texels);
+                    TexelTriangle::new(t, inside, corners)
+                };
+                let triangles = all.of_group(id).iter().filter_map(triangle).collect();
+                let footprints = Footprints { triangles, ..Footprints::default() };
+                let half = extent.map(|n| n / 8 * 4);
+                for block in [
+                    TexelBlock { origin: [0, 0], extent },
+                    TexelBlock { origin: half, extent: [extent[0] - half[0], extent[1] - half[1]] },
+                ] {
+                    let read = footprints.read_blocks(block, extent, cover.delta);
+                    let columns = block.extent[0] / BLOCK;
+                    assert_eq!(read.len() as u32, columns * (block.extent[1] / BLOCK));
+                    for (at, &is_read) in (0..).zip(&read) {
+                        let place = [at % columns, at / columns];
+                        let place = [0, 1].map(|k| block.origin[k] / BLOCK + place[k]);
+                        assert_eq!(is_read, stored.contains(id, place), "group {id}, block {place:?}");
+                        seen += 1;
+                        kept += u32::from(is_read);
+                    }
+                }
+            }
+            assert!(kept > 1000 && kept < seen, "{kept} of {seen}");
+        }
+    }
 
     /// However few bits there are at a time, and never more than that.
     #[test]

@@ -51,11 +51,18 @@ impl TexelPage {
         let owner = own.texels().map(texel);
         let owner =
             owner.map(|t| if footprints.distance[t] > reach { NO_OWNER } else { footprints.owner[t] });
-        let is_read = blocks_of(own).map(|block| {
-            let mut near = block.grown(around.extent).texels();
-            near.any(|place| footprints.in_region[texel(place)])
-        });
-        let (owner, is_read) = (owner.collect(), is_read.collect());
+        // As bakes keep blocks.
+        let is_read = match id.level {
+            0 => footprints.read_blocks(block, extent, cover.delta),
+            _ => {
+                let is_read = |block: Rect| {
+                    let mut near = block.grown(around.extent).texels();
+                    near.any(|place| footprints.in_region[texel(place)])
+                };
+                blocks_of(own).map(is_read).collect()
+            }
+        };
+        let owner = owner.collect();
         Self { group: id.group, block, triangles: footprints.triangles, owner, in_region, is_read }
     }
 

@@ -123,7 +123,8 @@ fn stored_texels_are_those_near_look_ups() {
                     let extent = cover.groups[tap.group as usize].extent;
                     let at = tap.uv * Vec2::new(extent[0] as f32, extent[1] as f32);
                     let block = |x: f32, n: u32| ((x.max(0.0) / 4.0) as u32).min(n / 4 - 1);
-                    for (dx, dy) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+                    let near = 0.5 + 1.0 / 16.0;
+                    for (dx, dy) in [(-near, -near), (near, -near), (-near, near), (near, near)] {
                         blocks.insert((tap.group, block(at.x + dx, extent[0]), block(at.y + dy, extent[1])));
                     }
                 }
