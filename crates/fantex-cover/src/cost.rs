@@ -62,7 +62,7 @@ impl Region {
 const ENTRY: f32 = 64.0;
 
 /// Texels that the coordinates of a corner in an unfolded group are worth.
-const CORNER: f32 = 8.0;
+const CORNER: f32 = 2.0;
 
 /// The error of a facet per area where it is seen with a cosine.
 #[inline]
