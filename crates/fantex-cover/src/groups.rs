@@ -151,6 +151,7 @@ fn flat_share(shapes: &[FanShape]) -> f32 {
     }
     (flat / all) as f32
 }
+
 // On other meshes only small groups that are dear are laid flat freely.
 
 /// Small groups have so many fans at most.
