@@ -14,15 +14,15 @@ use glam::{Vec2, Vec3};
 const MIN_COSINE: f32 = 0.125;
 
 /// Texels beside a rectangle on both sides together, and what rounding to multiples of four adds on average.
-const MARGIN: f32 = 1.5;
+const MARGIN_TEXELS: f32 = 1.5;
 
 /// Texels of the blocks beside a convex region, per texel of its outline. Blocks are kept that meet the region grown by a texel on all sides: on
 /// average over all places and directions `A + 2/pi (4 + 2) P + (4 + 2)^2` texels (L. A. Santalo, "Integral Geometry and Geometric Probability",
 /// 1976).
-const RIM: f32 = 12.0 / std::f32::consts::PI;
+const TEXELS_PER_OUTLINE: f32 = 12.0 / std::f32::consts::PI;
 
 /// The same of a point.
-const BLOCK: f32 = 36.0;
+const POINT_TEXELS: f32 = 36.0;
 
 /// A region in the plane, in any unit of length.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,21 +44,21 @@ impl Region {
     /// How many texels are stored for a region measured in texels, nearly: the blocks that it meets, or its whole rectangle.
     #[inline]
     pub(crate) fn texels(&self) -> f32 {
-        let whole = (self.size.x + MARGIN) * (self.size.y + MARGIN);
+        let whole = (self.size.x + MARGIN_TEXELS) * (self.size.y + MARGIN_TEXELS);
         whole.min(self.block_texels())
     }
 
     /// Texels of the blocks that the region meets, nearly, if its rectangle is not in the way.
     pub(crate) fn block_texels(&self) -> f32 {
-        self.area + RIM * self.outline + BLOCK
+        self.area + TEXELS_PER_OUTLINE * self.outline + POINT_TEXELS
     }
 }
 
 /// Texels that a tile's entries in the file and the atlas are worth.
-const ENTRY: f32 = 64.0;
+const ENTRY_TEXELS: f32 = 64.0;
 
 /// Texels that the coordinates of a corner in an unfolded group are worth.
-const CORNER: f32 = 8.0;
+const CORNER_TEXELS: f32 = 8.0;
 
 /// The error of a facet per area where it is seen with a cosine.
 #[inline]
@@ -76,14 +76,14 @@ pub(crate) fn cost(error: f32, region: &Region) -> f32 {
 
 /// The same of an unfolded patch with coordinates for so many corners.
 pub(crate) fn unfolded_cost(error: f32, region: &Region, corners: usize) -> f32 {
-    let texels = region.texels() + ENTRY + CORNER * corners as f32;
+    let texels = region.texels() + ENTRY_TEXELS + CORNER_TEXELS * corners as f32;
     libm::cbrtf(error * texels * texels)
 }
 
 /// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the
 /// error's gradient weighs normals by the inverse fifth power of their cosine.
 pub(crate) fn direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, mut guess: Vec3) -> Vec3 {
-    for _ in 0..ROUNDS {
+    for _ in 0..DIRECTION_ROUNDS {
         let mut sum = Vec3::ZERO;
         for (normal, area) in facets.clone() {
             let cos = normal.dot(guess).max(MIN_COSINE);
@@ -98,7 +98,7 @@ pub(crate) fn direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, mut g
     guess
 }
 
-const ROUNDS: usize = 4;
+const DIRECTION_ROUNDS: usize = 4;
 
 /// The integral over a patch of products of its metric, from which errors follow for every scale along the axes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -113,7 +113,7 @@ pub(crate) struct Distortion {
 const MAX_ASPECT: f32 = 2.0;
 
 /// The most and the least that a tile's density may differ from the nominal one.
-const DENSITIES: [f32; 2] = [0.7, 4.0];
+const DENSITY_RANGE: [f32; 2] = [0.7, 4.0];
 
 impl Distortion {
     /// Adds a facet of unit normal `normal` in the frame of a projection (its z along the direction).
@@ -183,5 +183,5 @@ impl Distortion {
 }
 
 fn clamped_density(density: f32) -> f32 {
-    if density.is_finite() { density.clamp(DENSITIES[0], DENSITIES[1]) } else { 1.0 }
+    if density.is_finite() { density.clamp(DENSITY_RANGE[0], DENSITY_RANGE[1]) } else { 1.0 }
 }
