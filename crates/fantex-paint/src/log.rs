@@ -50,7 +50,7 @@ pub(crate) fn file_name(name: &str) -> String {
 pub(crate) fn next_number(editor: &AssetEditor) -> u64 {
     let names = editor.attachment_names();
     let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
-    numbers.max().map_or(0, |number| number + 1)
+    numbers.max().map_or(0, |number| number.saturating_add(1))
 }
 
 /// What a stroke of the log fills, and with what; none where that cannot be told any more.
@@ -72,7 +72,9 @@ pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, Fill
 fn kept_file(attachment: &str) -> Option<&Path> {
     let name = attachment.strip_prefix(FILES)?;
     let is_plain = !name.contains(['/', '\\', ':']) && Path::new(name).file_name() == Some(name.as_ref());
-    is_plain.then(|| Path::new(&attachment[PREFIX.len()..]))
+    let is_hash = |stem: &str| stem.len() == 16 && stem.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let is_hashed = name.split_once('.').is_some_and(|(stem, _)| is_hash(stem));
+    (is_plain && is_hashed).then(|| Path::new(&attachment[PREFIX.len()..]))
 }
 
 fn save_file(folder: &Path, path: &Path, contents: &[u8]) -> std::io::Result<()> {

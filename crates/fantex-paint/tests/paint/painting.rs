@@ -440,6 +440,18 @@ fn a_history_of_steps_that_cannot_be_is_damage() {
 }
 
 #[test]
+fn layers_with_numbers_that_cannot_go_on_are_damage() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+    let index = format!(r#"{{"next_id":{},"stack":[]}}"#, u64::MAX);
+    editor.attach("layers/index", index.into_bytes()).unwrap();
+    editor.commit().unwrap();
+    drop(editor);
+    let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("the layers of") && error.contains("their numbers are too large"), "{error}");
+}
+
+#[test]
 fn opening_tells_how_far_it_is() {
     let baked = ball(10_000, BakeFormat::Rgba8);
     let told = std::cell::RefCell::new(Vec::new());
