@@ -401,12 +401,12 @@ const INLINE_SETS: usize = 4;
 
 #[derive(Debug)]
 struct PointFinder<'a> {
-    pub(crate) mesh: &'a Mesh,
-    pub(crate) space: ObjectSpace,
+    mesh: &'a Mesh,
+    space: ObjectSpace,
     /// Unit vectors, per corner.
-    pub(crate) normals: Vec<Vec3>,
+    normals: Vec<Vec3>,
     /// Seconds.
-    pub(crate) time: f32,
+    time: f32,
 }
 
 impl PointFinder<'_> {

@@ -68,7 +68,7 @@ const MIN_CAGE: f32 = 1e-4;
 const MIN_FACING: f32 = 0.1;
 
 struct Projector<'a> {
-    pub(crate) coarse: &'a Mesh,
+    coarse: &'a Mesh,
     detailed: &'a Mesh,
     detailed_normals: Vec<Vec3>,
     bvh: TriangleBvh,

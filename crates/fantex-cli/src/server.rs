@@ -25,6 +25,9 @@ const MAX_CONNECTIONS: usize = 256;
 /// A connection that neither asks nor takes anything for so long is closed.
 const IDLE_TIME: Duration = Duration::from_secs(30);
 
+/// Time after a connection that could not be taken.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(10);
+
 /// Bytes that are read and sent at a time.
 const CHUNK_BYTES: u64 = 256 << 10;
 
@@ -91,8 +94,11 @@ impl Server {
     pub(crate) fn run(self) {
         let open = Arc::new(AtomicUsize::new(0));
         for stream in self.listener.incoming() {
-            // A client that was gone before it was heard.
-            let Ok(stream) = stream else { continue };
+            let Ok(stream) = stream else {
+                // A client that was gone before it was heard, or no file may be opened for now: others close theirs.
+                std::thread::sleep(ACCEPT_PAUSE);
+                continue;
+            };
             let place = Place::take(&open);
             let site = Arc::clone(&self.site);
             let serve = move || {

@@ -225,7 +225,7 @@ fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(Scales) -> Result<S
     let mut best = sized(Scales::all(scale_to_total(laid, texels)))?;
     let (mut low, mut high) = (0.0, f32::INFINITY);
     let (mut scale, mut reached) = (best.scale, best.texels);
-    for _ in 1..SIZES {
+    for _ in 1..MAX_TRIALS {
         if reached > texels {
             high = scale
         } else {
@@ -236,7 +236,7 @@ fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(Scales) -> Result<S
             break;
         }
         // Texels grow nearly with the square of the scale.
-        let guess = scale * (ratio * AIM).sqrt() as f32;
+        let guess = scale * (ratio * AIMED_SHARE).sqrt() as f32;
         scale = if guess > low && guess < high { guess } else { (low * high).sqrt() };
         if !(scale.is_finite() && scale > 0.0) {
             break;
@@ -250,7 +250,7 @@ fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(Scales) -> Result<S
     }
     // Where many tiles are alike all of them grow at once; then only some do.
     let (scale, mut counts) = (best.scale, [0, laid.len()]);
-    for _ in 0..SIZES {
+    for _ in 0..MAX_TRIALS {
         let middle = (counts[0] + counts[1]) / 2;
         let is_near = best.texels as f64 > 0.99 * texels as f64;
         if best.texels > texels || is_near || !high.is_finite() || middle == counts[0] {
@@ -266,10 +266,10 @@ fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(Scales) -> Result<S
 }
 
 /// Sizes tried for a total, at most, and then numbers of larger tiles; mostly two in all.
-const SIZES: usize = 8;
+const MAX_TRIALS: usize = 8;
 
 /// Aims a little below the total.
-const AIM: f64 = 0.996;
+const AIMED_SHARE: f64 = 0.996;
 
 /// The factor of all densities with which the tiles store `texels` together, nearly.
 fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
@@ -395,14 +395,14 @@ const MIN_TILE_TEXELS: u64 = 4 * 4;
 const MAX_LENGTH_IN_MIN_TILE: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
 
 /// Sides longer than this are multiples of 32.
-const LONG: f32 = MAX_BLOCK_SIDE as f32;
+const LONG_SIDE: f32 = MAX_BLOCK_SIDE as f32;
 
 /// Texels along a side whose region is `length` texels long: the region plus half a texel of filter margin at both ends,
 /// rounded to a multiple of 4. The tile map is then scaled so that the region fills the tile, whichever way the rounding
 /// went, so no texel is left over; the density of the side follows by at most the tolerated loss or the gain.
 pub(crate) fn side_texels(length: f32) -> u32 {
     let wanted = length + 1.0;
-    if wanted > LONG {
+    if wanted > LONG_SIDE {
         // Three levels halve exactly, so that long tiles can be baked in pieces.
         return 32 * ((wanted / 32.0).round() as u32).min(MAX_EXTENT / 32);
     }

@@ -16,17 +16,17 @@ use crate::stored::{self, GROWTH};
 const MIN_COSINE: f32 = 0.125;
 
 /// Texels beside a rectangle on both sides together, and what rounding to multiples of four adds on average.
-const MARGIN: f32 = 1.5;
+const MARGIN_TEXELS: f32 = 1.5;
 
 /// Blocks are kept that meet a region grown on all sides: this long is a square around a point that meets those that the point needs.
-const REACH: f32 = stored::BLOCK as f32 + 2.0 * GROWTH;
+const REACH_TEXELS: f32 = stored::BLOCK as f32 + 2.0 * GROWTH;
 
 /// Texels of the blocks beside a convex region, per texel of its outline: `A + 2/pi s P + s^2` with the side `s` of that square are kept on
 /// average over all places and directions (L. A. Santalo, "Integral Geometry and Geometric Probability", 1976).
-const RIM: f32 = 2.0 / std::f32::consts::PI * REACH;
+const TEXELS_PER_OUTLINE: f32 = 2.0 / std::f32::consts::PI * REACH_TEXELS;
 
 /// The same of a point.
-const BLOCK: f32 = REACH * REACH;
+const POINT_TEXELS: f32 = REACH_TEXELS * REACH_TEXELS;
 
 /// A region in the plane, in any unit of length.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,21 +48,21 @@ impl Region {
     /// How many texels are stored for a region measured in texels, nearly: the blocks that it meets, or its whole rectangle.
     #[inline]
     pub(crate) fn texels(&self) -> f32 {
-        let whole = (self.size.x + MARGIN) * (self.size.y + MARGIN);
+        let whole = (self.size.x + MARGIN_TEXELS) * (self.size.y + MARGIN_TEXELS);
         whole.min(self.block_texels())
     }
 
     /// Texels of the blocks that the region meets, nearly, if its rectangle is not in the way.
     pub(crate) fn block_texels(&self) -> f32 {
-        self.area + RIM * self.outline + BLOCK
+        self.area + TEXELS_PER_OUTLINE * self.outline + POINT_TEXELS
     }
 }
 
 /// Texels that a tile's entries in the file and the atlas are worth.
-const ENTRY: f32 = 64.0;
+const ENTRY_TEXELS: f32 = 64.0;
 
 /// Texels that the coordinates of a corner in an unfolded group are worth.
-const CORNER: f32 = 2.0;
+const CORNER_TEXELS: f32 = 2.0;
 
 /// The error of a facet per area where it is seen with a cosine.
 #[inline]
@@ -80,14 +80,14 @@ pub(crate) fn cost(error: f32, region: &Region) -> f32 {
 
 /// The same of an unfolded patch with coordinates for so many corners.
 pub(crate) fn unfolded_cost(error: f32, region: &Region, corners: usize) -> f32 {
-    let texels = region.texels() + ENTRY + CORNER * corners as f32;
+    let texels = region.texels() + ENTRY_TEXELS + CORNER_TEXELS * corners as f32;
     libm::cbrtf(error * texels * texels)
 }
 
 /// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the
 /// error's gradient weighs normals by the inverse fifth power of their cosine.
 pub(crate) fn direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, mut guess: Vec3) -> Vec3 {
-    for _ in 0..ROUNDS {
+    for _ in 0..DIRECTION_ROUNDS {
         let mut sum = Vec3::ZERO;
         for (normal, area) in facets.clone() {
             let cos = normal.dot(guess).max(MIN_COSINE);
@@ -102,7 +102,7 @@ pub(crate) fn direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, mut g
     guess
 }
 
-const ROUNDS: usize = 4;
+const DIRECTION_ROUNDS: usize = 4;
 
 /// The integral over a patch of products of its metric, from which errors follow for every scale along the axes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -117,7 +117,7 @@ pub(crate) struct Distortion {
 const MAX_ASPECT: f32 = 2.0;
 
 /// The most and the least that a tile's density may differ from the nominal one.
-const DENSITIES: [f32; 2] = [0.7, 4.0];
+const DENSITY_RANGE: [f32; 2] = [0.7, 4.0];
 
 impl Distortion {
     /// Adds a facet of unit normal `normal` in the frame of a projection (its z along the direction).
@@ -187,5 +187,5 @@ impl Distortion {
 }
 
 fn clamped_density(density: f32) -> f32 {
-    if density.is_finite() { density.clamp(DENSITIES[0], DENSITIES[1]) } else { 1.0 }
+    if density.is_finite() { density.clamp(DENSITY_RANGE[0], DENSITY_RANGE[1]) } else { 1.0 }
 }

@@ -306,17 +306,17 @@ struct BorderTriangle {
 #[derive(Default)]
 struct Border {
     /// The normals of all triangles with a corner in the group.
-    pub(crate) normals: Vec<Vec3>,
+    normals: Vec<Vec3>,
     /// The areas of their triangles, thrice as large where all corners are in the group as where one is.
-    pub(crate) areas: Vec<f32>,
+    areas: Vec<f32>,
     triangles: Vec<BorderTriangle>,
     open_fans: Vec<u32>,
     /// The outline points of the group's region, once laid flat.
-    pub(crate) points: Vec<Vec3>,
+    points: Vec<Vec3>,
     /// The edges that bound the group's triangles, which lie to their left, once laid flat.
-    pub(crate) segments: Vec<Segment>,
+    segments: Vec<Segment>,
     /// What the group's triangles span around vertices at the border, once laid flat.
-    pub(crate) wedges: Vec<Wedge>,
+    wedges: Vec<Wedge>,
     /// Length of the outline of the group's region, once laid flat.
     outline: f32,
 }

@@ -34,7 +34,7 @@ pub struct TexelTriangle {
     pub inside: [bool; 3],
     /// Corners in texels, texel centres at half integers.
     corners: [Vec2; 3],
-    /// Barycentric coordinates at texel coordinates `corners[0]` (that is, 1 0 0), and their change per texel.
+    /// Change of the barycentric coordinates per texel, along columns and along rows.
     pub steps: [Vec3; 2],
 }
 

@@ -104,10 +104,10 @@ pub(crate) fn group_fans(
     let tried = |&way| grouped(surface, shapes, density, limits, way);
     let [first, others @ ..] = &WAYS;
     let mut best = tried(first);
-    let is_small = shapes.len() <= FEW_FANS;
-    let is_flat = is_small || flat_share(shapes) > MOSTLY_FLAT;
-    let most = if is_flat { MANY_FLAT_FANS } else { MANY_FANS };
-    let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY;
+    let is_small = shapes.len() <= SMALL_MESH_FANS;
+    let is_flat = is_small || flat_share(shapes) > MIN_FLAT_SHARE;
+    let most = if is_flat { MAX_UNROLLED_FLAT_FANS } else { MAX_UNROLLED_FANS };
+    let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
     if may_gain && is_flat {
         best =
             others.iter().map(tried).fold(best, |best, next| if next.cost < best.cost { next } else { best });
@@ -123,23 +123,23 @@ pub(crate) fn group_fans(
 }
 
 /// Meshes of at most so many fans are cut in all ways and laid flat freely.
-const FEW_FANS: usize = 20_000;
+const SMALL_MESH_FANS: usize = 20_000;
 
 /// Those of at most so many are laid flat freely where the first way loses much: steep places of height fields, noise, fine structures. They gain one to
 /// three decibels; scans that lose less would gain a tenth of a decibel in twice the time.
-const MANY_FANS: usize = 200_000;
+const MAX_UNROLLED_FANS: usize = 200_000;
 
 /// The same of models with flat faces, which are also cut in all ways.
-const MANY_FLAT_FANS: usize = 500_000;
+const MAX_UNROLLED_FLAT_FANS: usize = 500_000;
 
 /// Decibels beside as many ideal texels.
-const LOSSY: f32 = 2.5;
+const LOSSY_DB: f32 = 2.5;
 
 /// The share of the area around vertices where nothing is bent, above which a model has flat faces.
-const MOSTLY_FLAT: f32 = 0.25;
+const MIN_FLAT_SHARE: f32 = 0.25;
 
 /// Cosine of the widest cone of normals around such a vertex.
-const FLAT: f32 = 0.999_998;
+const FLAT_COSINE: f32 = 0.999_998;
 
 /// The share of the area around vertices where nothing is bent.
 fn flat_share(shapes: &[FanShape]) -> f32 {
@@ -147,20 +147,21 @@ fn flat_share(shapes: &[FanShape]) -> f32 {
     for shape in shapes {
         let area = f64::from(shape.area);
         all += area;
-        flat += if shape.cone.cos > FLAT { area } else { 0.0 };
+        flat += if shape.cone.cos > FLAT_COSINE { area } else { 0.0 };
     }
     (flat / all) as f32
 }
+
 // On other meshes only small groups that are dear are laid flat freely.
 
 /// Small groups have so many fans at most.
-const SMALL: u32 = 16;
+const MAX_SMALL_GROUP_FANS: u32 = 16;
 
 /// Dear ones cost at least so many times their texels: 3 dB are lost.
-const DEAR: f32 = 1.25;
+const DEAR_COST_PER_TEXEL: f32 = 1.25;
 
 /// So much of the whole cost must be lost in small groups that are dear: rough scans, where less is, gain 0.2 dB in a fifth more time.
-const MUCH: f64 = 0.15;
+const MIN_DEAR_LOSS_SHARE: f64 = 0.15;
 
 /// Of groups that are small and dear so many fans are laid flat freely, those first that cost most.
 const MAX_DEAR_FANS: usize = 500_000;
@@ -428,7 +429,9 @@ impl Builder<'_> {
 
     /// Which patches are small and dear, where much is lost in them.
     fn dear(&self, patches: &[Patch]) -> Vec<bool> {
-        let is_dear = |patch: &Patch| patch.length <= SMALL && patch.cost() >= DEAR * patch.texels();
+        let is_dear = |patch: &Patch| {
+            patch.length <= MAX_SMALL_GROUP_FANS && patch.cost() >= DEAR_COST_PER_TEXEL * patch.texels()
+        };
         let lost_per_fan = |patch: &Patch| (patch.cost() - patch.texels()) / patch.length as f32;
         let numbered = patches.par_iter().zip(0..patches.len()).with_min_len(1 << 10);
         let mut dear: Vec<(f32, usize)> =
@@ -446,7 +449,7 @@ impl Builder<'_> {
             lost += f64::from(lost_per_fan) * f64::from(length);
         }
         let cost: f64 = patches.iter().map(|patch| f64::from(patch.cost())).sum();
-        if lost < MUCH * cost {
+        if lost < MIN_DEAR_LOSS_SHARE * cost {
             is_tried.fill(false);
         }
         is_tried
@@ -493,7 +496,7 @@ struct Unrolling<'b> {
 const UNROLLED_ROUNDS: usize = 32;
 
 /// What unrolling must at least save.
-const WORTH_UNROLLING: f32 = 0.02;
+const MIN_UNROLLING_GAIN: f32 = 0.02;
 
 impl Unrolling<'_> {
     fn run(&mut self, is_tried: &[bool]) {
@@ -601,7 +604,7 @@ impl Unrolling<'_> {
         let size = union.flat.region.size * density;
         let fits = may_share(size, longest_spoke * density, builder.limits.extent_texels);
         let apart: f32 = patches().map(Patch::cost).sum();
-        (fits && union.cost() < (1.0 - WORTH_UNROLLING) * apart).then_some(union)
+        (fits && union.cost() < (1.0 - MIN_UNROLLING_GAIN) * apart).then_some(union)
     }
 
     fn join(&mut self, [a, b]: [usize; 2], union: Patch) {
@@ -627,11 +630,11 @@ impl Unrolling<'_> {
 
 /// How many corners an unfolded patch has, or would have, nearly.
 fn corner_count(patch: &Patch) -> usize {
-    patch.corners.len().max(SPOKES * patch.length as usize)
+    patch.corners.len().max(MEAN_SPOKES * patch.length as usize)
 }
 
 /// Triangles around a vertex, nearly.
-const SPOKES: usize = 6;
+const MEAN_SPOKES: usize = 6;
 
 /// A union of two patches.
 struct Proposal {
@@ -645,16 +648,16 @@ struct Proposal {
 /// one at the limit.
 pub(crate) fn may_share(size: Vec2, longest_spoke: f32, extent_texels: f32) -> bool {
     let longest = size.max_element();
-    let is_as_long = longest <= (LONGER * longest_spoke).min(LONGEST_SHARED)
+    let is_as_long = longest <= (MAX_LENGTH_PER_SPOKE * longest_spoke).min(MAX_SHARED_LENGTH)
         && size.x * size.y <= extent_texels * extent_texels;
     longest <= extent_texels || is_as_long
 }
 
 /// Tiles of several long fans are longer than these by this factor at most: regions stand out a little.
-const LONGER: f32 = 1.05;
+const MAX_LENGTH_PER_SPOKE: f32 = 1.05;
 
 /// And no longer than this, texels: half of the longest side, as densities of tiles differ.
-const LONGEST_SHARED: f32 = (MAX_EXTENT / 2) as f32;
+const MAX_SHARED_LENGTH: f32 = (MAX_EXTENT / 2) as f32;
 
 /// The facing cosine that a group must keep: the one asked for, or somewhat less than what its steepest fan reaches alone.
 /// Without the latter no two corners of a box could share a tile.

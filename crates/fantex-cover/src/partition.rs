@@ -81,19 +81,19 @@ struct Item {
 const ITEMS_AT_ONCE: usize = 1 << 20;
 
 /// Sets larger than this are split on two threads.
-const PARALLEL_FROM: usize = 8192;
+const MIN_PARALLEL_FANS: usize = 8192;
 
 /// So many fans of a set are looked at, evenly spaced.
-const SAMPLES: usize = 2048;
+const MAX_SAMPLES: usize = 2048;
 
 /// Below this ratio of the summed to the absolute normals a set has no direction of its own.
-const COHERENT: f32 = 0.7;
+const MIN_COHERENCE: f32 = 0.7;
 
 /// Patches of fewer texels are not cut.
 const MIN_TEXELS: f32 = 256.0;
 
 /// A set that costs at most so much per texel is not cut.
-const GOOD: f32 = 1.04;
+const GOOD_COST_PER_TEXEL: f32 = 1.04;
 
 /// How sets are cut.
 #[derive(Clone, Copy, Debug)]
@@ -108,10 +108,10 @@ pub(crate) struct Cutting {
 }
 
 /// What the most lopsided cut costs more than one in the middle.
-const LOPSIDED: f32 = 0.04;
+const MAX_LOPSIDED_PENALTY: f32 = 0.04;
 
 /// The length of a set's outline beside that of its rectangle.
-const OUTLINE: f32 = 0.9;
+const OUTLINE_RATIO: f32 = 0.9;
 
 /// Places tried per direction of a cut.
 const BINS: usize = 16;
@@ -187,7 +187,7 @@ fn divide_fans(
 /// The patches' cost and lengths.
 fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32, Vec<u32>) {
     let mut picked = std::mem::take(&mut scratch.picked);
-    let sampled = if items.len() > SAMPLES {
+    let sampled = if items.len() > MAX_SAMPLES {
         picked.clear();
         picked.extend(samples(items));
         picked.as_slice()
@@ -204,7 +204,7 @@ fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32,
         false => middle,
     };
     let (left, right) = items.split_at_mut(middle);
-    let (first, second) = if left.len() + right.len() >= PARALLEL_FROM {
+    let (first, second) = if left.len() + right.len() >= MIN_PARALLEL_FANS {
         let other = || divide(right, cutting, &mut Scratch::default());
         rayon::join(|| divide(left, cutting, scratch), other)
     } else {
@@ -218,7 +218,8 @@ fn cut_of(picked: &[Item], count: usize, cutting: &Cutting, scratch: &mut Scratc
     let set = Set::of(picked, count);
     let tile = set.tile(picked, cutting.extent_texels, scratch);
     let whole = tile.as_ref().map_or(f32::INFINITY, |tile| tile.cost);
-    if count < 2 || whole <= GOOD * set.texels || whole.is_finite() && set.texels < MIN_TEXELS {
+    if count < 2 || whole <= GOOD_COST_PER_TEXEL * set.texels || whole.is_finite() && set.texels < MIN_TEXELS
+    {
         return (whole, None);
     }
     (whole, Some(set.cut(picked, tile.as_ref(), cutting.normals_below, &mut scratch.samples)))
@@ -298,7 +299,7 @@ fn halve<T>(items: &mut [T], key: impl Fn(&T) -> (f32, u32)) -> usize {
 
 /// Evenly spaced items of a set.
 fn samples<T>(items: &[T]) -> impl Iterator<Item = &T> {
-    items.iter().step_by(items.len().div_ceil(SAMPLES))
+    items.iter().step_by(items.len().div_ceil(MAX_SAMPLES))
 }
 
 /// Sums over the samples of a set, as if they were all.
@@ -320,7 +321,7 @@ struct Set {
 }
 
 /// Sets whose densities differ by less are not cut between them.
-const UNEVEN: f32 = 1.25;
+const UNEVEN_DENSITY_RATIO: f32 = 1.25;
 
 /// A set as one patch.
 struct Tile {
@@ -360,7 +361,7 @@ impl Set {
     /// The set as one patch; `None` where it is too long or has no direction.
     fn tile(&self, picked: &[Item], extent_texels: f32, scratch: &mut Scratch) -> Option<Tile> {
         let alone = self.count == 1;
-        if !alone && self.axis.length() < COHERENT * self.area {
+        if !alone && self.axis.length() < MIN_COHERENCE * self.area {
             return None;
         }
         let facets = picked.iter().map(|item| (item.axis, item.area));
@@ -386,7 +387,7 @@ impl Set {
         let error: f32 = error.sum();
         let squared = self.times * self.density * self.density;
         let (error, area) = (error * squared, self.axis.dot(direction).max(0.0) / self.times * squared);
-        let region = Region { size, area, outline: OUTLINE * 2.0 * (size.x + size.y) };
+        let region = Region { size, area, outline: OUTLINE_RATIO * 2.0 * (size.x + size.y) };
         let longest_spoke = picked.iter().map(|item| item.longest_spoke).fold(0.0, f32::max);
         let fits = alone || may_share(size, longest_spoke * self.density, extent_texels);
         let cost = if fits { cost::cost(error, &region) } else { f32::INFINITY };
@@ -416,7 +417,7 @@ impl Set {
             }
             None => {}
         }
-        if !cuts.is_empty() && self.densities[1] > UNEVEN * self.densities[0] {
+        if !cuts.is_empty() && self.densities[1] > UNEVEN_DENSITY_RATIO * self.densities[0] {
             cuts.push(Along::Density);
         }
         if !cuts.is_empty() {
@@ -474,7 +475,7 @@ impl Set {
                 continue;
             }
             let lopsided = (2.0 * i as f32 / BINS as f32 - 1.0).abs();
-            let cost = (left.cost(self) + right[i].cost(self)) * (1.0 + LOPSIDED * lopsided);
+            let cost = (left.cost(self) + right[i].cost(self)) * (1.0 + MAX_LOPSIDED_PENALTY * lopsided);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, low + i as f32 / scale));
             }
@@ -563,7 +564,10 @@ impl Bin {
         let seen = sides.dot(self.axis.abs()) / self.axis.length().max(f32::MIN_POSITIVE);
         let seen_area = self.axis.length() * set.times * density * density;
         let side = seen.max(0.0).sqrt();
-        cost::cost(error, &Region { size: Vec2::splat(side), area: seen_area, outline: OUTLINE * 4.0 * side })
+        cost::cost(
+            error,
+            &Region { size: Vec2::splat(side), area: seen_area, outline: OUTLINE_RATIO * 4.0 * side },
+        )
     }
 }
 

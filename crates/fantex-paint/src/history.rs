@@ -11,6 +11,7 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 use fantex_base::Result;
+use fantex_store::limits::MAX_ATTACHMENTS;
 use fantex_store::{AssetEditor, PageId};
 use serde::{Deserialize, Serialize};
 
@@ -112,8 +113,15 @@ impl HistoryStep {
 impl History {
     pub(crate) fn load(editor: &AssetEditor) -> Result<Self> {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
-        let index = serde_json::from_slice(&bytes)
-            .map_err(|_| damaged(editor.asset(), "history", "its index cannot be read"))?;
+        let wrong = |why: &str| damaged(editor.asset(), "history", why);
+        let index: Index = serde_json::from_slice(&bytes).map_err(|_| wrong("its index cannot be read"))?;
+        // Each part is a name that is looked for.
+        let steps = || index.done.iter().chain(&index.undone);
+        let parts: u64 = steps().map(|step| u64::from(step.parts)).sum();
+        let are_numbered = index.next_id < u64::MAX && steps().all(|step| step.id < index.next_id);
+        if parts > MAX_ATTACHMENTS as u64 || !are_numbered {
+            return Err(wrong("its index names steps that cannot be there"));
+        }
         Ok(Self { index, ..Self::default() })
     }
 

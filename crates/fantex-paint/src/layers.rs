@@ -41,6 +41,9 @@ use crate::{
 
 pub(crate) const INDEX: &str = "layers/index";
 
+/// Greatest number of a layer that is read.
+const MAX_LAYER_ID: u64 = 1 << 48;
+
 /// What a layer shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -161,13 +164,17 @@ impl Layers {
     pub(crate) fn load(editor: &AssetEditor) -> Result<Self> {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
         let path = editor.asset().path();
-        let mut layers: Self = serde_json::from_slice(&bytes).map_err(|_| {
+        let damaged = |why: &str| {
             let name = path.display();
-            let sentence = format!(
-                "the layers of {name} are damaged: their list cannot be read; its texels are not affected"
-            );
+            let sentence = format!("the layers of {name} are damaged: {why}; its texels are not affected");
             Error::damaged(sentence).with_path(path)
-        })?;
+        };
+        let mut layers: Self =
+            serde_json::from_slice(&bytes).map_err(|_| damaged("their list cannot be read"))?;
+        // Far from the last number: nobody counts so far, and whatever is added counts on.
+        if layers.stack.iter().map(|layer| layer.id).max().max(Some(layers.next_id)) > Some(MAX_LAYER_ID) {
+            return Err(damaged("their numbers are too large"));
+        }
         find_folders(&mut layers.stack, path);
         tidy(&mut layers.stack);
         check_stack(&layers.stack, path)?;

@@ -50,7 +50,7 @@ pub(crate) fn file_name(name: &str) -> String {
 pub(crate) fn next_number(editor: &AssetEditor) -> u64 {
     let names = editor.attachment_names();
     let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
-    numbers.max().map_or(0, |number| number + 1)
+    numbers.max().map_or(0, |number| number.saturating_add(1))
 }
 
 /// What a stroke of the log fills, and with what; none where that cannot be told any more.
@@ -72,7 +72,9 @@ pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, Fill
 fn kept_file(attachment: &str) -> Option<&Path> {
     let name = attachment.strip_prefix(FILES)?;
     let is_plain = !name.contains(['/', '\\', ':']) && Path::new(name).file_name() == Some(name.as_ref());
-    is_plain.then(|| Path::new(&attachment[PREFIX.len()..]))
+    let is_hash = |stem: &str| stem.len() == 16 && stem.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let is_hashed = name.split_once('.').is_some_and(|(stem, _)| is_hash(stem));
+    (is_plain && is_hashed).then(|| Path::new(&attachment[PREFIX.len()..]))
 }
 
 fn save_file(folder: &Path, path: &Path, contents: &[u8]) -> std::io::Result<()> {
@@ -395,8 +397,7 @@ impl Writer<'_> {
     /// Takes a file along under the hash of its contents.
     fn file(&mut self, path: &mut PathBuf) -> Result<()> {
         let bytes = read(&self.folder.join(&*path))?;
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("bin");
-        let name = hashed_name(&bytes, extension);
+        let name = hashed_name(&bytes, kept_extension(path));
         *path = PathBuf::from(&name);
         self.files.push((name, bytes));
         Ok(())
@@ -421,6 +422,14 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     input::read(path).map_err(|error| error.context("the log of strokes"))
 }
 
+/// The extension under which a file is kept: its own where that is plain, so that the log [takes](kept_file) the name.
+fn kept_extension(path: &Path) -> &str {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let is_plain =
+        (1..=16).contains(&extension.len()) && extension.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    if is_plain { extension } else { "bin" }
+}
+
 fn hashed_name(bytes: &[u8], extension: &str) -> String {
     format!("files/{:016x}.{extension}", xxh3_64(bytes))
 }
@@ -434,4 +443,20 @@ fn picture_of(stamp: &Stamp) -> Result<Vec<u8>> {
     let image = Image::from_linear_rgba(width as u32, height as u32, &texels);
     image.save(&path).map_err(malformed)?;
     std::fs::read(path).map_err(temporary)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_any_name_are_kept_under_names_that_the_log_takes() {
+        for (path, extension) in
+            [("a/b.png", "png"), ("b.TTF", "TTF"), ("b", "bin"), ("b.12:30", "bin"), ("b.c d", "bin")]
+        {
+            assert_eq!(kept_extension(Path::new(path)), extension);
+            let name = file_name(&hashed_name(b"contents", extension));
+            assert!(kept_file(&name).is_some(), "{name}");
+        }
+    }
 }

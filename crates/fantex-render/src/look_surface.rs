@@ -301,18 +301,18 @@ fn widen(sample: &mut MaterialSample, finish: &mut Finish, slope_variance: f32) 
 /// One `T` for every slot of a material that the shading reads at every point.
 #[derive(Clone, Copy, Debug)]
 struct Slots<T> {
-    pub(crate) base_color: T,
-    pub(crate) metallic: T,
-    pub(crate) roughness: T,
-    pub(crate) occlusion: T,
-    pub(crate) ambient: T,
-    pub(crate) specular: T,
-    pub(crate) shininess: Option<T>,
-    pub(crate) emission: T,
-    pub(crate) reflection: T,
-    pub(crate) light_map: Option<T>,
-    pub(crate) modulate: Option<T>,
-    pub(crate) fragment: Option<T>,
+    base_color: T,
+    metallic: T,
+    roughness: T,
+    occlusion: T,
+    ambient: T,
+    specular: T,
+    shininess: Option<T>,
+    emission: T,
+    reflection: T,
+    light_map: Option<T>,
+    modulate: Option<T>,
+    fragment: Option<T>,
 }
 
 impl<T> Slots<T> {
@@ -497,16 +497,16 @@ const INVISIBLE_VARIANCE: f32 = 1e-5;
 #[derive(Clone, Copy, Debug)]
 struct Bent {
     /// Unit vector.
-    pub(crate) normal: Vec3,
+    normal: Vec3,
     /// Variance, along each axis, of the slopes within the footprint.
     slope_variance: f32,
 }
 
 struct Bump<'a> {
-    pub(crate) texture: &'a dyn Texture,
+    texture: &'a dyn Texture,
     /// World units per unit of the texture.
-    pub(crate) height: f32,
-    pub(crate) difference: Difference,
+    height: f32,
+    difference: Difference,
     /// World units.
     min_step: f32,
 }
@@ -554,11 +554,11 @@ impl Bump<'_> {
 
 /// Bump mapping by a texture that holds derivatives in green and blue.
 struct DerivativeMap<'a> {
-    pub(crate) texture: &'a dyn Texture,
+    texture: &'a dyn Texture,
     /// Whose `u` and `v` the derivatives belong to.
     uv_set: usize,
     /// World height of the largest derivative that the encoding holds, per unit of `u` or `v`.
-    pub(crate) scale: f32,
+    scale: f32,
 }
 
 impl DerivativeMap<'_> {

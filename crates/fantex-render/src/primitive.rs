@@ -450,9 +450,9 @@ pub(crate) struct Dot {
 
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    pub(crate) tile: u32,
+    tile: u32,
     /// Its index in the tile.
-    pub(crate) pixel: u32,
+    pixel: u32,
 }
 
 /// A dot and the tile that it lies in.

@@ -195,16 +195,16 @@ impl RenderOptions {
 struct PixelColors {
     /// Linear RGB and straight alpha, row-major over the tile's extent.
     rgba: Vec<[f32; 4]>,
-    pub(crate) shaded: u64,
-    pub(crate) lookups: u64,
+    shaded: u64,
+    lookups: u64,
 }
 
 struct Resolve<'a> {
-    pub(crate) surface: &'a dyn Surface,
-    pub(crate) hits: HitFinder<'a>,
-    pub(crate) lights: &'a PreparedLights<'a>,
-    pub(crate) options: &'a RenderOptions,
-    pub(crate) pattern: &'a SamplePattern,
+    surface: &'a dyn Surface,
+    hits: HitFinder<'a>,
+    lights: &'a PreparedLights<'a>,
+    options: &'a RenderOptions,
+    pattern: &'a SamplePattern,
 }
 
 /// Samples of a pixel that share one evaluation of the material.
@@ -219,7 +219,7 @@ struct Piece<'a> {
 }
 
 /// Pieces that are shaded together: enough to fill vectors, few enough to stay in the cache.
-const AT_ONCE: usize = 128;
+const BATCH_PIECES: usize = 128;
 
 impl Resolve<'_> {
     /// Colours a tile. `rect` is its first pixel and extent.
@@ -353,9 +353,9 @@ impl Resolve<'_> {
     /// The light from every piece, seen in the middle of its samples, and its opacity; adds the look-ups that it took.
     fn shade(&self, origin: [u32; 2], pieces: &[Piece], lookups: &mut u64) -> Vec<Vec4> {
         let mut colors = Vec::with_capacity(pieces.len());
-        let (mut seen, mut hits) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
-        let (mut materials, mut light) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
-        for pieces in pieces.chunks(AT_ONCE) {
+        let (mut seen, mut hits) = (Vec::with_capacity(BATCH_PIECES), Vec::with_capacity(BATCH_PIECES));
+        let (mut materials, mut light) = (Vec::with_capacity(BATCH_PIECES), Vec::with_capacity(BATCH_PIECES));
+        for pieces in pieces.chunks(BATCH_PIECES) {
             seen.clear();
             hits.clear();
             materials.clear();

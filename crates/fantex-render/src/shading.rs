@@ -102,7 +102,7 @@ struct Microfacets {
     n: Vec3,
     v: Vec3,
     n_v: f32,
-    pub(crate) diffuse: Vec3,
+    diffuse: Vec3,
     /// Mirror colour at normal incidence.
     f0: Vec3,
     /// Squared perceptual roughness.

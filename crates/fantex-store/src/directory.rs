@@ -9,12 +9,12 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use fantex_base::{Result, zstandard};
+use fantex_base::{Error, Result, zstandard};
 use fantex_cover::Cover;
 use half::f16;
 
 use crate::bytes::{ByteReader, ByteWriter};
-use crate::error::{ends, misplaced_cluster, out_of_order, too_many, wrong_cluster_length, wrong_count};
+use crate::error::{ends, misplaced, out_of_order, too_many, wrong_cluster_length, wrong_count};
 use crate::header::SectionRecord;
 use crate::layout::{PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_ATTACHMENTS, MAX_CLUSTER_BYTES};
@@ -197,7 +197,7 @@ fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<()> {
         let offset = entry.offset;
         let end = offset.saturating_add(u64::from(entry.stored_length));
         if offset < first || end > last || !offset.is_multiple_of(ALIGNMENT) {
-            return Err(misplaced_cluster(cluster, offset..end, first..last));
+            return Err(misplaced("cluster", cluster, offset..end, &expected.places));
         }
         // More would not be one frame of so many bytes.
         let limit = zstandard::packed_bound(entry.raw_length as usize) as u64;
@@ -290,7 +290,9 @@ pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<At
         let what = "the name of an attachment";
         let length = input.count(MAX_ATTACHMENT_NAME_BYTES, what)?;
         let name = std::str::from_utf8(input.take(length, what)?);
-        let name = name.map_err(|_| out_of_order("name of attachment", index))?.to_owned();
+        let name = name
+            .map_err(|_| Error::malformed(format!("the name of attachment {index} is not UTF-8")))?
+            .to_owned();
         let what = "an attachment's place";
         let record = SectionRecord {
             offset: input.u64(what)?,
@@ -311,12 +313,16 @@ pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<At
 fn check_place(index: usize, record: &SectionRecord, places: &Range<u64>) -> Result<()> {
     let (offset, end) = (record.offset, record.range().end);
     if offset < places.start || end > places.end || !offset.is_multiple_of(ALIGNMENT) {
-        let (first, last) = (places.start, places.end);
-        return Err(misplaced_cluster(index, offset..end, first..last));
+        return Err(misplaced("attachment", index, offset..end, places));
     }
     if record.raw_length > MAX_ATTACHMENT_BYTES {
         let (count, limit) = (record.raw_length, MAX_ATTACHMENT_BYTES);
         return Err(too_many("bytes of an attachment", count, limit));
+    }
+    // More would not be one frame of so many bytes, and a copy of the asset reads them at once.
+    let limit = zstandard::packed_bound(record.raw_length as usize) as u64;
+    if record.stored_length > limit {
+        return Err(too_many("packed bytes of an attachment", record.stored_length, limit));
     }
     Ok(())
 }
@@ -347,5 +353,9 @@ mod tests {
         twice[0] = 1;
         assert!(decode_attachments(&twice, &places).is_err(), "trailing bytes");
         assert!(decode_attachments(&[0xff; 64], &places).is_err(), "a huge count");
+        let long = SectionRecord { stored_length: 1 << 40, ..record(8192) };
+        let long = decode_attachments(&encode_attachments(&[("a".into(), long)].into()), &(8192..u64::MAX));
+        let error = long.unwrap_err().to_string();
+        assert!(error.contains("packed bytes of an attachment"), "{error}");
     }
 }

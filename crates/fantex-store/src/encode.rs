@@ -95,7 +95,8 @@ fn unorm8_from_f32(x: f32) -> u8 {
 
 /// Encodes one page. `extent`: columns and rows, multiples of 4 (up to [`PAGE`](crate::PAGE) where the result is to be
 /// stored). R formats take red, RG formats red and green, [`TexelFormat::Bc1`] alpha below 128/255 as "transparent".
-/// An opaque [`TexelFormat::Bc7`] page may decode to an alpha of 254/255; blocks of one colour are exact. Thread-safe, deterministic on a given kind of processor; a page's bytes depend on its texels only.
+/// An opaque [`TexelFormat::Bc7`] page may decode to an alpha of 254/255; blocks of one colour are exact. Thread-safe, deterministic on
+/// a given kind of processor; a page's bytes depend on its texels only.
 ///
 /// # Errors
 /// The extent is not one of whole 4x4 blocks, or the number of texels does not match it.

@@ -78,10 +78,10 @@ pub(crate) fn out_of_order(what: &str, index: usize) -> Error {
     Error::malformed(format!("{what} {index} is out of order"))
 }
 
-/// `places`: where clusters may lie.
-pub(crate) fn misplaced_cluster(cluster: usize, claimed: Range<u64>, places: Range<u64>) -> Error {
+/// `places`: where such parts may lie.
+pub(crate) fn misplaced(what: &str, index: usize, claimed: Range<u64>, places: &Range<u64>) -> Error {
     Error::malformed(format!(
-        "cluster {cluster} claims bytes {} to {}, but clusters start at multiples of 4096 within bytes {} to {}",
+        "{what} {index} claims bytes {} to {}, but must start at a multiple of 4096 and lie within bytes {} to {}",
         claimed.start, claimed.end, places.start, places.end
     ))
 }

@@ -133,7 +133,7 @@ const COARSE_PIXELS: f32 = 1.0;
 const STAYING_PIXELS: f32 = 0.75;
 
 /// Objects whose boxes are shorter on the screen are not shown, in pixels.
-const LEAST_PIXELS: f32 = 0.5;
+const MIN_PIXELS: f32 = 0.5;
 
 /// An object without a preview is as urgent as if it had one whose detail is such a part of its length.
 const ASSUMED_DETAIL: f32 = 1.0 / 64.0;
@@ -171,7 +171,7 @@ pub fn choose_objects(
     let mut is_part = vec![false; objects.len()];
     objects.iter().flat_map(|object| &object.parts).for_each(|&part| is_part[part] = true);
     let roots: Vec<usize> = (0..objects.len())
-        .filter(|&index| !is_part[index] && objects[index].pixels(view)[0] >= LEAST_PIXELS)
+        .filter(|&index| !is_part[index] && objects[index].pixels(view)[0] >= MIN_PIXELS)
         .collect();
     let sizes = roots
         .iter()
@@ -457,7 +457,7 @@ mod tests {
             let previews: u64 = roots().filter_map(|index| Some(objects[index].preview?.bytes)).sum();
             if previews <= budget {
                 let is_due = |index: &usize| {
-                    objects[*index].preview.is_some() && objects[*index].pixels(&view)[0] >= LEAST_PIXELS
+                    objects[*index].preview.is_some() && objects[*index].pixels(&view)[0] >= MIN_PIXELS
                 };
                 prop_assert!(roots().filter(is_due).all(is_there));
             }

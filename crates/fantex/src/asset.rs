@@ -64,19 +64,22 @@ impl FileKind {
             Self::Asset => Ok(()),
             Self::Look => Err(Self::look_instead(path)),
             Self::World => Err(Self::world_instead(path)),
-            Self::Model => Err(Error::unsupported(format!(
-                "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
-                path.display()
-            ))),
+            Self::Model => {
+                let shown = path.display();
+                let sentence = format!(
+                    "{shown} is not an asset; give a .fan file, for example one that 'fantex bake' has written"
+                );
+                Err(Error::unsupported(sentence).with_path(path))
+            }
         }
     }
 
     /// The error of a look where a model or an asset is taken.
     pub fn look_instead(path: &Path) -> Error {
-        let path = path.display();
-        Error::unsupported(format!(
-            "{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"
-        ))
+        let shown = path.display();
+        let sentence =
+            format!("{shown} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)");
+        Error::unsupported(sentence).with_path(path)
     }
 
     /// The error of a world where a single asset or model is taken.

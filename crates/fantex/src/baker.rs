@@ -17,8 +17,7 @@ use fantex_bake::{
 use fantex_base::random::folded_seed;
 use fantex_base::{Error, ErrorKind, Result, counted, grouped};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
-use fantex_look::LookFile;
-use fantex_look::{LookImages, ResolveOptions};
+use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_mesh::{Material, ObjectSpace};
 use fantex_store::{PageCache, Plan, Quality};
 use fantex_texture::material::MaterialTextures;

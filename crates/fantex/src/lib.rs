@@ -42,7 +42,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `gpu` | [`gpu`]: drawing on wgpu, into a host's own frames too |
-//! | `http` | assets at `http://`, `https://`, `s3://`, `gs://` and `az://` addresses, and writing to stores ([`addresses`]) |
+//! | `http` | assets at `http://`, `https://`, `s3://`, `gs://` and `az://` addresses, and writing to stores ([`addresses`]); [`Merge`] and [`change_world`], which take files and addresses |
 //! | `paint` | [`paint`]: strokes, layers, undo |
 //! | `photos` | [`photos`]: photographs with cameras as a source |
 //! | `export` | [`export`]: models with ordinary texture coordinates, unwrapping |

@@ -38,7 +38,7 @@ struct SceneObject {
 }
 
 /// Decoded texels of an object get at least so much memory, bytes.
-const LEAST_CACHE: u64 = 4 << 20;
+const MIN_CACHE_BYTES: u64 = 4 << 20;
 
 /// Memory that a triangle of a whole object takes, bytes. What streaming and graphics cards need besides, which the index's own number counts,
 /// is not there. Tables of groups and pages are small beside it.
@@ -83,7 +83,7 @@ impl WorldScene {
         let choice = choose_objects(&shapes, &view, memory_bytes / 2, &[]);
         let wanted = choose_objects(&shapes, &view, u64::MAX, &[]);
         let drawn: Vec<(usize, ObjectDetail)> = choice.drawn(&shapes).collect();
-        let cache_bytes = (memory_bytes / 2 / drawn.len().max(1) as u64).max(LEAST_CACHE);
+        let cache_bytes = (memory_bytes / 2 / drawn.len().max(1) as u64).max(MIN_CACHE_BYTES);
         let mut scene = Self {
             joined: JoinedMesh::new(space),
             objects: Vec::with_capacity(drawn.len()),

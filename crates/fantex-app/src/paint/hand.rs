@@ -383,9 +383,9 @@ impl Painting {
 #[derive(Clone, Debug, Default)]
 struct PaintSources {
     /// The texture of the base colour.
-    pub(crate) texture: Option<ChosenTexture>,
+    texture: Option<ChosenTexture>,
     /// The picture of the base colour.
-    pub(crate) picture: Option<PathBuf>,
+    picture: Option<PathBuf>,
 }
 
 /// A stroke that paints so; where it paints comes on top.

@@ -51,9 +51,9 @@ const FEW_LAMPS: usize = 4;
 #[derive(Clone, Copy)]
 struct Receiver {
     /// Where rays start, mesh space.
-    pub(crate) origin: Vec3,
+    origin: Vec3,
     /// Unit normal.
-    pub(crate) normal: Vec3,
+    normal: Vec3,
 }
 
 pub(crate) struct Tracer<'a> {

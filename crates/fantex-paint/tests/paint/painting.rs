@@ -9,7 +9,8 @@ use fantex_paint::{
     Target, Tool, dabs_of, fill_triangles, replay,
 };
 use fantex_store::{
-    Asset, ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, verify,
+    Asset, AssetEditor, ChannelKind, EditOptions, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels,
+    VerifyOptions, verify,
 };
 use fantex_texture::Image;
 use glam::{Vec3, Vec4};
@@ -417,6 +418,37 @@ fn a_log_with_a_stroke_that_met_nothing_is_replayed() {
     let mut painter = other.painter();
     log.replay(&mut painter).unwrap();
     assert_eq!(painter.layers().len(), 1);
+}
+
+/// Each part of a step is looked for by its name: four thousand million of them would take hours.
+#[test]
+fn a_history_of_steps_that_cannot_be_is_damage() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    for (next_id, parts) in [(1, u32::MAX), (0, 1), (u64::MAX, 1)] {
+        let step = format!(r#"{{"id":0,"label":"a","parts":{parts}}}"#);
+        let index = format!(r#"{{"next_id":{next_id},"done":[],"undone":[{step}]}}"#);
+        let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        editor.attach("history/index", index.into_bytes()).unwrap();
+        editor.commit().unwrap();
+        drop(editor);
+        let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+        assert!(
+            error.contains("the history of") && error.contains("names steps that cannot be there"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn layers_with_numbers_that_cannot_go_on_are_damage() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+    let index = format!(r#"{{"next_id":{},"stack":[]}}"#, u64::MAX);
+    editor.attach("layers/index", index.into_bytes()).unwrap();
+    editor.commit().unwrap();
+    drop(editor);
+    let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("the layers of") && error.contains("their numbers are too large"), "{error}");
 }
 
 #[test]

@@ -41,8 +41,8 @@ impl AssetEditor {
         self.rewrite(&NewChannel::all_of(&self.asset), None, |_| false, |_, contents| Ok(Some(contents)))
     }
 
-    /// The same with these channels, and another mesh that has the same triangles, where one is given. Attachments are copied, but those that `concerns` names hold what `change` makes of their
-    /// contents; where that is none, there is no such attachment.
+    /// The same with these channels, and another mesh that has the same triangles, where one is given. Attachments are copied, but those
+    /// that `concerns` names hold what `change` makes of their contents; where that is none, there is no such attachment.
     pub(super) fn rewrite(
         &mut self,
         channels: &[NewChannel],

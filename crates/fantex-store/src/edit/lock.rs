@@ -18,8 +18,6 @@ use std::time::UNIX_EPOCH;
 use fantex_base::files::{forget, remember};
 use fantex_base::{Error, ErrorKind, Result};
 
-use crate::write_error;
-
 /// Attempts, a millisecond apart, to mark a file as being read.
 const MAX_LOCK_ATTEMPTS: u32 = 500;
 
@@ -66,7 +64,13 @@ impl WriterLock {
 
 impl LockFile {
     fn acquire(path: &Path, lock_path: PathBuf) -> Result<Self> {
-        let io = |source| write_error(&lock_path, source);
+        let io = |source: std::io::Error| {
+            let (path, lock) = (path.display(), lock_path.display());
+            let sentence = format!(
+                "cannot lock {path} against other programs: {lock} cannot be made: {source}; its folder must be writable"
+            );
+            Error::new(ErrorKind::Io, sentence).with_path(&lock_path).with_source(source)
+        };
         loop {
             let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
             let file = options.open(&lock_path).map_err(io)?;

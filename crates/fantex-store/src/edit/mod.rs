@@ -14,8 +14,8 @@
 //!   second next commit), no [`Asset`] that this editor handed out is older, and no other reader has the file open (see
 //!   `lock.rs`). Until then the file grows.
 //! - *A failed commit loses nothing.* Changes stay with the editor, the space taken is given back, and the commit can be
-//!   tried again; after a failed sync it writes everything again that no sync has covered. If it fails at step 3 or 4 the new generation may or may not be on the disk; both are whole, and the next
-//!   attempt takes another number.
+//!   tried again; after a failed sync it writes everything again that no sync has covered. If it fails at step 3 or 4 the new
+//!   generation may or may not be on the disk; both are whole, and the next attempt takes another number.
 //!
 //! Here are the changes and reading through them; in `commit.rs` the steps above, in `space.rs` where changed clusters go, in
 //! `lock.rs` who may write, in `compact.rs` the copy without gaps, in `added.rs` further or fewer channels.
@@ -211,8 +211,12 @@ impl AssetEditor {
         let extent = self.asset.page_extent(channel, page)?;
         let expected = self.asset.formats()[channel].bytes(extent);
         if bytes.len() != expected {
-            let (path, got) = (self.asset.path().to_owned(), bytes.len());
-            return Err(Error::invalid(format!("cannot change {}: page ({page}) takes {expected} bytes in channel {channel}, but {got} were given", path.display())).with_path(path));
+            let (path, got) = (self.asset.path(), bytes.len());
+            let sentence = format!(
+                "cannot change {}: page ({page}) takes {expected} bytes in channel {channel}, but {got} were given",
+                path.display()
+            );
+            return Err(Error::invalid(sentence).with_path(path));
         }
         let place = self.asset.place_of(page)?;
         let channels = self.asset.formats().len();
@@ -413,6 +417,8 @@ fn space_and_header(asset: &Asset) -> (Space, HeaderState) {
     let fixed: Vec<Range<u64>> = slot.sections[..3].iter().map(SectionRecord::range).collect();
     let may_reuse = are_apart(&fixed, &current[3..]);
     let (target, other_slot) = read_other_slot(&**asset.source(), &slot);
+    // A file never gets shorter, so a slot that says so is wrong, and what it names beyond the end is no place to write to.
+    let other_slot = other_slot.filter(|other| other.file_length <= slot.file_length);
     let other: Vec<Range<u64>> = other_slot.as_ref().and_then(|o| ranges_of(asset, o)).unwrap_or_default();
     let oldest = other_slot.map_or(slot.generation, |other| other.generation.min(slot.generation));
     let mut space = Space::new(slot.file_length, &fixed, current.iter().chain(&other).cloned(), oldest);

@@ -24,18 +24,19 @@ pub(super) type Texels = [[u8; 4]; 16];
 /// Weights of bits are powers of this, times [`FIRST_WEIGHT`] and the block's error.
 const WEIGHT_STEP: f32 = 0.35;
 
-const WEIGHTS: u32 = 4;
+const MAX_WEIGHTS: u32 = 4;
 
 const FIRST_WEIGHT: f32 = 0.06;
 
 /// Without an error, selectors of equal values are chosen among.
-const LEAST_WEIGHT: f32 = 0.02;
+const MIN_WEIGHT: f32 = 0.02;
 
 /// Supposed bits of a selector.
-const BITS: [f32; 16] = [2.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0];
+const SELECTOR_BITS: [f32; 16] =
+    [2.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0];
 
 /// Places of selectors between the end points, in 64ths.
-const PLACES: [i32; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
+const SELECTOR_PLACES: [i32; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
 
 /// Replaces selectors of BC7 blocks of mode 6; others stay as they are. `alpha`: if alpha counts.
 pub(super) fn prefer_cheap(alpha: bool, blocks: &mut [u8], texels: impl Iterator<Item = Texels>) {
@@ -63,7 +64,7 @@ fn prefer_cheap_in_block<S: Simd>(simd: S, bytes: &mut [u8; 16], texels: &Texels
         let channel = channel_of(simd, texels, c);
         let a = ((ends >> (7 + 14 * c)) as i32 & 127) << 1 | (ends >> 63) as i32;
         let b = ((ends >> (14 + 14 * c)) as i32 & 127) << 1 | bits as i32 & 1;
-        for (errors, place) in errors.iter_mut().zip(PLACES) {
+        for (errors, place) in errors.iter_mut().zip(SELECTOR_PLACES) {
             let value = ((64 - place) * a + place * b + 32) >> 6;
             let difference = channel - value as f32;
             *errors += difference * difference;
@@ -110,7 +111,7 @@ fn cheapest<S: Simd>(simd: S, errors: &[f32x16<S>; 16], selectors: &mut [u8; 16]
     let (mut own, mut own_bits) = ([0.0; 16], 0.0);
     for (i, selector) in selectors.iter().enumerate() {
         own[i] = f32::from(*selector);
-        own_bits += BITS[usize::from(*selector)];
+        own_bits += SELECTOR_BITS[usize::from(*selector)];
     }
     let own = f32x16::from_slice(simd, &own);
     let mut error = f32x16::splat(simd, 0.0);
@@ -118,11 +119,11 @@ fn cheapest<S: Simd>(simd: S, errors: &[f32x16<S>; 16], selectors: &mut [u8; 16]
         error = own.simd_eq(selector as f32).select(errors, error);
     }
     let allowed = sum(error);
-    let mut weight = FIRST_WEIGHT * allowed + LEAST_WEIGHT;
-    for _ in 0..WEIGHTS {
-        let mut least = errors[0] + weight * BITS[0];
+    let mut weight = FIRST_WEIGHT * allowed + MIN_WEIGHT;
+    for _ in 0..MAX_WEIGHTS {
+        let mut least = errors[0] + weight * SELECTOR_BITS[0];
         let (mut error, mut chosen) = (errors[0], f32x16::splat(simd, 0.0));
-        for (selector, (&errors, bits)) in errors.iter().zip(BITS).enumerate().skip(1) {
+        for (selector, (&errors, bits)) in errors.iter().zip(SELECTOR_BITS).enumerate().skip(1) {
             let cost = errors + weight * bits;
             let is_less = cost.simd_lt(least);
             least = is_less.select(cost, least);
@@ -133,7 +134,7 @@ fn cheapest<S: Simd>(simd: S, errors: &[f32x16<S>; 16], selectors: &mut [u8; 16]
             let (mut choice, mut choice_bits) = ([0; 16], 0.0);
             for (choice, &selector) in choice.iter_mut().zip(chosen.as_slice()) {
                 *choice = selector as u8;
-                choice_bits += BITS[usize::from(*choice)];
+                choice_bits += SELECTOR_BITS[usize::from(*choice)];
             }
             let is_cheaper = choice_bits < own_bits;
             if is_cheaper {

@@ -473,6 +473,28 @@ fn an_asset_of_the_last_generation_is_read_and_not_changed() {
     assert!(error.to_string().contains("small.fan has the last number of a generation"), "{error}");
 }
 
+/// What it names beyond the file's end is no room to write to: the next commit would cut it off.
+#[test]
+fn an_older_slot_that_claims_a_longer_file_is_not_believed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Generation, length of the file, place of the mesh.
+    for (at, value) in [(16, 0), (24, 1 << 41), (96, 1 << 40)] {
+        set_word(&mut bytes, 4096 + at, value);
+    }
+    seal(&mut bytes);
+    std::fs::write(&path, bytes).unwrap();
+    let mut expected = State::open(&path).1;
+    let note: Vec<u8> = (0..100_000_u32).map(|i| (i.wrapping_mul(i) >> 7) as u8).collect();
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    editor.attach("note", note.clone()).unwrap();
+    editor.commit().unwrap();
+    drop(editor);
+    expected.attachments.insert("note".to_owned(), note);
+    assert!(State::open(&path) == (2, expected));
+}
+
 #[test]
 fn a_reader_keeps_its_generation() {
     let folder = tempfile::tempdir().unwrap();

@@ -76,7 +76,8 @@ impl RangeAnswer<'_> {
             (206, Some(ContentRange { first_last: Some((first, last)), total }))
                 if first == offset && last >= first =>
             {
-                Ok(Answered { length: (last - first + 1).min(length as u64) as usize, total: Some(total) })
+                let count = (last - first).saturating_add(1).min(length as u64);
+                Ok(Answered { length: count as usize, total: Some(total) })
             }
             (206, _) => Err(other_range()),
             // The range lies beyond the end.
@@ -139,6 +140,9 @@ mod tests {
         assert_eq!(check(part("bytes 100-149/1000")).ok(), ok(50, Some(1000)));
         assert_eq!(check(part("bytes 100-119/120")).ok(), ok(20, Some(120)));
         assert_eq!(check(answer(416, Some("bytes */90"), None)).ok(), ok(0, Some(90)));
+        let all = format!("bytes 0-{}/{0}", u64::MAX);
+        let whole = answer(206, Some(&all), None).check(0, 50, None);
+        assert_eq!(whole.ok(), ok(50, Some(u64::MAX)));
         for (wrong, sentence) in [
             (part("bytes 0-49/1000"), "not asked for"),
             (answer(206, None, None), "not asked for"),
