@@ -4,9 +4,10 @@ use fantex_base::{Error, Result};
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use glam::{Vec2, Vec3};
 
-use crate::bytes::{ByteReader, ByteWriter, below, check_finite, limit};
+use crate::bytes::{ByteReader, ByteWriter, below, check_finite, exactly, limit};
 use crate::error::{not_finite, out_of_order, wrong_count};
 use crate::limits::{MAX_TILE_SIDE, MAX_TRIANGLES};
+use crate::unfolded_places;
 
 /// What must hold for a cover of a mesh of `triangles` triangles.
 pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<()> {
@@ -17,6 +18,12 @@ pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<()> {
         "0 < delta <= 1/3",
     )?;
     parameter("density", cover.density, cover.density > 0.0 && cover.density.is_finite(), "density > 0")?;
+    check_groups(cover, triangles)?;
+    check_unfolded(cover)
+}
+
+/// Every corner has a group that there is.
+fn check_groups(cover: &Cover, triangles: usize) -> Result<()> {
     if cover.corner_groups.len() != triangles {
         return Err(wrong_count(
             "triangles in the cover",
@@ -33,7 +40,7 @@ pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<()> {
     for (g, group) in cover.groups.iter().enumerate() {
         check_group(g, group)?;
     }
-    check_unfolded(cover)
+    Ok(())
 }
 
 fn parameter(what: &'static str, value: f32, ok: bool, range: &'static str) -> Result<()> {
@@ -103,12 +110,18 @@ const CREASED: u8 = 1;
 /// Triangles continue each other by angle.
 const PAIRED_BY_ANGLE: u8 = 2;
 
-pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
+/// Coordinates of unfolded corners follow, packed, and are not in the list before.
+const PACKED: u8 = 4;
+
+/// Of a cover of triangles of these vertices.
+pub(crate) fn encode(cover: &Cover, triangles: &[[u32; 3]]) -> Vec<u8> {
+    let packed = if cover.unfolded.is_empty() { None } else { unfolded_places::encode(cover, triangles) };
+    let listed: &[UnfoldedCorner] = if packed.is_some() { &[] } else { &cover.unfolded };
     let mut out = ByteWriter::default();
     out.f32s(&[cover.delta, cover.density]);
     out.u32(cover.corner_groups.len() as u32);
     out.u32(cover.groups.len() as u32);
-    out.u32(cover.unfolded.len() as u32);
+    out.u32(listed.len() as u32);
     out.words(cover.corner_groups.iter().copied());
     for group in &cover.groups {
         out.u8(match group.kind {
@@ -118,20 +131,24 @@ pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
     }
     out.words(cover.groups.iter().map(|g| g.extent));
     out.floats(cover.groups.iter().map(map_floats));
-    out.words(cover.unfolded.iter().map(|u| [u.corner]));
-    out.floats(cover.unfolded.iter().map(|u| {
+    out.words(listed.iter().map(|u| [u.corner]));
+    out.floats(listed.iter().map(|u| {
         let [a, b, c] = u.uv;
         [a.x, a.y, b.x, b.y, c.x, c.y]
     }));
     let mark = |is_set: bool, bit: u8| if is_set { bit } else { 0 };
-    let marks = mark(cover.is_creased, CREASED) | mark(cover.is_paired_by_angle, PAIRED_BY_ANGLE);
+    let marks = mark(cover.is_creased, CREASED)
+        | mark(cover.is_paired_by_angle, PAIRED_BY_ANGLE)
+        | mark(packed.is_some(), PACKED);
     if marks != 0 {
         out.u8(marks);
     }
+    out.put(&packed.unwrap_or_default());
     out.bytes
 }
 
-pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
+/// Of a cover of triangles of these vertices.
+pub(crate) fn decode(bytes: &[u8], mesh_triangles: &[[u32; 3]]) -> Result<Cover> {
     let mut input = ByteReader::new(bytes);
     let delta = input.f32("delta")?;
     let density = input.f32("the density")?;
@@ -149,11 +166,10 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
     }
     let coordinates = input.floats::<6>(unfolded, "unfolded corner")?;
     let marks = if input.remaining() > 0 { input.u8("the marks of the cover")? } else { 0 };
-    if marks & !(CREASED | PAIRED_BY_ANGLE) != 0 {
+    if marks & !(CREASED | PAIRED_BY_ANGLE | PACKED) != 0 {
         return Err(Error::malformed(format!("the cover ends with unknown marks: {marks}")));
     }
-    input.end()?;
-    let cover = Cover {
+    let mut cover = Cover {
         delta,
         density,
         is_creased: marks & CREASED != 0,
@@ -175,7 +191,13 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
             })
             .collect(),
     };
-    check(&cover, mesh_triangles)?;
+    if marks & PACKED != 0 {
+        exactly("unfolded corners beside packed ones", unfolded, 0)?;
+        check_groups(&cover, mesh_triangles.len())?;
+        cover.unfolded = unfolded_places::decode(&mut input, &cover, mesh_triangles)?.into();
+    }
+    input.end()?;
+    check(&cover, mesh_triangles.len())?;
     Ok(cover)
 }
 

@@ -49,6 +49,7 @@ mod sampler;
 mod source;
 #[cfg(not(target_arch = "wasm32"))]
 mod texel_bounds;
+mod unfolded_places;
 #[cfg(not(target_arch = "wasm32"))]
 mod verify;
 #[cfg(not(target_arch = "wasm32"))]

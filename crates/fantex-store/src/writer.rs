@@ -420,7 +420,7 @@ impl NewFile {
     /// Adds the sections of channels, cover and mesh.
     fn contents(&mut self, mesh: &Mesh, cover: &Cover, channels: &[Channel]) -> io::Result<()> {
         let (cover, mesh) = rayon::join(
-            || pack_section(&cover_section::encode(cover)),
+            || pack_section(&cover_section::encode(cover, &mesh.triangles)),
             || pack_section(&mesh_section::encode(mesh)),
         );
         let sections = [pack_section(&channel::encode_channels(channels)), cover, mesh];

@@ -93,7 +93,7 @@ impl Plan {
             return Err(wrong(Error::damaged("what a plan notes begins with 8 bytes on the block encoders")));
         };
         let mesh = mesh_section::decode(&mesh_bytes).map_err(wrong)?;
-        let cover = cover_section::decode(&cover_bytes, mesh.triangles.len()).map_err(wrong)?;
+        let cover = cover_section::decode(&cover_bytes, &mesh.triangles).map_err(wrong)?;
         let channels = channel::decode_channels(&channel_bytes).map_err(wrong)?;
         let identity = identity(&[&channel_bytes, &cover_bytes, &mesh_bytes]);
         let (encoders, about) = (u64::from_le_bytes(*encoders), about.to_vec());
@@ -104,7 +104,7 @@ impl Plan {
     pub fn is_of(&self, mesh: &Mesh, channels: &[Channel]) -> bool {
         let sections = [
             channel::encode_channels(channels),
-            cover_section::encode(&self.cover),
+            cover_section::encode(&self.cover, &self.mesh.triangles),
             mesh_section::encode(mesh),
         ];
         identity(&[&sections[0], &sections[1], &sections[2]]) == self.identity
