@@ -134,8 +134,10 @@ impl Image {
         });
         let damaged = || Err(not_readable(label, format, "the data is damaged"));
         let mut image = decoded.unwrap_or_else(damaged)?;
-        if format == ImageFormat::OpenExr {
-            divide_by_alpha(&mut image);
+        if format == ImageFormat::OpenExr
+            && let (Samples::F32(values), 4) = (&mut image.samples, image.channels)
+        {
+            divide_floats_by_alpha(values);
         }
         Ok(image)
     }
@@ -394,13 +396,11 @@ fn from_dynamic(decoded: DynamicImage, default_space: ColorSpace) -> Image {
     Image { width, height, channels, space, samples }
 }
 
-/// Straight from associated alpha; colours of fully transparent texels stay as they are.
-fn divide_by_alpha(image: &mut Image) {
-    if let (Samples::F32(values), 4) = (&mut image.samples, image.channels) {
-        for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
-            if *a > 0.0 {
-                (*r, *g, *b) = (*r / *a, *g / *a, *b / *a);
-            }
+/// RGBA: straight from associated alpha; colours of fully transparent texels stay as they are.
+pub(crate) fn divide_floats_by_alpha(values: &mut [f32]) {
+    for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
+        if *a > 0.0 {
+            (*r, *g, *b) = (*r / *a, *g / *a, *b / *a);
         }
     }
 }

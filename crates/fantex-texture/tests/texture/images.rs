@@ -305,6 +305,33 @@ fn dds_files_are_read() {
     assert!(decode_all(b"DDS ").is_err());
 }
 
+#[test]
+fn colours_that_are_multiplied_with_alpha_are_divided() {
+    let texel = |bytes: &[u8]| match &decode_all(bytes).unwrap()[0].samples {
+        Samples::U8(samples) => [samples[0], samples[1], samples[2], samples[3]],
+        other => panic!("{other:?}"),
+    };
+    // BC2: alpha 8 of 15, and a colour of 5, 6 and 5 bits with all indices 0: 99, 101 and 99.
+    let color = (12_u16 << 11 | 25 << 5 | 12).to_le_bytes();
+    let block = [&[0x88; 8][..], &color, &[0; 6]].concat();
+    let [straight, multiplied] =
+        [b"DXT3", b"DXT2"].map(|code| texel(&dds([4, 4, 0, 1], coded(code), 0, &block)));
+    assert_eq!(straight, [99, 101, 99, 136]);
+    assert_eq!(multiplied, [186, 189, 186, 136]);
+    // The extension says it in its last word; 73 is BC2 without a type.
+    let extended = |format: u32, mode: u32, texels: &[u8]| {
+        let words = [format, 3, 0, 1, mode].map(u32::to_le_bytes).concat();
+        texel(&dds([4, 4, 0, 1], coded(b"DX10"), 0, &[&words, texels].concat()))
+    };
+    assert_eq!(extended(74, 0, &block), straight);
+    assert_eq!(extended(73, 2, &block), multiplied);
+    // sRGB: light is multiplied, so 99 of 255 is 0.125 / 0.533 of the light.
+    assert_eq!(extended(29, 2, &[99, 99, 99, 136].repeat(16)), [133, 133, 133, 136]);
+    // Nothing is divided by zero, and nothing overflows.
+    assert_eq!(extended(28, 2, &[99, 99, 99, 0].repeat(16)), [99, 99, 99, 0]);
+    assert_eq!(extended(28, 2, &[99, 8, 0, 10].repeat(16)), [255, 204, 0, 10]);
+}
+
 /// Against the formula of `tests/data/README.md`, within what the encoder loses.
 #[test]
 fn basis_universal_is_read() {
