@@ -412,7 +412,13 @@ impl<'a> Baker<'a> {
                     false => LongestEdge::Automatic,
                 });
                 let mesh = self.refined(&mesh, cuts, None);
-                look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
+                let note = match goal {
+                    Goal::Asset(_) | Goal::Plan(..) => look.note_of_inward_parts(&mesh),
+                    Goal::Part(..) => None,
+                };
+                note.iter().for_each(|note| self.progress.0.note(note));
+                let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
+                Ok(Baked { notes: note.into_iter().chain(baked.notes).collect(), ..baked })
             }
             Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
                 self.transfer_asset(&Asset::open(detailed)?, *cage, goal)

@@ -156,3 +156,48 @@ fn positions_at_the_end_of_single_precision_are_refused() {
     assert_eq!(error.to_string(), expected);
     assert!(!path.exists());
 }
+
+/// A cube with its fronts outside or inside, around a middle on the x axis.
+fn cube(from: u32, middle: f64, half: f64, is_inward: bool) -> String {
+    let mut text = String::new();
+    for corner in 0..8 {
+        let at = |axis: u32| if corner >> axis & 1 == 0 { -half } else { half };
+        text += &format!("v {} {} {}\n", middle + at(0), at(1), at(2));
+    }
+    for quad in [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
+        let corners = if is_inward { [quad[3], quad[2], quad[1], quad[0]] } else { quad };
+        let [a, b, c, d] = corners.map(|corner| from + corner + 1);
+        text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+    }
+    text
+}
+
+#[test]
+fn parts_that_no_light_reaches_are_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, look) = (folder.path().join("cubes.obj"), folder.path().join("light.toml"));
+    let sun = "[[light]]\nkind = \"sun\"\nto_light = [1, 2, 0.5]\n";
+    let lamp = "[[light]]\nkind = \"point\"\nposition = [0, 0, 0]\n";
+    let told = |cubes: &[String], lights: &str, glow: f32| {
+        std::fs::write(&model, cubes.concat()).unwrap();
+        let material = format!("[materials.a]\nbase_color = 0.5\nemission = {glow:?}\n");
+        std::fs::write(&look, format!("{material}{lights}[bake]\nlight = {{ samples = 4 }}\n")).unwrap();
+        let mesh = Mesh::load(&model).unwrap();
+        let baker = Baker::new(&mesh).source(Source::look(&look)).texels(1000).overwrite(true);
+        let notes = baker.write_plan(folder.path().join("cubes.fan"), b"").unwrap().notes;
+        notes.into_iter().find(|note| note.starts_with("no light reaches"))
+    };
+    let [outward, inward] = [false, true].map(|is_inward| cube(0, 0.0, 1.0, is_inward));
+    let beside = |is_inward| cube(8, 5.0, 1.0, is_inward);
+    let expected = "no light reaches the fronts of 1 closed part (12 triangles): the model is inside out there; turn these triangles over";
+    assert_eq!(told(&[inward.clone(), beside(false)], sun, 0.0).as_deref(), Some(expected));
+    let both = told(&[inward.clone(), beside(true)], sun, 0.0).unwrap();
+    assert!(both.contains("2 closed parts (24 triangles)"), "{both}");
+    assert_eq!(told(&[outward.clone(), beside(false)], sun, 0.0), None);
+    // Rooms: with a lamp in them, with something in them, with walls that glow.
+    assert_eq!(told(&[inward.clone()], lamp, 0.0), None);
+    assert_eq!(told(&[inward.clone(), cube(8, 0.0, 0.5, false)], sun, 0.0), None);
+    assert_eq!(told(&[inward], sun, 1.0), None);
+    // The hollow of a ball.
+    assert_eq!(told(&[outward, cube(8, 0.0, 0.5, true)], sun, 0.0), None);
+}
