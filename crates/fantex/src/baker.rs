@@ -674,11 +674,11 @@ impl<'a> Baker<'a> {
         // Single points at rims say nothing.
         if report.missed > report.points / 1000 {
             baked.notes.push(format!(
-                "{}: {:.1} % of the points found nothing within the cage of {:.4} world units along their normal and took the \
+                "{}: {:.1} % of the points found nothing within the cage of {} world units along their normal and took the \
                  nearest point; where that is wrong, give a longer cage",
                 path.display(),
                 100.0 * report.missed as f64 / report.points as f64,
-                report.cage
+                in_three_digits(report.cage)
             ));
         }
         Ok(baked)
@@ -748,6 +748,16 @@ fn scaled(density: &[f32], factor: f32) -> Vec<f32> {
     density.iter().map(|density| density * factor).collect()
 }
 
+/// A length to three digits, whatever its unit.
+fn in_three_digits(length: f64) -> String {
+    let power = if length > 0.0 { length.log10().floor() as i32 } else { 0 };
+    let decimals = (2 - power).max(0) as usize;
+    match power {
+        -4..=5 => format!("{length:.decimals$}"),
+        _ => format!("{length:.2e}"),
+    }
+}
+
 /// A count to two digits, not less than it.
 fn rounded(count: f64) -> u64 {
     let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
@@ -772,4 +782,15 @@ fn without_textures(mesh: &fantex_mesh::Mesh) -> Cow<'_, fantex_mesh::Mesh> {
         }
     }
     Cow::Owned(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_three_digits_in_every_unit() {
+        let said = [0.021, 1.0, 87.83, 4321.4, 8.783e7, 2.5e-9, 0.0].map(in_three_digits);
+        assert_eq!(said, ["0.0210", "1.00", "87.8", "4321", "8.78e7", "2.50e-9", "0.00"]);
+    }
 }
