@@ -1,5 +1,6 @@
 //! The model's own textures, through its own texture coordinates: all material channels at once.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
@@ -8,7 +9,7 @@ use fantex_texture::material::{
     ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, normal_map_tangents,
     occlusion_roughness_metallic, vertex_color,
 };
-use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
+use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas, ImageTexture};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Source, SourceChannel, TexelPoint, for_each_run};
@@ -83,6 +84,15 @@ impl<'a> ImageSource<'a> {
             .iter_mut()
             .for_each(|d| *d = if *d > 0.0 { d.clamp(mean / 16.0, mean * 16.0) } else { mean });
         densities
+    }
+
+    /// Texels of the largest image of each material; an image that several materials share counts once.
+    pub(crate) fn image_texels(&self) -> u64 {
+        let texels = |layer: &TextureLayer| layer.texture.size().map(u64::from).into_iter().product::<u64>();
+        let largest = self.materials.iter().filter_map(|m| m.layers().max_by_key(|&layer| texels(layer)));
+        let images: BTreeMap<*const ImageTexture, u64> =
+            largest.map(|layer| (Arc::as_ptr(&layer.texture), texels(layer))).collect();
+        images.values().sum()
     }
 
     fn triangle_density(&self, triangle: usize) -> f32 {

@@ -118,6 +118,15 @@ impl<'a> LookSource<'a> {
         }
     }
 
+    /// Texels of the model's images, those of the largest of each material; 0 for looks. Where [`density`](Self::density) asks for more, the
+    /// model shows parts of its images again and again.
+    pub fn image_texels(&self) -> u64 {
+        match &self.0 {
+            Materials::Images(source) => source.image_texels(),
+            Materials::Textures(_) => 0,
+        }
+    }
+
     fn materials(&self) -> &dyn Source {
         match &self.0 {
             Materials::Textures(source) => source,

@@ -651,7 +651,7 @@ mod tests {
         let raster = |block| {
             let triangles = baker.texel_triangles(0, &all);
             let (none, mut tile) = (CutOuts::default(), BakedTile::default());
-            baker.evaluate(0, triangles, block, &none, &mut tile).unwrap()
+            baker.evaluate(0, triangles, block, &none, &mut tile).unwrap().0
         };
         let extent = cover.groups[0].extent;
         let whole = raster(TexelBlock { origin: [0, 0], extent });

@@ -37,6 +37,10 @@ impl LookFile {
     /// The file cannot be read, is no TOML, or is no look.
     pub fn read(path: &Path) -> Result<Self> {
         let failed = |error: std::io::Error| {
+            if error.kind() == io::ErrorKind::InvalidData {
+                let sentence = format!("{} is no look: a look is a text, in TOML", path.display());
+                return Error::malformed(sentence).with_path(path).with_source(error);
+            }
             let kind = Error::reading(path, std::io::Error::from(error.kind())).kind();
             let sentence = format!("{}: the look cannot be read: {error}", path.display());
             Error::new(kind, sentence).with_path(path).with_source(error)

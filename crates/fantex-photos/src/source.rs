@@ -65,7 +65,7 @@ impl<'a> PhotoSource<'a> {
             let count = photographs.len();
             return Err(Error::unsupported(format!(
                 "none of the {count} photographs sees the model: it must lie in the coordinates of the cameras, whose middle is \
-                 at {middle}, and its triangles must be seen from outside"
+                 at {middle:.6}, and its triangles must be seen from outside"
             )));
         }
         let (of_vertices, spread) = best.split_at(probes.vertices());

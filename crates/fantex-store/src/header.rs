@@ -23,6 +23,7 @@ use crate::ByteSource;
 use crate::bytes::ByteWriter;
 use crate::error::damaged;
 use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
+use crate::writer::PART_SIGNATURE;
 
 /// Like PNG's, it finds out transfers that change line ends or strip the eighth bit.
 pub(crate) const SIGNATURE: [u8; 8] = *b"\x89FAN\r\n\x1a\n";
@@ -162,6 +163,12 @@ pub(crate) fn read_slot_with(source: &dyn ByteSource, known_flags: &[u32]) -> Re
         let has_signature = slots.iter().any(|slot| slot[..8] == SIGNATURE);
         return Err(if has_signature {
             damaged(path, "neither of its two headers has a valid checksum; bake it anew")
+        } else if header.starts_with(PART_SIGNATURE) {
+            Error::malformed(format!(
+                "{} is a part of a planned bake; a merge takes the plan first, then all parts",
+                path.display()
+            ))
+            .with_path(path)
         } else {
             Error::malformed(format!(
                 "{} is not a .fan asset: it does not start with the asset signature",

@@ -8,9 +8,10 @@ use std::borrow::Cow;
 use std::fmt;
 
 use fantex_base::input::Held;
+use fantex_base::srgb::{linear_from_srgb, srgb_from_linear, unorm8, unorm16};
 use fantex_base::{Error, Result, zstandard};
 
-use crate::image_file::{ImageLimits, check_sides, reserve};
+use crate::image_file::{ImageLimits, check_sides, divide_floats_by_alpha, reserve};
 use crate::{ColorSpace, Image, Samples};
 
 /// A kind of file that holds textures for graphics processors.
@@ -40,6 +41,8 @@ struct Layout {
     images: u64,
     /// `None` where the file does not say it.
     space: Option<ColorSpace>,
+    /// Whether colours are stored multiplied with alpha.
+    is_multiplied: bool,
 }
 
 impl Layout {
@@ -56,7 +59,35 @@ impl Layout {
 
     fn decode(&self, bytes: &[u8], default_space: ColorSpace) -> Image {
         let space = self.space.unwrap_or(default_space);
-        self.format.decode(bytes, self.width, self.height, space)
+        let mut image = self.format.decode(bytes, self.width, self.height, space);
+        if self.is_multiplied && image.channels == 4 {
+            self.divide_by_alpha(&mut image.samples);
+        }
+        image
+    }
+
+    /// Straight from multiplied alpha. Files that say sRGB multiply light, others the numbers that they store.
+    fn divide_by_alpha(&self, samples: &mut Samples) {
+        let divided = |color: f32, alpha: f32| match self.space {
+            Some(ColorSpace::Srgb) => srgb_from_linear((linear_from_srgb(color) / alpha).min(1.0)),
+            _ => color / alpha,
+        };
+        // Colours of fully transparent texels stay as they are.
+        match samples {
+            Samples::U8(values) => {
+                for [color @ .., alpha] in values.as_chunks_mut::<4>().0.iter_mut().filter(|t| t[3] > 0) {
+                    let alpha = f32::from(*alpha) / 255.0;
+                    color.iter_mut().for_each(|c| *c = unorm8(divided(f32::from(*c) / 255.0, alpha)));
+                }
+            }
+            Samples::U16(values) => {
+                for [color @ .., alpha] in values.as_chunks_mut::<4>().0.iter_mut().filter(|t| t[3] > 0) {
+                    let alpha = f32::from(*alpha) / 65_535.0;
+                    color.iter_mut().for_each(|c| *c = unorm16(divided(f32::from(*c) / 65_535.0, alpha)));
+                }
+            }
+            Samples::F32(values) => divide_floats_by_alpha(values),
+        }
     }
 }
 
@@ -149,6 +180,8 @@ const IS_CUBE: u32 = 0x200;
 const CUBE_FACES: u32 = 0xfc00;
 const IS_VOLUME: u32 = 0x20_0000;
 const EXTENDED_CUBE: u32 = 0x4;
+const ALPHA_MODE: u32 = 0x7;
+const MULTIPLIED_ALPHA: u32 = 0x2;
 
 #[derive(Clone, Copy, Debug)]
 struct DdsHeader {
@@ -168,6 +201,8 @@ impl DdsHeader {
         let mut faces = if complexity & IS_CUBE != 0 { (complexity & CUBE_FACES).count_ones() } else { 1 };
         let mut layers = 1;
         let mut start = HEADER;
+        let is_multiplied_code = matches!(&code.to_le_bytes(), b"DXT2" | b"DXT4");
+        let mut is_multiplied = flags & HAS_CODE != 0 && is_multiplied_code;
         let (format, space) = if flags & HAS_CODE == 0 {
             (masked_format(bytes)?, None)
         } else if code == u32::from_le_bytes(*b"DX10") {
@@ -175,6 +210,7 @@ impl DdsHeader {
             let number = word(HEADER)?;
             faces = if word(HEADER + 8)? & EXTENDED_CUBE != 0 { 6 } else { 1 };
             layers = word(HEADER + 12)?.max(1);
+            is_multiplied = word(HEADER + 16)? & ALPHA_MODE == MULTIPLIED_ALPHA;
             extended_format(number).ok_or_else(|| unread_format(&format!("{number} (DXGI)")))?
         } else {
             let unread = || unread_format(&code.to_le_bytes().escape_ascii().to_string());
@@ -188,7 +224,7 @@ impl DdsHeader {
         }
         let slices = if is_volume { u64::from(depth.max(1)) } else { 1 };
         let images = (u64::from(layers) * u64::from(faces)).saturating_mul(slices);
-        let layout = Layout { format, width, height, images, space };
+        let layout = Layout { format, width, height, images, space, is_multiplied };
         Ok(Self { layout, slices, levels: levels.max(1), start: start as u64 })
     }
 
@@ -255,8 +291,15 @@ fn coded_format(code: u32) -> Option<TexelFormat> {
     })
 }
 
-/// By the numbers of `DXGI_FORMAT`. Many programs store sRGB colours without saying so: only formats that say it count.
+/// By the numbers of `DXGI_FORMAT`. Many programs store sRGB colours without saying so: only formats that say it count. Typeless formats,
+/// which some programs write, are taken as unsigned.
 fn extended_format(number: u32) -> Option<(TexelFormat, Option<ColorSpace>)> {
+    let number = match number {
+        27 | 48 | 60 | 70 | 73 | 76 | 79 | 82 | 94 | 97 => number + 1,
+        90 => 87,
+        92 => 88,
+        _ => number,
+    };
     let of = |number| {
         FORMATS.iter().find(|(_, _, [linear, srgb])| number != 0 && [*linear, *srgb].contains(&number))
     };
@@ -297,8 +340,11 @@ impl Ktx2Header {
             texel_format(code).ok_or_else(|| unread_format(&format!("{code} (VkFormat)")))?;
         let images = [layers, faces, depth].map(|count| u64::from(count.max(1)));
         let images = images.into_iter().fold(1_u64, u64::saturating_mul);
+        let (height, space) = (height.max(1), Some(space));
+        let descriptor = slice_at(bytes, word(9)?.into(), word(10)?.into())?;
+        let is_multiplied = is_multiplied(descriptor);
         Ok(Self {
-            layout: Layout { format, width, height: height.max(1), images, space: Some(space) },
+            layout: Layout { format, width, height, images, space, is_multiplied },
             packing,
             offset: u64_at(bytes, LEVEL_INDEX)?,
             packed_bytes: u64_at(bytes, LEVEL_INDEX + 8)?,
@@ -320,6 +366,11 @@ impl Ktx2Header {
         }
         Ok(level)
     }
+}
+
+/// Whether the description of a file's texels says that colours are multiplied with alpha.
+fn is_multiplied(descriptor: &[u8]) -> bool {
+    descriptor.get(15).is_some_and(|flags| flags & 1 != 0)
 }
 
 /// By the numbers of `VkFormat`.

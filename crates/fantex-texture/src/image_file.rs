@@ -47,6 +47,8 @@ fn name_of(format: ImageFormat) -> &'static str {
         ImageFormat::WebP => "WebP",
         ImageFormat::Hdr => "Radiance HDR",
         ImageFormat::OpenExr => "OpenEXR",
+        ImageFormat::Tga => "TGA",
+        ImageFormat::Bmp => "BMP",
         _ => "unknown",
     }
 }
@@ -73,7 +75,7 @@ fn too_much_memory(label: &str, bytes: u64, limits: ImageLimits) -> Error {
 }
 
 impl Image {
-    /// Reads a PNG, JPEG, TIFF, WebP, Radiance HDR, OpenEXR, KTX2 or DDS file with the default limits. Fixed-point samples
+    /// Reads a PNG, JPEG, TIFF, WebP, Radiance HDR, OpenEXR, KTX2, DDS, TGA or BMP file with the default limits. Fixed-point samples
     /// are taken as sRGB-encoded colours, unless the file says otherwise (as KTX2 does); for other data use
     /// [`Image::load_as`]. Of files with several images (faces, layers, slices), this is the first one.
     ///
@@ -112,17 +114,18 @@ impl Image {
     ) -> Result<Self> {
         let unknown = || {
             Error::unsupported(format!(
-                "'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2, DDS)"
+                "'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2, DDS, TGA, BMP)"
             ))
         };
         if let Some(container) = container::recognise(bytes) {
             let images = container::decode(container, bytes, label, default_space, limits, 1)?;
             return images.into_iter().next().ok_or_else(unknown);
         }
-        let format = image::guess_format(bytes).map_err(|_| unknown())?;
-        if !READABLE.contains(&format) {
-            return Err(unknown());
-        }
+        let format = match image::guess_format(bytes) {
+            Ok(format) if READABLE.contains(&format) => format,
+            _ if is_tga(bytes) => ImageFormat::Tga,
+            _ => return Err(unknown()),
+        };
         let decoded = input::guarded(|| {
             if format == ImageFormat::Tiff {
                 check_tiff(bytes, label)?;
@@ -134,8 +137,10 @@ impl Image {
         });
         let damaged = || Err(not_readable(label, format, "the data is damaged"));
         let mut image = decoded.unwrap_or_else(damaged)?;
-        if format == ImageFormat::OpenExr {
-            divide_by_alpha(&mut image);
+        if format == ImageFormat::OpenExr
+            && let (Samples::F32(values), 4) = (&mut image.samples, image.channels)
+        {
+            divide_floats_by_alpha(values);
         }
         Ok(image)
     }
@@ -190,7 +195,7 @@ impl Image {
     /// The extension names no format, or the format has no room for the channels.
     pub fn encoded(&self, path: impl AsRef<Path>) -> Result<Vec<u8>> {
         let path = path.as_ref();
-        let format = ImageFormat::from_path(path).ok().filter(|format| READABLE.contains(format));
+        let format = ImageFormat::from_path(path).ok().filter(|format| WRITABLE.contains(format));
         let unknown = || {
             let known = "use .png, .jpg, .tif, .webp, .hdr or .exr";
             Error::unsupported(format!("cannot tell the image format of '{}'; {known}", path.display()))
@@ -216,7 +221,18 @@ impl Image {
     }
 }
 
-const READABLE: [ImageFormat; 6] = [
+/// Those that their first bytes tell.
+const READABLE: [ImageFormat; 7] = [
+    ImageFormat::Png,
+    ImageFormat::Jpeg,
+    ImageFormat::Tiff,
+    ImageFormat::WebP,
+    ImageFormat::Hdr,
+    ImageFormat::OpenExr,
+    ImageFormat::Bmp,
+];
+
+const WRITABLE: [ImageFormat; 6] = [
     ImageFormat::Png,
     ImageFormat::Jpeg,
     ImageFormat::Tiff,
@@ -224,6 +240,23 @@ const READABLE: [ImageFormat; 6] = [
     ImageFormat::Hdr,
     ImageFormat::OpenExr,
 ];
+
+/// Whether bytes begin as a TGA file, which has no magic number: with a header whose fields are possible together.
+fn is_tga(bytes: &[u8]) -> bool {
+    let Some(&[_, map, kind, _, _, _, _, map_bits, _, _, _, _, w0, w1, h0, h1, bits, flags]) =
+        bytes.first_chunk::<18>()
+    else {
+        return false;
+    };
+    let is_kind = match (map, kind) {
+        (1, 1 | 9) => [8, 16].contains(&bits) && [15, 16, 24, 32].contains(&map_bits),
+        (0 | 1, 2 | 10) => [15, 16, 24, 32].contains(&bits),
+        (0 | 1, 3 | 11) => [8, 16].contains(&bits),
+        _ => false,
+    };
+    // The two highest bits said how rows were interleaved, which nobody does.
+    is_kind && (w0 | w1) > 0 && (h0 | h1) > 0 && flags < 64
+}
 
 /// Damaged, cut short, or of a variant that is not supported.
 fn not_readable(label: &str, format: ImageFormat, cause: &str) -> Error {
@@ -394,13 +427,11 @@ fn from_dynamic(decoded: DynamicImage, default_space: ColorSpace) -> Image {
     Image { width, height, channels, space, samples }
 }
 
-/// Straight from associated alpha; colours of fully transparent texels stay as they are.
-fn divide_by_alpha(image: &mut Image) {
-    if let (Samples::F32(values), 4) = (&mut image.samples, image.channels) {
-        for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
-            if *a > 0.0 {
-                (*r, *g, *b) = (*r / *a, *g / *a, *b / *a);
-            }
+/// RGBA: straight from associated alpha; colours of fully transparent texels stay as they are.
+pub(crate) fn divide_floats_by_alpha(values: &mut [f32]) {
+    for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
+        if *a > 0.0 {
+            (*r, *g, *b) = (*r / *a, *g / *a, *b / *a);
         }
     }
 }

@@ -211,7 +211,8 @@ enum Budget {
 /// Bakes a source onto a mesh: covers the mesh, fills the tiles, writes the asset.
 ///
 /// Without a source the model's own materials or vertex colours are baked; without a number of texels textures keep their own
-/// density, and everything else gets [`Baker::DEFAULT_TEXELS`].
+/// density, and everything else gets [`Baker::DEFAULT_TEXELS`]. A model that repeats its textures gets at most 16 million, or twice the
+/// texels of its images, and a note.
 #[derive(Debug)]
 #[must_use = "nothing is baked before `write`"]
 pub struct Baker<'a> {
@@ -240,6 +241,9 @@ impl<'a> Baker<'a> {
 
     /// More texels than this, which nobody asked for, are worth a note.
     const MANY_TEXELS: u64 = 64_000_000;
+
+    /// A model that shows parts of its images again and again gets no more than so many texels by itself, or twice those of its images.
+    const REPEATED_TEXELS: u64 = 16_000_000;
 
     /// Texels for each of an image's whose texels are to appear as squares: edges a quarter as wide as a square look crisp.
     const CRISP_TEXELS: f64 = 16.0;
@@ -407,7 +411,13 @@ impl<'a> Baker<'a> {
                     false => LongestEdge::Automatic,
                 });
                 let mesh = self.refined(&mesh, cuts, None);
-                look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))?
+                let note = match goal {
+                    Goal::Asset(_) | Goal::Plan(..) => look.note_of_inward_parts(&mesh),
+                    Goal::Part(..) => None,
+                };
+                note.iter().for_each(|note| self.progress.0.note(note));
+                let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
+                Ok(Baked { notes: note.into_iter().chain(baked.notes).collect(), ..baked })
             }
             Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
                 self.transfer_asset(&Asset::open(detailed)?, *cage, goal)
@@ -437,27 +447,44 @@ impl<'a> Baker<'a> {
         let model: &fantex_mesh::Mesh = self.mesh;
         let textures = LookSource::decoded(model)?;
         let source = LookSource::of_decoded(model, textures.clone());
-        let density = source.has_textures().then(|| source.density());
-        let texels = match (&density, self.budget, goal) {
-            (Some(density), Budget::Default, Goal::Asset(_) | Goal::Plan(..)) => {
-                budget_texels(model, &TexelBudget::PerTriangle(density.clone()))
-            }
-            _ => 0.0,
-        };
+        let own = source.has_textures().then(|| source.density());
+        let own_texels = own.as_deref().map_or(0.0, |own| density_texels(model, own));
+        let most = Self::REPEATED_TEXELS.max(2 * source.image_texels()) as f64;
+        let is_limited = self.budget == Budget::Default && own_texels > most;
+        let share = if is_limited { (most / own_texels).sqrt() as f32 } else { 1.0 };
+        let density = own.as_deref().map(|own| scaled(own, share));
+        let mut notes = Vec::new();
         // Before the mesh is cut and covered, which takes its time.
-        let squares = match (&density, goal) {
-            (Some(density), Goal::Asset(_) | Goal::Plan(..)) => self.note_of_squares(&source, density),
-            _ => None,
-        };
-        let dense = self.note_of_many(texels as u64);
-        let mut baked = self.textured(model, source, density, textures, goal)?;
-        baked.notes.splice(0..0, squares.into_iter().chain(dense));
+        if let (Some(own), Some(density), Goal::Asset(_) | Goal::Plan(..)) = (&own, &density, goal) {
+            notes.extend(self.note_of_squares(&source, own, density));
+            if self.budget == Budget::Default {
+                notes.extend(self.note_of_repeats(own_texels, most));
+                notes.extend(self.note_of_many(density_texels(model, density) as u64));
+            }
+        }
+        let mut baked = self.textured(model, source, share, textures, goal)?;
+        baked.notes.splice(0..0, notes);
         Ok(baked)
     }
 
-    /// Says that texels which are to appear as squares are blended, unless there are enough to hide it.
-    fn note_of_squares(&self, source: &LookSource<'_>, density: &[f32]) -> Option<String> {
-        let own = budget_texels(self.mesh, &TexelBudget::PerTriangle(density.to_vec()));
+    /// Says that a model gets fewer texels than its images have wherever they are shown, if it does.
+    fn note_of_repeats(&self, own_texels: f64, most: f64) -> Option<String> {
+        let millions = |texels: f64| (texels / 1e6) as u64;
+        let note = format!(
+            "the model shows parts of its textures again and again: at their own density these were about {} million texels; it is given \
+             about {} million, unless a number of texels or the density of its textures is asked for",
+            millions(own_texels),
+            millions(most)
+        );
+        let note = Some(note).filter(|_| own_texels > most);
+        note.iter().for_each(|note| self.progress.0.note(note));
+        note
+    }
+
+    /// Says that texels which are to appear as squares are blended, unless there are enough to hide it. `own`: the density of the textures,
+    /// `density` the one that they get where nothing else is asked for.
+    fn note_of_squares(&self, source: &LookSource<'_>, own: &[f32], density: &[f32]) -> Option<String> {
+        let own = density_texels(self.mesh, own);
         let asked = budget_texels(self.mesh, &self.nominal_budget(self.mesh, Some(density)));
         // Whoever gives a rounded number has heard the note.
         let materials =
@@ -485,35 +512,36 @@ impl<'a> Baker<'a> {
         note
     }
 
-    /// Cuts a model and bakes its materials. `density` as in [`bake`](Self::bake); `textures` are those of the source.
+    /// Cuts a model and bakes its materials. `share`: of the density of the textures, which are those of the source.
     fn textured(
         &self,
         model: &fantex_mesh::Mesh,
         source: LookSource<'_>,
-        density: Option<Vec<f32>>,
+        share: f32,
         textures: Vec<MaterialTextures>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         let cuts = self.longest_edge.unwrap_or_default();
         let tangents = source.normal_map_tangents();
+        let density =
+            |source: &LookSource<'_>| source.has_textures().then(|| scaled(&source.density(), share));
         if cuts.leaves_whole(model, self.tile) {
-            return self.bake(model, &source, density, goal);
+            return self.bake(model, &source, density(&source), goal);
         }
         // Normal maps were made for the axes of the whole triangles.
         let mut framed = Cow::Borrowed(model);
         if model.corners.tangents.is_empty() && !tangents.is_empty() {
             framed.to_mut().corners.tangents = tangents.to_vec();
         }
-        let Cow::Owned(framed) = self.refined(&framed, cuts, density.as_deref()) else {
-            return self.bake(model, &source, density, goal);
+        let Cow::Owned(framed) = self.refined(&framed, cuts, density(&source).as_deref()) else {
+            return self.bake(model, &source, density(&source), goal);
         };
         let mut cut = framed.clone();
         if model.corners.tangents.is_empty() {
             cut.corners.tangents.clear();
         }
         let source = LookSource::of_decoded(&framed, textures);
-        let density = source.has_textures().then(|| source.density());
-        self.bake(&cut, &source, density, goal)
+        self.bake(&cut, &source, density(&source), goal)
     }
 
     /// Covers the mesh and bakes. `own_density`: texels per mesh unit of the source's own texels, per triangle, where it has any.
@@ -645,11 +673,11 @@ impl<'a> Baker<'a> {
         // Single points at rims say nothing.
         if report.missed > report.points / 1000 {
             baked.notes.push(format!(
-                "{}: {:.1} % of the points found nothing within the cage of {:.4} world units along their normal and took the \
+                "{}: {:.1} % of the points found nothing within the cage of {} world units along their normal and took the \
                  nearest point; where that is wrong, give a longer cage",
                 path.display(),
                 100.0 * report.missed as f64 / report.points as f64,
-                report.cage
+                in_three_digits(report.cage)
             ));
         }
         Ok(baked)
@@ -709,6 +737,26 @@ impl fantex_bake::Source for FunctionSource<'_> {
     }
 }
 
+/// Texels of a mesh at densities of its triangles.
+fn density_texels(mesh: &fantex_mesh::Mesh, density: &[f32]) -> f64 {
+    budget_texels(mesh, &TexelBudget::PerTriangle(density.to_vec()))
+}
+
+/// All densities times a factor.
+fn scaled(density: &[f32], factor: f32) -> Vec<f32> {
+    density.iter().map(|density| density * factor).collect()
+}
+
+/// A length to three digits, whatever its unit.
+fn in_three_digits(length: f64) -> String {
+    let power = if length > 0.0 { length.log10().floor() as i32 } else { 0 };
+    let decimals = (2 - power).max(0) as usize;
+    match power {
+        -4..=5 => format!("{length:.decimals$}"),
+        _ => format!("{length:.2e}"),
+    }
+}
+
 /// A count to two digits, not less than it.
 fn rounded(count: f64) -> u64 {
     let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
@@ -733,4 +781,15 @@ fn without_textures(mesh: &fantex_mesh::Mesh) -> Cow<'_, fantex_mesh::Mesh> {
         }
     }
     Cow::Owned(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_three_digits_in_every_unit() {
+        let said = [0.021, 1.0, 87.83, 4321.4, 8.783e7, 2.5e-9, 0.0].map(in_three_digits);
+        assert_eq!(said, ["0.0210", "1.00", "87.8", "4321", "8.78e7", "2.50e-9", "0.00"]);
+    }
 }

@@ -22,6 +22,11 @@ fn tiled(folder: &Path, repeats: u32) -> PathBuf {
         space: ColorSpace::Linear,
         samples: Samples::U16((0..SIDE * SIDE * 3).map(|i| (i * 5) as u16).collect()),
     };
+    square(folder, &image, repeats)
+}
+
+/// A square that shows an image so many times along both sides.
+fn square(folder: &Path, image: &Image, repeats: u32) -> PathBuf {
     image.save(folder.join("color.png")).unwrap();
     std::fs::write(folder.join("square.mtl"), "newmtl a\nmap_Kd color.png\n").unwrap();
     let square = format!(
@@ -54,9 +59,12 @@ impl Progress for UpToNote {
 #[test]
 fn many_texels_that_nobody_asked_for_are_told_of_before_the_first() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = Mesh::load(tiled(folder.path(), 160)).unwrap();
+    let (width, height) = (16_384, 4096);
+    let samples = Samples::U8(vec![100; width as usize * height as usize]);
+    let image = Image { width, height, channels: 1, space: ColorSpace::Linear, samples };
+    let mesh = Mesh::load(square(folder.path(), &image, 1)).unwrap();
     let path = folder.path().join("square.fan");
-    let is_many = |note: &String| note.contains("about 104 million texels");
+    let is_many = |note: &String| note.contains("about 67 million texels");
     for is_plan in [false, true] {
         let heard = UpToNote::default();
         let baker = Baker::new(&mesh).progress(&heard);
@@ -71,6 +79,31 @@ fn many_texels_that_nobody_asked_for_are_told_of_before_the_first() {
     assert_eq!(baked.notes.iter().filter(|note| is_many(note)).count(), 1, "{:?}", baked.notes);
     let asked_for = Baker::new(&mesh).texels(100_000_000).overwrite(true).write_plan(&path, b"").unwrap();
     assert!(!asked_for.notes.iter().any(|note| note.contains("million texels")), "{:?}", asked_for.notes);
+}
+
+/// Cards of leaves and tiled walls show the same texels thousands of times.
+#[test]
+fn textures_that_repeat_get_a_number_of_texels_that_a_user_would_choose() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("square.fan");
+    let plan = |repeats: u32, is_matched: bool| {
+        let mesh = Mesh::load(tiled(folder.path(), repeats)).unwrap();
+        let baker = Baker::new(&mesh).overwrite(true);
+        let baker = if is_matched { baker.matching() } else { baker };
+        let baked = baker.write_plan(&path, b"").unwrap();
+        (baked.cover.texels, baked.notes)
+    };
+    // 64 x 160 texels along a side.
+    let (texels, notes) = plan(160, false);
+    assert!((12_000_000..24_000_000).contains(&texels), "{texels}");
+    let told = "at their own density these were about 104 million texels; it is given about 16 million";
+    assert_eq!(notes.iter().filter(|note| note.contains(told)).count(), 1, "{notes:?}");
+    // Whoever asks for it gets it.
+    let (texels, notes) = plan(160, true);
+    assert!(texels > 90_000_000 && notes.is_empty(), "{texels} {notes:?}");
+    // Few texels may be shown as often as they like.
+    let (texels, notes) = plan(50, false);
+    assert!((9_000_000..14_000_000).contains(&texels) && notes.is_empty(), "{texels} {notes:?}");
 }
 
 #[test]
@@ -122,4 +155,49 @@ fn positions_at_the_end_of_single_precision_are_refused() {
     let expected = "the model is about 3e38 units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices";
     assert_eq!(error.to_string(), expected);
     assert!(!path.exists());
+}
+
+/// A cube with its fronts outside or inside, around a middle on the x axis.
+fn cube(from: u32, middle: f64, half: f64, is_inward: bool) -> String {
+    let mut text = String::new();
+    for corner in 0..8 {
+        let at = |axis: u32| if corner >> axis & 1 == 0 { -half } else { half };
+        text += &format!("v {} {} {}\n", middle + at(0), at(1), at(2));
+    }
+    for quad in [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
+        let corners = if is_inward { [quad[3], quad[2], quad[1], quad[0]] } else { quad };
+        let [a, b, c, d] = corners.map(|corner| from + corner + 1);
+        text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+    }
+    text
+}
+
+#[test]
+fn parts_that_no_light_reaches_are_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, look) = (folder.path().join("cubes.obj"), folder.path().join("light.toml"));
+    let sun = "[[light]]\nkind = \"sun\"\nto_light = [1, 2, 0.5]\n";
+    let lamp = "[[light]]\nkind = \"point\"\nposition = [0, 0, 0]\n";
+    let told = |cubes: &[String], lights: &str, glow: f32| {
+        std::fs::write(&model, cubes.concat()).unwrap();
+        let material = format!("[materials.a]\nbase_color = 0.5\nemission = {glow:?}\n");
+        std::fs::write(&look, format!("{material}{lights}[bake]\nlight = {{ samples = 4 }}\n")).unwrap();
+        let mesh = Mesh::load(&model).unwrap();
+        let baker = Baker::new(&mesh).source(Source::look(&look)).texels(1000).overwrite(true);
+        let notes = baker.write_plan(folder.path().join("cubes.fan"), b"").unwrap().notes;
+        notes.into_iter().find(|note| note.starts_with("no light reaches"))
+    };
+    let [outward, inward] = [false, true].map(|is_inward| cube(0, 0.0, 1.0, is_inward));
+    let beside = |is_inward| cube(8, 5.0, 1.0, is_inward);
+    let expected = "no light reaches the fronts of 1 closed part (12 triangles): the model is inside out there; turn these triangles over";
+    assert_eq!(told(&[inward.clone(), beside(false)], sun, 0.0).as_deref(), Some(expected));
+    let both = told(&[inward.clone(), beside(true)], sun, 0.0).unwrap();
+    assert!(both.contains("2 closed parts (24 triangles)"), "{both}");
+    assert_eq!(told(&[outward.clone(), beside(false)], sun, 0.0), None);
+    // Rooms: with a lamp in them, with something in them, with walls that glow.
+    assert_eq!(told(&[inward.clone()], lamp, 0.0), None);
+    assert_eq!(told(&[inward.clone(), cube(8, 0.0, 0.5, false)], sun, 0.0), None);
+    assert_eq!(told(&[inward], sun, 1.0), None);
+    // The hollow of a ball.
+    assert_eq!(told(&[outward, cube(8, 0.0, 0.5, true)], sun, 0.0), None);
 }

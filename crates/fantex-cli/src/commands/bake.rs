@@ -40,7 +40,8 @@ scratch_bytes, too. With --json, looks that bake light tell its noise: light has
 error_left.
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own \
-density unless --texels or --density says otherwise; other sources get 4M texels.")]
+density unless --texels or --density says otherwise; other sources get 4M texels. A model that repeats its textures, as \
+tiled walls and cards of leaves do, gets at most 16M texels, or twice those of its images, by itself; --match lifts this.")]
 pub(crate) struct BakeArgs {
     #[command(flatten)]
     job: JobArgs,

@@ -48,7 +48,7 @@ pub(crate) struct ImageArgs {
     #[arg(long, value_parser = one_of(&WRAPS), default_value = "repeat", requires = "derivatives")]
     wrap: Wrap,
     /// The largest derivative that the code holds; the largest that there is where it is left out
-    #[arg(long, value_name = "NUMBER", value_parser = positive, requires = "derivatives")]
+    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_negative_numbers = true, requires = "derivatives")]
     range: Option<f64>,
     /// What the image's numbers mean; heights are linear
     #[arg(long, value_parser = one_of(&SPACES))]

@@ -158,6 +158,22 @@ struct WarpInfo {
     covered_share: f64,
 }
 
+/// In perspective, a rectangle is seen whole as a quadrilateral that is convex; of others a part lies behind the eye.
+fn check_is_convex(corners: [DVec2; 4]) -> Result<()> {
+    let turn = |k: usize| {
+        let [a, b, c] = [k, k + 1, k + 2].map(|k| corners[k % 4]);
+        (b - a).perp_dot(c - b)
+    };
+    let turns = [turn(0), turn(1), turn(2), turn(3)];
+    match turns.iter().all(|turn| *turn > 0.0) || turns.iter().all(|turn| *turn < 0.0) {
+        true => Ok(()),
+        false => Err(Error::invalid(
+            "the corners of a perspective map go round a convex quadrilateral: upper left, upper right, lower right, lower left; \
+             these cross or have a dent",
+        )),
+    }
+}
+
 pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     let image = Image::load_as(&args.image, ColorSpace::Srgb)?;
     context.check_output_of(&args.output, &args.image)?;
@@ -166,7 +182,11 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
         (Map::Affine, &[origin, u, v]) => {
             Box::new(AffineMap::from_points([DVec2::ZERO, DVec2::X, DVec2::Y], [origin, u, v])?)
         }
-        (Map::Perspective, &[a, b, c, d]) => Box::new(ProjectiveMap::from_quad([a, b, c, d])?),
+        (Map::Perspective, &[a, b, c, d]) => {
+            let map = ProjectiveMap::from_quad([a, b, c, d])?;
+            check_is_convex([a, b, c, d])?;
+            Box::new(map)
+        }
         (Map::Bilinear, &[a, b, c, d]) => Box::new(BilinearMap::from_quad([a, b, c, d])?),
         (map, corners) => {
             let needed = if map == Map::Affine { "three" } else { "four" };

@@ -259,6 +259,16 @@ fn names_that_say_no_format_are_wrong_usage() {
         &["out.xyz", ".png"],
         &[&[&"warp" as &dyn AsRef<OsStr>, &picture, &"-o", &xyz][..], &corners].concat(),
     );
+    let png = folder.path().join("b.png");
+    let crossed: [&dyn AsRef<OsStr>; 7] =
+        [&"--map", &"perspective", &"--corners", &"0,0", &"9,9", &"9,0", &"0,9"];
+    fails(
+        2,
+        &["convex quadrilateral", "cross"],
+        &[&[&"warp" as &dyn AsRef<OsStr>, &picture, &"-o", &png][..], &crossed].concat(),
+    );
+    fails(1, &["a.png is no look"], &[&"table", &picture, &"-o", &png]);
+    fails(2, &["number above zero"], &[&"image", &picture, &"-o", &png, &"--derivatives", &"--range", &"-1"]);
     fails(2, &["out.stl", ".ply"], &[&"simplify", &model, &"-o", &stl, &"--triangles", &"2"]);
     fails(2, &["out.stl", ".ply"], &[&"generate", &"landscape", &"-o", &stl]);
     assert_eq!(files(folder.path()), ["a.png", "colored.ply", "look.toml"]);

@@ -515,6 +515,7 @@ fn parts_of_a_plan_are_merged() {
     fails(1, &["is a plan, which has no texels"], &[&"render", &plan, &"-o", &at("x.png")]);
     fails(1, &["is a plan, which has no texels"], &[&"bake", &plan, &"-o", &at("x")]);
     fails(1, &["is an asset, and no plan"], &[&"bake", &merged, &"--shard=1/3", &"-o", &at("x")]);
+    fails(1, &["is a part of a planned bake", "the plan first"], &[&"merge", a, b, c, &"--check"]);
     fails(1, &["have the same tiles"], &[&"merge", &plan, a, a, b, c, &"--check"]);
     let other = at("other.plan");
     json(&[&"plan", &model, &"-o", &other, &"--texels=50k"]);

@@ -96,7 +96,7 @@ pub enum TextureTable {
 parameters! {
     /// An image. Either `image` or `model_image` is needed.
     pub struct ImageTable {
-        /// The file: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2 or DDS.
+        /// The file: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2, DDS, TGA or BMP.
         pub image: Option<FileName> = None,
         /// An image of the model instead: its number, from 0.
         pub model_image: Option<u32> = None,

@@ -9,6 +9,7 @@
 
 mod collapse;
 mod exact;
+mod inward;
 mod repeats;
 mod topology;
 
@@ -22,6 +23,7 @@ use repeats::Repeat;
 
 use crate::{CornerAttributes, Material, Mesh, Model, VertexCorners, WorldFromMesh};
 
+pub use inward::inward_parts;
 pub(crate) use topology::Components;
 pub use topology::Topology;
 

@@ -168,7 +168,7 @@ impl Components {
 // Making the orientation of neighbouring triangles agree.
 
 /// Marks an edge that has no single neighbour.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Which triangles to turn, and what could not be decided.
 pub(super) struct Turning {
@@ -214,7 +214,7 @@ pub(super) fn decide(
 }
 
 /// For every half-edge the opposite one, where exactly two triangles meet.
-fn neighbours(triangles: &[[u32; 3]], corners: &VertexCorners) -> Vec<[u32; 3]> {
+pub(super) fn neighbours(triangles: &[[u32; 3]], corners: &VertexCorners) -> Vec<[u32; 3]> {
     let opposite: Vec<[AtomicU32; 3]> = triangles.iter().map(|_| [NONE; 3].map(AtomicU32::new)).collect();
     let set = |from: u32, to: u32| opposite[from as usize / 3][from as usize % 3].store(to, Relaxed);
     (0..corners.len()).into_par_iter().with_min_len(1 << 12).for_each_init(Star::default, |star, v| {
@@ -233,7 +233,7 @@ fn neighbours(triangles: &[[u32; 3]], corners: &VertexCorners) -> Vec<[u32; 3]> 
 /// Walks breadth first over the patch of `seed`, setting flags relative to it; false if two ways round disagree.
 ///
 /// Neighbours are taken by ascending index, so the way does not depend on how triangles are turned.
-fn flood(
+pub(super) fn flood(
     seed: u32,
     triangles: &[[u32; 3]],
     neighbours: &[[u32; 3]],
@@ -267,7 +267,7 @@ fn flood(
 }
 
 /// Six times the volume enclosed by a closed patch, relative to a point on it.
-fn signed_volume(positions: &[Vec3], triangles: &[[u32; 3]], patch: &[u32], turn: &[bool]) -> f64 {
+pub(super) fn signed_volume(positions: &[Vec3], triangles: &[[u32; 3]], patch: &[u32], turn: &[bool]) -> f64 {
     let at = |v: u32| positions[v as usize].as_dvec3();
     let origin = patch.first().map_or(DVec3::ZERO, |&t| at(triangles[t as usize][0]));
     let volumes = patch.iter().map(|&t| {

@@ -29,7 +29,7 @@ fn read(file: &SourceFile) -> Result<Model> {
     let fits_binary = count.is_some_and(|n| n > 0 && needed_bytes(n) == file.bytes.len() as u64);
     // Many binary files begin with the word solid too, so a length that fits comes first.
     if !fits_binary && is_ascii(file.bytes) {
-        return Ascii::new(file.bytes).read(file);
+        return Ascii::new(without_mark(file.bytes)).read(file);
     }
     let too_short = || {
         let bytes = counted(file.bytes.len(), "byte");
@@ -43,13 +43,18 @@ fn read(file: &SourceFile) -> Result<Model> {
 
 /// ASCII STL begins with `solid`, and the words `facet` or `endsolid` follow in the text after it.
 fn is_ascii(bytes: &[u8]) -> bool {
-    let text = bytes.trim_ascii_start();
+    let text = without_mark(bytes).trim_ascii_start();
     let head = &text[..text.len().min(4096)];
     starts_with_word(head, b"solid")
         && !head.contains(&0)
         && [&b"facet"[..], b"endsolid"]
             .iter()
             .any(|word| head.windows(word.len()).any(|w| w.eq_ignore_ascii_case(word)))
+}
+
+/// Text without the mark that some editors put before UTF-8.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 fn starts_with_word(text: &[u8], word: &[u8]) -> bool {

@@ -554,6 +554,8 @@ fn ascii_stl_takes_several_solids_and_odd_normals() {
     // Lines of old systems.
     let old = load_text("a.stl", &text.replace('\n', "\r")).unwrap();
     assert_eq!(old.positions, model.positions);
+    let marked = load_text("a.stl", &format!("\u{feff}{text}")).unwrap();
+    assert_eq!(marked.positions, model.positions);
 }
 
 #[test]

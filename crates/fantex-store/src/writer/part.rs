@@ -28,7 +28,7 @@ use crate::bytes::ByteWriter;
 use crate::directory::ALIGNMENT;
 
 /// The last byte is the version.
-pub(super) const SIGNATURE: &[u8; 8] = b"FANPART2";
+pub(crate) const SIGNATURE: &[u8; 8] = b"FANPART2";
 
 /// Of the header: signature, plan, first group, end, shard, count, items, means, where the items stand; zeros; its checksum. The first cluster
 /// follows.

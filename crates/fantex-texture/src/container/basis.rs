@@ -8,8 +8,8 @@ use basisu::{DecodeFlags, TargetFormat, Transcoder};
 use fantex_base::{Error, Result, input, zstandard};
 
 use super::{
-    BASIS_LZ, KTX2_MAGIC, LEVEL_INDEX, Layout, TexelFormat, ZSTANDARD, impossible, slice_at, too_short,
-    u32_at, u64_at,
+    BASIS_LZ, KTX2_MAGIC, LEVEL_INDEX, Layout, TexelFormat, ZSTANDARD, impossible, is_multiplied, slice_at,
+    too_short, u32_at, u64_at,
 };
 use crate::ColorSpace;
 
@@ -67,7 +67,8 @@ impl Basis {
         let space = Some(if transfer == SRGB { ColorSpace::Srgb } else { ColorSpace::Linear });
         let images = u64::from(layers.max(1)) * u64::from(faces);
         let format = TexelFormat::U8 { channels: 4 };
-        let layout = Layout { format, width, height: height.max(1), images, space };
+        let (height, is_multiplied) = (height.max(1), is_multiplied(descriptor));
+        let layout = Layout { format, width, height, images, space, is_multiplied };
         Ok(Self { layout, faces, packing, levels, is_etc1s })
     }
 

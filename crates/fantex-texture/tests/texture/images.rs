@@ -305,6 +305,80 @@ fn dds_files_are_read() {
     assert!(decode_all(b"DDS ").is_err());
 }
 
+#[test]
+fn colours_that_are_multiplied_with_alpha_are_divided() {
+    let texel = |bytes: &[u8]| match &decode_all(bytes).unwrap()[0].samples {
+        Samples::U8(samples) => [samples[0], samples[1], samples[2], samples[3]],
+        other => panic!("{other:?}"),
+    };
+    // BC2: alpha 8 of 15, and a colour of 5, 6 and 5 bits with all indices 0: 99, 101 and 99.
+    let color = (12_u16 << 11 | 25 << 5 | 12).to_le_bytes();
+    let block = [&[0x88; 8][..], &color, &[0; 6]].concat();
+    let [straight, multiplied] =
+        [b"DXT3", b"DXT2"].map(|code| texel(&dds([4, 4, 0, 1], coded(code), 0, &block)));
+    assert_eq!(straight, [99, 101, 99, 136]);
+    assert_eq!(multiplied, [186, 189, 186, 136]);
+    // The extension says it in its last word; 73 is BC2 without a type.
+    let extended = |format: u32, mode: u32, texels: &[u8]| {
+        let words = [format, 3, 0, 1, mode].map(u32::to_le_bytes).concat();
+        texel(&dds([4, 4, 0, 1], coded(b"DX10"), 0, &[&words, texels].concat()))
+    };
+    assert_eq!(extended(74, 0, &block), straight);
+    assert_eq!(extended(73, 2, &block), multiplied);
+    // sRGB: light is multiplied, so 99 of 255 is 0.125 / 0.533 of the light.
+    assert_eq!(extended(29, 2, &[99, 99, 99, 136].repeat(16)), [133, 133, 133, 136]);
+    // Nothing is divided by zero, and nothing overflows.
+    assert_eq!(extended(28, 2, &[99, 99, 99, 0].repeat(16)), [99, 99, 99, 0]);
+    assert_eq!(extended(28, 2, &[99, 8, 0, 10].repeat(16)), [255, 204, 0, 10]);
+}
+
+/// TGA files have no magic number. Colours of both are stored blue first, rows from below where nothing else is said.
+#[test]
+fn tga_and_bmp_files_are_read() {
+    let tga = |kind: u8, bits: u8, flags: u8, texels: &[u8]| {
+        let header = [0, 0, kind, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, bits, flags];
+        [&header[..], texels].concat()
+    };
+    let rows: Vec<u8> = (0..12).collect();
+    let upright = [8, 7, 6, 11, 10, 9, 2, 1, 0, 5, 4, 3];
+    // Two runs: three equal texels, and one as it is.
+    let runs = [0x82, 10, 20, 30, 0xff, 0x00, 1, 2, 3, 0];
+    let mut bmp = b"BM".to_vec();
+    for word in [54 + 16, 0, 54, 40, 2, 2, 24 << 16 | 1, 0, 16, 0, 0, 0, 0_u32] {
+        bmp.extend_from_slice(&word.to_le_bytes());
+    }
+    bmp.extend_from_slice(&[0, 1, 2, 3, 4, 5, 0, 0, 6, 7, 8, 9, 10, 11, 0, 0]);
+    for (name, bytes, channels, samples) in [
+        ("plain", tga(2, 24, 0, &rows), 3, upright.to_vec()),
+        ("from above", tga(2, 24, 0x20, &rows), 3, vec![2, 1, 0, 5, 4, 3, 8, 7, 6, 11, 10, 9]),
+        (
+            "runs",
+            tga(10, 32, 0x28, &runs),
+            4,
+            vec![30, 20, 10, 255, 30, 20, 10, 255, 30, 20, 10, 255, 3, 2, 1, 0],
+        ),
+        ("grey", tga(3, 8, 0x20, &[1, 2, 3, 4]), 1, vec![1, 2, 3, 4]),
+        ("BMP", bmp.clone(), 3, upright.to_vec()),
+    ] {
+        let image = Image::decode(&bytes, name, ColorSpace::Srgb).unwrap();
+        assert_eq!((image.width, image.height, image.channels), (2, 2, channels), "{name}");
+        assert_eq!((image.space, image.samples), (ColorSpace::Srgb, Samples::U8(samples)), "{name}");
+    }
+    for (bytes, part) in [
+        (tga(2, 24, 0, &rows[1..]), "'a' is not a readable TGA image"),
+        (bmp[..60].to_vec(), "'a' is not a readable BMP image"),
+        (tga(2, 23, 0, &rows), "'a' is no image that can be read here"),
+        (tga(2, 24, 0xc0, &rows), "'a' is no image that can be read here"),
+        (vec![0; 100], "'a' is no image that can be read here"),
+    ] {
+        let error = Image::decode(&bytes, "a", ColorSpace::Srgb).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    // They are read, not written.
+    let error = sample_image(Depth::U8, 3).encoded("a.tga").unwrap_err().to_string();
+    assert!(error.contains("use .png"), "{error}");
+}
+
 /// Against the formula of `tests/data/README.md`, within what the encoder loses.
 #[test]
 fn basis_universal_is_read() {

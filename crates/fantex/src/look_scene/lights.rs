@@ -7,11 +7,11 @@ use fantex_bake::{
     BakeLight, LightMapOptions, LightMapSource, LightScene, LitSource, LookSource, Source, SourceReflector,
     baked_materials,
 };
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted, grouped};
 use fantex_look::data::{Beam, EnvironmentTable, LightBakeTable, LightTable, ProjectorTable};
 use fantex_look::problem;
 use fantex_look::{Key, Resolver};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, inward_parts};
 use fantex_render::{
     AmbientLight, Cookie, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, Projector, SpotLight,
 };
@@ -284,6 +284,33 @@ impl LookBake {
     /// Whether light is baked in.
     pub fn has_light(&self) -> bool {
         self.light.is_some()
+    }
+
+    /// Says that light cannot reach the fronts of parts that are inside out, if there are such. Not where surfaces glow: a part may be a room
+    /// that lights itself.
+    pub fn note_of_inward_parts(&self, mesh: &Mesh) -> Option<String> {
+        let light = self.light.as_ref()?;
+        let glows = |material: &Arc<LookMaterial>| match &material.emission {
+            Slot::Constant(value) => value.truncate() != Vec3::ZERO,
+            Slot::Texture(_) => true,
+        };
+        if self.materials.iter().any(glows) {
+            return None;
+        }
+        let lamps = light.lamps.iter().filter_map(|lamp| match lamp {
+            BakeLight::Directional { .. } => None,
+            BakeLight::Point { position, .. } | BakeLight::Spot { position, .. } => Some(*position),
+        });
+        let lamps: Vec<Vec3> = lamps.map(|position| mesh.world_from_mesh.inverse_point(position)).collect();
+        let parts = inward_parts(mesh, &lamps);
+        let triangles: usize = parts.iter().map(Vec::len).sum();
+        (triangles > 0).then(|| {
+            format!(
+                "no light reaches the fronts of {} ({} triangles): the model is inside out there; turn these triangles over",
+                counted(parts.len() as u64, "closed part"),
+                grouped(triangles as u64, ' ')
+            )
+        })
     }
 
     /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].
