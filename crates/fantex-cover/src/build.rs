@@ -340,9 +340,12 @@ fn assemble(
         .zip(&groups)
         .filter(|(laid, _)| laid.layout == Layout::Unfolded)
         .flat_map_iter(|(laid, group)| {
-            let steps = steps(group.extent);
-            let uv = move |p: Vec2| ((group.uv_offset + group.uv_scale * p) * steps).round() / steps;
-            laid.corners.iter().map(move |&(corner, planar)| UnfoldedCorner { corner, uv: planar.map(uv) })
+            let corners = laid.corners.iter();
+            let corners = corners.map(|&(corner, planar)| UnfoldedCorner {
+                corner,
+                uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
+            });
+            rounded(corners.collect(), group.extent)
         })
         .collect();
     unfolded.par_sort_unstable_by_key(|u| u.corner);
@@ -356,13 +359,16 @@ fn assemble(
     Ok(Cover { delta, density, is_creased: false, is_paired_by_angle, corner_groups, groups, unfolded })
 }
 
-/// Tile coordinates of unfolded corners are rounded to so many steps per tile, a power of two, so that they pack well: a 256th of a texel at most.
-fn steps(extent: [u32; 2]) -> Vec2 {
-    let steps = extent.map(|n| (STEPS_PER_TEXEL * n).next_power_of_two() as f32);
-    Vec2::from_array(steps)
+/// The corners of an unfolded group in [whole steps](UnfoldedCorner::steps), which pack well, unless that turns a triangle over or makes it a line.
+fn rounded(mut corners: Vec<UnfoldedCorner>, extent: [u32; 2]) -> Vec<UnfoldedCorner> {
+    let steps = UnfoldedCorner::steps(extent);
+    let whole = |uv: [Vec2; 3]| uv.map(|uv| (uv * steps).round() / steps);
+    let is_upright = |[a, b, c]: [Vec2; 3]| (b - a).perp_dot(c - a) > 0.0;
+    if corners.iter().all(|corner| is_upright(whole(corner.uv)) || !is_upright(corner.uv)) {
+        corners.iter_mut().for_each(|corner| corner.uv = whole(corner.uv));
+    }
+    corners
 }
-
-const STEPS_PER_TEXEL: u32 = 256;
 
 /// The tile map that takes the group's rectangle to the tile, half a texel inside.
 fn place(laid: &Laid, scale: f32) -> Group {

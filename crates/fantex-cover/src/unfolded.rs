@@ -13,6 +13,13 @@ pub struct UnfoldedCorner {
     pub uv: [Vec2; 3],
 }
 
+impl UnfoldedCorner {
+    /// Steps across a tile of so many texels, of which coordinates are whole numbers where they can be: powers of two, 256 per texel at least.
+    pub fn steps(extent: [u32; 2]) -> Vec2 {
+        Vec2::from_array(extent.map(|n| (256 * n).next_power_of_two() as f32))
+    }
+}
+
 /// Coordinates of unfolded groups, ascending by corner. Finding one takes constant time: a bit per corner tells whether it has
 /// coordinates, and a count per 64 corners where they are.
 #[derive(Clone, Debug, Default)]

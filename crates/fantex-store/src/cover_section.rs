@@ -4,7 +4,7 @@ use fantex_base::{Error, Result};
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use glam::{Vec2, Vec3};
 
-use crate::bytes::{ByteReader, ByteWriter, below, check_finite, exactly, limit};
+use crate::bytes::{ByteReader, ByteWriter, below, check_finite, limit};
 use crate::error::{not_finite, out_of_order, wrong_count};
 use crate::limits::{MAX_TILE_SIDE, MAX_TRIANGLES};
 use crate::unfolded_places;
@@ -110,13 +110,18 @@ const CREASED: u8 = 1;
 /// Triangles continue each other by angle.
 const PAIRED_BY_ANGLE: u8 = 2;
 
-/// Coordinates of unfolded corners follow, packed, and are not in the list before.
+/// Coordinates of corners follow, packed, of unfolded groups without corners in the list before.
 const PACKED: u8 = 4;
 
 /// Of a cover of triangles of these vertices.
 pub(crate) fn encode(cover: &Cover, triangles: &[[u32; 3]]) -> Vec<u8> {
-    let packed = if cover.unfolded.is_empty() { None } else { unfolded_places::encode(cover, triangles) };
-    let listed: &[UnfoldedCorner] = if packed.is_some() { &[] } else { &cover.unfolded };
+    let listed_groups = unfolded_places::listed_groups(cover);
+    let packed = unfolded_places::encode(cover, &listed_groups, triangles);
+    let is_listed = |entry: &&UnfoldedCorner| {
+        let group = unfolded_places::group_of(cover, entry.corner);
+        packed.is_none() || group.is_some_and(|group| listed_groups[group as usize])
+    };
+    let listed: Vec<&UnfoldedCorner> = cover.unfolded.iter().filter(is_listed).collect();
     let mut out = ByteWriter::default();
     out.f32s(&[cover.delta, cover.density]);
     out.u32(cover.corner_groups.len() as u32);
@@ -192,7 +197,6 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: &[[u32; 3]]) -> Result<Cover>
             .collect(),
     };
     if marks & PACKED != 0 {
-        exactly("unfolded corners beside packed ones", unfolded, 0)?;
         check_groups(&cover, mesh_triangles.len())?;
         cover.unfolded = unfolded_places::decode(&mut input, &cover, mesh_triangles)?.into();
     }

@@ -8,7 +8,7 @@
 //! all others      the place of the vertex's mention before
 //! ```
 //!
-//! Places are whole numbers of steps across the tile.
+//! Places are whole numbers of [steps](UnfoldedCorner::steps) across the tile. Groups with other coordinates are listed corner by corner instead.
 
 use fantex_base::Result;
 use fantex_cover::{Cover, GroupKind, UnfoldedCorner};
@@ -17,17 +17,33 @@ use glam::Vec2;
 use crate::bytes::{ByteReader, ByteWriter, below};
 use crate::error::{out_of_order, wrong_count};
 
-/// Steps per texel at least; their number across a tile is a power of two.
-const STEPS_PER_TEXEL: u32 = 256;
+/// Whether the corners of each group are listed, as far as it is unfolded: some coordinate is no whole number of steps.
+pub(crate) fn listed_groups(cover: &Cover) -> Vec<bool> {
+    let mut listed = vec![false; cover.groups.len()];
+    for entry in cover.unfolded.iter() {
+        let Some(group) = group_of(cover, entry.corner) else { continue };
+        let steps = UnfoldedCorner::steps(cover.groups[group as usize].extent);
+        listed[group as usize] |= entry.uv.iter().any(|&at| uv(whole(at, steps), steps) != at);
+    }
+    listed
+}
 
-/// The packed places of a cover on triangles of these vertices; `None` where coordinates are no whole numbers of steps, or a corner of an
-/// unfolded group has none.
-pub(crate) fn encode(cover: &Cover, triangles: &[[u32; 3]]) -> Option<Vec<u8>> {
-    let mentions = Mentions::of(cover);
+/// The group of a corner.
+pub(crate) fn group_of(cover: &Cover, corner: u32) -> Option<u32> {
+    cover.corner_groups.get(corner as usize / 3).map(|groups| groups[corner as usize % 3])
+}
+
+/// The packed places of a cover on triangles of these vertices, of its groups that are not listed; `None` where there are none, or a corner of an
+/// unfolded group has no coordinates.
+pub(crate) fn encode(cover: &Cover, listed: &[bool], triangles: &[[u32; 3]]) -> Option<Vec<u8>> {
+    let mentions = Mentions::of(cover, listed);
+    if mentions.triangles.is_empty() {
+        return None;
+    }
     let (mut exceptions, mut stored) = (Vec::new(), Vec::new());
     let mut places: Vec<Vec2> = Vec::new();
     for (first, group) in mentions.groups() {
-        let steps = steps(cover, group[0].group);
+        let steps = UnfoldedCorner::steps(cover.groups[group[0].group as usize].extent);
         places.clear();
         for triangle in group {
             places.extend(cover.unfolded.find(triangle.corner(cover)?)?.uv);
@@ -40,12 +56,7 @@ pub(crate) fn encode(cover: &Cover, triangles: &[[u32; 3]]) -> Option<Vec<u8>> {
             if earlier.is_some() {
                 exceptions.push(u32::try_from(first + at).ok()?);
             }
-            let whole = places[at] * steps;
-            let place = [whole.x as i32, whole.y as i32];
-            if uv(place, steps) != places[at] {
-                return None;
-            }
-            stored.push(place.map(|n| n as u32));
+            stored.push(whole(places[at], steps).map(|n| n as u32));
         }
     }
     let mut out = ByteWriter::default();
@@ -56,13 +67,17 @@ pub(crate) fn encode(cover: &Cover, triangles: &[[u32; 3]]) -> Option<Vec<u8>> {
     Some(out.bytes)
 }
 
-/// The coordinates of all corners of unfolded groups, ascending, of a cover whose groups are known to be below their number.
+/// The coordinates of all corners of unfolded groups, ascending: those that the cover has are listed. Its groups are known to be below
+/// their number.
 pub(crate) fn decode(
     input: &mut ByteReader<'_>,
     cover: &Cover,
     triangles: &[[u32; 3]],
 ) -> Result<Vec<UnfoldedCorner>> {
-    let mentions = Mentions::of(cover);
+    let mut listed = vec![false; cover.groups.len()];
+    let of_listed = cover.unfolded.iter().filter_map(|entry| group_of(cover, entry.corner));
+    of_listed.for_each(|group| listed[group as usize] = true);
+    let mentions = Mentions::of(cover, &listed);
     let count = 3 * mentions.triangles.len();
     let stored = input.count(count, "places of unfolded corners")?;
     let exceptions = input.count(count, "places that differ from those before")?;
@@ -77,10 +92,11 @@ pub(crate) fn decode(
     let mut exceptions = exceptions.into_iter().map(|[mention]| mention as usize).peekable();
     let mut next = stored.iter();
     let mut due = 0;
-    let mut corners = Vec::with_capacity(mentions.triangles.len());
+    let mut corners = cover.unfolded.to_vec();
+    corners.reserve(mentions.triangles.len());
     let mut places: Vec<Vec2> = Vec::new();
     for (first, group) in mentions.groups() {
-        let steps = steps(cover, group[0].group);
+        let steps = UnfoldedCorner::steps(cover.groups[group[0].group as usize].extent);
         places.clear();
         for (at, earlier) in earlier_mentions(group, triangles).into_iter().enumerate() {
             let is_exception = exceptions.next_if_eq(&(first + at)).is_some();
@@ -128,11 +144,13 @@ struct Mentions {
 }
 
 impl Mentions {
-    fn of(cover: &Cover) -> Self {
+    /// Without those of listed groups.
+    fn of(cover: &Cover, listed: &[bool]) -> Self {
         let mut triangles = Vec::new();
         for (&groups, triangle) in cover.corner_groups.iter().zip(0..) {
             let distinct = (0..3).filter(|&k| !groups[..k].contains(&groups[k])).map(|k| groups[k]);
-            let unfolded = distinct.filter(|&g| cover.groups[g as usize].kind == GroupKind::Unfolded);
+            let unfolded = distinct
+                .filter(|&g| cover.groups[g as usize].kind == GroupKind::Unfolded && !listed[g as usize]);
             triangles.extend(unfolded.map(|group| InGroup { group, triangle }));
         }
         triangles.sort_unstable();
@@ -164,10 +182,9 @@ fn earlier_mentions(group: &[InGroup], triangles: &[[u32; 3]]) -> Vec<Option<usi
     earlier
 }
 
-/// Steps across the tile of a group.
-fn steps(cover: &Cover, group: u32) -> Vec2 {
-    let steps = cover.groups[group as usize].extent.map(|n| (STEPS_PER_TEXEL * n).next_power_of_two() as f32);
-    Vec2::from_array(steps)
+fn whole(uv: Vec2, steps: Vec2) -> [i32; 2] {
+    let whole = uv * steps;
+    [whole.x as i32, whole.y as i32]
 }
 
 fn uv([x, y]: [i32; 2], steps: Vec2) -> Vec2 {
@@ -196,7 +213,8 @@ mod tests {
 
     fn decoded(packed: &[u8], cover: &Cover, mesh: &Mesh) -> Result<Vec<UnfoldedCorner>> {
         let mut input = ByteReader::new(packed);
-        let corners = decode(&mut input, cover, &mesh.triangles)?;
+        let bare = Cover { unfolded: Vec::new().into(), ..cover.clone() };
+        let corners = decode(&mut input, &bare, &mesh.triangles)?;
         input.end()?;
         Ok(corners)
     }
@@ -204,7 +222,7 @@ mod tests {
     #[test]
     fn packed_places_are_the_coordinates_of_all_corners() {
         let (mesh, cover) = crumpled();
-        let packed = encode(&cover, &mesh.triangles).unwrap();
+        let packed = encode(&cover, &listed_groups(&cover), &mesh.triangles).unwrap();
         assert_eq!(decoded(&packed, &cover, &mesh).unwrap(), cover.unfolded.to_vec());
         assert!(cover.unfolded.len() > 2000 && packed.len() < 8 * cover.unfolded.len(), "{}", packed.len());
         let bytes = cover_section::encode(&cover, &mesh.triangles);
@@ -216,35 +234,37 @@ mod tests {
     fn covers_of_other_programs_are_kept_as_they_are() {
         let (mesh, mut cover) = crumpled();
         let mut random = Random::new(7);
-        for whole in [true, false] {
+        for is_whole in [true, false] {
             let mut entries = cover.unfolded.to_vec();
-            let group = |entry: &UnfoldedCorner| {
-                cover.corner_groups[entry.corner as usize / 3][entry.corner as usize % 3]
-            };
-            for at in 0..entries.len() {
-                if random.unit() > 0.1 {
-                    continue;
-                }
-                let (triangle, own) = (entries[at].corner / 3, group(&entries[at]));
-                let offset = if whole { 0.25 } else { 0.1 * random.unit() as f32 };
-                let of_triangle =
-                    |entry: &&mut UnfoldedCorner| entry.corner / 3 == triangle && group(entry) == own;
-                for entry in entries.iter_mut().filter(of_triangle) {
-                    entry.uv[1].x += offset;
+            let moved: Vec<(u32, u32)> = entries
+                .iter()
+                .filter(|_| random.unit() < 0.05)
+                .map(|entry| (entry.corner / 3, group_of(&cover, entry.corner).unwrap()))
+                .collect();
+            for entry in &mut entries {
+                if moved.contains(&(entry.corner / 3, group_of(&cover, entry.corner).unwrap())) {
+                    entry.uv[1].x += if is_whole { 0.25 } else { 0.1 };
                 }
             }
             cover.unfolded = entries.into();
-            assert_eq!(encode(&cover, &mesh.triangles).is_some(), whole);
+            let listed = listed_groups(&cover);
+            assert_eq!(!listed.contains(&true), is_whole);
+            assert!(encode(&cover, &listed, &mesh.triangles).is_some());
             let bytes = cover_section::encode(&cover, &mesh.triangles);
             assert_eq!(cover_section::decode(&bytes, &mesh.triangles).unwrap(), cover);
         }
+        let odd = |entry: &UnfoldedCorner| UnfoldedCorner { uv: entry.uv.map(|uv| uv * 0.7), ..*entry };
+        cover.unfolded = cover.unfolded.iter().map(odd).collect();
+        assert!(encode(&cover, &listed_groups(&cover), &mesh.triangles).is_none());
+        let bytes = cover_section::encode(&cover, &mesh.triangles);
+        assert_eq!(cover_section::decode(&bytes, &mesh.triangles).unwrap(), cover);
     }
 
     /// Every byte that changes is either noticed or gives other coordinates; nothing panics.
     #[test]
     fn damaged_places_are_refused() {
         let (mesh, cover) = crumpled();
-        let packed = encode(&cover, &mesh.triangles).unwrap();
+        let packed = encode(&cover, &listed_groups(&cover), &mesh.triangles).unwrap();
         for length in [0, 4, 7, 8, packed.len() - 1] {
             decoded(&packed[..length], &cover, &mesh).unwrap_err();
         }
