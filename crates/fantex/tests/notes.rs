@@ -195,7 +195,7 @@ fn parts_that_no_light_reaches_are_told_of() {
     assert!(both.contains("2 closed parts (24 triangles)"), "{both}");
     assert_eq!(told(&[outward.clone(), beside(false)], sun, 0.0), None);
     // Rooms: with a lamp in them, with something in them, with walls that glow.
-    assert_eq!(told(&[inward.clone()], lamp, 0.0), None);
+    assert_eq!(told(std::slice::from_ref(&inward), lamp, 0.0), None);
     assert_eq!(told(&[inward.clone(), cube(8, 0.0, 0.5, false)], sun, 0.0), None);
     assert_eq!(told(&[inward], sun, 1.0), None);
     // The hollow of a ball.
