@@ -249,14 +249,18 @@ mod tests {
     use super::*;
     use crate::{CoverOptions, Footprints, TexelBlock, TexelBudget, TexelTriangle, build_cover};
 
+    fn ball(tile: u32, texels: u64) -> (Mesh, Cover) {
+        let mesh = cleaned(generate::icosphere(3));
+        let budget = TexelBudget::Total(texels);
+        let cover = build_cover(&mesh, &CoverOptions { budget, tile, ..CoverOptions::default() }).unwrap().0;
+        (mesh, cover)
+    }
+
     /// Bakes and painters, which see a part of a tile, keep what the whole cover says.
     #[test]
     fn blocks_of_a_part_are_those_of_the_cover() {
-        let mesh = cleaned(generate::icosphere(3));
         for tile in [0, 256] {
-            let budget = TexelBudget::Total(60_000);
-            let options = CoverOptions { budget, tile, ..CoverOptions::default() };
-            let cover = build_cover(&mesh, &options).unwrap().0;
+            let (mesh, cover) = ball(tile, 60_000);
             let stored = cover.stored_blocks(&mesh);
             let all = GroupTriangles::of(&cover);
             let (mut seen, mut kept) = (0, 0);
@@ -295,11 +299,8 @@ mod tests {
     /// However few bits there are at a time, and never more than that.
     #[test]
     fn texels_are_counted_in_little_memory() {
-        let mesh = cleaned(generate::icosphere(3));
         for tile in [0, 64] {
-            let budget = TexelBudget::Total(200_000);
-            let options = CoverOptions { budget, tile, ..CoverOptions::default() };
-            let cover = build_cover(&mesh, &options).unwrap().0;
+            let (mesh, cover) = ball(tile, 200_000);
             let largest = cover.groups.iter().map(blocks_of).max().unwrap();
             let expected = cover.stored_blocks(&mesh).texels();
             for at_once in [1, largest, 3 * largest, u64::MAX] {

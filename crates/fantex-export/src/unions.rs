@@ -11,11 +11,12 @@
 //! a tube does that is rolled out.
 
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::sync::LazyLock;
 
 use fantex_bake::Progress;
 use fantex_base::UnionFind;
 use fantex_cover::Sheet;
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, unit_vector};
 use glam::{DVec2, IVec2, Vec2};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -87,8 +88,7 @@ struct Piece {
     first_strain: f64,
     /// Length of its outline, mesh units.
     outline: f64,
-    low: Vec2,
-    high: Vec2,
+    extents: Extents,
     /// Its half-edges beside every neighbour.
     borders: BTreeMap<u32, Vec<u32>>,
     /// The triangles over the middle of every cell.
@@ -97,6 +97,41 @@ struct Piece {
     refused: BTreeMap<u32, f64>,
     /// Counts its changes; what was planned before is void.
     version: u32,
+}
+
+/// How far a piece reaches along directions all around, as pieces lie in any way.
+#[derive(Clone, Copy)]
+struct Extents {
+    low: [f32; DIRECTIONS],
+    high: [f32; DIRECTIONS],
+}
+
+/// Half a turn of directions.
+const DIRECTIONS: usize = 16;
+
+impl Default for Extents {
+    fn default() -> Self {
+        Self { low: [f32::INFINITY; DIRECTIONS], high: [f32::NEG_INFINITY; DIRECTIONS] }
+    }
+}
+
+impl Extents {
+    fn add(&mut self, p: Vec2) {
+        static AXES: LazyLock<[Vec2; DIRECTIONS]> = LazyLock::new(|| {
+            std::array::from_fn(|i| unit_vector(i as f32 * std::f32::consts::PI / DIRECTIONS as f32))
+        });
+        for ((low, high), axis) in self.low.iter_mut().zip(&mut self.high).zip(AXES.iter()) {
+            let along = p.dot(*axis);
+            (*low, *high) = (low.min(along), high.max(along));
+        }
+    }
+
+    /// The side of the smallest square around the piece, nearly.
+    fn length(&self) -> f32 {
+        let along = |i: usize| self.high[i] - self.low[i];
+        let squares = (0..DIRECTIONS / 2).map(|i| along(i).max(along(i + DIRECTIONS / 2)));
+        squares.fold(f32::INFINITY, f32::min)
+    }
 }
 
 /// Two pieces laid side by side.
@@ -111,8 +146,7 @@ struct Union {
     cells: Vec<(IVec2, i32)>,
     /// Strain of both beyond what they had apart.
     gained: f64,
-    low: Vec2,
-    high: Vec2,
+    extents: Extents,
 }
 
 #[derive(Default)]
@@ -251,15 +285,13 @@ impl<'a> Uniter<'a> {
     fn measure_all(&mut self) {
         let Self { planes, pieces, piece_of, cell, .. } = self;
         let measure = |piece: &mut Piece| {
-            (piece.low, piece.high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
             let Some(own) = piece.triangles.first().map(|&t| piece_of[t as usize]) else { return };
             for &t in &piece.triangles {
                 let corners = planes.flat[t as usize];
                 let (area, strain) = planes.area_and_strain(t, corners);
                 piece.area += area;
                 piece.strain += strain;
-                piece.low = corners.into_iter().fold(piece.low, Vec2::min);
-                piece.high = corners.into_iter().fold(piece.high, Vec2::max);
+                corners.into_iter().for_each(|p| piece.extents.add(p));
                 cells(corners, *cell, |at| *piece.cells.entry(at).or_default() += 1);
                 for half_edge in 3 * t..3 * t + 3 {
                     let other = planes.across[half_edge as usize];
@@ -383,17 +415,10 @@ impl<'a> Uniter<'a> {
         let (large, small) = if size(a) >= size(b) { (a, b) } else { (b, a) };
         let fit = self.fit(large, small)?;
         let [of_large, of_small] = [large, small].map(|i| &self.pieces[i as usize]);
-        let moved_box = [
-            of_small.low,
-            Vec2::new(of_small.low.x, of_small.high.y),
-            of_small.high,
-            Vec2::new(of_small.high.x, of_small.low.y),
-        ];
-        let moved_box = moved_box.map(|p| fit.motion.apply(p));
-        let low = moved_box.into_iter().fold(of_large.low, Vec2::min);
-        let high = moved_box.into_iter().fold(of_large.high, Vec2::max);
-        let longest = self.longest.max((of_large.high - of_large.low).max_element());
-        if (high - low).max_element() > longest {
+        let corners = of_small.triangles.iter().flat_map(|&t| self.planes.flat[t as usize]);
+        let mut extents = of_large.extents;
+        corners.for_each(|q| extents.add(fit.motion.apply(q)));
+        if extents.length() > self.longest.max(of_large.extents.length()) {
             return None;
         }
         // What moves: the smaller piece, and of the larger one what is near the border.
@@ -408,7 +433,7 @@ impl<'a> Uniter<'a> {
         let gained = gained?;
         let flat = buffers.flat();
         let cells = self.new_cells(large, &region[moved..], &flat)?;
-        Some(Union { large, small, fit, region, flat, cells, gained, low, high })
+        Some(Union { large, small, fit, region, flat, cells, gained, extents })
     }
 
     /// Adds the triangles of the first piece that are nearest to a border, up to a number.
@@ -501,7 +526,7 @@ impl<'a> Uniter<'a> {
 
     /// Makes two pieces one, and returns it.
     fn merge(&mut self, union: Union) -> u32 {
-        let Union { large, small, fit, region, flat, cells, gained, low, high } = union;
+        let Union { large, small, fit, region, flat, cells, gained, extents } = union;
         for &half_edge in &fit.half_edges {
             self.planes.is_glued[half_edge as usize] = true;
             self.planes.is_glued[self.planes.across[half_edge as usize] as usize] = true;
@@ -535,7 +560,7 @@ impl<'a> Uniter<'a> {
         piece.strain += gained + gone.strain;
         piece.first_strain += gone.first_strain;
         piece.outline += gone.outline - 2.0 * fit.length;
-        (piece.low, piece.high) = (low, high);
+        piece.extents = extents;
         piece.version += 1;
         large
     }

@@ -122,7 +122,7 @@ impl Image {
             return images.into_iter().next().ok_or_else(unknown);
         }
         let format = match image::guess_format(bytes) {
-            Ok(format) if READABLE.contains(&format) => format,
+            Ok(format) if format == ImageFormat::Bmp || WRITABLE.contains(&format) => format,
             _ if is_tga(bytes) => ImageFormat::Tga,
             _ => return Err(unknown()),
         };
@@ -221,17 +221,7 @@ impl Image {
     }
 }
 
-/// Those that their first bytes tell.
-const READABLE: [ImageFormat; 7] = [
-    ImageFormat::Png,
-    ImageFormat::Jpeg,
-    ImageFormat::Tiff,
-    ImageFormat::WebP,
-    ImageFormat::Hdr,
-    ImageFormat::OpenExr,
-    ImageFormat::Bmp,
-];
-
+/// Those that are written. They, and BMP, are read by what their first bytes tell.
 const WRITABLE: [ImageFormat; 6] = [
     ImageFormat::Png,
     ImageFormat::Jpeg,

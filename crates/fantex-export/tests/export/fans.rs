@@ -2,6 +2,7 @@
 
 use fantex_bake::NoProgress;
 use fantex_base::Random;
+use fantex_cover::{CoverOptions, TexelBudget};
 use fantex_export::{
     ChannelMap, Depth, FanFileOptions, FanSheetOptions, FanSheets, ShaderLanguage, SheetPictures,
     export_fans, fan_sheets,
@@ -14,7 +15,7 @@ use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
 use glam::{Vec2, Vec3};
 
 use crate::models::{check_glb, gltf_parts};
-use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, files};
+use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, covered_and_baked, files};
 
 /// What a shader computes: bilinear look-ups in a picture of 8 bits, blended.
 fn shaded(fans: &FanSheets, map: usize, point: SurfacePoint) -> Vec3 {
@@ -167,7 +168,9 @@ fn bright() -> Baked {
     let waves = Waves { kinds, brightness: 6.0, has_alpha: true, ..Waves::color(3.0) };
     let mut mesh = cleaned(generate::torus(16, 10));
     mesh.materials = vec![Material { alpha: AlphaMode::Blend, ..Material::default() }];
-    baked(&mesh, &waves, 20_000, fantex_bake::BakeFormat::Float)
+    // Tiles that fit into small sheets.
+    let options = CoverOptions { budget: TexelBudget::Total(20_000), tile: 64, ..CoverOptions::default() };
+    covered_and_baked(&mesh, &waves, &options, fantex_bake::BakeFormat::Float)
 }
 
 /// The linear, unscaled numbers of a sheet's picture, as fixed-point samples hold them.

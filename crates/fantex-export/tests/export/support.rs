@@ -79,10 +79,19 @@ impl Baked {
 }
 
 pub(crate) fn baked(mesh: &Mesh, source: &dyn Source, texels: u64, format: BakeFormat) -> Baked {
+    let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
+    covered_and_baked(mesh, source, &options, format)
+}
+
+pub(crate) fn covered_and_baked(
+    mesh: &Mesh,
+    source: &dyn Source,
+    options: &CoverOptions,
+    format: BakeFormat,
+) -> Baked {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("asset.fan");
-    let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
-    let (cover, _) = build_cover(mesh, &options).unwrap();
+    let (cover, _) = build_cover(mesh, options).unwrap();
     bake(mesh, &cover, source, &path, &BakeOptions { format, ..BakeOptions::default() }, &NoProgress)
         .unwrap();
     let asset = Arc::new(Asset::open(&path).unwrap());
