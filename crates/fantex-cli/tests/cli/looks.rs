@@ -594,7 +594,10 @@ fn displacements_are_baked_as_heights() {
          displacement = { texture = \"half\", height = 0.5 }\n",
     );
     let fan = folder.path().join("h.fan");
-    let baked = json(&[&"bake", &cube, &"-o", &fan, &"--look", &look, &"--texels", &"20k"]);
+    let mesh_as_it_is: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--longest-edge", &"0"];
+    let bake: [&dyn AsRef<std::ffi::OsStr>; 8] =
+        [&"bake", &cube, &"-o", &fan, &"--look", &look, &"--texels", &"20k"];
+    let baked = json(&[&bake[..], &mesh_as_it_is].concat());
     assert_eq!(baked["channels"], serde_json::json!(["BaseColor", "Displacement"]));
     assert_eq!(baked["triangles"], 12);
     let png = folder.path().join("h.png");

@@ -162,14 +162,14 @@ fn files_keep_parts_and_materials() {
 }
 
 /// All maps of sheets, with light that is brighter than 1.
-fn bright() -> Baked {
+/// In tiles of at most so many columns and rows.
+fn bright(tile: u32) -> Baked {
     use ChannelKind::{BaseColor, Emission, Light, Normal, OcclusionRoughnessMetallic};
     let kinds = vec![BaseColor, OcclusionRoughnessMetallic, Normal, Emission, Light];
     let waves = Waves { kinds, brightness: 6.0, has_alpha: true, ..Waves::color(3.0) };
     let mut mesh = cleaned(generate::torus(16, 10));
     mesh.materials = vec![Material { alpha: AlphaMode::Blend, ..Material::default() }];
-    // Tiles that fit into small sheets.
-    let options = CoverOptions { budget: TexelBudget::Total(20_000), tile: 64, ..CoverOptions::default() };
+    let options = CoverOptions { budget: TexelBudget::Total(20_000), tile, ..CoverOptions::default() };
     covered_and_baked(&mesh, &waves, &options, fantex_bake::BakeFormat::Float)
 }
 
@@ -188,7 +188,7 @@ fn linear_numbers(fans: &FanSheets, sheet: usize, map: usize) -> Vec<f32> {
 
 #[test]
 fn sheets_in_openexr_hold_the_same_light() {
-    let baked = bright();
+    let baked = bright(64);
     // Several sheets.
     let sheets = FanSheetOptions { largest_side: 160, ..FanSheetOptions::default() };
     let fans = fan_sheets(&baked.asset, &sheets, &NoProgress).unwrap();
@@ -229,7 +229,7 @@ fn sheets_in_openexr_hold_the_same_light() {
 
 #[test]
 fn sheets_in_ktx2_have_all_levels() {
-    let baked = bright();
+    let baked = bright(CoverOptions::default().tile);
     for gutter in [4, 16] {
         let sheets = FanSheetOptions { gutter, ..FanSheetOptions::default() };
         let fans = fan_sheets(&baked.asset, &sheets, &NoProgress).unwrap();
