@@ -23,10 +23,12 @@ use crate::ByteSource;
 use crate::bytes::ByteWriter;
 use crate::error::damaged;
 use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
-use crate::writer::PART_SIGNATURE;
 
 /// Like PNG's, it finds out transfers that change line ends or strip the eighth bit.
 pub(crate) const SIGNATURE: [u8; 8] = *b"\x89FAN\r\n\x1a\n";
+
+/// That of parts of a planned bake; the last byte is the version.
+pub(crate) const PART_SIGNATURE: &[u8; 8] = b"FANPART2";
 pub(crate) const VERSION: u32 = 1;
 /// Bytes of a slot, the last eight being its checksum.
 pub(crate) const SLOT_BYTES: usize = 256;

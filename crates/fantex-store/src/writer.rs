@@ -36,8 +36,6 @@ pub use self::merge::*;
 pub use self::part::*;
 pub use self::plan::*;
 
-pub(crate) use self::part::SIGNATURE as PART_SIGNATURE;
-
 mod copy;
 mod merge;
 mod part;

@@ -26,9 +26,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::{CreateOptions, Cuts, EncodedPage, OpenCluster, PackedCluster, PageStream, Plan, WriteSummary};
 use crate::bytes::ByteWriter;
 use crate::directory::ALIGNMENT;
-
-/// The last byte is the version.
-pub(crate) const SIGNATURE: &[u8; 8] = b"FANPART2";
+use crate::header::PART_SIGNATURE;
 
 /// Of the header: signature, plan, first group, end, shard, count, items, means, where the items stand; zeros; its checksum. The first cluster
 /// follows.
@@ -197,7 +195,7 @@ impl PartWriter {
         self.out.write_all(&self.loose)?;
         self.out.write_all(&end.bytes)?;
         let mut header = ByteWriter::default();
-        header.put(SIGNATURE);
+        header.put(PART_SIGNATURE);
         header.put(&self.identity.to_le_bytes());
         let groups = &self.pages.groups;
         [groups.start, groups.end, self.shard[0], self.shard[1]].into_iter().for_each(|n| header.u32(n));
