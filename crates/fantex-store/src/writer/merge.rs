@@ -12,7 +12,7 @@ use fantex_base::zstandard::packed_bound;
 use fantex_base::{Error, Result};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::part::{HEADER, ITEM, ItemKind, SIGNATURE};
+use super::part::{HEADER, ITEM, ItemKind};
 use super::{
     AssetWriter, CLUSTER_TARGET_BYTES, CreateOptions, Cuts, OpenCluster, PackedCluster, PageStream, Plan,
     WriteSummary,
@@ -20,6 +20,7 @@ use super::{
 use crate::bytes::{ByteReader, values_from_bytes};
 use crate::directory::{ALIGNMENT, ClusterEntry};
 use crate::error::damaged;
+use crate::header::PART_SIGNATURE;
 use crate::layout::{PAGE, TilePlace, page_grid};
 use crate::limits::MAX_CLUSTER_BYTES;
 use crate::{ByteSource, PathSource, TexelFormat, cover_level_count};
@@ -85,7 +86,7 @@ impl PartReader {
         let failed = |error| Error::reading(path, error);
         let mut bytes = [0; HEADER];
         let count = source.read_at(&mut bytes, 0).map_err(failed)?;
-        if !bytes.starts_with(SIGNATURE) {
+        if !bytes.starts_with(PART_SIGNATURE) {
             return Err(no_part(path, &bytes[..8]));
         }
         let (rest, checksum) = bytes.split_at(HEADER - 8);
@@ -180,11 +181,11 @@ impl Contents {
 /// The sentence on what does not begin as a part does.
 fn no_part(path: &Path, signature: &[u8]) -> Error {
     let path_text = path.display();
-    let error = if signature.starts_with(&SIGNATURE[..7]) {
+    let error = if signature.starts_with(&PART_SIGNATURE[..7]) {
         Error::unsupported(format!(
             "{path_text} is a part of version {}, and this program reads version {}: bake it anew with the program that merges",
             char::from(signature[7]).escape_default(),
-            char::from(SIGNATURE[7])
+            char::from(PART_SIGNATURE[7])
         ))
     } else {
         Error::malformed(format!("{path_text} is no part of a bake; give files that were baked from shards"))
