@@ -41,7 +41,9 @@ def linear(encoded):
 
 @pytest.fixture(scope="module")
 def bottle_asset(tmp_path_factory, bottle):
-    return fantex.bake(bottle, tmp_path_factory.mktemp("fans") / "bottle.fan", texels=200_000)
+    # In tiles of which several fit into a small sheet.
+    path = tmp_path_factory.mktemp("fans") / "bottle.fan"
+    return fantex.bake(bottle, path, texels=200_000, tile=128)
 
 
 def surface(asset, count=20_000, seed=5):
