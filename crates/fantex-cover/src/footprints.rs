@@ -89,8 +89,18 @@ impl TexelTriangle {
 
     /// Roughly how many texels a point with these barycentric coordinates lies outside; not positive inside.
     pub(crate) fn distance_texels(&self, lambda: Vec3) -> f32 {
-        (0..3).map(|k| -lambda[k] / self.slope(k).max(1e-12)).fold(f32::NEG_INFINITY, f32::max)
+        distance_texels(lambda, self.slopes())
     }
+
+    /// Change of the barycentric coordinates per texel along their gradients.
+    fn slopes(&self) -> Vec3 {
+        self.reaches(1.0)
+    }
+}
+
+/// As [`TexelTriangle::distance_texels`], with a triangle's [`slopes`](TexelTriangle::slopes).
+fn distance_texels(lambda: Vec3, slopes: Vec3) -> f32 {
+    (0..3).map(|k| -lambda[k] / slopes[k].max(1e-12)).fold(f32::NEG_INFINITY, f32::max)
 }
 
 /// No triangle.
@@ -225,9 +235,16 @@ impl Footprints {
         let from = (low - origin - margin).ceil().clamp(Vec2::ZERO, end).as_uvec2();
         let to = ((high - origin + margin).floor()).clamp(Vec2::ZERO, end).as_uvec2();
         // What is so far outside of one side that it is out of reach.
-        let reach = triangle.reaches(EXTENSION_TEXELS);
+        let slopes = triangle.slopes();
+        let reach = EXTENSION_TEXELS * slopes;
+        let width = block.extent[0] as usize;
         let bounds = [from.x as f32, to.x as f32 - 1.0];
         for row in from.y..to.y {
+            let open = &self.distance[row as usize * width..][..width];
+            if to.x <= from.x || open[from.x as usize..to.x as usize].iter().all(|&distance| distance <= 0.0)
+            {
+                continue;
+            }
             let start = triangle.lambda(origin + Vec2::new(0.5, row as f32 + 0.5));
             let [first, last] = columns(bounds, start + reach, triangle.steps[0]);
             // A column more on either side makes good for rounding.
@@ -236,12 +253,12 @@ impl Footprints {
                 continue;
             }
             for column in first as u32..=last as u32 {
-                let texel = row as usize * block.extent[0] as usize + column as usize;
+                let texel = row as usize * width + column as usize;
                 if self.distance[texel] <= 0.0 {
                     continue;
                 }
                 let lambda = triangle.lambda(origin + Vec2::new(column as f32 + 0.5, row as f32 + 0.5));
-                let distance = triangle.distance_texels(lambda);
+                let distance = distance_texels(lambda, slopes);
                 if distance < self.distance[texel] && distance <= EXTENSION_TEXELS {
                     self.distance[texel] = distance;
                     self.owner[texel] = index;
@@ -257,6 +274,18 @@ impl Footprints {
         let inside = triangle.inside;
         let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
         let [width, height] = block.extent;
+        let end = Vec2::new(width as f32, height as f32);
+        // Most texels of most triangles are known already.
+        let [low, high] = triangle.bounds();
+        let first = (low - origin - OUTLINE_SLACK).clamp(Vec2::ZERO, end).as_uvec2();
+        let last = (high - origin + OUTLINE_SLACK + 1.0).clamp(Vec2::ZERO, end).as_uvec2();
+        let is_known = |row: u32| {
+            let row = &self.in_region[row as usize * width as usize..][..width as usize];
+            last.x <= first.x || row[first.x as usize..last.x as usize].iter().all(|&is| is)
+        };
+        if (first.y..last.y).all(is_known) {
+            return;
+        }
         for piece in region_pieces(triangle.corners, inside, delta) {
             for (i, &from) in piece.iter().enumerate() {
                 let along = piece[(i + 1) % piece.len()] - from;
@@ -308,6 +337,9 @@ pub(crate) fn region_pieces(
 
 /// Steps along an outline are shorter than a texel, so that they miss the corners of texels at most.
 const STEPS_PER_TEXEL: f32 = 1.5;
+
+/// Points of an outline lie within a triangle's rectangle up to rounding, texels.
+const OUTLINE_SLACK: f32 = 0.05;
 
 /// Longer outlines than any tile come from numerical accidents only.
 const MAX_STEPS: f32 = 1e6;

@@ -38,14 +38,20 @@ struct Piece {
 #[derive(Default)]
 pub struct Sheet {
     pieces: Vec<Piece>,
-    /// `(lower point, higher point, 3 * piece + corner)`, ascending; the edge leaves that corner.
-    edges: Vec<(u32, u32, u32)>,
+    /// `(higher point, 3 * piece + corner)`, ascending, of one lower point after the other; the edge leaves that corner.
+    edges: Vec<(u32, u32)>,
+    /// Of each point where the edges end of which it is the lower one.
+    edge_ends: Vec<u32>,
     /// For every such half-edge the one of the triangle beyond, or `BORDER`.
     across: Vec<u32>,
     /// Of each point.
     places: Vec<DVec2>,
     /// Points that stay where they are; empty where none does.
     held: Vec<bool>,
+    solver: Solver,
+    weights: Vec<DMat2>,
+    /// Where a step takes the points.
+    moved: Vec<DVec2>,
     overlaps: OverlapFinder,
     segments: Vec<Segment>,
     wedges: Vec<Wedge>,
@@ -122,26 +128,45 @@ impl Sheet {
 
     /// Finds which triangles meet; none where more than two do, or two in the same direction.
     pub fn find_edges(&mut self) -> Option<()> {
-        let Self { pieces, edges, across, .. } = self;
-        edges.clear();
-        for (i, piece) in pieces.iter().enumerate() {
-            for k in 0..3 {
-                let (a, b) = (piece.points[k], piece.points[(k + 1) % 3]);
-                edges.push((a.min(b), a.max(b), (3 * i + k) as u32));
-            }
+        let Self { pieces, edges, edge_ends, across, .. } = self;
+        let half_edges = || {
+            let points = pieces.iter().flat_map(|&Piece { points: [a, b, c], .. }| [(a, b), (b, c), (c, a)]);
+            (0u32..).zip(points).map(|(half_edge, (a, b))| (a.min(b) as usize, (a.max(b), half_edge)))
+        };
+        let points = pieces.iter().flat_map(|piece| piece.points).max().map_or(0, |last| last as usize + 1);
+        // Sorted by counting.
+        edge_ends.clear();
+        edge_ends.resize(points + 1, 0);
+        half_edges().for_each(|(lower, _)| edge_ends[lower + 1] += 1);
+        let mut count = 0;
+        for end in edge_ends.iter_mut() {
+            count += *end;
+            *end = count;
         }
-        edges.sort_unstable();
+        edges.clear();
+        edges.resize(3 * pieces.len(), (0, 0));
+        // These are beginnings; filling moves each to its end.
+        for (lower, edge) in half_edges() {
+            edges[edge_ends[lower] as usize] = edge;
+            edge_ends[lower] += 1;
+        }
         across.clear();
         across.resize(edges.len(), BORDER);
         let begins = |half_edge: u32| pieces[half_edge as usize / 3].points[half_edge as usize % 3];
-        for around in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            match *around {
-                [(a, b, _)] if a != b => {}
-                [(_, _, one), (_, _, other)] if begins(one) != begins(other) => {
-                    across[one as usize] = other;
-                    across[other as usize] = one;
+        let mut first = 0;
+        for (lower, &end) in (0..).zip(&edge_ends[..points]) {
+            let around = &mut edges[first..end as usize];
+            first = end as usize;
+            around.sort_unstable();
+            for same in around.chunk_by(|a, b| a.0 == b.0) {
+                match *same {
+                    [(higher, _)] if higher != lower => {}
+                    [(_, one), (_, other)] if begins(one) != begins(other) => {
+                        across[one as usize] = other;
+                        across[other as usize] = one;
+                    }
+                    _ => return None,
                 }
-                _ => return None,
             }
         }
         Some(())
@@ -195,7 +220,7 @@ impl Sheet {
     /// Lays the border around a circle and every other point in the middle of its neighbours, which turns no triangle over (W. T. Tutte, "How
     /// to draw a graph", 1963). None where the group has holes.
     pub fn spread_in_circle(&mut self) -> Option<()> {
-        let Self { pieces, across, places, .. } = self;
+        let Self { pieces, across, places, solver, .. } = self;
         let ends = |half_edge: usize| {
             let piece = &pieces[half_edge / 3];
             [piece.points[half_edge % 3], piece.points[(half_edge % 3 + 1) % 3]].map(|p| p as usize)
@@ -256,28 +281,30 @@ impl Sheet {
                 *image *= f64::from(is_free);
             }
         };
-        let mut right = vec![DVec2::ZERO; places.len()];
-        laplacian(places, &mut right);
+        let right = solver.begin(places.len());
+        laplacian(places, right);
         right.iter_mut().for_each(|r| *r = -*r);
-        let found = solve(laplacian, &right, &degrees, 1e-3);
-        places.iter_mut().zip(found).for_each(|(place, step)| *place += step);
+        let found = solver.solve(laplacian, &degrees, 1e-3);
+        places.iter_mut().zip(found).for_each(|(place, &step)| *place += step);
         Some(())
     }
 
     /// Brings the triangles as near to their own shapes as their neighbours let them, and turns none over: least symmetric Dirichlet energy, by a
     /// quadratic stand-in for it in every round (M. Rabinovich and others, "Scalable Locally Injective Mappings", 2017).
     pub fn relax(&mut self, rounds: usize) {
-        let Self { pieces, places, held, .. } = self;
+        let Self { pieces, places, held, solver, weights, moved, .. } = self;
         let least = 4.0 * pieces.iter().map(|piece| piece.area).sum::<f64>();
         let mut energy = energy(pieces, places);
-        let mut weights = Vec::with_capacity(pieces.len());
+        let mut diagonal = Vec::new();
         for _ in 0..rounds {
-            let (mut right, mut diagonal) = (vec![DVec2::ZERO; places.len()], vec![0.0; places.len()]);
+            let right = solver.begin(places.len());
+            diagonal.clear();
+            diagonal.resize(places.len(), 0.0);
             weights.clear();
             for piece in pieces.iter() {
                 let jacobian = piece.jacobian(places);
                 let weight = weight(jacobian) * piece.area;
-                piece.scatter(weight * (rotation(jacobian) - jacobian), &mut right);
+                piece.scatter(weight * (rotation(jacobian) - jacobian), right);
                 let trace = 0.5 * (weight.x_axis.x + weight.y_axis.y);
                 let [p, q] = [piece.inverse.row(0), piece.inverse.row(1)];
                 for (point, column) in piece.points.into_iter().zip([-(p + q), p, q]) {
@@ -289,23 +316,23 @@ impl Sheet {
                 let held = image.iter_mut().zip(held.iter()).filter(|(_, is_held)| **is_held);
                 held.for_each(|(image, _)| *image = DVec2::ZERO);
             };
-            hold(&mut right);
+            hold(right);
             let hessian = |values: &[DVec2], image: &mut [DVec2]| {
-                for (piece, &weight) in pieces.iter().zip(&weights) {
+                for (piece, &weight) in pieces.iter().zip(&*weights) {
                     piece.scatter(weight * piece.jacobian(values), image);
                 }
                 hold(image);
             };
-            let direction = solve(hessian, &right, &diagonal, TOLERANCE);
-            let upright =
-                pieces.iter().map(|piece| piece.upright_for(places, &direction)).fold(1.0, f64::min);
-            let steps = std::iter::successors(Some(upright), |step| Some(0.5 * step)).take(HALVINGS);
-            let moved = |step: f64| -> Vec<DVec2> {
-                places.iter().zip(&direction).map(|(&place, &way)| place + step * way).collect()
-            };
-            let tried = steps.map(moved).map(|places| (self::energy(pieces, &places), places));
-            let Some((next, moved)) = tried.into_iter().find(|tried| tried.0 < energy) else { return };
-            *places = moved;
+            let direction = solver.solve(hessian, &diagonal, TOLERANCE);
+            let upright = pieces.iter().map(|piece| piece.upright_for(places, direction)).fold(1.0, f64::min);
+            let mut steps = std::iter::successors(Some(upright), |step| Some(0.5 * step)).take(HALVINGS);
+            let lower = steps.find_map(|step| {
+                moved.clear();
+                moved.extend(places.iter().zip(direction).map(|(&place, &way)| place + step * way));
+                Some(self::energy(pieces, moved)).filter(|&next| next < energy)
+            });
+            let Some(next) = lower else { return };
+            std::mem::swap(places, moved);
             let gain = energy - next;
             energy = next;
             if gain < MIN_GAIN * energy || gain < 0.01 * (energy - least) {
@@ -347,12 +374,14 @@ impl Sheet {
 
 impl Piece {
     /// Of the map from its own plane to where its points lie.
+    #[inline]
     fn jacobian(&self, places: &[DVec2]) -> DMat2 {
         let [a, b, c] = self.points.map(|p| places[p as usize]);
         DMat2::from_cols(b - a, c - a) * self.inverse
     }
 
     /// Adds to its points how a function of the Jacobian changes with their places.
+    #[inline(always)]
     fn scatter(&self, by_jacobian: DMat2, places: &mut [DVec2]) {
         let DMat2 { x_axis: b, y_axis: c } = by_jacobian * self.inverse.transpose();
         for (point, change) in self.points.into_iter().zip([-(b + c), b, c]) {
@@ -414,41 +443,68 @@ fn weight(jacobian: DMat2) -> DMat2 {
     DMat2::from_diagonal(DVec2::splat(of_large - slope * large)) + slope * outer
 }
 
-/// Conjugate gradients with the matrix's diagonal as a preconditioner. `add_product` adds the matrix times its first argument to its second.
-fn solve(
-    add_product: impl Fn(&[DVec2], &mut [DVec2]),
-    right: &[DVec2],
-    diagonal: &[f64],
-    tolerance: f64,
-) -> Vec<DVec2> {
-    let n = right.len();
-    let (mut found, mut residual, mut image) = (vec![DVec2::ZERO; n], right.to_vec(), vec![DVec2::ZERO; n]);
-    let inverse: Vec<f64> = diagonal.iter().map(|&d| if d > 0.0 { 1.0 / d } else { 0.0 }).collect();
-    let dot =
-        |residual: &[DVec2]| residual.iter().zip(&inverse).map(|(r, i)| i * r.length_squared()).sum::<f64>();
-    let mut direction: Vec<DVec2> = residual.iter().zip(&inverse).map(|(r, i)| r * *i).collect();
-    let mut left = dot(&residual);
-    let enough = tolerance * tolerance * left;
-    for _ in 0..STEPS {
-        image.fill(DVec2::ZERO);
-        add_product(&direction, &mut image);
-        let steepness: f64 = direction.iter().zip(&image).map(|(d, i)| d.dot(*i)).sum();
-        if !(steepness > 0.0 && left > enough) {
-            break;
-        }
-        let step = left / steepness;
-        for i in 0..n {
-            found[i] += step * direction[i];
-            residual[i] -= step * image[i];
-        }
-        let next = dot(&residual);
-        let keep = next / left;
-        left = next;
-        for i in 0..n {
-            direction[i] = residual[i] * inverse[i] + keep * direction[i];
-        }
+/// Conjugate gradients with the matrix's diagonal as a preconditioner.
+#[derive(Default)]
+struct Solver {
+    found: Vec<DVec2>,
+    /// At first the right side.
+    residual: Vec<DVec2>,
+    image: Vec<DVec2>,
+    direction: Vec<DVec2>,
+    inverse: Vec<f64>,
+}
+
+impl Solver {
+    /// The right side of so many equations, all zero, to be filled in.
+    fn begin(&mut self, count: usize) -> &mut [DVec2] {
+        self.residual.clear();
+        self.residual.resize(count, DVec2::ZERO);
+        &mut self.residual
     }
-    found
+
+    /// `add_product` adds the matrix times its first argument to its second.
+    fn solve(
+        &mut self,
+        add_product: impl Fn(&[DVec2], &mut [DVec2]),
+        diagonal: &[f64],
+        tolerance: f64,
+    ) -> &[DVec2] {
+        let Self { found, residual, image, direction, inverse } = self;
+        let n = residual.len();
+        for zeros in [&mut *found, &mut *image] {
+            zeros.clear();
+            zeros.resize(n, DVec2::ZERO);
+        }
+        inverse.clear();
+        inverse.extend(diagonal.iter().map(|&d| if d > 0.0 { 1.0 / d } else { 0.0 }));
+        let dot = |residual: &[DVec2], inverse: &[f64]| {
+            residual.iter().zip(inverse).map(|(r, i)| i * r.length_squared()).sum::<f64>()
+        };
+        direction.clear();
+        direction.extend(residual.iter().zip(&*inverse).map(|(r, i)| r * *i));
+        let mut left = dot(residual, inverse);
+        let enough = tolerance * tolerance * left;
+        for _ in 0..STEPS {
+            image.fill(DVec2::ZERO);
+            add_product(direction, image);
+            let steepness: f64 = direction.iter().zip(&*image).map(|(d, i)| d.dot(*i)).sum();
+            if !(steepness > 0.0 && left > enough) {
+                break;
+            }
+            let step = left / steepness;
+            for i in 0..n {
+                found[i] += step * direction[i];
+                residual[i] -= step * image[i];
+            }
+            let next = dot(residual, inverse);
+            let keep = next / left;
+            left = next;
+            for i in 0..n {
+                direction[i] = residual[i] * inverse[i] + keep * direction[i];
+            }
+        }
+        found
+    }
 }
 
 #[cfg(test)]

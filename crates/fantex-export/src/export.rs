@@ -247,17 +247,19 @@ impl<'a> Job<'a> {
         let (mesh, cover) = (asset.mesh(), asset.cover());
         let (side, largest_side) = (options.side, options.largest_side);
         let with_uv = |uv| model_uv(mesh, uv, cover.density, side, largest_side);
-        let layout = match options.uv {
-            UvChoice::OfAsset => with_uv(uv_of_asset(mesh)?)?,
-            UvChoice::OfModel(model) => with_uv(uv_of_model(mesh, model)?)?,
+        let layout = || match options.uv {
+            UvChoice::OfAsset => with_uv(uv_of_asset(mesh)?),
+            UvChoice::OfModel(model) => with_uv(uv_of_model(mesh, model)?),
             UvChoice::Atlas => {
                 let padding = options.padding;
                 let request = AtlasRequest { texels_per_unit: cover.density, side, largest_side, padding };
-                atlas(mesh, cover, &request, progress)?
+                atlas(mesh, cover, &request, progress)
             }
         };
+        // Steps of the layout run on one thread.
+        let (layout, normals) = rayon::join(layout, || shading_normals(mesh));
         let cache = PageCache::new(Arc::clone(asset), (options.memory_bytes / 2) as usize);
-        Ok(Self { cache, options, layout, normals: shading_normals(mesh) })
+        Ok(Self { cache, options, layout: layout?, normals })
     }
 
     /// Tangents of the layout's coordinates, one per corner; none where no map needs them.

@@ -14,10 +14,11 @@ use fantex_cover::{Cover, SPAN_SLACK, Tap, TriangleTiles, span};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{PageCache, Tile, TileId, TileSource, TileTexels};
 use fantex_texture::material::TangentFrame;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{IVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
+use crate::charts::NARROW;
 use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
 
@@ -194,11 +195,15 @@ impl Region {
         let margin = margin(page) as i32 + border;
         let (first, size) = (origin.map(|n| n as i32 - margin), extent.map(|n| n as i32 + 2 * margin));
         let mut search = Search::new(page, first, size);
-        for is_beyond in [false, true] {
-            for &i in members.iter().filter(|&&i| page.placed[i as usize].is_beyond == is_beyond) {
-                search.scan(i, &page.placed[i as usize]);
-            }
-        }
+        let placed = |is_beyond: bool| {
+            let placed = members.iter().map(|&i| (i, &page.placed[i as usize]));
+            placed.filter(move |(_, placed)| placed.is_beyond == is_beyond)
+        };
+        placed(false).for_each(|(i, placed)| search.cover(i, placed));
+        let open = search.open_texels();
+        placed(false).for_each(|(i, placed)| search.surround(i, placed, &open));
+        // Only after all of the chart.
+        placed(true).for_each(|(i, placed)| search.go_on(i, placed, &open));
         let [width, height] = extent.map(|n| n as i32);
         let mut stats = PageStats::default();
         for row in search.best.chunks(size[0] as usize).skip(margin as usize).take(height as usize) {
@@ -277,72 +282,116 @@ impl<'a> Search<'a> {
         Self { page, origin, extent, best: vec![nothing; owners.len()], owners }
     }
 
-    /// Offers a triangle to the texels under it and beside it. Those beyond a chart come after all of the chart.
-    fn scan(&mut self, index: u32, placed: &Placed) {
-        let shape = Shape::new(placed);
-        let origin = Vec2::new(self.origin[0] as f32, self.origin[1] as f32);
-        let [low, high] = bounds(placed).map(|p| p - origin);
-        let end = Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
-        let first = (low - NEAR_TEXELS - 0.5).ceil().clamp(Vec2::ZERO, end).as_ivec2();
-        let last = (high + NEAR_TEXELS + 0.5).floor().clamp(Vec2::ZERO, end).as_ivec2();
-        let reach = NEAR_TEXELS + SPAN_SLACK;
+    /// Visits the texels within `reach` of a triangle that are its chart's, and some more: their indices and centres.
+    fn visit(&mut self, placed: &Placed, shape: &Shape, reach: f32, mut offer: impl FnMut(&mut Best, Vec2)) {
+        let origin = self.origin_texels();
+        let [first, last] = self.box_around(shape, reach);
+        let is_narrow = last.x <= first.x + NARROW as i32;
         for y in first.y..last.y {
             let row = origin.y + y as f32 + 0.5;
-            let Some([left, right]) = span(placed.corners.map(|p| p.to_array()), row - reach, row + reach)
-            else {
-                continue;
-            };
-            let from = first.x.max((left - origin.x - reach - 1.5) as i32);
-            let end = last.x.min((right - origin.x + reach + 1.5) as i32);
+            let (mut from, mut end) = (first.x, last.x);
+            if !is_narrow {
+                let reach = reach + SPAN_SLACK;
+                let Some([left, right]) =
+                    span(placed.corners.map(|p| p.to_array()), row - reach, row + reach)
+                else {
+                    continue;
+                };
+                from = from.max((left - origin.x - reach - 1.5) as i32);
+                end = end.min((right - origin.x + reach + 1.5) as i32);
+            }
             for x in from..end {
                 let texel = (y * self.extent[0] + x) as usize;
                 if self.owners[texel] == placed.chart {
-                    let centre = origin + Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    self.offer(texel, index, placed.is_beyond, &shape, centre);
+                    offer(&mut self.best[texel], Vec2::new(origin.x + (x as f32 + 0.5), row));
                 }
             }
         }
     }
 
-    fn offer(&mut self, texel: usize, index: u32, is_beyond: bool, shape: &Shape, centre: Vec2) {
-        let best = &mut self.best[texel];
-        // Only where the chart is near, so that padding farther out is the chart's own.
-        if is_beyond && best.kind != Kind::Near {
-            return;
-        }
-        if let Some(lambda) = shape.lambda(centre).filter(|lambda| lambda.min_element() >= 0.0) {
-            match (is_beyond, best.kind) {
-                (false, Kind::Inside) => {
-                    // On a common edge both are right.
-                    best.is_contested |= lambda.min_element() > shape.border && best.distance < 0.0;
-                }
-                (false, _) => {
-                    let distance = if lambda.min_element() > shape.border { -1.0 } else { 0.0 };
-                    let point = Point { placed: index, lambda };
-                    *best = Best { kind: Kind::Inside, distance, is_contested: false, point };
-                }
-                (true, _) => {
-                    best.kind = Kind::Beyond;
-                    best.point = Point { placed: index, lambda };
-                }
+    fn origin_texels(&self) -> Vec2 {
+        Vec2::new(self.origin[0] as f32, self.origin[1] as f32)
+    }
+
+    /// The first columns and rows of those within `reach` of a triangle's rectangle, and of those after them.
+    fn box_around(&self, shape: &Shape, reach: f32) -> [IVec2; 2] {
+        let end = Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
+        let [low, high] = [shape.low, shape.high].map(|p| p - self.origin_texels());
+        let first = (low - reach - 0.5).ceil().clamp(Vec2::ZERO, end).as_ivec2();
+        let last = (high + reach + 0.5).floor().clamp(Vec2::ZERO, end).as_ivec2();
+        [first, last]
+    }
+
+    /// Offers a triangle to the texels under it.
+    fn cover(&mut self, index: u32, placed: &Placed) {
+        let shape = Shape::new(placed);
+        self.visit(placed, &shape, shape.rounding, |best, centre| {
+            let Some(lambda) = shape.point_under(centre) else { return };
+            let is_within = lambda.min_element() > shape.border;
+            if best.kind == Kind::Inside {
+                // On a common edge both are right.
+                best.is_contested |= is_within && best.distance < 0.0;
+            } else {
+                let distance = if is_within { -1.0 } else { 0.0 };
+                let point = Point { placed: index, lambda };
+                *best = Best { kind: Kind::Inside, distance, is_contested: false, point };
             }
+        });
+    }
+
+    /// Offers a triangle to the texels beside it that no triangle of its chart covers.
+    fn surround(&mut self, index: u32, placed: &Placed, open: &OpenTexels) {
+        let shape = Shape::of_bounds(placed);
+        if open.are_none_in(self.box_around(&shape, NEAR_TEXELS)) {
             return;
         }
-        if is_beyond
-            || !matches!(best.kind, Kind::Near | Kind::Nothing)
-            || shape.is_beyond(centre, best.distance.min(NEAR_TEXELS * NEAR_TEXELS))
-        {
+        let most = NEAR_TEXELS * NEAR_TEXELS;
+        self.visit(placed, &shape, NEAR_TEXELS, |best, centre| {
+            if best.kind == Kind::Inside || shape.is_beyond(centre, best.distance.min(most)) {
+                return;
+            }
+            let (lambda, distance) = shape.nearest(centre);
+            if distance < best.distance && distance <= most {
+                let point = Point { placed: index, lambda };
+                *best = Best { kind: Kind::Near, distance, is_contested: false, point };
+            }
+        });
+    }
+
+    /// Offers a triangle that continues a chart to the texels under it. Only where the chart is near, so that padding farther out is the
+    /// chart's own.
+    fn go_on(&mut self, index: u32, placed: &Placed, open: &OpenTexels) {
+        let shape = Shape::of_bounds(placed);
+        if open.are_none_in(self.box_around(&shape, NEAR_TEXELS)) {
             return;
         }
-        let (lambda, distance) = shape.nearest(centre);
-        if distance < best.distance && distance <= NEAR_TEXELS * NEAR_TEXELS {
-            *best = Best {
-                kind: Kind::Near,
-                distance,
-                is_contested: false,
-                point: Point { placed: index, lambda },
-            };
+        let shape = Shape::new(placed);
+        self.visit(placed, &shape, shape.rounding, |best, centre| {
+            if best.kind != Kind::Near {
+                return;
+            }
+            if let Some(lambda) = shape.point_under(centre) {
+                best.kind = Kind::Beyond;
+                best.point = Point { placed: index, lambda };
+            }
+        });
+    }
+
+    /// The texels that no triangle covers.
+    fn open_texels(&self) -> OpenTexels {
+        let width = self.extent[0] as usize;
+        let mut counts = vec![0; width + 1];
+        counts.reserve((width + 1) * self.extent[1] as usize);
+        for row in self.best.chunks(width) {
+            let above = counts.len() - (width + 1);
+            let mut count = 0;
+            counts.push(0);
+            for (x, best) in row.iter().enumerate() {
+                count += u32::from(best.kind != Kind::Inside);
+                counts.push(counts[above + x + 1] + count);
+            }
         }
+        OpenTexels { width, counts }
     }
 
     /// For every texel the texel whose point it takes: the nearest of its chart that has one, found by two passes over the
@@ -395,6 +444,25 @@ impl<'a> Search<'a> {
     }
 }
 
+/// How many texels that no triangle covers lie in any rectangle.
+struct OpenTexels {
+    /// Of the rectangle that is looked at.
+    width: usize,
+    /// Above and to the left of each corner of a texel, row-major.
+    counts: Vec<u32>,
+}
+
+impl OpenTexels {
+    /// True where there are none from the first column and row on before the last ones.
+    fn are_none_in(&self, [first, last]: [IVec2; 2]) -> bool {
+        if first.cmpge(last).any() {
+            return true;
+        }
+        let count = |x: i32, y: i32| self.counts[y as usize * (self.width + 1) + x as usize];
+        count(last.x, last.y) + count(first.x, first.y) == count(first.x, last.y) + count(last.x, first.y)
+    }
+}
+
 struct Shape {
     corners: [Vec2; 3],
     /// Of its rectangle.
@@ -404,12 +472,17 @@ struct Shape {
     steps: Option<[Vec3; 2]>,
     /// Barycentric coordinates below this are nearer than a hundredth of a texel to a side.
     border: f32,
+    /// No centre of a texel farther from its rectangle seems to lie in it.
+    rounding: f32,
 }
+
+/// Single precision has barycentric coordinates to some 3e-7 of their change along a triangle: up to this product of its squared length and their
+/// change per texel they are right farther than [`SPAN_SLACK`] away from it.
+const MAX_SURE: f32 = 1e4;
 
 impl Shape {
     fn new(placed: &Placed) -> Self {
-        let [low, high] = bounds(placed);
-        let flat = Self { corners: placed.corners, low, high, steps: None, border: 0.0 };
+        let flat = Self::of_bounds(placed);
         let [a, b, c] = placed.corners.map(|p| p.as_dvec2());
         let area = (b - a).perp_dot(c - a);
         if !(area.abs() > 1e-9 && area.is_finite()) {
@@ -418,7 +491,21 @@ impl Shape {
         let dx = glam::DVec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area;
         let dy = glam::DVec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area;
         let steepest = (dx * dx + dy * dy).max_element().sqrt();
-        Self { steps: Some([dx.as_vec3(), dy.as_vec3()]), border: (0.01 * steepest) as f32, ..flat }
+        let is_sure = steepest as f32 * (flat.high - flat.low).max_element().powi(2) < MAX_SURE;
+        let rounding = if is_sure { SPAN_SLACK } else { NEAR_TEXELS };
+        let steps = Some([dx.as_vec3(), dy.as_vec3()]);
+        Self { steps, border: (0.01 * steepest) as f32, rounding, ..flat }
+    }
+
+    /// Without what tells what lies in it.
+    fn of_bounds(placed: &Placed) -> Self {
+        let [low, high] = bounds(placed);
+        Self { corners: placed.corners, low, high, steps: None, border: 0.0, rounding: 0.0 }
+    }
+
+    /// Barycentric coordinates of what lies in it.
+    fn point_under(&self, at: Vec2) -> Option<Vec3> {
+        self.lambda(at).filter(|lambda| lambda.min_element() >= 0.0)
     }
 
     /// True where its rectangle, and so all of it, lies farther from a place than a squared distance, rounding included.
