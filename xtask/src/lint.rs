@@ -35,7 +35,7 @@ pub(crate) fn run() -> Result<(), Failure> {
 fn check_sizes() -> Result<(), Failure> {
     let mut files = Vec::new();
     for folder in ["crates", "xtask"] {
-        rust_files(&root().join(folder), &mut files)?;
+        find_files(&root().join(folder), &["rs"], &mut files)?;
     }
     let mut sizes = Vec::with_capacity(files.len());
     for file in &files {
@@ -79,13 +79,18 @@ fn check_weight() -> Result<(), Failure> {
     }
 }
 
-fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+/// The files in a folder, and in those below it, that end with one of the extensions.
+pub(crate) fn find_files(
+    folder: &Path,
+    extensions: &[&str],
+    files: &mut Vec<PathBuf>,
+) -> Result<(), Failure> {
     let failed = |e| Failure(format!("cannot list {}: {e}", folder.display()));
     for entry in fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
         if path.is_dir() {
-            rust_files(&path, files)?;
-        } else if path.extension().is_some_and(|e| e == "rs") {
+            find_files(&path, extensions, files)?;
+        } else if path.extension().is_some_and(|e| extensions.iter().any(|wanted| e == *wanted)) {
             files.push(path);
         }
     }

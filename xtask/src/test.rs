@@ -1,7 +1,9 @@
 //! All tests.
 
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread::available_parallelism;
 
 use crate::python;
 use crate::shell::{Failure, capture, cargo_command, data_folder, root, run as run_command, succeeds};
@@ -22,14 +24,17 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     let list = skipped_list();
     // What an earlier run has left.
     std::fs::remove_file(&list).unwrap_or_default();
+    // Many tests wait for servers, browsers or windows: others run meanwhile.
+    let cores = available_parallelism().map_or(1, NonZero::get);
+    let threads = format!("--test-threads={}", cores + cores.div_ceil(2));
     let has_nextest = succeeds(&mut cargo_command(&["nextest", "--version"]));
     let mut arguments = match has_nextest {
-        true => vec!["nextest", "run", "--workspace", "--no-fail-fast"],
-        false => vec!["test", "--workspace", "--no-fail-fast", "--lib", "--bins", "--tests"],
+        true => vec!["nextest", "run", "--workspace", "--no-fail-fast", &*threads],
+        false => vec!["test", "--workspace", "--no-fail-fast", "--lib", "--bins", "--tests", "--", &*threads],
     };
     match (slow, has_nextest) {
         (true, true) => arguments.extend(["--run-ignored", "all"]),
-        (true, false) => arguments.extend(["--", "--include-ignored"]),
+        (true, false) => arguments.push("--include-ignored"),
         (false, _) => {}
     }
     prepare_graphics();
@@ -40,6 +45,9 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
         web::build()?;
     } else {
         eprintln!("no viewer for browsers: {}", web::HOW);
+        if let Some(stale) = web::stale() {
+            eprintln!("{stale}");
+        }
     }
     let result = run_cargo(&arguments, &list);
     let documentation = run_cargo(&["test", "--workspace", "--doc", "--quiet"], &list);

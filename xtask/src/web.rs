@@ -1,12 +1,20 @@
 //! What runs in browsers, the viewer and the core of the npm package: built, and put where they are taken from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::SystemTime;
 
-use crate::shell::{Failure, capture, cargo, root, succeeds};
+use crate::lint::find_files;
+use crate::shell::{Failure, capture, cargo, cargo_command, root, succeeds};
 use crate::test::target_folder;
 
 const TARGET: &str = "wasm32-unknown-unknown";
+
+/// Packages, what they are called when they are built, and where they go.
+const PROGRAMS: [(&str, &str, &str); 2] = [
+    ("fantex-web", "fantex_web", "crates/fantex-web/built"),
+    ("fantex-three", "fantex_three", "three/built"),
+];
 
 /// What to do where the target's standard library is missing.
 pub(crate) const HOW: &str =
@@ -19,13 +27,35 @@ pub(crate) fn has_target() -> bool {
     folder.is_ok_and(|folder| PathBuf::from(folder.trim()).is_dir())
 }
 
+/// What was built before, if its sources have changed since: tests in a browser would run it as it is.
+pub(crate) fn stale() -> Option<String> {
+    let outdated = PROGRAMS.iter().find(|(package, name, folder)| {
+        let built =
+            root().join(folder).join(format!("{name}_bg.wasm")).metadata().and_then(|file| file.modified());
+        built.is_ok_and(|built| newest_source(package).is_some_and(|source| source > built))
+    })?;
+    Some(format!("{} is older than its sources; cargo xtask web builds it anew", outdated.2))
+}
+
+/// When a package, or one of this workspace that it is built of, was changed last.
+fn newest_source(package: &str) -> Option<SystemTime> {
+    let arguments = ["tree", "-p", package, "-e", "normal", "--target", TARGET, "--prefix", "none"];
+    let tree = capture(&mut cargo_command(&arguments)).ok()?;
+    let packages = tree.lines().filter_map(|line| line.split_once(" (/")?.1.split_once(')'));
+    let mut files = Vec::new();
+    for (folder, _) in packages {
+        find_files(&Path::new("/").join(folder).join("src"), &["rs", "wgsl"], &mut files).ok()?;
+    }
+    files.iter().filter_map(|file| file.metadata().ok()?.modified().ok()).max()
+}
+
 /// Builds the viewer into `crates/fantex-web/built`, where programs that are built later take it from, and the core of the npm package into
 /// `three/built`.
 pub(crate) fn build() -> Result<(), Failure> {
     if !has_target() {
         return Err(Failure::new(HOW));
     }
-    for package in ["fantex-web", "fantex-three"] {
+    for (package, _, _) in PROGRAMS {
         // Each by itself: the smaller one does without what the other asks of the crates that both use.
         cargo(&["build", "--profile", "web", "-p", package, "--lib", "--target", TARGET])?;
     }
@@ -36,7 +66,7 @@ pub(crate) fn build() -> Result<(), Failure> {
 /// Writes the scripts and the finished programs beside them.
 #[cfg(feature = "web")]
 pub(crate) fn write_scripts() -> Result<(), Failure> {
-    for (name, folder) in [("fantex_web", "crates/fantex-web/built"), ("fantex_three", "three/built")] {
+    for (_, name, folder) in PROGRAMS {
         let program = target_folder().join(TARGET).join("web").join(name).with_extension("wasm");
         let mut bindgen = wasm_bindgen_cli_support::Bindgen::new();
         bindgen

@@ -34,6 +34,14 @@ struct Piece {
     area: f64,
 }
 
+/// An edge in a round of the relaxation: an end gets `block` times its difference from the other end. All edges together are the matrix of the
+/// quadratic stand-in, as nothing changes where all points move alike.
+struct Link {
+    ends: [u32; 2],
+    /// A symmetric matrix: xx, xy, yy.
+    block: [f64; 3],
+}
+
 /// A mesh that is laid into the plane, with its buffers for the next one.
 #[derive(Default)]
 pub struct Sheet {
@@ -49,7 +57,9 @@ pub struct Sheet {
     /// Points that stay where they are; empty where none does.
     held: Vec<bool>,
     solver: Solver,
-    weights: Vec<DMat2>,
+    links: Vec<Link>,
+    /// Of every half-edge that of its edge.
+    link_of: Vec<u32>,
     /// Where a step takes the points.
     moved: Vec<DVec2>,
     overlaps: OverlapFinder,
@@ -292,7 +302,8 @@ impl Sheet {
     /// Brings the triangles as near to their own shapes as their neighbours let them, and turns none over: least symmetric Dirichlet energy, by a
     /// quadratic stand-in for it in every round (M. Rabinovich and others, "Scalable Locally Injective Mappings", 2017).
     pub fn relax(&mut self, rounds: usize) {
-        let Self { pieces, places, held, solver, weights, moved, .. } = self;
+        self.find_links();
+        let Self { pieces, places, held, solver, links, link_of, moved, .. } = self;
         let least = 4.0 * pieces.iter().map(|piece| piece.area).sum::<f64>();
         let mut energy = energy(pieces, places);
         let mut diagonal = Vec::new();
@@ -300,17 +311,19 @@ impl Sheet {
             let right = solver.begin(places.len());
             diagonal.clear();
             diagonal.resize(places.len(), 0.0);
-            weights.clear();
-            for piece in pieces.iter() {
+            links.iter_mut().for_each(|link| link.block = [0.0; 3]);
+            for (piece, of_edges) in pieces.iter().zip(link_of.as_chunks::<3>().0) {
                 let jacobian = piece.jacobian(places);
                 let weight = weight(jacobian) * piece.area;
                 piece.scatter(weight * (rotation(jacobian) - jacobian), right);
+                let products = piece.products();
                 let trace = 0.5 * (weight.x_axis.x + weight.y_axis.y);
-                let [p, q] = [piece.inverse.row(0), piece.inverse.row(1)];
-                for (point, column) in piece.points.into_iter().zip([-(p + q), p, q]) {
-                    diagonal[point as usize] += trace * column.length_squared();
+                for (k, point) in piece.points.into_iter().enumerate() {
+                    diagonal[point as usize] += trace * (products[k] + products[(k + 2) % 3]);
                 }
-                weights.push(weight);
+                for (&link, product) in of_edges.iter().zip(products) {
+                    links[link as usize].add(product, weight);
+                }
             }
             let hold = |image: &mut [DVec2]| {
                 let held = image.iter_mut().zip(held.iter()).filter(|(_, is_held)| **is_held);
@@ -318,9 +331,7 @@ impl Sheet {
             };
             hold(right);
             let hessian = |values: &[DVec2], image: &mut [DVec2]| {
-                for (piece, &weight) in pieces.iter().zip(&*weights) {
-                    piece.scatter(weight * piece.jacobian(values), image);
-                }
+                links.iter().for_each(|link| link.add_product(values, image));
                 hold(image);
             };
             let direction = solver.solve(hessian, &diagonal, TOLERANCE);
@@ -337,6 +348,23 @@ impl Sheet {
             energy = next;
             if gain < MIN_GAIN * energy || gain < 0.01 * (energy - least) {
                 return;
+            }
+        }
+    }
+
+    /// The edges, each once.
+    fn find_links(&mut self) {
+        let Self { pieces, across, links, link_of, .. } = self;
+        links.clear();
+        link_of.clear();
+        for (half_edge, &other) in (0u32..).zip(&*across) {
+            // Of two half-edges the first is the edge's.
+            let link = if other < half_edge { link_of[other as usize] } else { links.len() as u32 };
+            link_of.push(link);
+            if link as usize == links.len() {
+                let points = pieces[half_edge as usize / 3].points;
+                let k = half_edge as usize % 3;
+                links.push(Link { ends: [points[k], points[(k + 1) % 3]], block: [0.0; 3] });
             }
         }
     }
@@ -372,7 +400,38 @@ impl Sheet {
     }
 }
 
+impl Link {
+    /// Adds a symmetric matrix so many times.
+    #[inline]
+    fn add(&mut self, times: f64, DMat2 { x_axis, y_axis }: DMat2) {
+        let [xx, xy, yy] = &mut self.block;
+        *xx += times * x_axis.x;
+        *xy += times * x_axis.y;
+        *yy += times * y_axis.y;
+    }
+
+    /// Adds its part of the matrix times the first argument to the second.
+    #[inline]
+    fn add_product(&self, values: &[DVec2], image: &mut [DVec2]) {
+        let [one, other] = self.ends.map(|end| end as usize);
+        let [xx, xy, yy] = self.block;
+        let DVec2 { x, y } = values[one] - values[other];
+        let product = DVec2::new(xx * x + xy * y, xy * x + yy * y);
+        image[one] += product;
+        image[other] -= product;
+    }
+}
+
 impl Piece {
+    /// For each edge, from the first corner on, how much the places of its ends enter the Jacobian together: minus the product of `-(p + q)`,
+    /// `p` and `q`, by which the corners enter it. The two at a corner add up to the square of its own.
+    #[inline]
+    fn products(&self) -> [f64; 3] {
+        let [p, q] = [self.inverse.row(0), self.inverse.row(1)];
+        let (pp, pq, qq) = (p.length_squared(), p.dot(q), q.length_squared());
+        [pp + pq, -pq, pq + qq]
+    }
+
     /// Of the map from its own plane to where its points lie.
     #[inline]
     fn jacobian(&self, places: &[DVec2]) -> DMat2 {
@@ -510,8 +569,41 @@ impl Solver {
 #[cfg(test)]
 mod tests {
     use fantex_base::Random;
+    use glam::DVec3;
 
     use super::*;
+
+    /// Edges give the same matrix as triangles do, one by one.
+    #[test]
+    fn edges_multiply_as_triangles_do() {
+        let mut random = Random::new(6);
+        for _ in 0..50 {
+            let mut place = || DVec3::from_array([0; 3].map(|_| random.unit())).as_vec3();
+            let mut sheet = Sheet::default();
+            let corners: Vec<Vec3> = (0..4).map(|_| place()).collect();
+            for points in [[0, 1, 2], [2, 1, 3]] {
+                assert!(sheet.push(points.map(|p| corners[p]), points.map(|p| p as u32), 3));
+            }
+            sheet.find_edges().unwrap();
+            sheet.find_links();
+            assert_eq!(sheet.links.len(), 5);
+            let values: Vec<DVec2> = (0..4).map(|_| place().as_dvec3().truncate()).collect();
+            let (mut by_triangles, mut by_edges) = ([DVec2::ZERO; 4], [DVec2::ZERO; 4]);
+            for (i, piece) in sheet.pieces.iter().enumerate() {
+                let [a, b, c] = place().as_dvec3().to_array();
+                let weight = DMat2::from_cols_array(&[a, b, b, c]);
+                piece.scatter(weight * piece.jacobian(&values), &mut by_triangles);
+                for (k, product) in piece.products().into_iter().enumerate() {
+                    sheet.links[sheet.link_of[3 * i + k] as usize].add(product, weight);
+                }
+            }
+            sheet.links.iter().for_each(|link| link.add_product(&values, &mut by_edges));
+            let scale = by_triangles.iter().map(|p| p.length()).fold(1.0, f64::max);
+            for (one, other) in by_triangles.into_iter().zip(by_edges) {
+                assert!(one.distance(other) < 1e-9 * scale, "{one} and {other}");
+            }
+        }
+    }
 
     /// The stand-in's gradient is the energy's, by differences.
     #[test]

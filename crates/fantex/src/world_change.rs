@@ -61,6 +61,12 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
     let _lock = if is_object(index) { None } else { lock_index(index)? };
     let replace = replaced(index)?;
     let is_there = if is_object(index) { replace != Replace::Nothing } else { index.exists() };
+    if !is_there && change.put.is_empty() {
+        let index = index.display();
+        return Err(Error::not_found(format!(
+            "{index} is not there: name the assets that a new world is to have"
+        )));
+    }
     let mut world = if is_there { World::open_to_change(index)? } else { World::default() };
     let mut changed = WorldChanged::default();
     let coarse_before = world.coarse.len();

@@ -420,7 +420,10 @@ fn existing_assets_become_a_world() {
 
     // There is nothing to show in an empty one.
     let empty = place("empty.fanworld");
-    json(&[&"world", &empty, &"--make-previews"]);
+    fails(1, &["empty.fanworld is not there", "name the assets"], &[&"world", &empty, &"--make-previews"]);
+    assert!(!empty.exists());
+    json(&[&"world", &empty, &tent_asset]);
+    json(&[&"world", &empty, &"--remove", &tent_asset]);
     fails(1, &["nothing to show", "empty.fanworld"], &[&"render", &empty, &"-o", &place("empty.png")]);
     fails(1, &["nothing to show", "empty.fanworld"], &[&"export", &empty, &"-o", &place("empty.glb")]);
 

@@ -16,21 +16,32 @@ use crate::{
     Baked, Contents, ball, cleaned, color_at, contents, cover, paint_stroke, plate, red, run, sample, stroke,
 };
 
-/// Tiles agree within a step of 8 bits wherever they overlap, at all levels the certificate holds.
+/// Tiles agree within so many steps of 8 bits nearly wherever they overlap, at all levels the certificate holds.
 fn check(baked: &Baked, steps: f32) {
+    let (overlaps, apart) = compare_tiles(baked, steps, |_| true);
+    assert!(overlaps > 100 && apart * 200 <= overlaps, "{apart} of {overlaps} differ");
+}
+
+/// How many places in overlaps of tiles were compared, of those that are meant, and in how many tiles differ by more than so many steps.
+/// The certificate holds.
+fn compare_tiles(baked: &Baked, steps: f32, is_meant: impl Fn(Vec3) -> bool) -> (usize, usize) {
     let report = verify(&baked.path, &VerifyOptions::default()).unwrap();
     assert!(report.ok && report.continuity.largest_jump < 1.0 / 255.0, "{report:?}");
     let cache = baked.cache();
     let (mut overlaps, mut apart) = (0, 0);
-    for triangle in 0..cache.asset().mesh().triangles.len() {
+    let mesh = cache.asset().mesh();
+    for triangle in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.triangle_positions(triangle);
         for lambda in [Vec3::new(0.5, 0.5, 0.0), Vec3::new(0.1, 0.46, 0.44), Vec3::splat(1.0 / 3.0)] {
             let (value, parts) = sample(&cache, 0, 0, triangle, lambda);
-            let worst = parts.iter().map(|part| (*part - value).abs().max_element()).fold(0.0, f32::max);
-            overlaps += usize::from(parts.len() > 1);
-            apart += usize::from(worst > steps / 255.0);
+            if parts.len() > 1 && is_meant(a * lambda.x + b * lambda.y + c * lambda.z) {
+                let worst = parts.iter().map(|part| (*part - value).abs().max_element()).fold(0.0, f32::max);
+                overlaps += 1;
+                apart += usize::from(worst > steps / 255.0);
+            }
         }
     }
-    assert!(overlaps > 100 && apart * 200 <= overlaps, "{apart} of {overlaps} differ");
+    (overlaps, apart)
 }
 
 #[test]
@@ -77,8 +88,7 @@ fn smudge_drags_colour_along_and_tiles_agree() {
 
 #[test]
 fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
-    // The dots' hard edges, where tiles differ, are a small part of so many texels.
-    let baked = ball(400_000, BakeFormat::Float);
+    let baked = ball(200_000, BakeFormat::Float);
     let mut painter = baked.painter();
     // A white ball with two red dots.
     let flat = |color: Vec4| Paint {
@@ -92,11 +102,17 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     let start = surface.nearest(Vec3::X, f32::INFINITY).unwrap();
     painter.begin("white", flat(Vec4::ONE)).unwrap();
     painter.fill(FillArea::Everything).unwrap();
+    let diameter = 60.0;
     for at in [Vec3::X, Vec3::Z] {
-        let mut dot = stroke(&surface, 60.0, &[at]);
+        let mut dot = stroke(&surface, diameter, &[at]);
         dot.brush.hardness = 1.0;
         paint_stroke(&mut painter, red(1.0), &dot);
     }
+    // Filters mix the colours at the dots' hard edges, in each tile in its own way.
+    let density = painter.editor().asset().cover().density;
+    let is_plain = |place: Vec3| {
+        [Vec3::X, Vec3::Z].iter().all(|dot| (place.distance(*dot) * density - diameter / 2.0).abs() > 4.0)
+    };
     let green = Vec4::new(0.0, 1.0, 0.0, 1.0);
     for (connected, other_is_green) in [(true, false), (false, true)] {
         painter.begin("green", flat(green)).unwrap();
@@ -107,7 +123,8 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
         assert!(color_at(&cache, &painter, Vec3::X).distance(green) < 0.01);
         assert_eq!(color_at(&cache, &painter, Vec3::Z).distance(green) < 0.01, other_is_green);
         assert!(color_at(&cache, &painter, Vec3::Y).distance(Vec4::ONE) < 0.01, "white stays");
-        check(&baked, 4.0);
+        let (overlaps, apart) = compare_tiles(&baked, 0.5, is_plain);
+        assert!(overlaps > 1000 && apart == 0, "{apart} of {overlaps} differ");
         painter.undo().unwrap();
     }
     // The white is one piece around both dots.
@@ -124,8 +141,11 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
             t / 200.0 - 1.0,
             (2.4 * t).cos(),
         );
-        let color = color_at(&cache, &painter, at.normalize());
-        assert!(color.y > 0.9 || color.x > 0.5, "{color} at {at}");
+        let at = at.normalize();
+        let is_in_dot = [Vec3::X, Vec3::Z].iter().any(|dot| at.distance(*dot) * density < diameter / 2.0);
+        let expected = if is_in_dot { Vec4::new(0.9, 0.05, 0.05, 1.0) } else { green };
+        let color = color_at(&cache, &painter, at);
+        assert!(!is_plain(at) || color.distance(expected) < 0.01, "{color} at {at}");
     }
 }
 

@@ -21,6 +21,9 @@ use crate::{Asset, PageId, write_error};
 /// Clusters that are packed at a time: bounds the memory of a flush.
 const BATCH: usize = 32;
 
+/// Attachments are packed at a time until they have so many bytes, unpacked.
+const ATTACHMENT_BATCH_BYTES: usize = 32 << 20;
+
 /// What a commit did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CommitSummary {
@@ -69,11 +72,8 @@ impl AssetEditor {
                 self.flush_batch(level)?;
             }
         }
-        while let Some((name, contents)) = self.pending.attachments.pop_first() {
-            if let Err(error) = self.flush_attachment(&name, contents.as_deref()) {
-                self.pending.attachments.insert(name, contents);
-                return Err(error);
-            }
+        while !self.pending.attachments.is_empty() {
+            self.flush_attachments()?;
         }
         Ok(())
     }
@@ -183,20 +183,48 @@ impl AssetEditor {
         self.flushed.changed = true;
     }
 
-    fn flush_attachment(&mut self, name: &str, contents: Option<&[u8]>) -> Result<()> {
-        let record = contents.map(|contents| self.write_section(contents)).transpose()?;
+    /// Writes the first few attachments that have changes. After an error that one and those after it are still pending.
+    fn flush_attachments(&mut self) -> Result<()> {
+        let (mut batch, mut bytes) = (Vec::new(), 0);
+        while bytes < ATTACHMENT_BATCH_BYTES
+            && let Some((name, contents)) = self.pending.attachments.pop_first()
+        {
+            bytes += contents.as_ref().map_or(0, Vec::len);
+            batch.push((name, contents));
+        }
+        let packed: Vec<_> =
+            batch.par_iter().map(|(_, contents)| contents.as_deref().map(pack_section).transpose()).collect();
+        let mut attachments = batch.into_iter().zip(packed);
+        for ((name, contents), packed) in &mut attachments {
+            let written = packed.map_err(|source| self.failed(source)).and_then(|packed| {
+                let section = packed.map(|(stored, record)| self.write_packed(&stored, record));
+                section.transpose()
+            });
+            match written {
+                Ok(record) => self.replace_attachment(name, record),
+                Err(error) => {
+                    self.pending.attachments.insert(name, contents);
+                    self.pending.attachments.extend(attachments.map(|(attachment, _)| attachment));
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Names where an attachment lies, if it is to be there.
+    fn replace_attachment(&mut self, name: String, record: Option<SectionRecord>) {
         let old = match record {
             Some(record) => {
                 self.flushed.uncommitted.insert(record.offset);
-                self.flushed.attachments.insert(name.to_owned(), record)
+                self.flushed.attachments.insert(name, record)
             }
-            None => self.flushed.attachments.remove(name),
+            None => self.flushed.attachments.remove(&name),
         };
         if let Some(old) = old {
             self.drop_range(old.range());
         }
         self.flushed.changed = true;
-        Ok(())
     }
 
     /// The working state no longer names a range.
@@ -281,7 +309,11 @@ impl AssetEditor {
 
     fn write_section(&mut self, raw: &[u8]) -> Result<SectionRecord> {
         let (stored, record) = pack_section(raw).map_err(|source| self.failed(source))?;
-        Ok(SectionRecord { offset: self.write_anywhere(&stored)?, ..record })
+        self.write_packed(&stored, record)
+    }
+
+    fn write_packed(&mut self, stored: &[u8], record: SectionRecord) -> Result<SectionRecord> {
+        Ok(SectionRecord { offset: self.write_anywhere(stored)?, ..record })
     }
 
     /// Writes bytes where there is room and returns where.

@@ -146,6 +146,8 @@ fn strokes_in_a_row(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<
     begin(painter, Target::Layer(layer), usize::MAX)?;
     draw(painter, &dabs)?;
     painter.end()?;
+    // As painters do that rest: what waits in memory would be written in the midst of the stroke.
+    painter.commit()?;
     begin(painter, Target::Base, usize::MAX)?;
     draw(painter, &dabs)?;
     rows.push(timed("end of a stroke under layers", || painter.end_in_background().map(drop))?);
