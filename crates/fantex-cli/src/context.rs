@@ -287,7 +287,7 @@ impl Interrupt {
     pub(crate) fn listen() -> Result<Self, ctrlc::Error> {
         let interrupt = Self::default();
         let heard = interrupt.clone();
-        ctrlc::set_handler(move || heard.request())?;
+        keep_ignoring_hang_ups(|| ctrlc::set_handler(move || heard.request()))?;
         Ok(interrupt)
     }
 
@@ -323,6 +323,26 @@ impl Interrupt {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Sets handlers of signals. A program that `nohup` has started goes on when its terminal is closed.
+#[cfg(unix)]
+#[expect(unsafe_code, reason = "how signals are ignored")]
+fn keep_ignoring_hang_ups<T>(set: impl FnOnce() -> T) -> T {
+    // SAFETY: the signal is ignored, so no code runs as its handler.
+    let before = unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
+    let result = set();
+    if before == libc::SIG_IGN {
+        // SAFETY: as above.
+        unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
+    }
+    result
+}
+
+/// Other systems have no such signal.
+#[cfg(not(unix))]
+fn keep_ignoring_hang_ups<T>(set: impl FnOnce() -> T) -> T {
+    set()
 }
 
 /// Keeps Ctrl-C from ending the program at once.

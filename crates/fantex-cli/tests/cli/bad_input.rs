@@ -375,6 +375,34 @@ fn an_interrupted_bake_leaves_nothing() {
     assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
 }
 
+/// `nohup` ignores the signal that a closed terminal sends.
+#[cfg(unix)]
+#[test]
+fn a_hang_up_stays_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let turn = folder.path().join("turn");
+    let mut child = Command::new("sh")
+        .args(["-c", "trap '' HUP; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_fantex")])
+        .args(["export", "--turntable", "3600", "--size", "320x240", "-o"])
+        .args([&turn, &model])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let process = child.id().to_string();
+    let deadline = Instant::now() + Duration::from_secs(120);
+    for (count, signal) in [(2, "-HUP"), (20, "-TERM")] {
+        while !turn.is_dir() || files(&turn).len() < count {
+            assert!(child.try_wait().unwrap().is_none(), "the command ended before {signal}");
+            assert!(Instant::now() < deadline, "the command does not go on");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(Command::new("kill").args([signal, &process]).status().unwrap().success());
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+}
+
 /// Interrupts a command that has written some files into a folder; its last line.
 #[cfg(unix)]
 fn interrupted(arguments: &[&dyn AsRef<OsStr>], folder: &Path, count: usize) -> String {
