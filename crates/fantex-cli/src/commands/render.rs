@@ -22,8 +22,8 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, check_picture_name, is_look, open_shape, portrait, report_damage,
-    show_notes, size, vector,
+    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, is_look, open_shape, portrait,
+    report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
 use crate::text::{bytes, counted, one_of};
@@ -251,14 +251,17 @@ fn text(info: &RenderInfo) -> String {
 
 /// The camera that was asked for; what was not is taken from the view that shows the whole model.
 fn camera(args: &RenderArgs, mesh: &Mesh, options: &RenderOptions) -> Camera {
-    let framed = portrait(mesh, options);
+    let (view, up) = (Camera::THREE_QUARTER, DVec3::Y);
+    let framed = match args.fov {
+        Some(fov) => Camera::framing_mesh_with(mesh, view, aspect(options), up, fov),
+        None => portrait(mesh, options),
+    };
     let center = mesh.world_from_mesh.offset;
     let target = args.target.unwrap_or(center);
-    let fov_degrees = args.fov.unwrap_or(framed.fov_degrees);
     match (args.eye, args.target) {
-        (Some(eye), _) => Camera { eye, target, up: DVec3::Y, fov_degrees },
-        (None, Some(_)) => Camera { target, up: DVec3::Y, fov_degrees, ..framed },
-        (None, None) => Camera { fov_degrees, ..framed },
+        (Some(eye), _) => Camera { eye, target, up, ..framed },
+        (None, Some(_)) => Camera { target, up, ..framed },
+        (None, None) => framed,
     }
 }
 
