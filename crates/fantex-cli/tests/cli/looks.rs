@@ -175,7 +175,7 @@ fn bad_looks_are_refused_with_file_line_and_key() {
     let image = |name: &str| format!("[textures.a]\nkind = \"image\"\nimage = \"{name}\"\n");
     let object =
         "[materials.m]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"m\"\n";
-    let cases: [(String, &[&str]); 8] = [
+    let cases: [(String, &[&str]); 11] = [
         ("[picture]\nsizes = [1, 1]\n".into(), &["look.toml:2", "picture", "did you mean 'size'?"]),
         ("[camera]\nfov = \"wide\"\n".into(), &["look.toml:2", "camera.fov", "expected a number"]),
         ("[camera]\nfov = nan\n".into(), &["look.toml:2", "camera.fov", "finite"]),
@@ -187,6 +187,16 @@ fn bad_looks_are_refused_with_file_line_and_key() {
             &["look.toml:3", "textures.a.a", "a -> a"],
         ),
         ("[picture]\n".into(), &["look.toml", "names no model"]),
+        (
+            "[textures.a]\nkind = \"ramp\"\ninput = 1\nstops = [{ at = 1, color = [1, 1, 1] }, { at = 0, color = [0, 0, 0] }]\n".to_owned()
+                + object,
+            &["look.toml:4", "textures.a.stops", "ascending"],
+        ),
+        ("[[object]]\nmodel = \"no.obj\"\n".into(), &["look.toml:2", "object[1].model", "no.obj"]),
+        (
+            "[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]\n[[object]]\nshape = { kind = \"box\" }\n".into(),
+            &["look.toml:1", "camera", "same point"],
+        ),
     ];
     write(folder.path(), "empty.png", "");
     for (text, parts) in cases {

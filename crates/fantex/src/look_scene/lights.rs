@@ -134,7 +134,7 @@ impl MaterialResolver<'_> {
         Err(self.file.error(key, problem::no_direction()))
     }
 
-    fn accept<T>(&self, key: &Key, result: Result<T>) -> Result<T> {
+    pub(super) fn accept<T>(&self, key: &Key, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.file.error(key, error))
     }
 
