@@ -99,6 +99,15 @@ pub fn temporary_folder(folder: &Path) -> io::Result<TemporaryFolder> {
     Ok(TemporaryFolder(made))
 }
 
+/// A new folder in that for temporary files, for what a library can write to files only. It does not outlive the process either.
+///
+/// # Errors
+/// It cannot be made.
+pub fn scratch_folder() -> Result<TemporaryFolder> {
+    let parent = std::env::temp_dir();
+    temporary_folder(&parent).map_err(|error| Error::writing(parent, error))
+}
+
 /// What the names of temporary files and folders begin with.
 const PREFIX: &str = ".fantex-";
 

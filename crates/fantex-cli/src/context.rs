@@ -21,7 +21,6 @@ use fantex::stream::{ObjectTarget, Replace};
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
-use tempfile::TempDir;
 
 use crate::CommonArgs;
 
@@ -224,11 +223,6 @@ impl Context {
         let _deferral = self.defer_interrupt();
         ObjectTarget::at(place)?.check(self.force)?;
         self.check_interrupt()
-    }
-
-    /// A folder that goes away with the value.
-    pub(crate) fn temporary_folder() -> Result<TempDir> {
-        tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))
     }
 
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, Fit, SineSource, fidelity};
+use fantex::base::files::{TemporaryFolder, scratch_folder};
 use fantex::base::input;
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
@@ -21,7 +22,6 @@ use fantex::{Mesh, Result};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
-use tempfile::TempDir;
 
 use crate::commands::bake::FITS;
 use crate::context::Context;
@@ -177,7 +177,7 @@ fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
         ..BakeOptions::default()
     };
     let _deferral = context.defer_interrupt();
-    let folder = Context::temporary_folder()?;
+    let folder = scratch_folder()?;
     let path = folder.path().join("fidelity.fan");
     baking::bake(mesh, &cover, &source, &path, &options, &context.progress("baking"))?;
     let cache = PageCache::new(Arc::new(Asset::open(&path)?), context.memory_bytes as usize);
@@ -330,7 +330,7 @@ struct Bench {
     mesh: Mesh,
     cover: Cover,
     source: SourceArg,
-    folder: TempDir,
+    folder: TemporaryFolder,
 }
 
 struct Baked {
@@ -346,7 +346,7 @@ impl Bench {
         let mesh = open(args, context)?;
         let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
         let source = SourceArg::of_model(&mesh).unwrap_or(SourceArg::Solid("marble".to_owned()));
-        let folder = Context::temporary_folder()?;
+        let folder = scratch_folder()?;
         Ok(Self { mesh, cover, source, folder })
     }
 

@@ -407,8 +407,13 @@ fn a_hang_up_stays_ignored() {
 #[cfg(unix)]
 fn interrupted(arguments: &[&dyn AsRef<OsStr>], folder: &Path, count: usize) -> String {
     let mut command = fantex();
-    command.args(arguments.iter().map(|a| a.as_ref())).stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
+    command.args(arguments.iter().map(|a| a.as_ref()));
+    interrupted_command(command, folder, count)
+}
+
+#[cfg(unix)]
+fn interrupted_command(mut command: Command, folder: &Path, count: usize) -> String {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(120);
     while !folder.is_dir() || files(folder).len() < count {
         assert!(child.try_wait().unwrap().is_none(), "the command ended before it could be interrupted");
@@ -438,6 +443,21 @@ fn pictures_of_an_interrupted_turntable_are_counted() {
     let expected =
         format!("interrupted after {count} of 3 600 pictures in {turn}; no unfinished file was left");
     assert!(line.contains(&expected), "{line}");
+}
+
+/// Outside the project's folder its looks and models lie in a temporary one.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_gallery_leaves_no_temporary_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, temporary] = ["out", "tmp"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&temporary).unwrap();
+    let mut gallery = fantex();
+    gallery.current_dir(folder.path()).env("TMPDIR", &temporary);
+    gallery.args(["gallery", "--width", "32", "-o"]).arg(&out);
+    let line = interrupted_command(gallery, &out, 1);
+    assert!(line.contains("no unfinished file was left behind"), "{line}");
+    assert!(files(&temporary).is_empty(), "{:?}", files(&temporary));
 }
 
 /// Some of the slices would be read as a volume that is less deep.

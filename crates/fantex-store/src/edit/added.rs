@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use fantex_base::files::scratch_folder;
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh};
@@ -217,7 +218,7 @@ fn edited_preview(
     edit: impl FnOnce(&mut AssetEditor) -> Result<bool>,
 ) -> Result<Option<Vec<u8>>> {
     let edited = || -> Result<Option<Vec<u8>>> {
-        let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
+        let folder = scratch_folder()?;
         let copy = folder.path().join("preview.fan");
         std::fs::write(&copy, &contents).map_err(|error| Error::writing(&copy, error))?;
         if Asset::open(&copy).is_err() {

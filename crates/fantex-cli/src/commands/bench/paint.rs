@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::base::files::scratch_folder;
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, Dab, Layer, Paint, PaintColor, PaintOptions, Painter, Sample, Size,
     Stroke, Surface, Symmetry, Target, Tool, dabs_of,
@@ -42,7 +43,7 @@ pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>
     for asset in &args.assets {
         rows.extend(opening(asset, &options)?);
     }
-    let folder = Context::temporary_folder()?;
+    let folder = scratch_folder()?;
     let copy = folder.path().join("painted.fan");
     std::fs::copy(&args.assets[0], &copy).map_err(|error| Error::reading(&args.assets[0], error))?;
     let mut painter = Painter::open(&copy, &options)?;
