@@ -19,7 +19,7 @@ use fantex::base::random::folded_seed;
 use fantex::look::ResolveOptions;
 use fantex::stream::{ObjectTarget, Replace};
 use fantex::{Error, ErrorKind, Result};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use crate::CommonArgs;
@@ -366,9 +366,7 @@ impl<'a> Bar<'a> {
         let target =
             if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target).with_message(label.to_owned());
-        if let Ok(style) =
-            ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {amount}, {eta} left")
-        {
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {amount}") {
             let write_amount = move |state: &ProgressState, text: &mut dyn fmt::Write| {
                 write_millions(state, millions, text);
             };
@@ -379,12 +377,20 @@ impl<'a> Bar<'a> {
     }
 }
 
-/// `12.0 of 64.0 M texels, 3.1 M texels/s`.
+/// `12.0 of 64.0 M texels, 3.1 M texels/s, 17s left`; what comes before is not counted.
 fn write_millions(state: &ProgressState, unit: &str, text: &mut dyn fmt::Write) {
     let millions = |count: f64| count / 1e6;
-    let (done, total) = (millions(state.pos() as f64), millions(state.len().unwrap_or(0) as f64));
-    let _drawing_cannot_fail =
-        write!(text, "{done:.1} of {total:.1} {unit}, {:.1} {unit}/s", millions(state.per_sec()));
+    let done = millions(state.pos() as f64);
+    let _drawing_cannot_fail = match state.len() {
+        None => text.write_str("preparing"),
+        Some(total) => write!(
+            text,
+            "{done:.1} of {:.1} {unit}, {:.1} {unit}/s, {:#} left",
+            millions(total as f64),
+            millions(state.per_sec()),
+            HumanDuration(state.eta())
+        ),
+    };
 }
 
 impl Progress for Bar<'_> {

@@ -221,4 +221,19 @@ mod tests {
             assert!(help.contains("Example"), "{} has no example", command.get_name());
         }
     }
+
+    /// Terminals differ in width.
+    #[test]
+    fn no_sentence_of_the_help_is_broken_by_hand() {
+        for command in Cli::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let lines: Vec<&str> = help.lines().collect();
+            for pair in lines.windows(2) {
+                let goes_on =
+                    !pair[0].is_empty() && !pair[0].starts_with(' ') && !pair[0].ends_with(['.', ':']);
+                let is_text = !pair[1].is_empty() && !pair[1].starts_with(' ');
+                assert!(!(goes_on && is_text), "{}: {}", command.get_name(), pair[0]);
+            }
+        }
+    }
 }
