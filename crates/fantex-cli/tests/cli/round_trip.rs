@@ -181,7 +181,19 @@ fn a_landscape_becomes_an_asset_at_once() {
     let command: [&dyn AsRef<OsStr>; 7] =
         [&"generate", &"landscape", &"-o", &asset, &"--triangles", &"5k", &"--texels"];
     let baked = json(&[&command[..], &[&"300k", &"--format", &"bc1"]].concat());
-    assert_keys(&baked, &["texels", "bytes", "seconds.bake", "peak_memory_bytes", "channels"]);
+    assert_keys(
+        &baked,
+        &[
+            "texels",
+            "bytes",
+            "seconds.bake",
+            "peak_memory_bytes",
+            "channels",
+            "triangles",
+            "genus",
+            "components",
+        ],
+    );
     let texels = baked["texels"].as_u64().unwrap();
     assert!(texels.abs_diff(300_000) < 6_000, "{texels}");
     assert_eq!(json(&[&"verify", &asset])["ok"], true);
