@@ -20,6 +20,19 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Refuses a file in a folder that is not there.
+///
+/// # Errors
+/// There is no such folder.
+pub fn check_folder_of(path: &Path) -> Result<()> {
+    let folder = folder_of(path);
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let (path, folder) = (path.display(), folder.display());
+    Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")))
+}
+
 /// A new file in the folder of `path`, with the permissions that any new file gets (temporary files are private by default).
 /// It goes away unless it gets another name.
 ///

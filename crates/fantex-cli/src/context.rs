@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use fantex::addresses::is_address;
 use fantex::bake::Progress;
-use fantex::base::files::{exists, folder_of, remove_temporaries};
+use fantex::base::files::{check_folder_of, exists, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::base::random::folded_seed;
 use fantex::look::ResolveOptions;
@@ -189,12 +189,7 @@ impl Context {
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }
-        let folder = folder_of(path);
-        if !folder.is_dir() {
-            let (path, folder) = (path.display(), folder.display());
-            return Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")));
-        }
-        Ok(())
+        check_folder_of(path)
     }
 
     /// As [`Context::check_output`]; never allows the input itself, not even with --force.
@@ -225,9 +220,20 @@ impl Context {
         self.check_interrupt()
     }
 
+    /// Makes a folder, and those above it, where they are not there.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
+        check_can_be_folder(folder)?;
         std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
     }
+}
+
+/// Refuses what can be no folder.
+pub(crate) fn check_can_be_folder(folder: &Path) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        let folder = folder.display();
+        return Err(Error::conflict(format!("cannot write into {folder}: it is a file; give a folder")));
+    }
+    Ok(())
 }
 
 /// Prints a line on standard error, as far as that takes it.

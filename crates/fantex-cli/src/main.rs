@@ -11,7 +11,7 @@ use crate::commands::{
 };
 use crate::context::{Context, EXIT_INTERRUPTED, say};
 use crate::local_files::with_local_files;
-use crate::text::bytes;
+use crate::text::{bytes, whole};
 
 mod context;
 mod cover_pictures;
@@ -138,7 +138,7 @@ pub(crate) struct CommonArgs {
     #[arg(long, global = true)]
     pub(crate) force: bool,
     /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = whole::<u64>)]
     pub(crate) seed: u64,
 }
 

@@ -27,7 +27,7 @@ use crate::commands::bake::FITS;
 use crate::context::Context;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
-use crate::text::{Count, Table, columns, grouped, one_of};
+use crate::text::{Count, Table, columns, grouped, one_of, positive, whole};
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]
@@ -67,10 +67,10 @@ struct FidelityArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "4M")]
     texels: Count,
     /// Wavelength in texels of the ideal density
-    #[arg(long, value_name = "W", default_value_t = 16.0)]
+    #[arg(long, value_name = "W", allow_negative_numbers = true, default_value_t = 16.0, value_parser = positive)]
     wavelength: f64,
     /// Target extent of a tile in texels; 0 gives every fan its own tile
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     tile: Option<u32>,
     /// How texels are found from the function
     #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]

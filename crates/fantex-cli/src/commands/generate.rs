@@ -24,7 +24,7 @@ use crate::context::Context;
 use crate::scene::{check_model_name, open_model, show_notes, size};
 use crate::series::Series;
 use crate::sources::SourceArg;
-use crate::text::{Count, counted, grouped, positive, share};
+use crate::text::{Count, counted, grouped, positive, share, whole};
 
 /// Generate a procedural model, or photographs of a model.
 #[derive(Args, Debug)]
@@ -63,10 +63,10 @@ struct LandscapeArgs {
     #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive, allow_negative_numbers = true)]
     size: f64,
     /// Tunnels wanted
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().tunnels)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().tunnels, value_parser = whole::<u32>)]
     tunnels: u32,
     /// Natural arches wanted
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().arches)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().arches, value_parser = whole::<u32>)]
     arches: u32,
     /// How far triangles are from regular, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]

@@ -26,7 +26,7 @@ use crate::scene::{
     report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
-use crate::text::{bytes, counted, one_of};
+use crate::text::{bytes, counted, one_of, whole};
 
 /// Render a model, an asset, a world or a look.
 #[derive(Args, Debug)]
@@ -64,7 +64,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) fov: Option<f64>,
     /// Samples per pixel, 1 to 64 [default: the look's, or 8]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     pub(crate) samples: Option<u32>,
     /// How textures are filtered [default: the look's, or anisotropic]
     #[arg(long, value_parser = one_of(&FILTERS))]

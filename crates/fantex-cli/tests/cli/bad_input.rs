@@ -27,6 +27,9 @@ fn wrong_command_lines_end_with_two() {
     fails(2, &["unexpected argument '--fold'"], &[&"info", &"x.ply", &"--fold"]);
     fails(2, &["--texels", "expected a number such as"], &[&"info", &"x.ply", &"--texels", &"lots"]);
     fails(2, &["above zero"], &[&"info", &"x.ply", &"--density", &"-3"]);
+    fails(2, &["expected a whole number"], &[&"info", &"x.ply", &"--seed", &"-1"]);
+    fails(2, &["expected a whole number"], &[&"compare", &"x.ply", &"y.ply", &"--samples", &"many"]);
+    fails(2, &["above zero"], &[&"bench", &"fidelity", &"x.ply", &"--wavelength", &"0"]);
     fails(2, &["cannot be used with"], &[&"info", &"x.ply", &"--density", &"3", &"--texels", &"4M"]);
     fails(2, &["--memory"], &[&"info", &"x.ply", &"--memory", &"big"]);
     fails(2, &["--threads"], &[&"info", &"x.ply", &"--threads", &"0"]);
@@ -144,6 +147,17 @@ fn a_stray_vertex_is_an_error_that_names_the_file() {
     let (named, asset) = (model.display().to_string(), folder.path().join("x.fan"));
     let words = [named.as_str(), "stray vertices (first: vertex 8"];
     fails(1, &words, &[&"bake", &model, &"-o", &asset]);
+}
+
+#[test]
+fn what_is_no_folder_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let index = folder.path().join("none/town.fanworld");
+    fails(1, &["cannot write", "town.fanworld: there is no folder", "none"], &[&"world", &index, &"a.fan"]);
+    fails(1, &["colored.ply: it is a file; give a folder"], &[&"demo", &"-o", &model]);
+    fails(1, &["colored.ply: it is a file; give a folder"], &[&"gallery", &"-o", &model, &"wood"]);
+    assert_eq!(files(folder.path()), ["colored.ply"]);
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(super) struct PaintBenchArgs {
     #[arg(long, value_name = "TEXELS", default_value_t = 200.0, value_parser = crate::text::positive)]
     brush: f64,
     /// Dabs of the stroke
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 300)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 300, value_parser = crate::text::whole::<usize>)]
     dabs: usize,
 }
 
