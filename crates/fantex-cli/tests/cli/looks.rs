@@ -207,6 +207,23 @@ fn bad_looks_are_refused_with_file_line_and_key() {
 }
 
 #[test]
+fn light_that_pictures_refuse_is_not_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let spot =
+        "[[light]]\nkind = \"spot\"\nposition = [2, 3, 3]\ntarget = [0, 0, 0]\ninner = 50\nouter = 40\n";
+    for (light, place) in [
+        (spot, "look.toml:6: light[1].outer"),
+        ("[[light]]\nkind = \"sun\"\nto_light = [0, 0, 0]\n", "look.toml:3: light[1].to_light"),
+        ("[environment]\ncapture = { position = [0, 1, 0] }\n", "look.toml:2: environment.capture"),
+    ] {
+        let text = format!("{light}[materials.m]\nbase_color = 0.7\n[bake]\nlight = {{ samples = 4 }}\n");
+        let look = write(folder.path(), "look.toml", text);
+        fails(1, &[place], &[&"bake", &model, &"-o", &folder.path().join("out.fan"), &"--look", &look]);
+    }
+}
+
+#[test]
 fn what_has_no_sense_with_looks_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let look = write(
