@@ -75,7 +75,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output_of(&args.output, &args.coarse)?;
     context.check_output_of(&args.output, &args.detailed)?;
-    check_picture_name(&args.output)?;
+    check_picture_name(&args.output, false)?;
     let [coarse, detailed] = [open_shape(&args.coarse)?, open_shape(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {

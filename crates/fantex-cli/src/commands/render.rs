@@ -13,7 +13,7 @@ use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
-use fantex::render::{Camera, Lights, Picture, RenderOptions, Rendering, render};
+use fantex::render::{Background, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
 use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene};
@@ -116,8 +116,8 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
-    check_picture_name(&args.output)?;
     let options = options(args)?;
+    check_picture_name(&args.output, options.background == Background::Transparent)?;
     let camera = camera(args, scene.mesh(), &options);
     let lights = lights(args, &camera)?;
     let filter = args.filter.unwrap_or(Filter::Anisotropic);
@@ -176,8 +176,8 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let world = World::open(&args.file)?;
     let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
-    check_picture_name(&args.output)?;
     let (options, bounds) = (options(args)?, WorldScene::boxes(&world, space));
+    check_picture_name(&args.output, options.background == Background::Transparent)?;
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
@@ -199,8 +199,9 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
 
 fn note_coarse(objects: usize, context: &Context) {
     if objects > 0 {
+        let verb = if objects == 1 { "is" } else { "are" };
         context.note(format!(
-            "{} are coarser than the picture could show; give it more memory by --memory",
+            "{} {verb} coarser than the picture could show; give it more memory by --memory",
             counted(objects as u64, "object")
         ));
     }
@@ -391,7 +392,8 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
     let times = scene.times();
     let pictures = names(&args.output, times.len());
     pictures.iter().try_for_each(|path| context.check_output(path))?;
-    check_picture_name(&args.output)?;
+    let is_transparent = file.look().picture.background.is_some_and(|color| color.0.w == 0.0);
+    check_picture_name(&args.output, is_transparent)?;
     let count = Some(pictures.len() as u64);
     let mut series = Series::of_files(context, folder_of(&args.output), "picture", count);
     let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };

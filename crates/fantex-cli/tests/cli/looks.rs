@@ -351,6 +351,11 @@ fn a_panorama_lights_the_model_and_is_seen_behind_it() {
     json(&[&"render", &model, &"-o", &alone, &"--background", &"transparent", &"--size=32x24"]);
     let image = fantex::texture::Image::load(&alone).unwrap();
     assert_eq!([(0, 0), (16, 12)].map(|(x, y)| image.linear_texel(x, y)[3]), [0.0, 1.0]);
+    // Known before anything is rendered.
+    let look = write(folder.path(), "look.toml", "[picture]\nbackground = \"#00000000\"\n");
+    let jpeg = folder.path().join("a.jpg");
+    fails(2, &["JPEG cannot hold"], &[&"render", &model, &"-o", &jpeg, &"--background", &"transparent"]);
+    fails(2, &["JPEG cannot hold"], &[&"render", &model, &"-o", &jpeg, &"--look", &look]);
 }
 
 #[test]
