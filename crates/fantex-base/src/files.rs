@@ -29,8 +29,8 @@ pub fn check_folder_of(path: &Path) -> Result<()> {
     if folder.is_dir() {
         return Ok(());
     }
-    let (path, folder) = (path.display(), folder.display());
-    Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")))
+    let sentence = format!("cannot write {}: there is no folder {}", path.display(), folder.display());
+    Err(Error::not_found(sentence).with_path(path))
 }
 
 /// A new file in the folder of `path`, with the permissions that any new file gets (temporary files are private by default).
