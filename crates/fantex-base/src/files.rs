@@ -20,6 +20,19 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Refuses a file in a folder that is not there.
+///
+/// # Errors
+/// There is no such folder.
+pub fn check_folder_of(path: &Path) -> Result<()> {
+    let folder = folder_of(path);
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let sentence = format!("cannot write {}: there is no folder {}", path.display(), folder.display());
+    Err(Error::not_found(sentence).with_path(path))
+}
+
 /// A new file in the folder of `path`, with the permissions that any new file gets (temporary files are private by default).
 /// It goes away unless it gets another name.
 ///
@@ -97,6 +110,15 @@ pub fn temporary_folder(folder: &Path) -> io::Result<TemporaryFolder> {
     std::fs::rename(unnamed, path)?;
     remember(made.path(), lock);
     Ok(TemporaryFolder(made))
+}
+
+/// A new folder in that for temporary files, for what a library can write to files only. It does not outlive the process either.
+///
+/// # Errors
+/// It cannot be made.
+pub fn scratch_folder() -> Result<TemporaryFolder> {
+    let parent = std::env::temp_dir();
+    temporary_folder(&parent).map_err(|error| Error::writing(parent, error))
 }
 
 /// What the names of temporary files and folders begin with.

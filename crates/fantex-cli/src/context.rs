@@ -13,15 +13,14 @@ use std::time::Duration;
 
 use fantex::addresses::is_address;
 use fantex::bake::Progress;
-use fantex::base::files::{exists, folder_of, remove_temporaries};
+use fantex::base::files::{check_folder_of, exists, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::base::random::folded_seed;
 use fantex::look::ResolveOptions;
 use fantex::stream::{ObjectTarget, Replace};
 use fantex::{Error, ErrorKind, Result};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
-use tempfile::TempDir;
 
 use crate::CommonArgs;
 
@@ -190,12 +189,7 @@ impl Context {
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(exists(path));
         }
-        let folder = folder_of(path);
-        if !folder.is_dir() {
-            let (path, folder) = (path.display(), folder.display());
-            return Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")));
-        }
-        Ok(())
+        check_folder_of(path)
     }
 
     /// As [`Context::check_output`]; never allows the input itself, not even with --force.
@@ -226,14 +220,20 @@ impl Context {
         self.check_interrupt()
     }
 
-    /// A folder that goes away with the value.
-    pub(crate) fn temporary_folder() -> Result<TempDir> {
-        tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))
-    }
-
+    /// Makes a folder, and those above it, where they are not there.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
+        check_can_be_folder(folder)?;
         std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
     }
+}
+
+/// Refuses what can be no folder.
+pub(crate) fn check_can_be_folder(folder: &Path) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        let folder = folder.display();
+        return Err(Error::conflict(format!("cannot write into {folder}: it is a file; give a folder")));
+    }
+    Ok(())
 }
 
 /// Prints a line on standard error, as far as that takes it.
@@ -287,7 +287,7 @@ impl Interrupt {
     pub(crate) fn listen() -> Result<Self, ctrlc::Error> {
         let interrupt = Self::default();
         let heard = interrupt.clone();
-        ctrlc::set_handler(move || heard.request())?;
+        keep_ignoring_hang_ups(|| ctrlc::set_handler(move || heard.request()))?;
         Ok(interrupt)
     }
 
@@ -325,6 +325,26 @@ impl Interrupt {
     }
 }
 
+/// Sets handlers of signals. A program that `nohup` has started goes on when its terminal is closed.
+#[cfg(unix)]
+#[expect(unsafe_code, reason = "how signals are ignored")]
+fn keep_ignoring_hang_ups<T>(set: impl FnOnce() -> T) -> T {
+    // SAFETY: the signal is ignored, so no code runs as its handler.
+    let before = unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
+    let result = set();
+    if before == libc::SIG_IGN {
+        // SAFETY: as above.
+        unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
+    }
+    result
+}
+
+/// Other systems have no such signal.
+#[cfg(not(unix))]
+fn keep_ignoring_hang_ups<T>(set: impl FnOnce() -> T) -> T {
+    set()
+}
+
 /// Keeps Ctrl-C from ending the program at once.
 #[derive(Debug)]
 pub(crate) struct Deferral<'a> {
@@ -352,9 +372,7 @@ impl<'a> Bar<'a> {
         let target =
             if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target).with_message(label.to_owned());
-        if let Ok(style) =
-            ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {amount}, {eta} left")
-        {
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {amount}") {
             let write_amount = move |state: &ProgressState, text: &mut dyn fmt::Write| {
                 write_millions(state, millions, text);
             };
@@ -365,12 +383,20 @@ impl<'a> Bar<'a> {
     }
 }
 
-/// `12.0 of 64.0 M texels, 3.1 M texels/s`.
+/// `12.0 of 64.0 M texels, 3.1 M texels/s, 17s left`; what comes before is not counted.
 fn write_millions(state: &ProgressState, unit: &str, text: &mut dyn fmt::Write) {
     let millions = |count: f64| count / 1e6;
-    let (done, total) = (millions(state.pos() as f64), millions(state.len().unwrap_or(0) as f64));
-    let _drawing_cannot_fail =
-        write!(text, "{done:.1} of {total:.1} {unit}, {:.1} {unit}/s", millions(state.per_sec()));
+    let done = millions(state.pos() as f64);
+    let _drawing_cannot_fail = match state.len() {
+        None => text.write_str("preparing"),
+        Some(total) => write!(
+            text,
+            "{done:.1} of {:.1} {unit}, {:.1} {unit}/s, {:#} left",
+            millions(total as f64),
+            millions(state.per_sec()),
+            HumanDuration(state.eta())
+        ),
+    };
 }
 
 impl Progress for Bar<'_> {

@@ -11,7 +11,7 @@ use crate::commands::{
 };
 use crate::context::{Context, EXIT_INTERRUPTED, say};
 use crate::local_files::with_local_files;
-use crate::text::bytes;
+use crate::text::{bytes, whole};
 
 mod context;
 mod cover_pictures;
@@ -138,7 +138,7 @@ pub(crate) struct CommonArgs {
     #[arg(long, global = true)]
     pub(crate) force: bool,
     /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = whole::<u64>)]
     pub(crate) seed: u64,
 }
 
@@ -219,6 +219,21 @@ mod tests {
         for command in Cli::command().get_subcommands().filter(|c| c.get_name() != "help") {
             let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
             assert!(help.contains("Example"), "{} has no example", command.get_name());
+        }
+    }
+
+    /// Terminals differ in width.
+    #[test]
+    fn no_sentence_of_the_help_is_broken_by_hand() {
+        for command in Cli::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let lines: Vec<&str> = help.lines().collect();
+            for pair in lines.windows(2) {
+                let goes_on =
+                    !pair[0].is_empty() && !pair[0].starts_with(' ') && !pair[0].ends_with(['.', ':']);
+                let is_text = !pair[1].is_empty() && !pair[1].starts_with(' ');
+                assert!(!(goes_on && is_text), "{}: {}", command.get_name(), pair[0]);
+            }
         }
     }
 }

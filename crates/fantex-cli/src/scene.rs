@@ -208,9 +208,14 @@ pub(crate) fn check_is_asset_file(path: &Path) -> Result<()> {
     FileKind::check_is_asset(path)
 }
 
-/// Refuses the name of a picture that says no format: a fault of the command line, known before any work is done.
-pub(crate) fn check_picture_name(path: &Path) -> Result<()> {
-    let pixel = Image::from_linear_rgb(1, 1, &[[0.0, 0.0, 0.0, 1.0]]);
+/// Refuses the name of a picture that says no format, or one that does not hold what is transparent: a fault of the command line, known
+/// before any work is done.
+pub(crate) fn check_picture_name(path: &Path, has_alpha: bool) -> Result<()> {
+    let texels = [[0.0, 0.0, 0.0, 1.0]];
+    let pixel = match has_alpha {
+        true => Image::from_linear_rgba(1, 1, &texels),
+        false => Image::from_linear_rgb(1, 1, &texels),
+    };
     pixel.encoded(path).map(drop).map_err(|error| Error::invalid(error.to_string()))
 }
 

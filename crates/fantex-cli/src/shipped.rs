@@ -2,16 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use fantex::base::files::{TemporaryFolder, scratch_folder};
 use fantex::{Error, Result};
-use tempfile::TempDir;
-
-use crate::context::Context;
 
 /// The folder that holds `assets` and `gallery`.
 #[derive(Debug)]
 pub(crate) struct Shipped {
     folder: PathBuf,
-    _temporary: Option<TempDir>,
+    _temporary: Option<TemporaryFolder>,
 }
 
 impl Shipped {
@@ -21,7 +19,7 @@ impl Shipped {
         if here.join("gallery/gallery.toml").is_file() && here.join("assets").is_dir() {
             return Ok(Self { folder: here.into(), _temporary: None });
         }
-        let temporary = Context::temporary_folder()?;
+        let temporary = scratch_folder()?;
         let groups = [fantex_gallery::FILES, fantex_assets::FILES, fantex_bottle::FILES];
         for (name, content) in groups.into_iter().flatten() {
             let path = temporary.path().join(name);

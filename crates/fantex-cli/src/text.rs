@@ -76,6 +76,11 @@ pub(crate) fn share(text: &str) -> Result<f32, String> {
     within(text, "expected a number from 0 to 1", |n: f32| (0.0..=1.0).contains(&n))
 }
 
+/// A whole number, for argument parsing.
+pub(crate) fn whole<T: FromStr + Copy>(text: &str) -> Result<T, String> {
+    within(text, "expected a whole number, 0 or more", |_| true)
+}
+
 /// A number that fulfils a condition; `expected` says which.
 pub(crate) fn within<T: FromStr + Copy>(
     text: &str,

@@ -9,7 +9,7 @@ use std::fmt;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Place, Result, input};
+use fantex_base::{Error, ErrorKind, Place, Result, input};
 use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
@@ -128,6 +128,11 @@ impl LookFile {
     }
 
     fn located(&self, line: Option<usize>, key: &Key, problem: Error) -> Error {
+        // What a part of the engine takes for an argument of a function stands in the file here.
+        let problem = match problem.kind() {
+            ErrorKind::InvalidArgument => Error::malformed(problem.to_string()).with_source(problem),
+            _ => problem,
+        };
         let problem = if key.steps().is_empty() { problem } else { problem.context(key) };
         let path = self.path.display();
         match line {

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::files::write_whole;
+use fantex_base::files::{scratch_folder, write_whole};
 use fantex_base::{Error, Result, input};
 use fantex_store::{Asset, AssetEditor};
 use fantex_texture::Image;
@@ -60,7 +60,7 @@ pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, Fill
     let mut stroke: StrokeSettings =
         serde_json::from_slice(&bytes).ok().filter(|s: &StrokeSettings| !s.unrecorded)?;
     find_looks(&mut stroke, editor.asset().path()).ok()?;
-    let folder = tempfile::tempdir().ok()?;
+    let folder = scratch_folder().ok()?;
     for name in editor.attachment_names().iter().filter(|name| name.starts_with(FILES)) {
         let contents = editor.attachment(name).ok()??;
         save_file(folder.path(), kept_file(name)?, &contents).ok()?;
@@ -148,7 +148,7 @@ impl StrokeLog {
     /// # Errors
     /// As [`replay`], and where no temporary folder can be made for the files.
     pub fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary> {
-        let folder = tempfile::tempdir().map_err(temporary)?;
+        let folder = scratch_folder()?;
         let saved = self.files.iter().try_for_each(|(path, bytes)| save_file(folder.path(), path, bytes));
         saved.map_err(temporary)?;
         replay(painter, &self.strokes, folder.path())
@@ -438,7 +438,7 @@ fn hashed_name(bytes: &[u8], extension: &str) -> String {
 fn picture_of(stamp: &Stamp) -> Result<Vec<u8>> {
     let ([width, height], coverage) = stamp.texels();
     let texels: Vec<[f32; 4]> = coverage.iter().map(|&a| [1.0, 1.0, 1.0, a]).collect();
-    let folder = tempfile::tempdir().map_err(temporary)?;
+    let folder = scratch_folder()?;
     let path = folder.path().join("stamp.exr");
     let image = Image::from_linear_rgba(width as u32, height as u32, &texels);
     image.save(&path).map_err(malformed)?;

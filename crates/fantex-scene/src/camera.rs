@@ -38,7 +38,28 @@ impl Camera {
     /// A camera that looks at a mesh from `direction` (from the mesh to the camera) and shows it whole and as large as
     /// possible. `aspect` is width / height.
     pub fn framing_mesh(mesh: &Mesh, direction: DVec3, aspect: f64) -> Self {
-        Self::framing_points(mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)), direction, aspect)
+        Self::framing_mesh_with(mesh, direction, aspect, DVec3::Y, FRAMING_FOV_DEGREES)
+    }
+
+    /// As [`Camera::framing_mesh`], with `up` upwards in the picture and another opening angle.
+    pub fn framing_mesh_with(
+        mesh: &Mesh,
+        direction: DVec3,
+        aspect: f64,
+        up: DVec3,
+        fov_degrees: f64,
+    ) -> Self {
+        let points = mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p));
+        Self::framing(points, direction, aspect, up, fov_degrees)
+    }
+
+    /// As [`Camera::framing_mesh`], for points.
+    pub fn framing_points(
+        points: impl Iterator<Item = DVec3> + Clone,
+        direction: DVec3,
+        aspect: f64,
+    ) -> Self {
+        Self::framing(points, direction, aspect, DVec3::Y, FRAMING_FOV_DEGREES)
     }
 
     /// The camera whose frustum, looking along `-direction`, touches the points from two sides or all.
@@ -46,16 +67,18 @@ impl Camera {
     /// In a frame with z along `direction`, a point is left of the right frustum plane of an eye at `e` if
     /// `x - e.x <= t (e.z - z)`. Each of the four planes thus asks for the largest `+-x + t z` (or y); the two
     /// opposite ones together give the eye's distance and its centre.
-    pub fn framing_points(
+    fn framing(
         points: impl Iterator<Item = DVec3> + Clone,
         direction: DVec3,
         aspect: f64,
+        up: DVec3,
+        fov_degrees: f64,
     ) -> Self {
         let direction = direction.try_normalize().unwrap_or(DVec3::Z);
-        let world_from_view = view_axes(direction, DVec3::Y);
+        let world_from_view = view_axes(direction, up.normalize_or(DVec3::Y));
         let view_from_world = world_from_view.transpose();
         let points = points.map(|p| view_from_world * p);
-        let half = (FRAMING_FOV_DEGREES.to_radians() * 0.5).tan() * FRAMING_FILL;
+        let half = (fov_degrees.to_radians() * 0.5).tan() * FRAMING_FILL;
         let tangents = DVec2::new(half * aspect, half);
         let mut high = DVec2::splat(f64::NEG_INFINITY);
         let mut low = high;
@@ -78,7 +101,7 @@ impl Camera {
             eye: world_from_view * eye,
             target: world_from_view * eye.with_z(middle_z),
             up: world_from_view.y_axis,
-            fov_degrees: FRAMING_FOV_DEGREES,
+            fov_degrees,
         }
     }
 
@@ -106,12 +129,13 @@ impl Camera {
 
     /// Why the camera cannot take a picture, or nothing.
     pub fn defect(&self) -> Option<&'static str> {
-        if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite()) {
+        // An angle that is none leaves the eye of a framing camera nowhere.
+        if !(self.fov_degrees > 0.0 && self.fov_degrees < 180.0) {
+            Some("its opening angle is not between 0 and 180 degrees")
+        } else if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite()) {
             Some("its eye, target or up vector is not finite")
         } else if self.eye == self.target {
             Some("its eye and target are the same point")
-        } else if !(self.fov_degrees > 0.0 && self.fov_degrees < 180.0) {
-            Some("its opening angle is not between 0 and 180 degrees")
         } else {
             None
         }

@@ -47,7 +47,8 @@ impl FileKind {
         }
         let mut start = Vec::with_capacity(4);
         match input::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
-            Ok(_) if start == *b"\x89FAN" => Ok(Self::Asset),
+            // Who opens a part of a planned bake as an asset is told what it is.
+            Ok(_) if matches!(&*start, b"\x89FAN" | b"FANP") => Ok(Self::Asset),
             Ok(_) => Ok(Self::Model),
             // The loader has a sentence for folders.
             Err(_) if path.is_dir() => Ok(Self::Model),

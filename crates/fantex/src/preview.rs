@@ -9,6 +9,7 @@ use std::sync::Arc;
 use fantex_bake::{
     AssetSource, BakeOptions, NoProgress, Progress, Source, TransferOptions, TransferSource, bake,
 };
+use fantex_base::files::scratch_folder;
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{
@@ -97,7 +98,7 @@ impl Preview {
     ) -> Result<Self> {
         let cache_bytes = usize::try_from(options.memory_bytes / 2).unwrap_or(usize::MAX);
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
-        let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
+        let folder = scratch_folder()?;
         let path = folder.path().join("preview.fan");
         let texels = write_coarse(coarse, (asset.mesh(), &detail), options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
-use fantex_base::files::{TemporaryFolder, temporary_folder};
-use fantex_base::{Error, ErrorKind, Result};
+use fantex_base::files::{TemporaryFolder, scratch_folder};
+use fantex_base::{ErrorKind, Result};
 
 /// What the names of folders begin with that hold what is finished and not sent.
 const UNSENT_PREFIX: &str = "fantex-unsent-";
@@ -28,8 +28,7 @@ pub(crate) struct Staging(TemporaryFolder);
 
 impl Staging {
     pub(crate) fn new() -> Result<Self> {
-        let parent = std::env::temp_dir();
-        Ok(Self(temporary_folder(&parent).map_err(|error| Error::writing(parent, error))?))
+        Ok(Self(scratch_folder()?))
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -78,6 +77,8 @@ fn argument(place: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use fantex_base::Error;
+
     use super::*;
 
     #[test]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
+use fantex_base::files::check_folder_of;
 use fantex_base::{Error, Result, counted, input};
 use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
@@ -145,6 +146,9 @@ fn check_index(index: &Path) -> Result<()> {
         return Err(Error::invalid(format!(
             "{index} is no name for a world: end it with .{WORLD_EXTENSION}"
         )));
+    }
+    if url_of(index).is_none() {
+        check_folder_of(index)?;
     }
     input::check_output(index)
 }

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, Fit, SineSource, fidelity};
+use fantex::base::files::{TemporaryFolder, scratch_folder};
 use fantex::base::input;
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
@@ -21,13 +22,12 @@ use fantex::{Mesh, Result};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
-use tempfile::TempDir;
 
 use crate::commands::bake::FITS;
 use crate::context::Context;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
-use crate::text::{Count, Table, columns, grouped, one_of};
+use crate::text::{Count, Table, columns, grouped, one_of, positive, whole};
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]
@@ -67,10 +67,10 @@ struct FidelityArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "4M")]
     texels: Count,
     /// Wavelength in texels of the ideal density
-    #[arg(long, value_name = "W", default_value_t = 16.0)]
+    #[arg(long, value_name = "W", allow_negative_numbers = true, default_value_t = 16.0, value_parser = positive)]
     wavelength: f64,
     /// Target extent of a tile in texels; 0 gives every fan its own tile
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     tile: Option<u32>,
     /// How texels are found from the function
     #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
@@ -177,7 +177,7 @@ fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
         ..BakeOptions::default()
     };
     let _deferral = context.defer_interrupt();
-    let folder = Context::temporary_folder()?;
+    let folder = scratch_folder()?;
     let path = folder.path().join("fidelity.fan");
     baking::bake(mesh, &cover, &source, &path, &options, &context.progress("baking"))?;
     let cache = PageCache::new(Arc::new(Asset::open(&path)?), context.memory_bytes as usize);
@@ -330,7 +330,7 @@ struct Bench {
     mesh: Mesh,
     cover: Cover,
     source: SourceArg,
-    folder: TempDir,
+    folder: TemporaryFolder,
 }
 
 struct Baked {
@@ -346,7 +346,7 @@ impl Bench {
         let mesh = open(args, context)?;
         let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
         let source = SourceArg::of_model(&mesh).unwrap_or(SourceArg::Solid("marble".to_owned()));
-        let folder = Context::temporary_folder()?;
+        let folder = scratch_folder()?;
         Ok(Self { mesh, cover, source, folder })
     }
 

@@ -17,7 +17,7 @@ use crate::commands::render::show_damaged_tiles;
 use crate::context::Context;
 use crate::scene::{FILTERS, Scene, aspect, is_look, photograph, size};
 use crate::series::Series;
-use crate::text::{columns, counted, one_of};
+use crate::text::{columns, counted, one_of, whole};
 
 /// Render two files from the same cameras and compare the pictures.
 #[derive(Args, Debug)]
@@ -53,7 +53,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = size)]
     size: [u32; 2],
     /// Samples per pixel, 1 to 64
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8, value_parser = whole::<u32>)]
     samples: u32,
     /// How textures are filtered
     #[arg(long, value_parser = one_of(&FILTERS), default_value = "anisotropic")]

@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
-use crate::text::{Choices, counted, grouped, megabytes, one_of};
+use crate::text::{Choices, counted, grouped, megabytes, one_of, whole};
 
 /// Export an asset or a world for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
@@ -60,10 +60,10 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N|WxH", allow_negative_numbers = true, value_parser = picture_size)]
     size: Option<PictureSize>,
     /// The largest side that is taken by default, or of a sheet with --fans
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192, value_parser = whole::<u32>)]
     max_size: u32,
     /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16; with --fans 4]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     padding: Option<u32>,
     /// The pictures of a model; KTX2 (BC7, BC5, all levels, zstd) and OpenEXR files (linear half floats) come beside it
     #[arg(long, value_parser = one_of(&TEXTURES), default_value = "png", conflicts_with_all = ["channel", "turntable"])]

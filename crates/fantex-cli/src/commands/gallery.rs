@@ -17,7 +17,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::base::files::write_whole;
+use fantex::base::files::{scratch_folder, write_whole};
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
@@ -134,7 +134,7 @@ impl Gallery<'_> {
 
     /// Runs the entry's commands in a folder of their own and takes the pictures that they write.
     fn by_commands<'e>(&self, entry: &'e Entry) -> Result<FinishedEntry<'e>> {
-        let folder = Context::temporary_folder()?;
+        let folder = scratch_folder()?;
         let mut transcript = String::new();
         for command in &entry.commands {
             self.context.check_interrupt()?;

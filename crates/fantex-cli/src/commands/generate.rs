@@ -18,13 +18,13 @@ use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use crate::commands::bake;
-use crate::commands::bake::{BakeJob, EncodingArgs, Goal};
+use crate::commands::bake::{BakeInfo, BakeJob, EncodingArgs, Goal};
 use crate::commands::info::CoverArgs;
 use crate::context::Context;
 use crate::scene::{check_model_name, open_model, show_notes, size};
 use crate::series::Series;
 use crate::sources::SourceArg;
-use crate::text::{Count, counted, grouped, positive, share};
+use crate::text::{Count, counted, grouped, positive, share, whole};
 
 /// Generate a procedural model, or photographs of a model.
 #[derive(Args, Debug)]
@@ -63,10 +63,10 @@ struct LandscapeArgs {
     #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive, allow_negative_numbers = true)]
     size: f64,
     /// Tunnels wanted
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().tunnels)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().tunnels, value_parser = whole::<u32>)]
     tunnels: u32,
     /// Natural arches wanted
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().arches)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = LandscapeOptions::default().arches, value_parser = whole::<u32>)]
     arches: u32,
     /// How far triangles are from regular, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
@@ -87,13 +87,27 @@ impl LandscapeArgs {
 struct LandscapeInfo {
     output: PathBuf,
     triangles: u64,
+    #[serde(flatten)]
+    shape: LandscapeShape,
+    seconds: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct BakedLandscapeInfo {
+    #[serde(flatten)]
+    bake: BakeInfo,
+    #[serde(flatten)]
+    shape: LandscapeShape,
+}
+
+#[derive(Debug, Serialize)]
+struct LandscapeShape {
     vertices: u64,
     genus: u64,
     components: u64,
     tunnels: u32,
     arches: u32,
     seed: u64,
-    seconds: f64,
 }
 
 pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
@@ -132,19 +146,23 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
             grouped(asked)
         ));
     }
-    if args.writes_asset() {
-        return bake_landscape(args, made.into(), started, context);
-    }
-    write_landscape(&made, &args.output, context.force, context)?;
-    let info = LandscapeInfo {
-        output: args.output.clone(),
-        triangles,
+    let shape = LandscapeShape {
         vertices: made.positions.len() as u64,
         genus: made.genus,
         components: made.components,
         tunnels: made.tunnels,
         arches: made.arches,
         seed: context.seed,
+    };
+    if args.writes_asset() {
+        let bake = bake_landscape(args, made.into(), started, context)?;
+        return context.print(&BakedLandscapeInfo { bake, shape }, |info| bake::text(&info.bake));
+    }
+    write_landscape(&made, &args.output, context.force, context)?;
+    let info = LandscapeInfo {
+        output: args.output.clone(),
+        triangles,
+        shape,
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
@@ -152,9 +170,9 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
             "{}: {}, genus {} ({}, {}), {:.1} s",
             info.output.display(),
             counted(info.triangles, "triangle"),
-            info.genus,
-            counted(u64::from(info.tunnels), "tunnel"),
-            counted(u64::from(info.arches), "arch"),
+            info.shape.genus,
+            counted(u64::from(info.shape.tunnels), "tunnel"),
+            counted(u64::from(info.shape.arches), "arch"),
             info.seconds
         )
     })
@@ -168,7 +186,12 @@ pub(crate) fn write_landscape(made: &Landscape, path: &Path, force: bool, contex
     write_model(path, &geometry, force)
 }
 
-fn bake_landscape(args: &LandscapeArgs, model: Model, started: Instant, context: &Context) -> Result<()> {
+fn bake_landscape(
+    args: &LandscapeArgs,
+    model: Model,
+    started: Instant,
+    context: &Context,
+) -> Result<BakeInfo> {
     let mesh = Mesh::from_model(model, &args.output)?;
     let job = BakeJob {
         mesh: &mesh,
@@ -181,7 +204,7 @@ fn bake_landscape(args: &LandscapeArgs, model: Model, started: Instant, context:
         seed: context.seed,
         started,
     };
-    context.print(&job.run(context)?, bake::text)
+    job.run(context)
 }
 
 /// Photographs of a model from all sides, with the files that photogrammetry programs write about their cameras: images/,

@@ -127,7 +127,7 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
     let space = if image.samples.depth() == Depth::F32 { ColorSpace::Linear } else { space };
     let image = Image { space, ..image };
     context.check_output_of(&args.output, &args.image)?;
-    check_picture_name(&args.output)?;
+    check_picture_name(&args.output, image.has_alpha())?;
     let own = match image.samples.depth() {
         Depth::U8 => FileDepth::Eight,
         Depth::U16 => FileDepth::Sixteen,

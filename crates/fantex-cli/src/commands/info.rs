@@ -19,7 +19,7 @@ use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::Input;
-use crate::text::{Count, Table, grouped, megabytes, over_budget, positive, texels_asked};
+use crate::text::{Count, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
 
 /// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -55,7 +55,7 @@ pub(crate) struct CoverArgs {
     #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) density: Option<f64>,
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile [default: 1024]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     pub(crate) tile: Option<u32>,
     /// Cut triangles at bends until their edges are at most so many texels long; auto: as far as it makes textures sharper, which it does on
     /// models of few large triangles. 0 and --tile 0 leave them whole [default: auto]

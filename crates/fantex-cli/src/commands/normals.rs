@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::commands::image::{DEPTHS, FileDepth, saved};
 use crate::context::Context;
 use crate::scene::{check_picture_name, open_shape, show_notes, size};
-use crate::text::{Choices, one_of, positive};
+use crate::text::{Choices, one_of, positive, whole};
 
 /// Bake the normals of a detailed model into a normal map over the texture coordinates of a coarse one.
 #[derive(Args, Debug)]
@@ -39,13 +39,13 @@ pub(crate) struct NormalsArgs {
     #[arg(long, value_parser = one_of(&SPACES), default_value = "tangent")]
     space: NormalSpace,
     /// The set of texture coordinates
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = whole::<usize>)]
     uv_set: usize,
     /// Texels by which the edges of charts are continued
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = NormalMapOptions::default().padding)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = NormalMapOptions::default().padding, value_parser = whole::<u32>)]
     padding: u32,
     /// Rays along each side of a texel
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = NormalMapOptions::default().samples)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = NormalMapOptions::default().samples, value_parser = whole::<u32>)]
     samples: u32,
     /// How far the detailed surface is looked for, world units
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = positive)]
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output_of(&args.output, &args.coarse)?;
     context.check_output_of(&args.output, &args.detailed)?;
-    check_picture_name(&args.output)?;
+    check_picture_name(&args.output, false)?;
     let [coarse, detailed] = [open_shape(&args.coarse)?, open_shape(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {

@@ -110,27 +110,36 @@ enum Strokes {
     None,
     File {
         file: StrokeFile,
-        folder: PathBuf,
+        path: PathBuf,
     },
-    Log(StrokeLog),
+    Log {
+        log: StrokeLog,
+        asset: PathBuf,
+    },
 }
 
 impl Strokes {
     fn of_file(path: &Path) -> Result<Self> {
-        let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
-        Ok(Self::File { file: StrokeFile::load(path)?, folder })
+        Ok(Self::File { file: StrokeFile::load(path)?, path: path.to_owned() })
     }
 
     fn logged_in(asset: &Path) -> Result<Self> {
-        Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?))
+        Ok(Self::Log { log: StrokeLog::of(&*open_asset(asset)?)?, asset: asset.to_owned() })
     }
 
     fn replay(&self, painter: &mut Painter) -> fantex::Result<ReplaySummary> {
-        match self {
-            Self::None => Ok(ReplaySummary::default()),
-            Self::File { file, folder } => replay(painter, file, folder),
-            Self::Log(log) => log.replay(painter),
-        }
+        let (replayed, place) = match self {
+            Self::None => return Ok(ReplaySummary::default()),
+            Self::File { file, path } => {
+                (replay(painter, file, path.parent().unwrap_or(Path::new("."))), path)
+            }
+            Self::Log { log, asset } => (log.replay(painter), asset),
+        };
+        // The library sees arguments in strokes; here they stand in a file.
+        replayed.map_err(|error| match error.kind() {
+            ErrorKind::InvalidArgument => Error::malformed(error.to_string()).in_file(place),
+            _ => error,
+        })
     }
 }
 

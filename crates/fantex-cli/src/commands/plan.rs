@@ -99,7 +99,7 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
     let arguments = with_local_files(about.arguments.iter().map(OsString::from));
     let cli = Cli::try_parse_from(arguments).map_err(|_| damaged().with_path(path))?;
     let Command::Plan(planned) = cli.command else { return Err(damaged().with_path(path)) };
-    let output = match is_address(output) {
+    let place = match is_address(output) {
         true => output.to_owned(),
         false => std::path::absolute(output).map_err(|error| Error::writing(output, error))?,
     };
@@ -109,7 +109,8 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
             .context(format!("{} was made in {folder}, where its model is looked for", path.display()))
     })?;
     let goal = Goal::Part(&plan, shard);
-    let info = bake::bake(&planned.job, &output, &goal, cli.common.seed, context).map_err(of_files)?;
+    let mut info = bake::bake(&planned.job, &place, &goal, cli.common.seed, context).map_err(of_files)?;
+    info.output = output.to_owned();
     context.print(&info, |info| {
         let Shard { number, count } = shard;
         let (bytes, seconds) = (megabytes(info.bytes), info.seconds.total);

@@ -13,7 +13,7 @@ use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
-use fantex::render::{Camera, Lights, Picture, RenderOptions, Rendering, render};
+use fantex::render::{Background, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
 use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene};
@@ -22,11 +22,11 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, check_picture_name, is_look, open_shape, portrait, report_damage,
-    show_notes, size, vector,
+    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, is_look, open_shape, portrait,
+    report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
-use crate::text::{bytes, counted, one_of};
+use crate::text::{bytes, counted, one_of, whole};
 
 /// Render a model, an asset, a world or a look.
 #[derive(Args, Debug)]
@@ -64,7 +64,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) fov: Option<f64>,
     /// Samples per pixel, 1 to 64 [default: the look's, or 8]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     pub(crate) samples: Option<u32>,
     /// How textures are filtered [default: the look's, or anisotropic]
     #[arg(long, value_parser = one_of(&FILTERS))]
@@ -116,8 +116,8 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
-    check_picture_name(&args.output)?;
     let options = options(args)?;
+    check_picture_name(&args.output, options.background == Background::Transparent)?;
     let camera = camera(args, scene.mesh(), &options);
     let lights = lights(args, &camera)?;
     let filter = args.filter.unwrap_or(Filter::Anisotropic);
@@ -176,8 +176,8 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let world = World::open(&args.file)?;
     let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
-    check_picture_name(&args.output)?;
     let (options, bounds) = (options(args)?, WorldScene::boxes(&world, space));
+    check_picture_name(&args.output, options.background == Background::Transparent)?;
     let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
@@ -199,8 +199,9 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
 
 fn note_coarse(objects: usize, context: &Context) {
     if objects > 0 {
+        let verb = if objects == 1 { "is" } else { "are" };
         context.note(format!(
-            "{} are coarser than the picture could show; give it more memory by --memory",
+            "{} {verb} coarser than the picture could show; give it more memory by --memory",
             counted(objects as u64, "object")
         ));
     }
@@ -251,14 +252,17 @@ fn text(info: &RenderInfo) -> String {
 
 /// The camera that was asked for; what was not is taken from the view that shows the whole model.
 fn camera(args: &RenderArgs, mesh: &Mesh, options: &RenderOptions) -> Camera {
-    let framed = portrait(mesh, options);
+    let (view, up) = (Camera::THREE_QUARTER, DVec3::Y);
+    let framed = match args.fov {
+        Some(fov) => Camera::framing_mesh_with(mesh, view, aspect(options), up, fov),
+        None => portrait(mesh, options),
+    };
     let center = mesh.world_from_mesh.offset;
     let target = args.target.unwrap_or(center);
-    let fov_degrees = args.fov.unwrap_or(framed.fov_degrees);
     match (args.eye, args.target) {
-        (Some(eye), _) => Camera { eye, target, up: DVec3::Y, fov_degrees },
-        (None, Some(_)) => Camera { target, up: DVec3::Y, fov_degrees, ..framed },
-        (None, None) => Camera { fov_degrees, ..framed },
+        (Some(eye), _) => Camera { eye, target, up, ..framed },
+        (None, Some(_)) => Camera { target, up, ..framed },
+        (None, None) => framed,
     }
 }
 
@@ -388,7 +392,8 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
     let times = scene.times();
     let pictures = names(&args.output, times.len());
     pictures.iter().try_for_each(|path| context.check_output(path))?;
-    check_picture_name(&args.output)?;
+    let is_transparent = file.look().picture.background.is_some_and(|color| color.0.w == 0.0);
+    check_picture_name(&args.output, is_transparent)?;
     let count = Some(pictures.len() as u64);
     let mut series = Series::of_files(context, folder_of(&args.output), "picture", count);
     let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };

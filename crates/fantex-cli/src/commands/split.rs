@@ -1,14 +1,14 @@
 //! `fantex split`: a large asset as a world of small ones.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 use fantex::addresses::is_address;
-use fantex::{Error, Result, SectorPreviews, SplitOptions, StoreFolder, World, split};
+use fantex::{Result, SectorPreviews, SplitOptions, StoreFolder, World, split};
 use serde::Serialize;
 
-use crate::context::Context;
+use crate::context::{Context, check_can_be_folder};
 use crate::scene::open_asset;
 use crate::text::{Count, counted, grouped, megabytes};
 
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
         context.check_interrupt()?;
         Some(folder)
     } else {
-        check_folder(&args.output)?;
+        check_can_be_folder(&args.output)?;
         None
     };
     let asset = open_asset(&args.asset)?;
@@ -138,13 +138,4 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
             info.seconds
         )
     })
-}
-
-/// Refuses what can be no folder.
-fn check_folder(folder: &Path) -> Result<()> {
-    if folder.exists() && !folder.is_dir() {
-        let folder = folder.display();
-        return Err(Error::conflict(format!("cannot write into {folder}: it is a file; give a folder")));
-    }
-    Ok(())
 }

@@ -96,7 +96,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     };
     paths.iter().try_for_each(|path| context.check_output_of(path, &args.look))?;
     if args.slices.is_none() {
-        check_picture_name(&args.output)?;
+        check_picture_name(&args.output, false)?;
     }
     let (mut min, mut max) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
     let table = LookTable {

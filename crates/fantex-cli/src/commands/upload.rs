@@ -17,8 +17,8 @@ Example:
   fantex upload land.fan -o s3://scans/land.fan
   fantex upload land/land.fanworld -o s3://scans/land/land.fanworld
 
-The object is there as a whole or not at all, and nothing is overwritten without --force. Of a world that 'fantex split' has made the index is sent with
-the assets beside it, and takes the place of one that is there at once. What other commands have finished and could not send they keep,
+The object is there as a whole or not at all, and nothing is overwritten without --force. Of a world that 'fantex split' has made the index is sent with \
+the assets beside it, and takes the place of one that is there at once. What other commands have finished and could not send they keep, \
 and say how this one sends it. See docs/farms.md.")]
 pub(crate) struct UploadArgs {
     /// An asset (.fan), a plan, a part, or the index of a world (.fanworld)

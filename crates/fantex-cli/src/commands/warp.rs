@@ -177,7 +177,7 @@ fn check_is_convex(corners: [DVec2; 4]) -> Result<()> {
 pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     let image = Image::load_as(&args.image, ColorSpace::Srgb)?;
     context.check_output_of(&args.output, &args.image)?;
-    check_picture_name(&args.output)?;
+    check_picture_name(&args.output, true)?;
     let map: Box<dyn PlaneMap> = match (args.map, args.corners.0.as_slice()) {
         (Map::Affine, &[origin, u, v]) => {
             Box::new(AffineMap::from_points([DVec2::ZERO, DVec2::X, DVec2::Y], [origin, u, v])?)

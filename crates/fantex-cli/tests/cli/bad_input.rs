@@ -27,6 +27,9 @@ fn wrong_command_lines_end_with_two() {
     fails(2, &["unexpected argument '--fold'"], &[&"info", &"x.ply", &"--fold"]);
     fails(2, &["--texels", "expected a number such as"], &[&"info", &"x.ply", &"--texels", &"lots"]);
     fails(2, &["above zero"], &[&"info", &"x.ply", &"--density", &"-3"]);
+    fails(2, &["expected a whole number"], &[&"info", &"x.ply", &"--seed", &"-1"]);
+    fails(2, &["expected a whole number"], &[&"compare", &"x.ply", &"y.ply", &"--samples", &"many"]);
+    fails(2, &["above zero"], &[&"bench", &"fidelity", &"x.ply", &"--wavelength", &"0"]);
     fails(2, &["cannot be used with"], &[&"info", &"x.ply", &"--density", &"3", &"--texels", &"4M"]);
     fails(2, &["--memory"], &[&"info", &"x.ply", &"--memory", &"big"]);
     fails(2, &["--threads"], &[&"info", &"x.ply", &"--threads", &"0"]);
@@ -144,6 +147,17 @@ fn a_stray_vertex_is_an_error_that_names_the_file() {
     let (named, asset) = (model.display().to_string(), folder.path().join("x.fan"));
     let words = [named.as_str(), "stray vertices (first: vertex 8"];
     fails(1, &words, &[&"bake", &model, &"-o", &asset]);
+}
+
+#[test]
+fn what_is_no_folder_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let index = folder.path().join("none/town.fanworld");
+    fails(1, &["cannot write", "town.fanworld: there is no folder", "none"], &[&"world", &index, &"a.fan"]);
+    fails(1, &["colored.ply: it is a file; give a folder"], &[&"demo", &"-o", &model]);
+    fails(1, &["colored.ply: it is a file; give a folder"], &[&"gallery", &"-o", &model, &"wood"]);
+    assert_eq!(files(folder.path()), ["colored.ply"]);
 }
 
 #[test]
@@ -375,12 +389,45 @@ fn an_interrupted_bake_leaves_nothing() {
     assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
 }
 
+/// `nohup` ignores the signal that a closed terminal sends.
+#[cfg(unix)]
+#[test]
+fn a_hang_up_stays_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let turn = folder.path().join("turn");
+    let mut child = Command::new("sh")
+        .args(["-c", "trap '' HUP; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_fantex")])
+        .args(["export", "--turntable", "3600", "--size", "320x240", "-o"])
+        .args([&turn, &model])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let process = child.id().to_string();
+    let deadline = Instant::now() + Duration::from_secs(120);
+    for (count, signal) in [(2, "-HUP"), (20, "-TERM")] {
+        while !turn.is_dir() || files(&turn).len() < count {
+            assert!(child.try_wait().unwrap().is_none(), "the command ended before {signal}");
+            assert!(Instant::now() < deadline, "the command does not go on");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(Command::new("kill").args([signal, &process]).status().unwrap().success());
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+}
+
 /// Interrupts a command that has written some files into a folder; its last line.
 #[cfg(unix)]
 fn interrupted(arguments: &[&dyn AsRef<OsStr>], folder: &Path, count: usize) -> String {
     let mut command = fantex();
-    command.args(arguments.iter().map(|a| a.as_ref())).stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
+    command.args(arguments.iter().map(|a| a.as_ref()));
+    interrupted_command(command, folder, count)
+}
+
+#[cfg(unix)]
+fn interrupted_command(mut command: Command, folder: &Path, count: usize) -> String {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(120);
     while !folder.is_dir() || files(folder).len() < count {
         assert!(child.try_wait().unwrap().is_none(), "the command ended before it could be interrupted");
@@ -410,6 +457,21 @@ fn pictures_of_an_interrupted_turntable_are_counted() {
     let expected =
         format!("interrupted after {count} of 3 600 pictures in {turn}; no unfinished file was left");
     assert!(line.contains(&expected), "{line}");
+}
+
+/// Outside the project's folder its looks and models lie in a temporary one.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_gallery_leaves_no_temporary_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, temporary] = ["out", "tmp"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&temporary).unwrap();
+    let mut gallery = fantex();
+    gallery.current_dir(folder.path()).env("TMPDIR", &temporary);
+    gallery.args(["gallery", "--width", "32", "-o"]).arg(&out);
+    let line = interrupted_command(gallery, &out, 1);
+    assert!(line.contains("no unfinished file was left behind"), "{line}");
+    assert!(files(&temporary).is_empty(), "{:?}", files(&temporary));
 }
 
 /// Some of the slices would be read as a volume that is less deep.

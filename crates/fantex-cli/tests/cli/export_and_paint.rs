@@ -213,12 +213,16 @@ fn strokes_are_replayed_and_the_result_is_certified() {
         &["channel normal", "--add-channel normal"],
         &[&"paint", &asset, &"--replay", &at("wrong.json")],
     );
+    let small = r#"{ "version": 1, "strokes": [{ "brush": { "size": { "world": -1 } }, "samples": [{ "at": { "position": [0, 0, 0] } }],
+        "channels": [{ "kind": "base_color", "color": { "srgb": [1, 0, 0] } }] }] }"#;
+    std::fs::write(at("small.json"), small).unwrap();
+    fails(1, &["small.json: stroke 0", "above 0"], &[&"paint", &asset, &"--replay", &at("small.json")]);
     fails(
         1,
         &["not a stroke file: line 1, column 1: this is no JSON"],
         &[&"paint", &asset, &"--replay", &model],
     );
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left behind");
 }
 
 #[test]

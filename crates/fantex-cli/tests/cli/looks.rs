@@ -175,7 +175,7 @@ fn bad_looks_are_refused_with_file_line_and_key() {
     let image = |name: &str| format!("[textures.a]\nkind = \"image\"\nimage = \"{name}\"\n");
     let object =
         "[materials.m]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"m\"\n";
-    let cases: [(String, &[&str]); 8] = [
+    let cases: [(String, &[&str]); 11] = [
         ("[picture]\nsizes = [1, 1]\n".into(), &["look.toml:2", "picture", "did you mean 'size'?"]),
         ("[camera]\nfov = \"wide\"\n".into(), &["look.toml:2", "camera.fov", "expected a number"]),
         ("[camera]\nfov = nan\n".into(), &["look.toml:2", "camera.fov", "finite"]),
@@ -187,12 +187,39 @@ fn bad_looks_are_refused_with_file_line_and_key() {
             &["look.toml:3", "textures.a.a", "a -> a"],
         ),
         ("[picture]\n".into(), &["look.toml", "names no model"]),
+        (
+            "[textures.a]\nkind = \"ramp\"\ninput = 1\nstops = [{ at = 1, color = [1, 1, 1] }, { at = 0, color = [0, 0, 0] }]\n".to_owned()
+                + object,
+            &["look.toml:4", "textures.a.stops", "ascending"],
+        ),
+        ("[[object]]\nmodel = \"no.obj\"\n".into(), &["look.toml:2", "object[1].model", "no.obj"]),
+        (
+            "[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]\n[[object]]\nshape = { kind = \"box\" }\n".into(),
+            &["look.toml:1", "camera", "same point"],
+        ),
     ];
     write(folder.path(), "empty.png", "");
     for (text, parts) in cases {
         let look = write(folder.path(), "look.toml", &text);
         fails(1, parts, &[&"render", &look, &"-o", &picture]);
         assert_eq!(files(folder.path()), ["empty.png", "look.toml"], "{text}");
+    }
+}
+
+#[test]
+fn light_that_pictures_refuse_is_not_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let spot =
+        "[[light]]\nkind = \"spot\"\nposition = [2, 3, 3]\ntarget = [0, 0, 0]\ninner = 50\nouter = 40\n";
+    for (light, place) in [
+        (spot, "look.toml:6: light[1].outer"),
+        ("[[light]]\nkind = \"sun\"\nto_light = [0, 0, 0]\n", "look.toml:3: light[1].to_light"),
+        ("[environment]\ncapture = { position = [0, 1, 0] }\n", "look.toml:2: environment.capture"),
+    ] {
+        let text = format!("{light}[materials.m]\nbase_color = 0.7\n[bake]\nlight = {{ samples = 4 }}\n");
+        let look = write(folder.path(), "look.toml", text);
+        fails(1, &[place], &[&"bake", &model, &"-o", &folder.path().join("out.fan"), &"--look", &look]);
     }
 }
 
@@ -324,6 +351,11 @@ fn a_panorama_lights_the_model_and_is_seen_behind_it() {
     json(&[&"render", &model, &"-o", &alone, &"--background", &"transparent", &"--size=32x24"]);
     let image = fantex::texture::Image::load(&alone).unwrap();
     assert_eq!([(0, 0), (16, 12)].map(|(x, y)| image.linear_texel(x, y)[3]), [0.0, 1.0]);
+    // Known before anything is rendered.
+    let look = write(folder.path(), "look.toml", "[picture]\nbackground = \"#00000000\"\n");
+    let jpeg = folder.path().join("a.jpg");
+    fails(2, &["JPEG cannot hold"], &[&"render", &model, &"-o", &jpeg, &"--background", &"transparent"]);
+    fails(2, &["JPEG cannot hold"], &[&"render", &model, &"-o", &jpeg, &"--look", &look]);
 }
 
 #[test]

@@ -42,6 +42,23 @@ fn an_asset_gets_a_preview_and_loses_it() {
 }
 
 #[test]
+fn what_changes_an_asset_as_a_whole_changes_its_preview() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let [asset, copy] = ["a.fan", "b.fan"].map(|name| folder.path().join(name));
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"64k"]);
+    succeeds(&[&"paint", &asset, &"--add-channel", &"emission"]);
+    succeeds(&[&"preview", &asset, &"--triangles", &"4", &"--texels", &"4k"]);
+    succeeds(&[&"paint", &asset, &"--alpha", &"cut-out", &"-o", &copy]);
+    succeeds(&[&"paint", &asset, &"--alpha", &"blend"]);
+    succeeds(&[&"paint", &asset, &"--remove-channel", &"emission"]);
+    for asset in [&asset, &copy] {
+        assert!(json(&[&"info", asset])["preview_bytes"].is_u64());
+        assert_eq!(json(&[&"verify", asset])["ok"], true);
+    }
+}
+
+#[test]
 fn an_asset_is_baked_onto_another_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);

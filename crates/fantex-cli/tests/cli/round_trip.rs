@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::{
-    COLORED_PLY, CUBE_OBJ, bottle, data, fails, files, json, run, stderr, succeeds, workspace, write,
+    COLORED_PLY, CUBE_OBJ, bottle, data, fails, fantex, files, json, run, stderr, succeeds, workspace, write,
 };
 
 /// The value must hold all keys; `a.b` is key b within a.
@@ -181,7 +181,19 @@ fn a_landscape_becomes_an_asset_at_once() {
     let command: [&dyn AsRef<OsStr>; 7] =
         [&"generate", &"landscape", &"-o", &asset, &"--triangles", &"5k", &"--texels"];
     let baked = json(&[&command[..], &[&"300k", &"--format", &"bc1"]].concat());
-    assert_keys(&baked, &["texels", "bytes", "seconds.bake", "peak_memory_bytes", "channels"]);
+    assert_keys(
+        &baked,
+        &[
+            "texels",
+            "bytes",
+            "seconds.bake",
+            "peak_memory_bytes",
+            "channels",
+            "triangles",
+            "genus",
+            "components",
+        ],
+    );
     let texels = baked["texels"].as_u64().unwrap();
     assert!(texels.abs_diff(300_000) < 6_000, "{texels}");
     assert_eq!(json(&[&"verify", &asset])["ok"], true);
@@ -503,6 +515,12 @@ fn parts_of_a_plan_are_merged() {
     let parts = [3, 1, 2].map(part);
     let [c, a, b] = [&parts[0], &parts[1], &parts[2]];
     let plan = at("bottle.plan");
+    // What is told is the path that was given.
+    let mut here = fantex();
+    here.current_dir(folder.path()).args(["bake", "bottle.plan", "--shard=2/3", "-o", "b.part", "--json"]);
+    let told: Value = serde_json::from_slice(&here.output().unwrap().stdout).unwrap();
+    assert_eq!(told["output"], "b.part");
+    assert!(std::fs::read(at("b.part")).unwrap() == std::fs::read(b).unwrap());
     let checked = json(&[&"merge", &plan, a, b, c, &"--check"]);
     assert_eq!((checked["parts"].as_u64(), checked["output"].is_null()), (Some(3), true));
     let merged = at("merged.fan");
@@ -514,6 +532,7 @@ fn parts_of_a_plan_are_merged() {
     fails(2, &["cannot be used with"], &[&"bake", &plan, &"--shard=1/3", &"--texels=9", &"-o", &at("x")]);
     fails(1, &["is a plan, which has no texels"], &[&"render", &plan, &"-o", &at("x.png")]);
     fails(1, &["is a plan, which has no texels"], &[&"bake", &plan, &"-o", &at("x")]);
+    fails(1, &["1.part is a part of a planned bake"], &[&"info", &at("1.part")]);
     fails(1, &["is an asset, and no plan"], &[&"bake", &merged, &"--shard=1/3", &"-o", &at("x")]);
     fails(1, &["is a part of a planned bake", "the plan first"], &[&"merge", a, b, c, &"--check"]);
     fails(1, &["have the same tiles"], &[&"merge", &plan, a, a, b, c, &"--check"]);

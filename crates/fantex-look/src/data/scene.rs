@@ -92,13 +92,13 @@ parameters! {
         pub kind: ShapeName = ShapeName::Sphere,
         /// Width, height and depth of a box; width and depth of a plane; in world units.
         pub size: [ShapeLength; 3] = [ShapeLength(1.0); 3],
-        /// Radius of spheres, cylinders, cones and tori, in world units.
+        /// Radius of spheres, cylinders and tori, in world units.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub radius: f64 = 0.5,
         /// Radius of a torus's tube, in world units.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub tube: f64 = 0.2,
-        /// Height of cylinders and cones, in world units.
+        /// Height of cylinders, in world units.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub height: f64 = 1.0,
         /// How finely round shapes are divided: edges round the equator; edges along a side of a plane or box.

@@ -40,6 +40,25 @@ mod camera {
     }
 
     #[test]
+    fn framing_suits_the_lens_and_what_is_up() {
+        let mesh = box_mesh();
+        for (fov, up) in [(35.0, DVec3::Z), (8.0, DVec3::Y), (100.0, DVec3::NEG_Y), (60.0, DVec3::ZERO)] {
+            let camera = Camera::framing_mesh_with(&mesh, Camera::THREE_QUARTER, 1.5, up, fov);
+            assert_eq!((camera.defect(), camera.fov_degrees), (None, fov));
+            assert!(camera.up.dot(up) >= 0.0, "{}", camera.up);
+            let projection = Projection::new(&camera, [300, 200], &mesh);
+            let shown = mesh.positions.iter().map(|&p| projection.project(p));
+            let shown = shown.map(|h| (h.truncate() / h.z / DVec2::new(300.0, 200.0) - 0.5).abs());
+            let reach = shown.reduce(DVec2::max).unwrap().max_element();
+            assert!(reach < 0.5 && reach > 0.45, "{fov} {up}: {reach}");
+        }
+        for fov in [0.0, 180.0, f64::NAN] {
+            let camera = Camera::framing_mesh_with(&mesh, Camera::THREE_QUARTER, 1.5, DVec3::Y, fov);
+            assert!(camera.defect().unwrap().contains("opening angle"), "{fov}");
+        }
+    }
+
+    #[test]
     fn framing_depends_on_neither_size_nor_place() {
         for (offset, scale) in [(0.0, 1e-12), (1e9, 1.0), (-1e9, 1e-3), (1e15, 1e3), (0.0, 1e20), (3.0, 1e-6)]
         {

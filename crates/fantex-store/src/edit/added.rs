@@ -4,7 +4,9 @@
 //! normals, a middle height.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use fantex_base::files::scratch_folder;
 use fantex_base::srgb::srgb_from_linear;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh};
@@ -12,7 +14,7 @@ use fantex_mesh::{AlphaMode, Material, Mesh};
 use super::compact::NewChannel;
 use super::{AssetEditor, CompactSummary, EditOptions};
 use crate::channel::check_channels;
-use crate::{Asset, Channel, ChannelKind, PREVIEW, Quality, TexelFormat, TexelSlice, encode};
+use crate::{Asset, BytesSource, Channel, ChannelKind, PREVIEW, Quality, TexelFormat, TexelSlice, encode};
 
 /// The height that is neither raised nor lowered.
 pub const MIDDLE_HEIGHT: f32 = 0.5;
@@ -217,13 +219,13 @@ fn edited_preview(
     edit: impl FnOnce(&mut AssetEditor) -> Result<bool>,
 ) -> Result<Option<Vec<u8>>> {
     let edited = || -> Result<Option<Vec<u8>>> {
-        let folder = tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?;
-        let copy = folder.path().join("preview.fan");
-        std::fs::write(&copy, &contents).map_err(|error| Error::writing(&copy, error))?;
-        if Asset::open(&copy).is_err() {
+        // Not from its copy: what is opened as an input may not be written.
+        if Asset::open_source(Arc::new(BytesSource::new(path, contents.clone()))).is_err() {
             return Ok(Some(contents));
         }
-        drop(contents);
+        let folder = scratch_folder()?;
+        let copy = folder.path().join("preview.fan");
+        std::fs::write(&copy, contents).map_err(|error| Error::writing(&copy, error))?;
         let mut editor = AssetEditor::open(&copy, options)?;
         let is_left = edit(&mut editor)?;
         drop(editor);

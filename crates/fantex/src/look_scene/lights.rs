@@ -134,7 +134,7 @@ impl MaterialResolver<'_> {
         Err(self.file.error(key, problem::no_direction()))
     }
 
-    fn accept<T>(&self, key: &Key, result: Result<T>) -> Result<T> {
+    pub(super) fn accept<T>(&self, key: &Key, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.file.error(key, error))
     }
 
@@ -342,13 +342,19 @@ impl SkyLight {
 
 impl MaterialResolver<'_> {
     fn baked_light(&self, table: &LightBakeTable) -> Result<BakedLight> {
+        // What pictures refuse is not baked.
+        self.lights()?;
         let look = self.file.look();
         let mut sky = SkyLight { sky: Vec3::ZERO, ground: Vec3::ZERO, environment: None };
         if look.light.is_empty() && look.environment.is_none() {
             (sky.sky, sky.ground) = (Vec3::ONE, Vec3::ONE);
         }
         if let Some(table) = &look.environment {
-            sky.environment = self.environment_map(table)?.map(|map| environment_light(map, table));
+            let map = self.environment_map(table)?.ok_or_else(|| {
+                let sentence = "light is baked without a scene that could be captured; give surroundings by image, faces, sky or color";
+                self.file.error(&Key::of(["environment", "capture"]), Error::unsupported(sentence))
+            })?;
+            sky.environment = Some(environment_light(map, table));
         }
         let mut lamps = Vec::new();
         for lamp in &look.light {

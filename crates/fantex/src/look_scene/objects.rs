@@ -103,7 +103,8 @@ impl MaterialResolver<'_> {
                 if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
                     return self.asset(&path, table, &key);
                 }
-                (cleaned(load(&path, &LoadOptions::default())?)?, path)
+                let mesh = load(&path, &LoadOptions::default()).and_then(cleaned);
+                (self.accept(&key.name("model"), mesh)?, path)
             }
             (None, None) => {
                 let given = given.ok_or_else(|| self.nothing_to_show())?;
@@ -119,7 +120,8 @@ impl MaterialResolver<'_> {
                 "an asset is baked already and keeps its look; leave the key out, or name the model";
             return Err(self.file.error(&key.name("material"), Error::malformed(sentence)));
         }
-        let cache = PageCache::new(Arc::new(Asset::open(path)?), self.options.memory_bytes as usize);
+        let asset = self.accept(&key.name("model"), Asset::open(path))?;
+        let cache = PageCache::new(Arc::new(asset), self.options.memory_bytes as usize);
         Ok(Object {
             shape: Shape::Asset(Box::new(cache)),
             name: table.name.clone(),

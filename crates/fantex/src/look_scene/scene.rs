@@ -1,6 +1,6 @@
 //! A look as a scene, and its pictures.
 
-use fantex_base::{Aabb, Result};
+use fantex_base::{Aabb, Error, Result};
 use fantex_look::Key;
 use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable};
 use fantex_look::problem;
@@ -85,7 +85,7 @@ impl<'a> LookScene<'a> {
     pub fn render(&self, time: f32) -> Result<Rendering> {
         self.with_scene(time, |scene| {
             let options = self.options(time);
-            self.render_scene(scene, &self.camera(scene, &options), options)
+            self.render_scene(scene, &self.camera(scene, &options)?, options)
         })
     }
 
@@ -119,7 +119,7 @@ impl<'a> LookScene<'a> {
     pub fn view(&self, [width, height]: [u32; 2]) -> Result<(Camera, Aabb<DVec3>)> {
         let time = self.times()[0];
         let options = RenderOptions { width, height, ..self.options(time) };
-        self.with_scene(time, |scene| Ok((self.camera(scene, &options), world_bounds(scene.mesh()))))
+        self.with_scene(time, |scene| Ok((self.camera(scene, &options)?, world_bounds(scene.mesh()))))
     }
 
     /// Cameras that stand evenly around the whole scene, as those of [`Camera::orbit`]. `aspect` is width / height.
@@ -201,9 +201,8 @@ impl<'a> LookScene<'a> {
         }
     }
 
-    fn camera(&self, scene: &Scene<'_>, options: &RenderOptions) -> Camera {
+    fn camera(&self, scene: &Scene<'_>, options: &RenderOptions) -> Result<Camera> {
         let aspect = f64::from(options.width) / f64::from(options.height);
-        let framed = Camera::framing_mesh(scene.mesh(), Camera::THREE_QUARTER, aspect);
         let table = self.resolver.file.look().camera.clone();
         let CameraTable { eye, target, up, fov } = table.unwrap_or_default();
         let point =
@@ -211,14 +210,26 @@ impl<'a> LookScene<'a> {
         let eye = point(self.changes.eye, eye);
         let target = point(self.changes.target, target);
         let fov_degrees = self.changes.fov_degrees.unwrap_or(fov);
-        match (eye, target) {
-            (None, None) => Camera { fov_degrees, ..framed },
+        let (view, up) = (Camera::THREE_QUARTER, DVec3::from_array(up));
+        let framed = Camera::framing_mesh_with(scene.mesh(), view, aspect, up, fov_degrees);
+        let camera = match (eye, target) {
+            (None, None) => framed,
             (eye, target) => Camera {
                 eye: eye.unwrap_or(framed.eye),
                 target: target.unwrap_or(scene.bounds().center()),
-                up: DVec3::from_array(up),
+                up,
                 fov_degrees,
             },
+        };
+        let PictureChanges { eye, target, fov_degrees, .. } = self.changes;
+        // What the look does not say is told by whoever renders.
+        let is_of_look = eye.is_none() && target.is_none() && fov_degrees.is_none();
+        match camera.defect() {
+            Some(defect) if is_of_look => {
+                let sentence = format!("no picture is taken by a camera like this: {defect}");
+                Err(self.resolver.file.error(&Key::of(["camera"]), Error::malformed(sentence)))
+            }
+            _ => Ok(camera),
         }
     }
 

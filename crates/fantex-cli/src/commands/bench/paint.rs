@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::base::files::scratch_folder;
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, Dab, Layer, Paint, PaintColor, PaintOptions, Painter, Sample, Size,
     Stroke, Surface, Symmetry, Target, Tool, dabs_of,
@@ -32,7 +33,7 @@ pub(super) struct PaintBenchArgs {
     #[arg(long, value_name = "TEXELS", default_value_t = 200.0, value_parser = crate::text::positive)]
     brush: f64,
     /// Dabs of the stroke
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 300)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 300, value_parser = crate::text::whole::<usize>)]
     dabs: usize,
 }
 
@@ -42,7 +43,7 @@ pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>
     for asset in &args.assets {
         rows.extend(opening(asset, &options)?);
     }
-    let folder = Context::temporary_folder()?;
+    let folder = scratch_folder()?;
     let copy = folder.path().join("painted.fan");
     std::fs::copy(&args.assets[0], &copy).map_err(|error| Error::reading(&args.assets[0], error))?;
     let mut painter = Painter::open(&copy, &options)?;

@@ -12,6 +12,7 @@ use fantex::bake::{
     BakeLight, BakeOptions, LightMapOptions, LightMapSource, LightQuantity, LightScene, LookSource,
     Reflector, Sky, Source, SourceReflector, bake,
 };
+use fantex::base::files::{TemporaryFolder, scratch_folder};
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::{Mesh, SurfacePoint};
 use fantex::render::{
@@ -26,7 +27,6 @@ use fantex::texture::{AlphaUse, ColorSpace, Depth, Image, ImageTexture, SampleOp
 use glam::{DVec2, DVec3, Vec3};
 
 use super::Gallery;
-use crate::context::Context;
 use crate::cover_pictures::{cover_pictures, group_colors};
 use crate::scene::open_model;
 
@@ -62,7 +62,7 @@ impl Gallery<'_> {
     /// The baked mountain, made when it is first asked for.
     fn terrain(&self) -> Result<&Baked> {
         if self.terrain.get().is_none() {
-            let folder = Context::temporary_folder()?;
+            let folder = scratch_folder()?;
             let path = folder.path().join("terrain.fan");
             streaming::bake_terrain(self, &path)?;
             let cache = PageCache::new(Arc::new(Asset::open(&path)?), self.context.memory_bytes as usize);
@@ -108,7 +108,7 @@ fn cover(gallery: &Gallery<'_>) -> Pictures {
 
 pub(super) struct Baked {
     cache: PageCache,
-    _folder: tempfile::TempDir,
+    _folder: TemporaryFolder,
 }
 
 fn baked(
@@ -117,7 +117,7 @@ fn baked(
     source: &dyn Source,
     gallery: &Gallery<'_>,
 ) -> Result<Baked> {
-    let folder = Context::temporary_folder()?;
+    let folder = scratch_folder()?;
     let path = folder.path().join("drawing.fan");
     bake(mesh, cover, source, &path, &BakeOptions::default(), &gallery.context.progress("baking"))?;
     let cache = PageCache::new(Arc::new(Asset::open(&path)?), gallery.context.memory_bytes as usize);
@@ -237,7 +237,7 @@ fn evaluation(gallery: &Gallery<'_>) -> Pictures {
 
 /// What the program in `library.rs` draws.
 fn library_picture(gallery: &Gallery<'_>) -> Pictures {
-    let folder = Context::temporary_folder()?;
+    let folder = scratch_folder()?;
     let picture = library::draw(folder.path(), &gallery.options([960, 720]))?;
     Ok(vec![("a function of the surface, baked and rendered".to_owned(), picture)])
 }
