@@ -40,7 +40,9 @@ struct Part {
 pub(crate) struct Unroller {
     parts: Vec<Part>,
     sets: UnionFind,
-    /// The parts; a point is named by one of the `3 * part + corner` that it unites.
+    /// Of each `3 * part + slot` its point in the sheet.
+    points: Vec<u32>,
+    /// The parts.
     sheet: Sheet,
 }
 
@@ -54,12 +56,12 @@ impl Unroller {
         limits: &FlatLimits,
         rectangles: &mut RectangleFinder,
     ) -> Option<(Flat, FlatCorners)> {
-        self.gather(surface, fans)?;
+        let points = self.gather(surface, fans)?;
         let direction = self.direction(surface)?;
         self.sheet.find_edges()?;
         match start {
-            Some(planar) => self.start_with(surface, fans[0], planar),
-            None => self.sheet.hinge(3 * self.parts.len()),
+            Some(planar) => self.start_with(surface, fans[0], planar, points),
+            None => self.sheet.hinge(points),
         }
         if !self.sheet.is_upright() {
             self.sheet.spread_in_circle()?;
@@ -77,8 +79,8 @@ impl Unroller {
         facets().all(|(normal, _)| normal.dot(direction) >= MIN_COSINE).then_some(direction)
     }
 
-    /// The group's triangles as a mesh of its own, glued along edges that have an end in the group.
-    fn gather(&mut self, surface: &Surface<'_>, fans: &[u32]) -> Option<()> {
+    /// The group's triangles as a mesh of its own, glued along edges that have an end in the group. Returns the number of its points.
+    fn gather(&mut self, surface: &Surface<'_>, fans: &[u32]) -> Option<usize> {
         let mut corners: Vec<FanCorner> =
             fans.iter().flat_map(|&fan| surface.fans.corners(fan as usize)).copied().collect();
         corners.sort_unstable_by_key(|corner| corner.corner());
@@ -111,25 +113,34 @@ impl Unroller {
                 self.sets.union(place(last, 2), place(first, 1));
             }
         }
+        // Numbered without gaps: the relaxation goes over all points again and again.
+        self.points.clear();
+        let mut count = 0;
+        for place in 0..3 * parts.len() as u32 {
+            let first = self.sets.find(place);
+            let point = if first == place { count } else { self.points[first as usize] };
+            self.points.push(point);
+            count = count.max(point + 1);
+        }
         for (i, part) in self.parts.iter().enumerate() {
-            let points = part.corner.slots().map(|slot| self.sets.find((3 * i + slot) as u32));
+            let points = part.corner.slots().map(|slot| self.points[3 * i + slot]);
             let corners = part.inside.iter().filter(|is| **is).count();
             self.sheet.push(surface.fan_triangle(part.corner), points, corners).then_some(())?;
         }
-        Some(())
+        Some(count as usize)
     }
 
     /// Every point once where the triangles of a single fan have been laid.
-    fn start_with(&mut self, surface: &Surface<'_>, fan: u32, planar: &[[Vec2; 3]]) {
+    fn start_with(&mut self, surface: &Surface<'_>, fan: u32, planar: &[[Vec2; 3]], points: usize) {
         let places = self.sheet.places();
         places.clear();
-        places.resize(3 * self.parts.len(), DVec2::ZERO);
+        places.resize(points, DVec2::ZERO);
         for (corner, planar) in surface.fans.corners(fan as usize).iter().zip(planar) {
             // A fan has one corner in each of its triangles.
             let found = self.parts.binary_search_by_key(&corner.triangle(), |part| part.corner.triangle());
             let Ok(found) = found else { continue };
             for (slot, place) in self.parts[found].corner.slots().into_iter().zip(planar) {
-                places[self.sets.find((3 * found + slot) as u32) as usize] = place.as_dvec2();
+                places[self.points[3 * found + slot] as usize] = place.as_dvec2();
             }
         }
     }
