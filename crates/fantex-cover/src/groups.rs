@@ -569,7 +569,7 @@ impl Unrolling<'_> {
         best.map(|(_, other)| [p.min(other), p.max(other)])
     }
 
-    /// The least that two patches can cost as one.
+    /// The least that two patches can cost as one: in a square without gaps, which small ones come near to, or in blocks.
     fn promised_cost(&self, a: &Patch, b: &Patch, common: u32) -> f32 {
         let density = a.density_with(b);
         let texels = (a.flat.distortion.area() + b.flat.distortion.area()) * density * density;
@@ -577,7 +577,7 @@ impl Unrolling<'_> {
         let shared = shared_outline(common, texels, (a.length + b.length) as f32);
         let convex = 2.0 * (std::f32::consts::PI * texels).sqrt();
         let outline = (outline_of(a) + outline_of(b) - 2.0 * shared).max(convex);
-        let region = Region { size: Vec2::INFINITY, area: texels, outline };
+        let region = Region { size: Vec2::splat(texels.sqrt()), area: texels, outline };
         unfolded_cost(texels, &region, corner_count(a) + corner_count(b))
     }
 
