@@ -93,7 +93,9 @@ impl Camera {
             let distances = (high + low) / (2.0 * tangents);
             let eye_z = distances.max_element().max(front + smallest_gap(min, max));
             let middle_z = 0.5 * (back + front);
-            (centred_eye(points, ((high - low) * 0.5).extend(eye_z), middle_z), middle_z)
+            // Between these all points are within the frustum.
+            let sides = [high - tangents * eye_z, tangents * eye_z - low];
+            (centred_eye(points, ((high - low) * 0.5).extend(eye_z), middle_z, sides), middle_z)
         } else {
             (DVec3::Z * 3.0, 0.0)
         };
@@ -152,15 +154,21 @@ fn smallest_gap(min: DVec3, max: DVec3) -> f64 {
 }
 
 /// Moves an eye (looking along -z) sideways until the points' picture has equal margins on opposite sides: where the
-/// points touch the frustum on both sides they have, elsewhere the depth of the points shifts it a little.
-fn centred_eye(points: impl Iterator<Item = DVec3> + Clone, mut eye: DVec3, middle_z: f64) -> DVec3 {
+/// points touch the frustum on both sides they have, elsewhere the depth of the points shifts it a little. It stays between `sides`.
+fn centred_eye(
+    points: impl Iterator<Item = DVec3> + Clone,
+    mut eye: DVec3,
+    middle_z: f64,
+    sides: [DVec2; 2],
+) -> DVec3 {
     for _ in 0..3 {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for p in points.clone() {
             let seen = (p - eye).truncate() / (eye.z - p.z);
             (low, high) = (low.min(seen), high.max(seen));
         }
-        eye += ((low + high) * 0.5 * (eye.z - middle_z)).extend(0.0);
+        let moved = eye.truncate() + (low + high) * 0.5 * (eye.z - middle_z);
+        eye = moved.max(sides[0]).min(sides[1]).extend(eye.z);
     }
     eye
 }

@@ -276,7 +276,7 @@ mod tests {
             let read = decoded(&damaged, &cover, &mesh);
             assert!(read.is_err() || read.unwrap() != cover.unfolded.to_vec());
         }
-        for (at, sentence) in [(0, "places of unfolded corners"), (4, "places")] {
+        for (at, sentence) in [(0, "places of unfolded corners"), (4, "place that")] {
             let mut damaged = packed.clone();
             damaged[at] ^= 1;
             let error = decoded(&damaged, &cover, &mesh).unwrap_err().to_string();

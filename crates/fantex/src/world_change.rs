@@ -62,7 +62,8 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
     let _lock = if is_object(index) { None } else { lock_index(index)? };
     let replace = replaced(index)?;
     let is_there = if is_object(index) { replace != Replace::Nothing } else { index.exists() };
-    if !is_there && change.put.is_empty() {
+    let is_for_known = change.put.is_empty() && (change.previews.is_some() || change.coarse.is_some());
+    if !is_there && is_for_known {
         let index = index.display();
         return Err(Error::not_found(format!(
             "{index} is not there: name the assets that a new world is to have"
