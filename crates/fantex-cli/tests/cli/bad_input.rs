@@ -404,17 +404,23 @@ fn a_hang_up_stays_ignored() {
         .spawn()
         .unwrap();
     let process = child.id().to_string();
-    let deadline = Instant::now() + Duration::from_secs(120);
     for (count, signal) in [(2, "-HUP"), (20, "-TERM")] {
-        while !turn.is_dir() || files(&turn).len() < count {
-            assert!(child.try_wait().unwrap().is_none(), "the command ended before {signal}");
-            assert!(Instant::now() < deadline, "the command does not go on");
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        wait_for_files(&mut child, &turn, count);
         assert!(Command::new("kill").args([signal, &process]).status().unwrap().success());
     }
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+}
+
+/// Waits until a command has written some files into a folder.
+#[cfg(unix)]
+fn wait_for_files(child: &mut std::process::Child, folder: &Path, count: usize) {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !folder.is_dir() || files(folder).len() < count {
+        assert!(child.try_wait().unwrap().is_none(), "the command ended with fewer than {count} files");
+        assert!(Instant::now() < deadline, "the command has not written {count} files");
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 /// Interrupts a command that has written some files into a folder; its last line.
@@ -428,12 +434,7 @@ fn interrupted(arguments: &[&dyn AsRef<OsStr>], folder: &Path, count: usize) -> 
 #[cfg(unix)]
 fn interrupted_command(mut command: Command, folder: &Path, count: usize) -> String {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let deadline = Instant::now() + Duration::from_secs(120);
-    while !folder.is_dir() || files(folder).len() < count {
-        assert!(child.try_wait().unwrap().is_none(), "the command ended before it could be interrupted");
-        assert!(Instant::now() < deadline, "the command did not begin");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_for_files(&mut child, folder, count);
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     let output = child.wait_with_output().unwrap();
