@@ -35,4 +35,18 @@ impl UnionFind {
         self.0[a.max(b) as usize] = a.min(b);
         a != b
     }
+
+    /// Numbers the sets without gaps, in the order of their smallest elements. `numbers` becomes the number of every element's set; returns how
+    /// many sets there are.
+    pub fn number(&self, numbers: &mut Vec<u32>) -> usize {
+        numbers.clear();
+        numbers.reserve(self.0.len());
+        let mut count = 0;
+        for (element, &parent) in (0u32..).zip(&self.0) {
+            // A parent comes before its children.
+            numbers.push(if parent == element { count } else { numbers[parent as usize] });
+            count += u32::from(parent == element);
+        }
+        count as usize
+    }
 }

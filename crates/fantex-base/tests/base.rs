@@ -158,6 +158,28 @@ fn sets_are_named_by_their_smallest_element() {
     assert!(sets.union(3, 1));
     assert!(!sets.union(1, 5));
     assert_eq!([0, 1, 2, 3, 4, 5].map(|e| sets.find(e)), [0, 1, 2, 1, 4, 1]);
+    let mut numbers = vec![9];
+    assert_eq!(sets.number(&mut numbers), 4);
+    assert_eq!(numbers, [0, 1, 2, 1, 3, 1]);
+}
+
+#[test]
+fn sets_are_numbered_in_the_order_of_their_smallest_elements() {
+    let mut random = Random::new(3);
+    for elements in [0, 1, 2, 30, 1000] {
+        let mut sets = UnionFind::new(elements);
+        for _ in 0..elements * 2 / 3 {
+            let [a, b] = [(); 2].map(|()| random.below(elements as u64) as u32);
+            sets.union(a, b);
+        }
+        let mut numbers = Vec::new();
+        let count = sets.number(&mut numbers);
+        let firsts: Vec<u32> = (0..elements as u32).filter(|&e| sets.find(e) == e).collect();
+        assert_eq!(firsts.len(), count);
+        for e in 0..elements as u32 {
+            assert_eq!(firsts[numbers[e as usize] as usize], sets.find(e));
+        }
+    }
 }
 
 #[test]

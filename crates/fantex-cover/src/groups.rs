@@ -108,7 +108,8 @@ pub(crate) fn group_fans(
     let is_flat = is_small || flat_share(shapes) > MIN_FLAT_SHARE;
     let most = if is_flat { MAX_UNROLLED_FLAT_FANS } else { MAX_UNROLLED_FANS };
     let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
-    if may_gain && is_flat {
+    if may_gain {
+        let others = if is_flat { others } else { &others[..1] };
         best =
             others.iter().map(tried).fold(best, |best, next| if next.cost < best.cost { next } else { best });
     }
@@ -182,7 +183,8 @@ impl Grouped<'_> {
 }
 
 /// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
-/// scans; which is best for a model of flat faces or few large triangles is found by trying (the last one is for rods, pipes and corrugated sheets).
+/// scans, the second for some meshes that are laid flat freely; which is best for a model of flat faces or few large triangles is found by trying
+/// (the last one is for rods, pipes and corrugated sheets).
 const WAYS: [(f32, f32); 5] =
     [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY), (1.03, 0.0)];
 

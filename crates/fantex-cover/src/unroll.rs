@@ -114,20 +114,13 @@ impl Unroller {
             }
         }
         // Numbered without gaps: the relaxation goes over all points again and again.
-        self.points.clear();
-        let mut count = 0;
-        for place in 0..3 * parts.len() as u32 {
-            let first = self.sets.find(place);
-            let point = if first == place { count } else { self.points[first as usize] };
-            self.points.push(point);
-            count = count.max(point + 1);
-        }
+        let count = self.sets.number(&mut self.points);
         for (i, part) in self.parts.iter().enumerate() {
             let points = part.corner.slots().map(|slot| self.points[3 * i + slot]);
             let corners = part.inside.iter().filter(|is| **is).count();
             self.sheet.push(surface.fan_triangle(part.corner), points, corners).then_some(())?;
         }
-        Some(count as usize)
+        Some(count)
     }
 
     /// Every point once where the triangles of a single fan have been laid.

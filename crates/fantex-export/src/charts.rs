@@ -160,14 +160,8 @@ fn atoms(mesh: &Mesh, cover: &Cover, edges: &[Edge]) -> Vec<u32> {
             sets.union(a, b);
         }
     }
-    let mut count = 0;
-    let mut atoms = Vec::with_capacity(groups.len());
-    for t in 0..groups.len() as u32 {
-        // A set is named by its first triangle.
-        let first = sets.find(t);
-        atoms.push(if first == t { count } else { atoms[first as usize] });
-        count += u32::from(first == t);
-    }
+    let mut atoms = Vec::new();
+    sets.number(&mut atoms);
     atoms
 }
 

@@ -1,7 +1,5 @@
 //! Where the pieces of a surface lie in their planes, and how two of them are laid side by side.
 
-use std::collections::BTreeMap;
-
 use fantex_base::UnionFind;
 use fantex_mesh::Mesh;
 use glam::{DVec2, Vec2};
@@ -120,11 +118,10 @@ impl Planes<'_> {
                 sets.union(i, *seen.entry(vertex).or_insert(i));
             }
         }
-        let mut parts: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for (i, &half_edge) in (0u32..).zip(half_edges) {
-            parts.entry(sets.find(i)).or_default().push(half_edge);
-        }
-        parts.into_values().collect()
+        let mut part_of = Vec::new();
+        let mut parts = vec![Vec::new(); sets.number(&mut part_of)];
+        part_of.iter().zip(half_edges).for_each(|(&part, &half_edge)| parts[part as usize].push(half_edge));
+        parts
     }
 
     /// A piece between two edges of which a triangle fits, where it lies there, and which of its edges becomes a seam instead of these two.

@@ -11,7 +11,8 @@
 //! a tube does that is rolled out.
 
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
-use std::sync::LazyLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{LazyLock, OnceLock};
 
 use fantex_bake::Progress;
 use fantex_base::UnionFind;
@@ -61,6 +62,9 @@ const ROUNDS: [usize; 3] = [6, 4, 10];
 
 /// One in so many pieces is in a union that is tried at once with others. With more the cheapest no longer go first.
 const PIECES_PER_TRIAL: usize = 256;
+
+/// So many more per core may be tried before their turn, while cores wait for the largest union of a batch.
+const AHEAD: usize = 16;
 
 /// Cells in which overlaps are looked for, per triangle.
 const CELLS_PER_TRIANGLE: f64 = 2.0;
@@ -149,6 +153,9 @@ struct Union {
     extents: Extents,
 }
 
+/// What came of pairs of pieces that had these versions then.
+type Tried = FxHashMap<[u32; 2], ([u32; 2], Option<Union>)>;
+
 #[derive(Default)]
 struct Buffers {
     sheet: Sheet,
@@ -187,17 +194,11 @@ impl<'a> Uniter<'a> {
         for (h, _) in is_glued.iter().enumerate().filter(|(_, is)| **is) {
             sets.union(h as u32 / 3, across[h] / 3);
         }
-        let mut pieces: Vec<Piece> = Vec::with_capacity(charts.len());
-        let mut piece_of = vec![NONE; count];
-        for t in 0..count as u32 {
-            // A set is named by its first triangle.
-            let first = sets.find(t);
-            if first == t {
-                piece_of[t as usize] = pieces.len() as u32;
-                pieces.push(Piece::default());
-            }
-            piece_of[t as usize] = piece_of[first as usize];
-            pieces[piece_of[t as usize] as usize].triangles.push(t);
+        let mut piece_of = Vec::new();
+        let mut pieces: Vec<Piece> = Vec::new();
+        pieces.resize_with(sets.number(&mut piece_of), Piece::default);
+        for (t, &piece) in (0..).zip(&piece_of) {
+            pieces[piece as usize].triangles.push(t);
         }
         let area = mesh.area().max(f64::MIN_POSITIVE);
         Self {
@@ -314,13 +315,18 @@ impl<'a> Uniter<'a> {
         let later = |a: u32| self.pieces[a as usize].borders.range(a + 1..).map(move |(&b, _)| [a, b]);
         let mut plans: BinaryHeap<Plan> = self.plans(pieces.flat_map(later).collect()).into();
         let mut left = self.pieces.len();
+        let mut tried = Tried::default();
         while !plans.is_empty() && !progress.is_cancelled() {
-            let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL));
-            let tried =
-                batch.par_iter().map_init(Buffers::default, |buffers, &pair| self.tried(pair, buffers));
-            let tried: Vec<Option<Union>> = tried.collect();
+            let mut taken = FxHashSet::default();
+            let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL), &mut taken);
+            if !batch.iter().all(|plan| is_tried(plan, &tried)) {
+                let later = self.cheapest(&mut plans, AHEAD * rayon::current_num_threads(), &mut taken);
+                self.try_all(&batch, &later, &mut tried);
+                plans.extend(later);
+            }
             let mut pairs = Vec::new();
-            for (&[a, b], union) in batch.iter().zip(tried) {
+            for Plan { pieces: [a, b], .. } in batch {
+                let union = tried.remove(&[a, b]).and_then(|(_, union)| union);
                 if let Some(union) = union {
                     left -= 1;
                     let large = self.merge(union);
@@ -340,9 +346,8 @@ impl<'a> Uniter<'a> {
         }
     }
 
-    /// The cheapest plans that have no piece in common, at most `most`.
-    fn cheapest(&self, plans: &mut BinaryHeap<Plan>, most: usize) -> Vec<[u32; 2]> {
-        let mut taken = FxHashSet::default();
+    /// The cheapest plans that have no piece in common, at most `most`, and none of those `taken`.
+    fn cheapest(&self, plans: &mut BinaryHeap<Plan>, most: usize, taken: &mut FxHashSet<u32>) -> Vec<Plan> {
         let (mut batch, mut waiting) = (Vec::new(), Vec::new());
         while batch.len() < most
             && let Some(plan) = plans.pop()
@@ -358,11 +363,45 @@ impl<'a> Uniter<'a> {
                 }
             } else {
                 taken.extend(plan.pieces);
-                batch.push(plan.pieces);
+                batch.push(plan);
             }
         }
         plans.extend(waiting);
         batch
+    }
+
+    /// Tries the unions of a batch, and some of `later` as long as a core would wait for another. What comes of a union depends on its two
+    /// pieces only, not on when it is tried. No two plans have a piece in common.
+    fn try_all(&self, batch: &[Plan], later: &[Plan], tried: &mut Tried) {
+        let due = batch.iter().filter(|plan| !is_tried(plan, tried));
+        let mut all: Vec<&Plan> = due.collect();
+        let due = all.len();
+        all.extend(later.iter().filter(|plan| !is_tried(plan, tried)));
+        let results: Vec<OnceLock<Option<Union>>> = all.iter().map(|_| OnceLock::new()).collect();
+        // How many of those that are due, and of those begun before these ended, are still to be done.
+        let (next, due_left, early) = (AtomicUsize::new(0), AtomicUsize::new(due), AtomicUsize::new(0));
+        let work = |_| {
+            let mut buffers = Buffers::default();
+            loop {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                let Some(plan) = all.get(i) else { break };
+                let is_early = i >= due && due_left.load(Ordering::Relaxed) > 0;
+                if i >= due && !is_early && early.load(Ordering::Relaxed) == 0 {
+                    break;
+                }
+                early.fetch_add(usize::from(is_early), Ordering::Relaxed);
+                let _ = results[i].set(self.tried(plan.pieces, &mut buffers));
+                early.fetch_sub(usize::from(is_early), Ordering::Relaxed);
+                due_left.fetch_sub(usize::from(i < due), Ordering::Relaxed);
+            }
+        };
+        (0..rayon::current_num_threads()).into_par_iter().with_max_len(1).for_each(work);
+        tried.retain(|pieces, (versions, _)| pieces.map(|i| self.pieces[i as usize].version) == *versions);
+        for (plan, result) in all.into_iter().zip(results) {
+            if let Some(union) = result.into_inner() {
+                tried.insert(plan.pieces, (plan.versions, union));
+            }
+        }
     }
 
     /// Of pairs of neighbours the unions that are worth a try.
@@ -606,26 +645,18 @@ impl Buffers {
             }
         }
         joints.iter().copied().filter(|&half_edge| slots.has(half_edge / 3)).for_each(glue);
-        names.clear();
+        let count = sets.number(names);
         counts.clear();
+        counts.resize(count, 0);
         sheet.clear();
         let mut places = std::mem::take(sheet.places());
+        places.resize(count, DVec2::ZERO);
         for (slot, &t) in triangles.iter().enumerate() {
-            let corners = flat(slot);
-            let points = [0, 1, 2].map(|k| {
-                let corner = (3 * slot + k) as u32;
-                let root = sets.find(corner);
-                // A set is named by its first corner.
-                let name = if root == corner { counts.len() as u32 } else { names[root as usize] };
-                names.push(name);
-                if root == corner {
-                    counts.push(0);
-                    places.push(DVec2::ZERO);
-                }
-                counts[name as usize] += 1;
-                places[name as usize] += corners[k].as_dvec2();
-                name
-            });
+            let points = [0, 1, 2].map(|k| names[3 * slot + k]);
+            for (point, corner) in points.into_iter().zip(flat(slot)) {
+                counts[point as usize] += 1;
+                places[point as usize] += corner.as_dvec2();
+            }
             if !sheet.push(planes.mesh.triangle_positions(t as usize), points, 3) {
                 return false;
             }
@@ -672,6 +703,11 @@ impl Buffers {
     fn flat(&self) -> Vec<[Vec2; 3]> {
         (0..self.sheet.len()).map(|i| self.sheet.corners(i).map(|p| p.as_vec2())).collect()
     }
+}
+
+/// Whether it is known what comes of a union.
+fn is_tried(plan: &Plan, tried: &Tried) -> bool {
+    tried.get(&plan.pieces).is_some_and(|(versions, _)| *versions == plan.versions)
 }
 
 fn piece_area(planes: &Planes<'_>, piece: &Piece) -> f64 {

@@ -365,27 +365,11 @@ fn damaged_assets_do_not_pass() {
 fn an_interrupted_bake_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let asset = folder.path().join("out.fan");
-    let mut bake = fantex()
-        .arg("bake")
-        .arg(bottle())
-        .args(["--source", "solid=marble", "--texels", "200M", "-o"])
-        .arg(&asset)
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let bake: [&dyn AsRef<OsStr>; 8] =
+        [&"bake", &bottle(), &"--source", &"solid=marble", &"--texels", &"200M", &"-o", &asset];
     // The temporary file appears once the bake has begun.
-    let deadline = Instant::now() + Duration::from_secs(120);
-    while files(folder.path()).is_empty() {
-        assert!(bake.try_wait().unwrap().is_none(), "the bake ended before it could be interrupted");
-        assert!(Instant::now() < deadline, "the bake did not begin");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    let sent = Command::new("kill").args(["-INT", &bake.id().to_string()]).status().unwrap();
-    assert!(sent.success());
-    let output = bake.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130));
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(errors.contains("interrupted; no unfinished file was left behind"), "{errors}");
+    let line = interrupted(&bake, folder.path(), 1);
+    assert!(line.contains("interrupted; no unfinished file was left behind"), "{line}");
     assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
 }
 
@@ -510,25 +494,10 @@ fn an_interrupted_export_leaves_nothing() {
     succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--texels", &"64k"]);
     let output_folder = folder.path().join("out");
     std::fs::create_dir(&output_folder).unwrap();
-    let mut export = fantex()
-        .arg("export")
-        .arg(&asset)
-        .args(["--channel", "base-color", "--size", "16384", "-o"])
-        .arg(output_folder.join("out.png"))
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let deadline = Instant::now() + Duration::from_secs(120);
-    while files(&output_folder).is_empty() {
-        assert!(export.try_wait().unwrap().is_none(), "the export ended before it could be interrupted");
-        assert!(Instant::now() < deadline, "the export did not begin");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    let sent = Command::new("kill").args(["-INT", &export.id().to_string()]).status().unwrap();
-    assert!(sent.success());
-    let output = export.wait_with_output().unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(130), "{errors}");
+    let out = output_folder.join("out.png");
+    let export: [&dyn AsRef<OsStr>; 8] =
+        [&"export", &asset, &"--channel", &"base-color", &"--size", &"16384", &"-o", &out];
+    interrupted(&export, &output_folder, 1);
     assert!(files(&output_folder).is_empty(), "{:?}", files(&output_folder));
 }
 
@@ -544,27 +513,9 @@ fn an_interrupted_replay_leaves_nothing() {
     let strokes = write(folder.path(), "strokes.json", strokes);
     let output_folder = folder.path().join("out");
     std::fs::create_dir(&output_folder).unwrap();
-    let mut paint = fantex()
-        .arg("paint")
-        .arg(&asset)
-        .arg("--replay")
-        .arg(&strokes)
-        .arg("-o")
-        .arg(output_folder.join("out.fan"))
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let deadline = Instant::now() + Duration::from_secs(120);
+    let out = output_folder.join("out.fan");
     // The copy and its lock.
-    while files(&output_folder).len() < 2 {
-        assert!(paint.try_wait().unwrap().is_none(), "the replay ended before it could be interrupted");
-        assert!(Instant::now() < deadline, "the replay did not begin");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    let sent = Command::new("kill").args(["-INT", &paint.id().to_string()]).status().unwrap();
-    assert!(sent.success());
-    let output = paint.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    interrupted(&[&"paint", &asset, &"--replay", &strokes, &"-o", &out], &output_folder, 2);
     assert!(files(&output_folder).is_empty(), "{:?}", files(&output_folder));
 }
 
