@@ -35,12 +35,66 @@ fn slabs() -> Model {
     slabs
 }
 
+/// A plate with square holes, as many along both sides.
+fn drilled_plate(holes: u32) -> Model {
+    let (cells, thickness) = (2 * holes + 1, 0.8);
+    let mut plate = Model::default();
+    for z in 0..2 {
+        for (y, x) in (0..=cells).flat_map(|y| (0..=cells).map(move |x| (y, x))) {
+            plate.positions.push(DVec3::new(f64::from(x), f64::from(y), thickness * f64::from(z)));
+        }
+    }
+    let vertex = |x: u32, y: u32, z: u32| (z * (cells + 1) + y) * (cells + 1) + x;
+    let is_solid = |x: u32, y: u32| x < cells && y < cells && (x.is_multiple_of(2) || y.is_multiple_of(2));
+    let mut quad = |[a, b, c, d]: [u32; 4]| plate.triangles.extend([[a, b, c], [a, c, d]]);
+    for (y, x) in (0..cells).flat_map(|y| (0..cells).map(move |x| (y, x))).filter(|&(y, x)| is_solid(x, y)) {
+        // Counter-clockwise from above.
+        let around = [[x, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]];
+        let [a, b, c, d] = around.map(|[x, y]| vertex(x, y, 1));
+        quad([a, b, c, d]);
+        let [a, b, c, d] = around.map(|[x, y]| vertex(x, y, 0));
+        quad([d, c, b, a]);
+        let beside = [[x, y.wrapping_sub(1)], [x + 1, y], [x, y + 1], [x.wrapping_sub(1), y]];
+        for (k, _) in beside.iter().enumerate().filter(|(_, at)| !is_solid(at[0], at[1])) {
+            let [from, to] = [around[k], around[(k + 1) % 4]];
+            let at = |[x, y]: [u32; 2], z: u32| vertex(x, y, z);
+            quad([at(from, 0), at(to, 0), at(to, 1), at(from, 1)]);
+        }
+    }
+    plate
+}
+
+/// Losses go up and down with the length, so a better one may come after a worse one.
+#[test]
+fn no_other_length_would_have_been_sharper_for_its_bytes() {
+    let cost = |mesh: &Mesh| {
+        // As many as their bytes are worth.
+        let texels = 3.0 * mesh.triangles.len() as f64;
+        loss(mesh) + 20.0 * (1.0 + texels / TEXELS as f64).log10()
+    };
+    for (name, model) in [("plate", drilled_plate(6)), ("slabs", slabs()), ("ball", icosphere(2))] {
+        let mesh = cleaned(model);
+        let least = cost(&automatic(&mesh));
+        let other = |edge: u32| {
+            let cut = LongestEdge::Texels(edge).refined(&mesh, &TexelBudget::Total(TEXELS), 1024);
+            (cut.triangles.len() <= 80_000).then(|| cost(&cut))
+        };
+        let others = [0, 128, 64, 32, 24, 16].map(other);
+        println!("{name}: {least:.2} dB, others {others:.2?}");
+        // What gains less than 0.3 dB is left whole.
+        assert!(
+            others.into_iter().flatten().all(|cost| cost > least - 0.31),
+            "{name}: {least} dB, {others:?}"
+        );
+    }
+}
+
 #[test]
 fn boxes_gain_what_cuts_can_gain() {
     for (name, model, gain) in [("cube", cube(1), 1.8), ("slabs", slabs(), 0.8)] {
         let mesh = cleaned(model);
         let cut = automatic(&mesh);
-        assert!(cut.triangles.len() > mesh.triangles.len() && cut.triangles.len() <= 64_000, "{name}");
+        assert!(cut.triangles.len() > mesh.triangles.len() && cut.triangles.len() <= 80_000, "{name}");
         assert!((cut.area() / mesh.area() - 1.0).abs() < 1e-5, "{name}");
         // Painters know an asset of a model by these.
         assert!(cut.positions.starts_with(&mesh.positions), "{name}");
@@ -65,7 +119,7 @@ fn no_model_loses_by_cuts_that_nobody_asked_for() {
         let mesh = cleaned(model);
         let cut = automatic(&mesh);
         if cut.triangles.len() > mesh.triangles.len() {
-            assert!(loss(&cut) < loss(&mesh) - 0.5, "model {number}");
+            assert!(loss(&cut) < loss(&mesh) - 0.3, "model {number}");
         } else {
             assert_eq!(cut.triangles, mesh.triangles, "model {number}");
         }
