@@ -11,8 +11,8 @@
 //! a tube does that is rolled out.
 
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{LazyLock, OnceLock};
 
 use fantex_bake::Progress;
 use fantex_base::UnionFind;
@@ -153,8 +153,14 @@ struct Union {
     extents: Extents,
 }
 
-/// What came of pairs of pieces that had these versions then.
-type Tried = FxHashMap<[u32; 2], ([u32; 2], Option<Union>)>;
+/// What came of two pieces that had these versions then.
+struct Tried {
+    versions: [u32; 2],
+    union: Option<Union>,
+}
+
+/// By their pieces.
+type AllTried = FxHashMap<[u32; 2], Tried>;
 
 #[derive(Default)]
 struct Buffers {
@@ -315,7 +321,7 @@ impl<'a> Uniter<'a> {
         let later = |a: u32| self.pieces[a as usize].borders.range(a + 1..).map(move |(&b, _)| [a, b]);
         let mut plans: BinaryHeap<Plan> = self.plans(pieces.flat_map(later).collect()).into();
         let mut left = self.pieces.len();
-        let mut tried = Tried::default();
+        let mut tried = AllTried::default();
         while !plans.is_empty() && !progress.is_cancelled() {
             let mut taken = FxHashSet::default();
             let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL), &mut taken);
@@ -326,7 +332,7 @@ impl<'a> Uniter<'a> {
             }
             let mut pairs = Vec::new();
             for Plan { pieces: [a, b], .. } in batch {
-                let union = tried.remove(&[a, b]).and_then(|(_, union)| union);
+                let union = tried.remove(&[a, b]).and_then(|tried| tried.union);
                 if let Some(union) = union {
                     left -= 1;
                     let large = self.merge(union);
@@ -372,16 +378,15 @@ impl<'a> Uniter<'a> {
 
     /// Tries the unions of a batch, and some of `later` as long as a core would wait for another. What comes of a union depends on its two
     /// pieces only, not on when it is tried. No two plans have a piece in common.
-    fn try_all(&self, batch: &[Plan], later: &[Plan], tried: &mut Tried) {
+    fn try_all(&self, batch: &[Plan], later: &[Plan], tried: &mut AllTried) {
         let due = batch.iter().filter(|plan| !is_tried(plan, tried));
         let mut all: Vec<&Plan> = due.collect();
         let due = all.len();
         all.extend(later.iter().filter(|plan| !is_tried(plan, tried)));
-        let results: Vec<OnceLock<Option<Union>>> = all.iter().map(|_| OnceLock::new()).collect();
         // How many of those that are due, and of those begun before these ended, are still to be done.
         let (next, due_left, early) = (AtomicUsize::new(0), AtomicUsize::new(due), AtomicUsize::new(0));
         let work = |_| {
-            let mut buffers = Buffers::default();
+            let (mut buffers, mut done) = (Buffers::default(), Vec::new());
             loop {
                 let i = next.fetch_add(1, Ordering::Relaxed);
                 let Some(plan) = all.get(i) else { break };
@@ -390,18 +395,17 @@ impl<'a> Uniter<'a> {
                     break;
                 }
                 early.fetch_add(usize::from(is_early), Ordering::Relaxed);
-                let _ = results[i].set(self.tried(plan.pieces, &mut buffers));
+                let union = self.tried(plan.pieces, &mut buffers);
+                done.push((plan.pieces, Tried { versions: plan.versions, union }));
                 early.fetch_sub(usize::from(is_early), Ordering::Relaxed);
                 due_left.fetch_sub(usize::from(i < due), Ordering::Relaxed);
             }
+            done
         };
-        (0..rayon::current_num_threads()).into_par_iter().with_max_len(1).for_each(work);
-        tried.retain(|pieces, (versions, _)| pieces.map(|i| self.pieces[i as usize].version) == *versions);
-        for (plan, result) in all.into_iter().zip(results) {
-            if let Some(union) = result.into_inner() {
-                tried.insert(plan.pieces, (plan.versions, union));
-            }
-        }
+        let workers = (0..rayon::current_num_threads()).into_par_iter().with_max_len(1);
+        let done: Vec<([u32; 2], Tried)> = workers.flat_map_iter(work).collect();
+        tried.retain(|pieces, tried| pieces.map(|i| self.pieces[i as usize].version) == tried.versions);
+        tried.extend(done);
     }
 
     /// Of pairs of neighbours the unions that are worth a try.
@@ -706,8 +710,8 @@ impl Buffers {
 }
 
 /// Whether it is known what comes of a union.
-fn is_tried(plan: &Plan, tried: &Tried) -> bool {
-    tried.get(&plan.pieces).is_some_and(|(versions, _)| *versions == plan.versions)
+fn is_tried(plan: &Plan, tried: &AllTried) -> bool {
+    tried.get(&plan.pieces).is_some_and(|tried| tried.versions == plan.versions)
 }
 
 fn piece_area(planes: &Planes<'_>, piece: &Piece) -> f64 {
