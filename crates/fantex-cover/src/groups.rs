@@ -116,7 +116,7 @@ pub(crate) fn group_fans(
     let Grouped { mut builder, mut patches, .. } = best;
     let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
     if is_tried.contains(&true) {
-        builder.unroll_unions(&mut patches, &is_tried);
+        builder.unroll_unions(&mut patches, &is_tried, may_gain);
         builder.number_groups(&patches);
     }
     let laid = patches.into_iter().map(|patch| patch.laid(&builder.order, density)).collect();
@@ -457,8 +457,9 @@ impl Builder<'_> {
         is_tried
     }
 
-    /// Lays unions of neighbours flat freely where that costs less, of the patches that are tried.
-    fn unroll_unions(&mut self, patches: &mut Vec<Patch>, is_tried: &[bool]) {
+    /// Lays unions of neighbours flat freely where that costs less, of the patches that are tried. `is_thorough`: also those that only pay if they
+    /// fill a square.
+    fn unroll_unions(&mut self, patches: &mut Vec<Patch>, is_tried: &[bool], is_thorough: bool) {
         self.number_groups(patches);
         let mut neighbours = neighbours(&self.surface.fans, &self.fan_groups, patches.len());
         for (around, &is_own) in neighbours.iter_mut().zip(is_tried) {
@@ -468,6 +469,7 @@ impl Builder<'_> {
             fans: patches.iter().map(|patch| patch.fans(&self.order).to_vec()).collect(),
             patches: std::mem::take(patches).into_iter().map(Some).collect(),
             neighbours,
+            is_thorough,
             builder: self,
         };
         unrolling.run(is_tried);
@@ -492,6 +494,7 @@ struct Unrolling<'b> {
     fans: Vec<Vec<u32>>,
     /// For every patch `(neighbour, common triangles)`. Those with which it cannot be joined are taken out, and those that are not tried.
     neighbours: Vec<Vec<(u32, u32)>>,
+    is_thorough: bool,
 }
 
 /// Rounds of joining unrolled patches; in each a patch joins one other at most.
@@ -571,7 +574,8 @@ impl Unrolling<'_> {
         best.map(|(_, other)| [p.min(other), p.max(other)])
     }
 
-    /// The least that two patches can cost as one: in a square without gaps, which small ones come near to, or in blocks.
+    /// The least that two patches can cost as one: in blocks or, if all is tried, in a square without gaps, which small ones come near to.
+    /// (A rough scan of 1 M triangles with 4 M texels would lose 0.3 dB less by squares, in half as much time again.)
     fn promised_cost(&self, a: &Patch, b: &Patch, common: u32) -> f32 {
         let density = a.density_with(b);
         let texels = (a.flat.distortion.area() + b.flat.distortion.area()) * density * density;
@@ -579,7 +583,8 @@ impl Unrolling<'_> {
         let shared = shared_outline(common, texels, (a.length + b.length) as f32);
         let convex = 2.0 * (std::f32::consts::PI * texels).sqrt();
         let outline = (outline_of(a) + outline_of(b) - 2.0 * shared).max(convex);
-        let region = Region { size: Vec2::splat(texels.sqrt()), area: texels, outline };
+        let side = if self.is_thorough { texels.sqrt() } else { f32::INFINITY };
+        let region = Region { size: Vec2::splat(side), area: texels, outline };
         unfolded_cost(texels, &region, corner_count(a) + corner_count(b))
     }
 
