@@ -76,10 +76,10 @@ pub(crate) fn render_look<'py>(
             Some(camera) => scene.render_from(camera, time)?,
             None => scene.render(time)?,
         };
-        let notes = match scene.damaged_tiles() {
-            0 => Vec::new(),
-            count => vec![format!("coarser texels stand in for {}", counted(count, "damaged tile"))],
-        };
+        let mut notes = scene.notes();
+        if let count @ 1.. = scene.damaged_tiles() {
+            notes.push(format!("coarser texels stand in for {}", counted(count, "damaged tile")));
+        }
         Ok((rendering.picture, notes))
     })?;
     rendered(py, &picture, notes)

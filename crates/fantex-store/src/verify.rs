@@ -489,8 +489,8 @@ fn blend(tiles: &[Tile; 2], look_ups: &LookUps) -> [f32; 4] {
     value
 }
 
-/// Difference, relative to the size of values beyond 1. A value that is no number on one side only is a jump of 1.
-fn jump(a: f32, b: f32) -> f32 {
+/// Difference of two stored values, relative to the size of values beyond 1. A value that is no number on one side only is a jump of 1.
+pub fn jump(a: f32, b: f32) -> f32 {
     let difference = (a - b).abs() / a.abs().max(b.abs()).max(1.0);
     if difference.is_nan() { if a.is_nan() && b.is_nan() { 0.0 } else { 1.0 } } else { difference }
 }

@@ -122,7 +122,7 @@ pub trait Texture: Send + Sync {
         None
     }
 
-    /// Whether the value depends on something besides the surface.
+    /// Whether the value depends on something besides positions and normals.
     fn depends_on(&self, what: Dependence) -> bool {
         let _ = what;
         false
@@ -139,13 +139,15 @@ pub trait Texture: Send + Sync {
     }
 }
 
-/// What a texture may depend on besides the surface.
+/// What a texture may depend on besides positions and normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dependence {
     /// Where it is seen from.
     Eye,
     /// Seconds since the start of an animation.
     Time,
+    /// A set of the model's texture coordinates, counted from 0.
+    Uv(usize),
 }
 
 impl fmt::Debug for dyn Texture {

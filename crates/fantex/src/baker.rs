@@ -411,13 +411,13 @@ impl<'a> Baker<'a> {
                     false => LongestEdge::Automatic,
                 });
                 let mesh = self.refined(&mesh, cuts, None);
-                let note = match goal {
-                    Goal::Asset(_) | Goal::Plan(..) => look.note_of_inward_parts(&mesh),
-                    Goal::Part(..) => None,
+                let notes = match goal {
+                    Goal::Asset(_) | Goal::Plan(..) => look.notes(&mesh),
+                    Goal::Part(..) => Vec::new(),
                 };
-                note.iter().for_each(|note| self.progress.0.note(note));
+                notes.iter().for_each(|note| self.progress.0.note(note));
                 let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
-                Ok(Baked { notes: note.into_iter().chain(baked.notes).collect(), ..baked })
+                Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), ..baked })
             }
             Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
                 self.transfer_asset(&Asset::open(detailed)?, *cage, goal)

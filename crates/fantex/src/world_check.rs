@@ -8,7 +8,8 @@ use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_mesh::{Edge, Edges, Mesh, SurfacePoint, WorldFromMesh};
 use fantex_store::{
-    Asset, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, verify_asset,
+    Asset, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, jump,
+    verify_asset,
 };
 use fantex_stream::open_asset;
 use glam::{Vec3, Vec4};
@@ -313,11 +314,9 @@ impl Seams {
 
     fn compare(&mut self, objects: [usize; 2], a: &SeamValues, b: &SeamValues) {
         self.edges += 1;
-        // Values beyond 1 relative to their size, as within assets.
-        let jump =
-            |(a, b): (&Vec4, &Vec4)| ((*a - *b).abs() / a.abs().max(b.abs()).max(Vec4::ONE)).max_element();
+        let components = |values: &SeamValues| values.iter().flat_map(Vec4::to_array).collect::<Vec<_>>();
         let largest = match a.len() == b.len() {
-            true => a.iter().zip(b).map(jump).fold(0.0, f32::max),
+            true => components(a).into_iter().zip(components(b)).map(|(a, b)| jump(a, b)).fold(0.0, f32::max),
             // Other channels.
             false => f32::INFINITY,
         };
@@ -379,4 +378,22 @@ fn seam_values(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, Se
     let common =
         [x, y, z, space.scale.to_bits(), cover.delta.to_bits().into(), cover.density.to_bits().into()];
     ((common, ends.map(|(place, _)| place)), values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_on_one_side_of_a_seam_only_is_a_jump() {
+        let jump_between = |a: f32, b: f32| {
+            let mut seams = Seams::default();
+            seams.compare([0, 1], &vec![Vec4::splat(a)], &vec![Vec4::new(a, a, a, b)]);
+            (seams.largest_jump, seams.worst)
+        };
+        assert_eq!(jump_between(0.25, 0.25), (0.0, None));
+        assert_eq!(jump_between(0.25, 0.75), (0.5, Some([0, 1])));
+        assert_eq!(jump_between(0.25, f32::NAN), (1.0, Some([0, 1])));
+        assert_eq!(jump_between(f32::NAN, f32::NAN), (0.0, None));
+    }
 }

@@ -389,6 +389,7 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
         background: None,
     };
     let scene = LookScene::new(resolver, given.as_ref(), changes)?;
+    scene.notes().into_iter().for_each(|note| context.note(note));
     let times = scene.times();
     let pictures = names(&args.output, times.len());
     pictures.iter().try_for_each(|path| context.check_output(path))?;

@@ -151,6 +151,40 @@ fn finished_light_is_baked() {
     assert_eq!(error(&baked, "error_left"), error(&baked, "error"));
 }
 
+/// An image that lies by texture coordinates is one texel where there are none: told in pictures and bakes, unless it lies otherwise.
+#[test]
+fn images_on_a_model_without_texture_coordinates_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "bare.ply", COLORED_PLY);
+    let image = workspace().join("assets/images/grass.png");
+    std::fs::copy(image, folder.path().join("grass.png")).unwrap();
+    let [picture, asset] = ["p.png", "a.fan"].map(|name| folder.path().join(name));
+    let image = "kind = \"image\"\nimage = \"grass.png\"\ncoordinates = ";
+    for (texture, wanted) in [
+        (format!("{image}\"uv\""), Some("has no texture coordinates, and")),
+        (format!("{image}{{ from = \"uv\", set = 3 }}"), Some("has no texture coordinates of set 3, and")),
+        ("kind = \"uv\"".to_owned(), Some("has no texture coordinates, and")),
+        (format!("{image}\"box\""), None),
+        (format!("{image}\"triplanar\""), None),
+    ] {
+        let remapped = "[textures.dark]\nkind = \"remap\"\ninput = \"grass\"\nto = [0, 0.5]";
+        let look =
+            format!("[textures.grass]\n{texture}\n{remapped}\n[materials.lawn]\nbase_color = \"dark\"\n");
+        let look = write(folder.path(), "look.toml", &look);
+        let commands: [&[&dyn AsRef<std::ffi::OsStr>]; 2] = [
+            &[&"render", &model, &"--look", &look, &"-o", &picture, &"--size", &"16x16", &"--force"],
+            &[&"bake", &model, &"--look", &look, &"-o", &asset, &"--texels", &"5k", &"--force"],
+        ];
+        for command in commands {
+            let told = crate::stderr(&succeeds(command));
+            match wanted {
+                Some(wanted) => assert_eq!(told.matches(wanted).count(), 1, "{texture}: {told}"),
+                None => assert!(!told.contains("texture coordinates"), "{texture}: {told}"),
+            }
+        }
+    }
+}
+
 #[test]
 fn a_translation_bakes_what_the_model_itself_bakes() {
     let folder = tempfile::tempdir().unwrap();

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Channel, interval, mix};
 use crate::look::Slot;
-use crate::{Allowed, Color, ColorRamp, ShadingPoint, Texture};
+use crate::{Allowed, Color, ColorRamp, Dependence, ShadingPoint, Texture};
 
 // A scalar in false colours.
 
@@ -173,6 +173,10 @@ impl Texture for Field {
                 Vec4::new(uv.x, uv.y, 0.0, 1.0)
             }
         }
+    }
+
+    fn depends_on(&self, what: Dependence) -> bool {
+        matches!(*self, Self::Uv { set } if what == Dependence::Uv(set))
     }
 }
 

@@ -101,10 +101,11 @@ impl Coordinates {
         }
     }
 
-    /// Whether they depend on something besides the surface.
+    /// Whether they depend on something besides positions and normals.
     pub fn depends_on(&self, what: Dependence) -> bool {
         match self {
-            Self::Uv { .. } | Self::Surface(_) | Self::Triplanar(_) => false,
+            Self::Uv { set } => what == Dependence::Uv(*set),
+            Self::Surface(_) | Self::Triplanar(_) => false,
             Self::TwoPart(mapping) => what == Dependence::Eye && mapping.is_view_dependent(),
             Self::Projected(matrix) => what == Dependence::Time && matrix.is_animated(),
             Self::Parameter(parameter) => parameter.depends_on(what),
@@ -262,6 +263,13 @@ impl Texture for Parameter {
     }
 
     fn depends_on(&self, what: Dependence) -> bool {
-        matches!((self, what), (Self::Facing, Dependence::Eye) | (Self::Time, Dependence::Time))
+        match *self {
+            Self::U { set } | Self::V { set } => what == Dependence::Uv(set),
+            Self::Facing => what == Dependence::Eye,
+            Self::Time => what == Dependence::Time,
+            Self::Along { .. } | Self::Distance { .. } | Self::AxisDistance { .. } | Self::Slope { .. } => {
+                false
+            }
+        }
     }
 }

@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use fantex_base::Aabb;
 use fantex_texture::Scale;
+use fantex_texture::combine::Field;
 use fantex_texture::coordinates::{
     Coordinates, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, TextureMatrix,
     TextureMatrixOptions,
 };
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    Filter, Filtering, Image, ImageTexture, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind,
-    Texture, TriplanarMap, TwoPartMapping, UvPoint, Wrap,
+    Dependence, Filter, Filtering, Image, ImageTexture, OMap, Placement, SMap, SampleOptions, ShadingPoint,
+    ShapeKind, Texture, TriplanarMap, TwoPartMapping, UvPoint, Wrap,
 };
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
@@ -286,5 +287,38 @@ fn blurred_images_have_the_blurs_width() {
             points.iter().zip(&weights).map(|(u, w)| (u + 0.0005 - 0.5).powi(2) * w).sum::<f32>() / total;
         let width = (12.0 * spread).sqrt();
         assert!((0.08..0.18).contains(&width) && total > 0.98, "{filter:?}: {width}, {total}");
+    }
+}
+
+/// What another place in a set of texture coordinates changes says that it depends on that set, and nothing else does.
+#[test]
+fn textures_tell_which_texture_coordinates_they_depend_on() {
+    let ramp = (0..256).map(|i| i as f32 / 255.0).collect();
+    let image = Arc::new(ImageTexture::new(Arc::new(Image::from_linear(16, 16, 1, ramp))));
+    let lookup = |coordinates| ImageLookup { coordinates, ..ImageLookup::new(Arc::clone(&image)) };
+    let within = |input: Arc<dyn Texture>| InSpace {
+        input: Slot::Texture(input),
+        matrix: SpaceMatrix::new(Mat4::from_scale(Vec3::splat(2.0))).unwrap(),
+    };
+    let textures: [(Arc<dyn Texture>, Option<usize>); 8] = [
+        (Arc::new(lookup(Coordinates::Uv { set: 1 })), Some(1)),
+        (Arc::new(within(Arc::new(lookup(Coordinates::default())))), Some(0)),
+        (Arc::new(lookup(Coordinates::Parameter(Parameter::U { set: 1 }))), Some(1)),
+        (Arc::new(Parameter::V { set: 0 }), Some(0)),
+        (Arc::new(within(Arc::new(Field::Uv { set: 1 }))), Some(1)),
+        (Arc::new(Field::Normal), None),
+        (Arc::new(Parameter::Slope { up: Vec3::Y }), None),
+        (Arc::new(lookup(Coordinates::Projected(SpaceMatrix::new(Mat4::IDENTITY).unwrap()))), None),
+    ];
+    let sets = [Vec2::new(0.2, 0.3), Vec2::new(0.6, 0.1)].map(|uv| UvPoint { uv, steps: [Vec2::ZERO; 2] });
+    let at = ShadingPoint { uv: &sets, ..shading_point(Vec3::new(0.3, 0.4, 0.0), Vec3::Z) };
+    for (number, (texture, wanted)) in textures.iter().enumerate() {
+        for set in 0..2 {
+            let mut moved = sets;
+            moved[set].uv += Vec2::splat(0.25);
+            let differs = texture.evaluate(&ShadingPoint { uv: &moved, ..at }) != texture.evaluate(&at);
+            assert_eq!(differs, *wanted == Some(set), "{number}, set {set}");
+            assert_eq!(texture.depends_on(Dependence::Uv(set)), differs, "{number}, set {set}");
+        }
     }
 }

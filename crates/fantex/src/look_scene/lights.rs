@@ -20,7 +20,7 @@ use fantex_texture::look::{LookMaterial, Slot};
 use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Vec3};
 
-use super::{MaterialResolver, ResolvedMaterials};
+use super::{MaterialResolver, ResolvedMaterials, note_of_lacking_coordinates};
 
 impl MaterialResolver<'_> {
     /// The lamps of the look, without its environment; `None` where it has neither.
@@ -288,7 +288,7 @@ impl LookBake {
 
     /// Says that light cannot reach the fronts of parts that are inside out, if there are such. Not where surfaces glow: a part may be a room
     /// that lights itself.
-    pub fn note_of_inward_parts(&self, mesh: &Mesh) -> Option<String> {
+    fn note_of_inward_parts(&self, mesh: &Mesh) -> Option<String> {
         let light = self.light.as_ref()?;
         let glows = |material: &Arc<LookMaterial>| match &material.emission {
             Slot::Constant(value) => value.truncate() != Vec3::ZERO,
@@ -311,6 +311,12 @@ impl LookBake {
                 grouped(triangles as u64, ' ')
             )
         })
+    }
+
+    /// What whoever bakes it should know, a sentence each. The mesh is the one of [`LookBake::new`].
+    pub fn notes(&self, mesh: &Mesh) -> Vec<String> {
+        let notes = [note_of_lacking_coordinates(mesh, &self.materials), self.note_of_inward_parts(mesh)];
+        notes.into_iter().flatten().collect()
     }
 
     /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].

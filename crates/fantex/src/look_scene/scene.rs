@@ -14,9 +14,9 @@ use fantex_texture::Filter;
 use fantex_texture::environment::EnvironmentMap;
 use glam::DVec3;
 
-use super::MaterialResolver;
 use super::lights::{converted, environment_light};
-use super::objects::{GivenModel, Object};
+use super::objects::{GivenModel, Object, Shape};
+use super::{MaterialResolver, note_of_lacking_coordinates};
 
 /// What the command line, or a program, says instead of the look.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,6 +64,16 @@ impl<'a> LookScene<'a> {
             lights.ambient = AmbientLight::environment(environment_light(map, table));
         }
         Ok(Self { resolver, objects, lights, changes })
+    }
+
+    /// What whoever looks at it should know, a sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        let note = |object: &Object| {
+            let Shape::Model { mesh, materials } = &object.shape else { return None };
+            let note = note_of_lacking_coordinates(mesh, materials)?;
+            Some(object.name.as_ref().map_or_else(|| note.clone(), |name| format!("object {name}: {note}")))
+        };
+        self.objects.iter().filter_map(note).collect()
     }
 
     /// The times of all pictures, in seconds: one, or those of the animation.
