@@ -409,7 +409,7 @@ impl<'a> Comparison<'a> {
             let look_ups = [0, 1].map(|side| look_ups(edge, side, &corners[side], s));
             for (channel, pair) in tiles.iter().enumerate() {
                 let [a, b] = look_ups.each_ref().map(|look_ups| blend(pair, look_ups));
-                let jump = (0..4).map(|k| jump(a[k], b[k])).fold(0.0, f32::max);
+                let jump = jump(a, b);
                 if jump > self.result.largest_jump {
                     self.result.largest_jump = jump;
                     self.result.worst = Some(self.place(edge, s, choice, channel));
@@ -489,10 +489,14 @@ fn blend(tiles: &[Tile; 2], look_ups: &LookUps) -> [f32; 4] {
     value
 }
 
-/// Difference of two stored values, relative to the size of values beyond 1. A value that is no number on one side only is a jump of 1.
-pub fn jump(a: f32, b: f32) -> f32 {
-    let difference = (a - b).abs() / a.abs().max(b.abs()).max(1.0);
-    if difference.is_nan() { if a.is_nan() && b.is_nan() { 0.0 } else { 1.0 } } else { difference }
+/// The largest difference between the components of two values of a texture function, relative to the size of those beyond 1. What is no
+/// number on one side only is a jump of 1.
+pub fn jump(a: [f32; 4], b: [f32; 4]) -> f32 {
+    let of_component = |(a, b): (f32, f32)| {
+        let difference = (a - b).abs() / a.abs().max(b.abs()).max(1.0);
+        if difference.is_nan() { if a.is_nan() && b.is_nan() { 0.0 } else { 1.0 } } else { difference }
+    };
+    a.into_iter().zip(b).map(of_component).fold(0.0, f32::max)
 }
 
 #[cfg(test)]

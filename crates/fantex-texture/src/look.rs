@@ -48,6 +48,11 @@ impl Slot {
         Self::color(Vec3::splat(value))
     }
 
+    /// The texture; none for a constant.
+    pub fn texture(&self) -> Option<&Arc<dyn Texture>> {
+        if let Self::Texture(texture) = self { Some(texture) } else { None }
+    }
+
     /// The value at a point: linear RGBA.
     pub fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         match self {
@@ -279,10 +284,7 @@ impl LookMaterial {
             self.anisotropy.as_ref().map(|a| &a.strength),
             self.anisotropy.as_ref().map(|a| &a.direction),
         ];
-        let of_slots = slots.into_iter().flatten().filter_map(|slot| match slot {
-            Slot::Texture(texture) => Some(texture),
-            Slot::Constant(_) => None,
-        });
+        let of_slots = slots.into_iter().flatten().filter_map(Slot::texture);
         let of_relief = self.relief.iter().map(|relief| match relief {
             Relief::Bump { texture, .. }
             | Relief::Derivatives { texture, .. }

@@ -314,9 +314,8 @@ impl Seams {
 
     fn compare(&mut self, objects: [usize; 2], a: &SeamValues, b: &SeamValues) {
         self.edges += 1;
-        let components = |values: &SeamValues| values.iter().flat_map(Vec4::to_array).collect::<Vec<_>>();
         let largest = match a.len() == b.len() {
-            true => components(a).into_iter().zip(components(b)).map(|(a, b)| jump(a, b)).fold(0.0, f32::max),
+            true => a.iter().zip(b).map(|(a, b)| jump(a.to_array(), b.to_array())).fold(0.0, f32::max),
             // Other channels.
             false => f32::INFINITY,
         };

@@ -315,7 +315,9 @@ impl LookBake {
 
     /// What whoever bakes it should know, a sentence each. The mesh is the one of [`LookBake::new`].
     pub fn notes(&self, mesh: &Mesh) -> Vec<String> {
-        let notes = [note_of_lacking_coordinates(mesh, &self.materials), self.note_of_inward_parts(mesh)];
+        let heights = self.heights.iter().flatten().filter_map(Slot::texture);
+        let textures: Vec<_> = self.materials.iter().flat_map(|m| m.textures()).chain(heights).collect();
+        let notes = [note_of_lacking_coordinates(mesh, &textures), self.note_of_inward_parts(mesh)];
         notes.into_iter().flatten().collect()
     }
 

@@ -16,8 +16,8 @@ use fantex_base::Result;
 use fantex_look::data::{MaterialBase, ObjectTable};
 use fantex_look::{Key, LookFile, LookImages, ResolveOptions, Resolver, materials_of_model, problem};
 use fantex_mesh::Mesh;
-use fantex_texture::Dependence;
 use fantex_texture::look::LookMaterial;
+use fantex_texture::{Dependence, Texture};
 
 pub use lights::LookBake;
 pub use objects::GivenModel;
@@ -135,14 +135,12 @@ impl MaterialResolver<'_> {
     }
 }
 
-/// Sets of texture coordinates that a look may name.
+/// Sets of texture coordinates that a look may name: the range of the keys `set` of its tables.
 const UV_SETS: usize = 32;
 
-/// A sentence where textures of a model's materials lie by texture coordinates that the model does not have: it is one texel everywhere
-/// then.
-fn note_of_lacking_coordinates(mesh: &Mesh, materials: &[Arc<LookMaterial>]) -> Option<String> {
-    let is_asked =
-        |set: &usize| materials.iter().flat_map(|m| m.textures()).any(|t| t.depends_on(Dependence::Uv(*set)));
+/// A sentence where textures on a model lie by texture coordinates that it does not have: they are one texel everywhere then.
+fn note_of_lacking_coordinates(mesh: &Mesh, textures: &[&Arc<dyn Texture>]) -> Option<String> {
+    let is_asked = |set: &usize| textures.iter().any(|texture| texture.depends_on(Dependence::Uv(*set)));
     let is_there = |set: &usize| mesh.corners.uv_sets.get(*set).is_some_and(|uv| !uv.is_empty());
     let set = (0..UV_SETS).filter(|set| !is_there(set)).find(is_asked)?;
     let which = if set == 0 { String::new() } else { format!(" of set {set}") };

@@ -68,12 +68,17 @@ impl<'a> LookScene<'a> {
 
     /// What whoever looks at it should know, a sentence each.
     pub fn notes(&self) -> Vec<String> {
-        let note = |object: &Object| {
+        let note = |(index, object): (usize, &Object)| {
             let Shape::Model { mesh, materials } = &object.shape else { return None };
-            let note = note_of_lacking_coordinates(mesh, materials)?;
-            Some(object.name.as_ref().map_or_else(|| note.clone(), |name| format!("object {name}: {note}")))
+            let textures: Vec<_> = materials.iter().flat_map(|m| m.textures()).collect();
+            let note = note_of_lacking_coordinates(mesh, &textures)?;
+            Some(match &object.name {
+                Some(name) => format!("object {name}: {note}"),
+                None if self.objects.len() > 1 => format!("{}: {note}", Key::of(["object"]).index(index)),
+                None => note,
+            })
         };
-        self.objects.iter().filter_map(note).collect()
+        self.objects.iter().enumerate().filter_map(note).collect()
     }
 
     /// The times of all pictures, in seconds: one, or those of the animation.
