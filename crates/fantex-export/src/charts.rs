@@ -1,20 +1,19 @@
-//! Cutting the surface into pieces that are laid flat: from the groups of the cover to a few large charts.
+//! Cutting the surface into pieces that are laid flat: from triangles to a few large charts.
 //!
 //! ```text
-//!  groups --every triangle to one--> atoms --join neighbours that face alike--> patches --cut where they overlap--> charts
+//!  triangles --grow--> atoms --join neighbours that face alike--> patches --cut where they overlap--> charts
 //!                                                                                                                     |
 //!                       charts <--cut where they overlap-- larger charts <--`unions`: join what lies flat side by side-'
 //! ```
 //!
-//! A group sees its own triangles well and its neighbours mostly too, so groups are joined as long as one projection serves
-//! the union. From there it is stretch that counts, not a direction: fewer charts have less border, and border costs padding.
+//! Pieces are joined as long as one projection serves the union. From there it is stretch that counts, not a direction: fewer charts
+//! have less border, and border costs padding.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use fantex_bake::Progress;
-use fantex_base::UnionFind;
-use fantex_cover::{Cover, GroupKind, Rectangle, RectangleFinder, SPAN_SLACK, span};
+use fantex_cover::{Rectangle, RectangleFinder, SPAN_SLACK, span};
 use fantex_mesh::{Edges, Mesh};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
@@ -75,14 +74,14 @@ impl Chart {
 /// All charts of a mesh; every triangle lies in exactly one. The same on any number of threads. `across` are [`continued`] half-edges.
 pub(crate) fn charts(
     mesh: &Mesh,
-    cover: &Cover,
     across: &[u32],
     texels_per_unit: f32,
     progress: &dyn Progress,
 ) -> Vec<Chart> {
     let edges = edges(mesh, across);
-    let atoms = atoms(mesh, cover, &edges);
-    let patches = join(mesh, &atoms, &edges, texels_per_unit);
+    let facets: Vec<Vec3> = (0..mesh.triangles.len()).into_par_iter().map(|t| facet(mesh, t)).collect();
+    let atoms = atoms(&facets, across);
+    let patches = join(mesh, &facets, &atoms, &edges, texels_per_unit);
     let cutter = Cutter::new(mesh, across, texels_per_unit);
     let projected = patches.into_par_iter().flat_map_iter(|patch| cutter.charts_of(patch));
     let united = unite(mesh, projected.collect(), across, progress);
@@ -122,7 +121,7 @@ pub(crate) fn doubled_area(mesh: &Mesh, triangle: usize) -> f32 {
     facet(mesh, triangle).length()
 }
 
-// ---- The smallest pieces: connected triangles that belong to one group of the cover.
+// ---- The smallest pieces: triangles that hang together and face alike.
 
 /// An edge that two triangles continue each other across.
 struct Edge {
@@ -130,9 +129,6 @@ struct Edge {
     /// Mesh units.
     length: f32,
 }
-
-/// A group that sees a triangle worse than this does not get it.
-const MIN_FACING_OF_GROUP: f32 = 0.3;
 
 /// All edges that triangles continue each other across.
 fn edges(mesh: &Mesh, across: &[u32]) -> Vec<Edge> {
@@ -147,35 +143,42 @@ fn edges(mesh: &Mesh, across: &[u32]) -> Vec<Edge> {
     across.iter().enumerate().filter_map(edge).collect()
 }
 
-/// The atom of every triangle, numbered from 0 in the order of their first triangles.
-fn atoms(mesh: &Mesh, cover: &Cover, edges: &[Edge]) -> Vec<u32> {
-    let groups: Vec<Option<u32>> = (0..mesh.triangles.len())
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|t| group_of(mesh, cover, t))
-        .collect();
-    let mut sets = UnionFind::new(mesh.triangles.len());
-    for [a, b] in edges.iter().map(|e| e.triangles) {
-        if groups[a as usize].is_some() && groups[a as usize] == groups[b as usize] {
-            sets.union(a, b);
-        }
-    }
-    let mut atoms = Vec::new();
-    sets.number(&mut atoms);
-    atoms
-}
+/// A mesh is divided into about so many atoms, or more where normals differ; one of fewer triangles has an atom for each.
+const ATOMS: usize = 1 << 13;
 
-/// The projected group that has most of a triangle's corners and, among those, sees it best. None where no group sees it well.
-fn group_of(mesh: &Mesh, cover: &Cover, triangle: usize) -> Option<u32> {
-    let corner_groups = cover.corner_groups[triangle];
-    let normal = facet_normal(mesh, triangle);
-    let facing = |g: u32| {
-        let group = &cover.groups[g as usize];
-        if group.kind == GroupKind::Projected { group.frame.direction.dot(normal) } else { -1.0 }
-    };
-    let corners = |g: u32| corner_groups.iter().filter(|&&other| other == g).count();
-    let seen = corner_groups.into_iter().filter(|&g| facing(g) >= MIN_FACING_OF_GROUP);
-    seen.max_by(|&a, &b| corners(a).cmp(&corners(b)).then(facing(a).total_cmp(&facing(b))).then(b.cmp(&a)))
+/// The atom of every triangle, numbered from 0 in the order of their first triangles. From the first triangle that has none an atom grows ring
+/// by ring over those that its mean normal faces by [`STEEPEST_DEGREES`] at most. `facets`: normals, as long as twice the areas.
+fn atoms(facets: &[Vec3], across: &[u32]) -> Vec<u32> {
+    let (most, least) = (facets.len() / ATOMS, STEEPEST_DEGREES.to_radians().cos());
+    let mut atoms = vec![NONE; facets.len()];
+    let (mut count, mut members) = (0, Vec::new());
+    for seed in 0..facets.len() {
+        if atoms[seed] != NONE {
+            continue;
+        }
+        atoms[seed] = count;
+        members.clear();
+        members.push(seed as u32);
+        let (mut facing, mut next) = (facets[seed], 0);
+        while next < members.len() && members.len() < most {
+            let first = 3 * members[next] as usize;
+            next += 1;
+            for other in
+                across[first..first + 3].iter().filter(|&&other| other != NONE).map(|other| other / 3)
+            {
+                let facet = facets[other as usize];
+                if atoms[other as usize] == NONE
+                    && facing.dot(facet) >= least * facing.length() * facet.length()
+                {
+                    atoms[other as usize] = count;
+                    members.push(other);
+                    facing += facet;
+                }
+            }
+        }
+        count += 1;
+    }
+    atoms
 }
 
 // ---- Joining neighbouring pieces that one projection can show.
@@ -240,8 +243,8 @@ impl PartialOrd for Plan {
     }
 }
 
-fn join(mesh: &Mesh, atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
-    let mut joiner = Joiner::new(mesh, atoms, edges);
+fn join(mesh: &Mesh, facets: &[Vec3], atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
+    let mut joiner = Joiner::new(mesh, facets, atoms, edges);
     joiner.run([MAX_DEGREES, STEEPEST_DEGREES], f32::INFINITY);
     joiner.run([MAX_DEGREES_OF_CRUMBS; 2], (CRUMB_TEXELS / texels_per_unit).powi(2));
     joiner.patches(atoms)
@@ -253,12 +256,11 @@ struct Joiner {
 }
 
 impl Joiner {
-    fn new(mesh: &Mesh, atoms: &[u32], edges: &[Edge]) -> Self {
+    fn new(mesh: &Mesh, facets: &[Vec3], atoms: &[u32], edges: &[Edge]) -> Self {
         let count = atoms.iter().max().map_or(0, |&last| last as usize + 1);
         let mut pieces = vec![Piece::default(); count];
-        for (t, &atom) in atoms.iter().enumerate() {
+        for (t, (&atom, &normal)) in atoms.iter().zip(facets).enumerate() {
             let piece = &mut pieces[atom as usize];
-            let normal = facet(mesh, t);
             piece.facing += normal;
             piece.area += 0.5 * normal.length();
             piece.normals.insert(normal);

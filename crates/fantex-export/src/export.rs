@@ -253,7 +253,7 @@ impl<'a> Job<'a> {
             UvChoice::Atlas => {
                 let padding = options.padding;
                 let request = AtlasRequest { texels_per_unit: cover.density, side, largest_side, padding };
-                atlas(mesh, cover, &request, progress)
+                atlas(mesh, &request, progress)
             }
         };
         // Steps of the layout run on one thread.

@@ -112,14 +112,9 @@ const MAX_TEXELS_PER_TEXEL: f64 = 8.0;
 ///
 /// # Errors
 /// There are too many charts for the picture, or it was cancelled.
-pub(crate) fn atlas(
-    mesh: &Mesh,
-    cover: &fantex_cover::Cover,
-    request: &AtlasRequest,
-    progress: &dyn Progress,
-) -> Result<Layout> {
+pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress) -> Result<Layout> {
     let across = continued(mesh);
-    let charts = charts(mesh, cover, &across, request.texels_per_unit, progress);
+    let charts = charts(mesh, &across, request.texels_per_unit, progress);
     if progress.is_cancelled() {
         return Err(cancelled());
     }

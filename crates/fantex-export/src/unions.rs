@@ -727,7 +727,6 @@ fn cells(corners: [Vec2; 3], cell: f32, visit: impl FnMut(IVec2)) {
 mod tests {
     use fantex_bake::NoProgress;
     use fantex_base::Random;
-    use fantex_cover::{CoverOptions, TexelBudget, build_cover};
     use fantex_mesh::{CleanOptions, Model, clean, generate};
     use glam::DVec3;
 
@@ -740,11 +739,9 @@ mod tests {
     /// The charts of a model, none of which overlaps itself, every triangle once.
     fn charts_of(model: Model) -> (Mesh, Vec<Chart>) {
         let mesh = clean(model, &CleanOptions::default()).unwrap().0;
-        let options = CoverOptions { budget: TexelBudget::Total(TEXELS), ..CoverOptions::default() };
-        let cover = build_cover(&mesh, &options).unwrap().0;
         let across = continued(&mesh);
         let texels_per_unit = (TEXELS as f64 / mesh.area()).sqrt() as f32;
-        let charts = charts(&mesh, &cover, &across, texels_per_unit, &NoProgress);
+        let charts = charts(&mesh, &across, texels_per_unit, &NoProgress);
         let mut triangles: Vec<u32> = charts.iter().flat_map(|chart| chart.triangles.clone()).collect();
         triangles.sort_unstable();
         assert!(triangles.into_iter().eq(0..mesh.triangles.len() as u32));

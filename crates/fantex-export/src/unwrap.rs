@@ -2,7 +2,6 @@
 
 use fantex_bake::{NoProgress, Progress};
 use fantex_base::{Error, ErrorKind, Result};
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, CornerOrigins, Mesh, Model, clean_traced};
 use glam::{DVec3, Vec2};
 use rustc_hash::FxHashMap;
@@ -52,16 +51,11 @@ pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
 fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) -> Result<Unwrapped> {
     let UnwrapOptions { side, padding } = *options;
     ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()?;
-    let texels = f64::from(side) * f64::from(side);
-    let budget = TexelBudget::Total(texels as u64);
     let triangles = mesh.triangles.len() as u64;
     progress.report(0, triangles);
-    let (cover, _) = build_cover(mesh, &CoverOptions { budget, ..CoverOptions::default() })?;
-    // Charts and their places take longer.
-    progress.report(triangles / 4, triangles);
-    let texels_per_unit = (texels / mesh.area()).sqrt() as f32;
+    let texels_per_unit = (f64::from(side).powi(2) / mesh.area()).sqrt() as f32;
     let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
-    let layout = atlas(mesh, &cover, &request, progress)?;
+    let layout = atlas(mesh, &request, progress)?;
     progress.report(triangles, triangles);
     Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
 }
