@@ -146,8 +146,7 @@ impl<'a> Job<'a> {
                 mesh.triangles.len()
             )));
         }
-        let smoothed = source.crosses_creases().then(|| without_creases(mesh)).flatten();
-        let mesh = smoothed.map_or(Cow::Borrowed(mesh), Cow::Owned);
+        let mesh = mesh_under(mesh, source);
         let plans: Vec<_> = source.channels().iter().map(|c| ChannelPlan::new(c, options.format)).collect();
         if plans.is_empty() {
             return Err(Error::invalid("the source has no channel to bake"));
@@ -237,11 +236,14 @@ impl<'a> Job<'a> {
     }
 }
 
-/// The mesh with normals that are continuous; `None` if its own are.
-fn without_creases(mesh: &Mesh) -> Option<Mesh> {
+/// The mesh that shows what a source gives: with normals without creases where the source [crosses](Source::crosses_creases) those of the mesh.
+pub fn mesh_under<'m>(mesh: &'m Mesh, source: &dyn Source) -> Cow<'m, Mesh> {
+    let Some(normals) = source.crosses_creases().then(|| creaseless_normals(mesh)).flatten() else {
+        return Cow::Borrowed(mesh);
+    };
     let mut smoothed = mesh.clone();
-    smoothed.corners.normals = creaseless_normals(mesh)?;
-    Some(smoothed)
+    smoothed.corners.normals = normals;
+    Cow::Owned(smoothed)
 }
 
 /// What the memory allows at once, in texels.

@@ -1,7 +1,7 @@
 //! What is baked: functions of a surface point and a texel's footprint.
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, ObjectSpace, SurfacePoint};
+use fantex_mesh::{Mesh, ObjectSpace, SurfacePoint, interpolate};
 use fantex_store::{ChannelKind, Damage};
 use fantex_texture::{AnyMapping, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
@@ -128,6 +128,52 @@ impl TexelPoint {
     /// Whether both lie on (or beside) the same triangle, so that their steps are equal as well.
     pub fn is_on_triangle_of(&self, other: &Self) -> bool {
         self.at.triangle == other.at.triangle
+    }
+}
+
+/// A triangle and the plane that continues it: where its texels' points come from.
+pub struct TrianglePlane {
+    triangle: usize,
+    corners: [Vec3; 3],
+    /// At the corners.
+    normals: [Vec3; 3],
+    facet_normal: Vec3,
+    lambda_steps: [Vec3; 2],
+    position_steps: [Vec3; 2],
+}
+
+impl TrianglePlane {
+    /// `normals`: unit vectors, of each triangle's corners; `lambda_steps` as in [`TexelPoint`].
+    pub fn new(mesh: &Mesh, normals: &[Vec3], triangle: usize, lambda_steps: [Vec3; 2]) -> Self {
+        let corners @ [a, b, c] = mesh.triangle_positions(triangle);
+        Self {
+            triangle,
+            corners,
+            normals: [0, 1, 2].map(|k| normals[3 * triangle + k]),
+            facet_normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
+            lambda_steps,
+            position_steps: lambda_steps.map(|step| interpolate(corners, step)),
+        }
+    }
+
+    /// The point with these barycentric coordinates.
+    pub fn point(&self, lambda: Vec3) -> TexelPoint {
+        // Off the surface the plane goes on, but a normal must not be extrapolated.
+        let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        TexelPoint {
+            at: SurfacePoint { triangle: self.triangle as u32, lambda },
+            lambda_steps: self.lambda_steps,
+            position: interpolate(self.corners, lambda),
+            position_steps: self.position_steps,
+            normal: interpolate(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
+        }
+    }
+}
+
+/// Puts 0 where a value is no number: it would spread to the texels around it and to all coarser levels.
+pub fn clear_what_is_no_number(values: &mut [Vec4]) {
+    for value in values.iter_mut().filter(|value| !value.is_finite()) {
+        *value = Vec4::from_array(value.to_array().map(|x| if x.is_finite() { x } else { 0.0 }));
     }
 }
 

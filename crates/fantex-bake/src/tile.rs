@@ -17,7 +17,7 @@ use fantex_cover::{
     BLOCK_MARGIN, BlockPart, Cover, Footprints, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TexelTriangle,
     TileBlock,
 };
-use fantex_mesh::{Mesh, SurfacePoint, interpolate};
+use fantex_mesh::Mesh;
 use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, PageTexels, Quality, TexelFormat, TexelSlice, encode_many,
     page_extent, page_grid, page_origin,
@@ -30,7 +30,8 @@ use rayon::prelude::*;
 use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
 use crate::raster::{Fitting, Mean, Overshoot, StoredRows, is_block_read};
-use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint};
+use crate::source::clear_what_is_no_number;
+use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane};
 
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
 const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
@@ -188,10 +189,7 @@ impl TileBaker<'_> {
                     self.source.evaluate_lit(points, &light, &mut values);
                 }
             }
-            // What is no number would spread to the texels around it and to all coarser levels.
-            for value in values.iter_mut().filter(|value| !value.is_finite()) {
-                *value = Vec4::from_array(value.to_array().map(|x| if x.is_finite() { x } else { 0.0 }));
-            }
+            clear_what_is_no_number(&mut values);
             self.turn_vectors(group, points, &mut values);
             let mut values = values.as_slice();
             // Texels that follow one another are copied together.
@@ -251,7 +249,8 @@ impl TileBaker<'_> {
             if outcome.is_err() {
                 return;
             }
-            let plane = self.plane(triangle);
+            let plane =
+                TrianglePlane::new(self.mesh, self.normals, triangle.triangle as usize, triangle.steps);
             outcome = owned.iter().try_for_each(|&texel| {
                 let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
                 visit(texel, plane.point(triangle.lambda(corner + place)))
@@ -286,19 +285,6 @@ impl TileBaker<'_> {
         let smooth = noisy.smoothed(check)?;
         light.count_left(&smooth);
         Ok(noisy.known(smooth.values))
-    }
-
-    fn plane(&self, triangle: &TexelTriangle) -> Plane {
-        let t = triangle.triangle as usize;
-        let corners @ [a, b, c] = self.mesh.triangle_positions(t);
-        Plane {
-            triangle: t,
-            corners,
-            normals: [0, 1, 2].map(|k| self.normals[3 * t + k]),
-            facet_normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
-            lambda_steps: triangle.steps,
-            position_steps: triangle.steps.map(|step| interpolate(corners, step)),
-        }
     }
 
     /// Normals and directions are stored in the tile's shading frame, as numbers in 0..1. `values` has those of all channels for
@@ -414,31 +400,6 @@ impl TileBaker<'_> {
         match self.plans[channel].channel.kind {
             ChannelKind::Normal | ChannelKind::Displacement | ChannelKind::Anisotropy => Overshoot::SIGNED,
             _ => Overshoot::COLOR,
-        }
-    }
-}
-
-/// A triangle and the plane that continues it.
-struct Plane {
-    triangle: usize,
-    corners: [Vec3; 3],
-    /// At the corners.
-    normals: [Vec3; 3],
-    facet_normal: Vec3,
-    lambda_steps: [Vec3; 2],
-    position_steps: [Vec3; 2],
-}
-
-impl Plane {
-    fn point(&self, lambda: Vec3) -> TexelPoint {
-        // Off the surface the plane goes on, but a normal must not be extrapolated.
-        let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        TexelPoint {
-            at: SurfacePoint { triangle: self.triangle as u32, lambda },
-            lambda_steps: self.lambda_steps,
-            position: interpolate(self.corners, lambda),
-            position_steps: self.position_steps,
-            normal: interpolate(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
         }
     }
 }
@@ -616,7 +577,7 @@ fn encode_pages(plans: &[ChannelPlan], quality: Quality, pages: &[Window<'_>]) -
 #[cfg(test)]
 mod tests {
     use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-    use fantex_mesh::{generate, shading_normals};
+    use fantex_mesh::{SurfacePoint, generate, shading_normals};
     use fantex_test::cleaned;
 
     use super::*;

@@ -6,7 +6,8 @@ use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_store::Asset;
 
-use crate::export::{Job, MODEL_MAPS, Map, scale_of};
+use crate::asset_surface::AssetSurface;
+use crate::export::{Job, Map};
 use crate::pictures::{Depth, samples};
 use crate::texels::RowSink;
 use crate::{ChannelMap, ExportOptions, ExportSummary, SplitMesh};
@@ -46,18 +47,15 @@ pub fn export_atlas(
     progress: &dyn Progress,
 ) -> Result<Atlas> {
     options.check()?;
-    let job = Job::new(asset, options, progress)?;
+    let surface = AssetSurface::new(asset, options);
+    let job = Job::new(&surface, options, progress)?;
     let [page] = &job.layout.pages[..] else {
         let pages = job.layout.pages.len();
         return Err(Error::unsupported(format!(
             "the model's coordinates need {pages} pictures, one per material; use an own packing, or write a .gltf"
         )));
     };
-    let maps: Vec<Map> = MODEL_MAPS
-        .into_iter()
-        .filter_map(|kind| Map::of(asset, kind))
-        .map(|map| map.scaled(scale_of(&job.cache, &map)))
-        .collect();
+    let maps = job.model_maps();
     let needed: u64 =
         maps.iter().map(|map| u64::from(page.side).pow(2) * map.components.count() as u64).sum();
     if needed > options.memory_bytes {

@@ -4,18 +4,21 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_bake::Progress;
+use fantex_bake::{Progress, Source};
 use fantex_base::files::folder_of;
 use fantex_base::{Error, Result, counted};
-use fantex_mesh::{AlphaMode, corner_tangents, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
 use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::asset_surface::AssetSurface;
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
 use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, stem_of, translation_of};
 use crate::pictures::{Depth, FloatSink, Ktx2Sink, Packing, PngSink};
-use crate::texels::{RowSink, TexelSampler, make_page};
+use crate::source_surface::SourceSurface;
+use crate::surface::{Frames, Surface};
+use crate::texels::{RowSink, largest, make_page};
 
 /// What was exported.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,6 +66,15 @@ impl ExportSummary {
     }
 }
 
+/// Refuses, before there is anything to write, what [`export_model`] would refuse of its output and its options.
+///
+/// # Errors
+/// As there.
+pub fn check_export(output: &Path, options: &ExportOptions<'_>) -> Result<()> {
+    options.check()?;
+    ModelFile::new(output, None, options).map(|_| ())
+}
+
 /// What a glTF material can show, in the order of the pictures.
 pub(crate) const MODEL_MAPS: [ChannelMap; 4] =
     [ChannelMap::BaseColor, ChannelMap::OcclusionRoughnessMetallic, ChannelMap::Normal, ChannelMap::Emission];
@@ -79,9 +91,39 @@ pub fn export_model(
     options: &ExportOptions<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
+    export_surface(&AssetSurface::new(asset, options), output, options, progress)
+}
+
+/// Writes a mesh and a source on it as [`export_model`] writes an asset, without one between. `texels_per_unit`: wanted per mesh unit of
+/// length; what decides where the options have no side.
+///
+/// # Errors
+/// As [`export_model`]. Sources that [bake light](Source::light_map) need an asset.
+pub fn export_source(
+    mesh: &Mesh,
+    source: &dyn Source,
+    texels_per_unit: f32,
+    output: &Path,
+    options: &ExportOptions<'_>,
+    progress: &dyn Progress,
+) -> Result<ExportSummary> {
+    if source.light_map().is_some() {
+        return Err(Error::unsupported(
+            "light is baked into assets; export the asset that it was baked into",
+        ));
+    }
+    export_surface(&SourceSurface::new(mesh, source, texels_per_unit), output, options, progress)
+}
+
+fn export_surface(
+    surface: &dyn Surface,
+    output: &Path,
+    options: &ExportOptions<'_>,
+    progress: &dyn Progress,
+) -> Result<ExportSummary> {
     options.check()?;
     let mut model = ModelFile::new(output, None, options)?;
-    let mut summary = model.add(asset, None, progress)?;
+    let mut summary = model.add(surface, None, progress)?;
     summary.check_damage(options.strict)?;
     summary.files = model.finish()?;
     Ok(summary)
@@ -99,25 +141,23 @@ impl<'a> ModelFile<'a> {
     /// Nothing yet. With `root`, objects are added below a node of that name.
     ///
     /// # Errors
-    /// The output's extension is none that exists.
+    /// The output's extension is none that exists; the output exists.
     pub(crate) fn new(output: &'a Path, root: Option<&str>, options: &'a ExportOptions<'a>) -> Result<Self> {
         let gltf = Gltf::new(output, root).ok_or_else(|| unknown_kind(output, ".glb or .gltf"))?;
-        Ok(Self { output, options, gltf, outputs: Outputs::new(options.force) })
+        let outputs = Outputs::new(options.force);
+        outputs.check(output)?;
+        Ok(Self { output, options, gltf, outputs })
     }
 
-    /// Adds an asset, as an object of this name where there is one. The summary lacks the files.
+    /// Adds a surface, as an object of this name where there is one. The summary lacks the files.
     pub(crate) fn add(
         &mut self,
-        asset: &Arc<Asset>,
+        surface: &dyn Surface,
         object: Option<&str>,
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
-        let job = Job::new(asset, self.options, progress)?;
-        let maps: Vec<Map> = MODEL_MAPS
-            .into_iter()
-            .filter_map(|kind| Map::of(asset, kind))
-            .map(|map| map.scaled(scale_of(&job.cache, &map)))
-            .collect();
+        let job = Job::new(surface, self.options, progress)?;
+        let maps = job.model_maps();
         let (stem, is_binary) = (file_stem(self.output, object), self.gltf.is_binary());
         let mut images = Vec::new();
         let mut pages = Vec::new();
@@ -135,7 +175,7 @@ impl<'a> ModelFile<'a> {
         }
         let tangents = job.tangents(&maps);
         let mut summary = job.run(&maps, &tangents, pages, progress)?;
-        let (mesh, layout) = (asset.mesh(), &job.layout);
+        let (mesh, layout) = (surface.mesh(), &job.layout);
         let page =
             |t: usize| layout.page_of_material.get(mesh.material_of(t)).copied().flatten().unwrap_or(0);
         let uv = |corner: usize| [layout.uv[corner / 3][corner % 3]];
@@ -153,7 +193,7 @@ impl<'a> ModelFile<'a> {
         self.gltf.add(&document, images, &mut self.outputs)?;
         summary.vertices = geometry.positions.len();
         let is_shown = |kind: ChannelKind| maps.iter().any(|m| m.kind.channel() == kind);
-        summary.left_out = asset.channels().iter().map(|c| c.kind).filter(|&k| !is_shown(k)).collect();
+        summary.left_out = surface.channels().into_iter().filter(|&k| !is_shown(k)).collect();
         Ok(summary)
     }
 
@@ -193,7 +233,8 @@ pub fn export_channels(
         }
         maps.push(Map::of(asset, kind).ok_or_else(|| no_channel(asset, kind))?);
     }
-    let job = Job::new(asset, options, progress)?;
+    let surface = AssetSurface::new(asset, options);
+    let job = Job::new(&surface, options, progress)?;
     let [page] = &job.layout.pages[..] else {
         let message = format!(
             "the model's coordinates need {} pictures, one per material, and a single file holds one; use an own packing or write \
@@ -231,7 +272,7 @@ pub fn export_channels(
 }
 
 pub(crate) struct Job<'a> {
-    pub(crate) cache: PageCache,
+    surface: &'a dyn Surface,
     options: &'a ExportOptions<'a>,
     pub(crate) layout: Layout,
     /// Unit normals, one per corner.
@@ -240,26 +281,37 @@ pub(crate) struct Job<'a> {
 
 impl<'a> Job<'a> {
     pub(crate) fn new(
-        asset: &Arc<Asset>,
+        surface: &'a dyn Surface,
         options: &'a ExportOptions<'a>,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let (mesh, cover) = (asset.mesh(), asset.cover());
+        let (mesh, texels_per_unit) = (surface.mesh(), surface.texels_per_unit());
         let (side, largest_side) = (options.side, options.largest_side);
-        let with_uv = |uv| model_uv(mesh, uv, cover.density, side, largest_side);
+        let with_uv = |uv| model_uv(mesh, uv, texels_per_unit, side, largest_side);
         let layout = || match options.uv {
             UvChoice::OfAsset => with_uv(uv_of_asset(mesh)?),
             UvChoice::OfModel(model) => with_uv(uv_of_model(mesh, model)?),
             UvChoice::Atlas => {
-                let padding = options.padding;
-                let request = AtlasRequest { texels_per_unit: cover.density, side, largest_side, padding };
+                let request = AtlasRequest { texels_per_unit, side, largest_side, padding: options.padding };
                 atlas(mesh, &request, progress)
             }
         };
         // Steps of the layout run on one thread.
         let (layout, normals) = rayon::join(layout, || shading_normals(mesh));
-        let cache = PageCache::new(Arc::clone(asset), (options.memory_bytes / 2) as usize);
-        Ok(Self { cache, options, layout: layout?, normals })
+        Ok(Self { surface, options, layout: layout?, normals })
+    }
+
+    /// The maps of a model, scaled to what pictures hold.
+    pub(crate) fn model_maps(&self) -> Vec<Map> {
+        let scaled = |map: Map| {
+            let frames = Frames { normals: &self.normals, tangents: &[] };
+            let found = || {
+                let of_page = |page| largest(page, &map, (self.surface, &frames));
+                self.layout.pages.iter().map(of_page).fold(1.0, f32::max)
+            };
+            map.scaled(self.surface.largest(&map).unwrap_or_else(found))
+        };
+        MODEL_MAPS.into_iter().filter_map(|kind| self.surface.map(kind)).map(scaled).collect()
     }
 
     /// Tangents of the layout's coordinates, one per corner; none where no map needs them.
@@ -267,7 +319,7 @@ impl<'a> Job<'a> {
         if !maps.iter().any(Map::has_normals) {
             return Vec::new();
         }
-        corner_tangents(self.cache.asset().mesh(), &self.normals, |t| Some(self.layout.uv[t]))
+        corner_tangents(self.surface.mesh(), &self.normals, |t| Some(self.layout.uv[t]))
     }
 
     /// The sink of a model's picture, and its PNG file: beside the model, or unnamed where it goes into the model.
@@ -306,19 +358,13 @@ impl<'a> Job<'a> {
         pages: Vec<Vec<Box<dyn RowSink>>>,
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
-        let asset = self.cache.asset();
-        let sampler = TexelSampler {
-            cache: &self.cache,
-            mesh: asset.mesh(),
-            cover: asset.cover(),
-            normals: &self.normals,
-            tangents,
-        };
+        let frames = Frames { normals: &self.normals, tangents };
         let total: u64 = self.layout.pages.iter().map(|p| u64::from(p.side).pow(2)).sum();
         let (mut done, mut covered, mut contested) = (0, 0, 0);
         for (page, mut sinks) in self.layout.pages.iter().zip(pages) {
             let memory = self.options.memory_bytes;
-            let stats = make_page(page, maps, &sampler, memory, &mut sinks, (progress, &mut done, total))?;
+            let shown = (self.surface, &frames);
+            let stats = make_page(page, maps, shown, memory, &mut sinks, (progress, &mut done, total))?;
             covered += stats.covered;
             contested += stats.contested;
         }
@@ -329,11 +375,11 @@ impl<'a> Job<'a> {
             padding: self.layout.padding,
             used_share: covered as f64 / total.max(1) as f64,
             overlapping_share: contested as f64 / covered.max(1) as f64,
-            density_share: f64::from(self.layout.texels_per_unit / asset.cover().density),
+            density_share: f64::from(self.layout.texels_per_unit / self.surface.texels_per_unit()),
             points: self.layout.points,
             texels: total,
-            triangles: asset.mesh().triangles.len() as u64,
-            damage: damage_of(&self.cache),
+            triangles: self.surface.mesh().triangles.len() as u64,
+            damage: self.surface.damage(),
             ..ExportSummary::default()
         })
     }
@@ -574,7 +620,12 @@ impl Map {
     /// The map of an asset; none where it has no such channel.
     pub(crate) fn of(asset: &Asset, kind: ChannelMap) -> Option<Self> {
         let channel = asset.channel_of_kind(kind.channel())?;
-        let shows_through = asset.mesh().materials.iter().any(|m| m.alpha != AlphaMode::Opaque);
+        Some(Self::new(kind, channel, &asset.mesh().materials, mean(asset, channel)))
+    }
+
+    /// The map of a channel with that index, on materials, with that mean.
+    pub(crate) fn new(kind: ChannelMap, channel: usize, materials: &[Material], mean: [f32; 4]) -> Self {
+        let shows_through = materials.iter().any(|m| m.alpha != AlphaMode::Opaque);
         let components = match kind {
             ChannelMap::BaseColor if shows_through => Components::Rgba,
             ChannelMap::BaseColor
@@ -590,9 +641,9 @@ impl Map {
         let is_srgb = matches!(kind, ChannelMap::BaseColor | ChannelMap::Emission | ChannelMap::Light);
         let background = match kind {
             ChannelMap::Normal => [0.5, 0.5, 1.0, 1.0],
-            _ => mean(asset, channel),
+            _ => mean,
         };
-        Some(Self { kind, channel, components, is_srgb, scale: 1.0, background })
+        Self { kind, channel, components, is_srgb, scale: 1.0, background }
     }
 
     /// Whether it shows normals, which have frames of their own.

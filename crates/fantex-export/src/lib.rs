@@ -1,7 +1,8 @@
-//! Out again: assets as models with ordinary texture coordinates, for programs that know no fans, and as single pictures.
+//! Out again: assets, or sources on a mesh, as models with ordinary texture coordinates, for programs that know no fans, and as single
+//! pictures.
 //!
 //! ```text
-//!  Cover --charts--> Layout <--model's UVs        Asset --TexelSampler--> rows --> PNG, KTX2, OpenEXR
+//!  Mesh --charts--> Layout <--model's UVs    Asset or Source --Surface--> rows --> PNG, KTX2, OpenEXR
 //!                      |                                              ^
 //!                      `------ Region: which point under which texel -'
 //!                      `------ Geometry: split vertices, tangents -----> .glb, .gltf
@@ -10,6 +11,7 @@
 //! Texels hold the texture function at their point of the surface, in linear light; where the picture is coarser than the
 //! tiles, its mean over the texel. Padding is described in `layout.rs`.
 
+mod asset_surface;
 mod atlas;
 mod charts;
 mod export;
@@ -25,6 +27,8 @@ mod packing;
 mod pictures;
 mod planes;
 mod slots;
+mod source_surface;
+mod surface;
 mod texels;
 mod unions;
 mod unwrap;

@@ -546,12 +546,18 @@ impl Outputs {
         Self { force, files: Vec::new() }
     }
 
+    /// Refuses what exists and is not to be replaced.
+    pub(crate) fn check(&self, path: &Path) -> Result<()> {
+        match !self.force && path.symlink_metadata().is_ok() {
+            true => Err(exists(path)),
+            false => Ok(()),
+        }
+    }
+
     /// A file that will be `path`, open for writing.
     pub(crate) fn create(&mut self, path: &Path) -> Result<File> {
+        self.check(path)?;
         let failed = |source| Error::writing(path, source);
-        if !self.force && path.symlink_metadata().is_ok() {
-            return Err(exists(path));
-        }
         let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
         let (file, temporary) = temporary_file(path, &suffix).map_err(failed)?.into_parts();
         self.files.push((temporary, path.into()));

@@ -7,6 +7,7 @@ use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_store::Asset;
 
+use crate::asset_surface::AssetSurface;
 use crate::export::{ExportOptions, ExportSummary, ModelFile, UvChoice, cancelled};
 use crate::fan_files::{FanFile, FanFileOptions};
 use crate::model_file::stem_of;
@@ -41,7 +42,9 @@ pub fn export_models(
         return Err(Error::unsupported(message));
     }
     let mut file = ModelFile::new(output, Some(&stem_of(output)), options)?;
-    let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
+    let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| {
+        file.add(&AssetSurface::new(asset, options), Some(name), progress)
+    };
     let mut summary = add_all(objects, open, progress, add)?;
     summary.check_damage(options.strict)?;
     summary.files = file.finish()?;

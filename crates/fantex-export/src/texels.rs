@@ -1,26 +1,21 @@
 //! From the layout of a picture to its texels: the texture function of the asset at every texel's point of the surface.
 //!
 //! ```text
-//!  Page --regions--> Region (which point under which texel) --TexelSampler--> linear values --fit--> rows --> files
+//!  Page --regions--> Region (which point under which texel) --Surface--> linear values --fit--> rows --> files
 //! ```
 //!
 //! A picture is made in bands of rows, a band in square regions in parallel; nothing but one band of all maps is in memory.
 
-use std::rc::Rc;
-
 use fantex_bake::Progress;
 use fantex_base::Result;
-use fantex_cover::{Cover, SPAN_SLACK, Tap, TriangleTiles, span};
-use fantex_mesh::{Mesh, SurfacePoint, interpolate};
-use fantex_store::{PageCache, Tile, TileId, TileSource, TileTexels};
-use fantex_texture::material::TangentFrame;
+use fantex_cover::{SPAN_SLACK, span};
 use glam::{IVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
 use crate::charts::NARROW;
 use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
+use crate::surface::{Frames, Surface};
 
 const REGION: u32 = 256;
 
@@ -52,7 +47,7 @@ pub(crate) trait RowSink: Send {
 pub(crate) fn make_page(
     page: &Page,
     maps: &[Map],
-    sampler: &TexelSampler<'_>,
+    (surface, frames): (&dyn Surface, &Frames<'_>),
     memory_bytes: u64,
     sinks: &mut [Box<dyn RowSink + '_>],
     progress: (&dyn Progress, &mut u64, u64),
@@ -73,8 +68,11 @@ pub(crate) fn make_page(
             let extent = [REGION.min(page.side - origin[0]), height(band)];
             let members = &bins[(band * columns + column) as usize];
             let region = Region::find(page, members, origin, extent);
-            let values = sampler.values(page, &region, maps);
-            let fitted = maps.iter().zip(&values).map(|(map, values)| fitted(values, &region, map));
+            let values = surface.values(page, &region, maps, frames);
+            let fitted = maps.iter().zip(&values).map(|(map, values)| {
+                let values = region.of_texels(values, map);
+                fitted(&values, &region, map, surface.fit())
+            });
             (fitted.collect(), region.stats)
         };
         (0..columns).into_par_iter().map(make).collect()
@@ -111,6 +109,20 @@ pub(crate) fn make_page(
     }
     sinks.par_iter_mut().try_for_each(|sink| sink.finish())?;
     Ok(stats)
+}
+
+/// The largest of the red, green and blue numbers of a map on a page, at least 1. `surface` with what [`make_page`] takes.
+pub(crate) fn largest(page: &Page, map: &Map, (surface, frames): (&dyn Surface, &Frames<'_>)) -> f32 {
+    let columns = page.side.div_ceil(REGION);
+    let of_region = |(region, members): (usize, &Vec<u32>)| {
+        let origin = [region as u32 % columns * REGION, region as u32 / columns * REGION];
+        let extent = origin.map(|first| REGION.min(page.side - first));
+        let region = Region::find(page, members, origin, extent);
+        let values = surface.values(page, &region, std::slice::from_ref(map), frames);
+        let numbers = values.iter().flatten().flat_map(|value| value.iter().take(3));
+        numbers.copied().fold(1.0, f32::max)
+    };
+    bins(page, REGION).par_iter().enumerate().map(of_region).reduce(|| 1.0, f32::max)
 }
 
 /// Rows of a band: its values, twice, and those of the next one take a quarter of the memory at most.
@@ -164,7 +176,7 @@ const NOTHING: Point = Point { placed: NOBODY, lambda: Vec3::ZERO };
 const BORDER: u32 = 1;
 
 /// The points under a rectangle of texels and `BORDER` texels around it.
-struct Region {
+pub(crate) struct Region {
     /// Columns and rows, without the border.
     extent: [u32; 2],
     /// Those of all texels; padding shares the point of the texel that it was taken from.
@@ -236,6 +248,31 @@ impl Region {
             }
         }
         Self { extent, points, point_of_texel, chart_on_surface, stats }
+    }
+
+    /// How many points there are.
+    pub(crate) fn point_count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Visits the points triangle by triangle: each with its number and its barycentric coordinates.
+    pub(crate) fn for_each_triangle(&self, page: &Page, mut visit: impl FnMut(&Placed, &[(usize, Vec3)])) {
+        let number = |(i, point): (u64, &Point)| u64::from(point.placed) << 32 | i;
+        let mut order: Vec<u64> = (0..).zip(&self.points).map(number).collect();
+        order.sort_unstable();
+        let mut points = Vec::new();
+        for same_triangle in order.chunk_by(|a, b| a >> 32 == b >> 32) {
+            points.clear();
+            let index = |&number: &u64| number as u32 as usize;
+            points.extend(same_triangle.iter().map(index).map(|i| (i, self.points[i].lambda)));
+            visit(&page.placed[(same_triangle[0] >> 32) as usize], &points);
+        }
+    }
+
+    /// From the values of the points to those of the texels.
+    fn of_texels(&self, values: &[[f32; 4]], map: &Map) -> Values {
+        let value = |&point: &u32| *values.get(point as usize).unwrap_or(&map.background);
+        self.point_of_texel.iter().map(value).collect()
     }
 }
 
@@ -544,185 +581,11 @@ impl Shape {
     }
 }
 
-// ---- The texture function at the points of texels.
-
-pub(crate) struct TexelSampler<'a> {
-    pub(crate) cache: &'a PageCache,
-    pub(crate) mesh: &'a Mesh,
-    pub(crate) cover: &'a Cover,
-    /// Unit normals, one per corner.
-    pub(crate) normals: &'a [Vec3],
-    /// Tangents of the layout's coordinates, one per corner; empty where no normals are wanted.
-    pub(crate) tangents: &'a [Vec4],
-}
-
-/// Texels of a tile that a texel may be wide before it is taken as a mean of several look-ups.
-const MAX_LOOKUP_WIDTH: f32 = 1.25;
-
-/// Tiles that are kept at hand; each may hold a page.
-const MAX_TILES: usize = 64;
-
-impl TexelSampler<'_> {
-    /// Linear values of every map at every texel of a region.
-    fn values(&self, page: &Page, region: &Region, maps: &[Map]) -> Vec<Values> {
-        // Triangle by triangle, so that a tile is fetched once.
-        let number = |(i, point): (u64, &Point)| u64::from(point.placed) << 32 | i;
-        let mut order: Vec<u64> = (0..).zip(&region.points).map(number).collect();
-        order.sort_unstable();
-        let mut of_points: Vec<Values> = maps.iter().map(|_| vec![[0.0; 4]; order.len()]).collect();
-        let mut tiles = Tiles { cache: self.cache, held: FxHashMap::default() };
-        for same_triangle in order.chunk_by(|a, b| a >> 32 == b >> 32) {
-            let placed = &page.placed[(same_triangle[0] >> 32) as usize];
-            let reader = TriangleReader::new(self, placed, maps, &mut tiles);
-            for point in same_triangle.iter().map(|&number| number as u32 as usize) {
-                let lambda = region.points[point].lambda;
-                for (index, (map, values)) in maps.iter().zip(&mut of_points).enumerate() {
-                    values[point] = reader.value(index, map, lambda).to_array();
-                }
-            }
-        }
-        let of_texels = |(map, values): (&Map, &Values)| {
-            let value = |&point: &u32| *values.get(point as usize).unwrap_or(&map.background);
-            region.point_of_texel.iter().map(value).collect()
-        };
-        maps.iter().zip(&of_points).map(of_texels).collect()
-    }
-}
-
-/// Tiles in use, so that the cache is asked once for each.
-struct Tiles<'a> {
-    cache: &'a PageCache,
-    held: FxHashMap<(usize, TileId), Rc<Tile>>,
-}
-
-impl Tiles<'_> {
-    fn get(&mut self, channel: usize, id: TileId) -> Rc<Tile> {
-        if self.held.len() >= MAX_TILES {
-            self.held.clear();
-        }
-        let cache = self.cache;
-        Rc::clone(self.held.entry((channel, id)).or_insert_with(|| Rc::new(cache.tile(channel, id))))
-    }
-}
-
-struct SlotReader {
-    /// The level that is read, of every map's channel.
-    tiles: Vec<Rc<Tile>>,
-    /// Positions, as changes of barycentric coordinates, whose mean is taken.
-    offsets: &'static [Vec2],
-}
-
-struct TriangleReader<'a> {
-    sampler: &'a TexelSampler<'a>,
-    tiles: TriangleTiles,
-    slots: [SlotReader; 3],
-    /// Barycentric coordinates change by these per texel to the right and downwards.
-    steps: [Vec3; 2],
-    /// Of the corners, where a map needs them.
-    normals: [Vec3; 3],
-    tangents: [Vec4; 3],
-}
-
-const MIDDLE: &[Vec2] = &[Vec2::ZERO];
-
-/// Four look-ups in the middles of its quarters.
-const QUARTERS: &[Vec2] =
-    &[Vec2::new(-0.25, -0.25), Vec2::new(0.25, -0.25), Vec2::new(-0.25, 0.25), Vec2::new(0.25, 0.25)];
-
-impl<'a> TriangleReader<'a> {
-    fn new(sampler: &'a TexelSampler<'a>, placed: &Placed, maps: &[Map], tiles: &mut Tiles<'_>) -> Self {
-        let triangle = placed.triangle as usize;
-        let steps = lambda_steps(placed.corners);
-        let triangle_tiles = sampler.cover.triangle_tiles(sampler.mesh, placed.triangle);
-        let slots = [0, 1, 2].map(|slot| {
-            let index = triangle_tiles.groups[slot];
-            let extent = sampler.cover.groups[index as usize].extent.map(|n| n as f32);
-            let width =
-                |step: Vec3| (interpolate(triangle_tiles.corners[slot], step) * Vec2::from(extent)).length();
-            let width = width(steps[0]).max(width(steps[1]));
-            let (level, offsets) = match width {
-                w if w <= MAX_LOOKUP_WIDTH => (0, MIDDLE),
-                w => (w.min(65_536.0).log2().max(0.0) as u32, QUARTERS),
-            };
-            let tiles = maps.iter().map(|m| tiles.get(m.channel, TileId { group: index, level })).collect();
-            SlotReader { tiles, offsets }
-        });
-        let mut reader = Self {
-            sampler,
-            tiles: triangle_tiles,
-            slots,
-            steps,
-            normals: [Vec3::ZERO; 3],
-            tangents: [Vec4::ZERO; 3],
-        };
-        if maps.iter().any(Map::has_normals) {
-            let normals = [0, 1, 2].map(|k| sampler.normals[3 * triangle + k]);
-            reader.normals = normals;
-            reader.tangents = match sampler.tangents.get(3 * triangle..3 * triangle + 3) {
-                Some(own) if !placed.is_beyond => [own[0], own[1], own[2]],
-                _ => tangents_of_picture(sampler.mesh, triangle, &normals, steps),
-            };
-        }
-        reader
-    }
-
-    /// The value of a map, which is the one of that index, at a point.
-    fn value(&self, index: usize, map: &Map, lambda: Vec3) -> Vec4 {
-        let stored = |tap: Tap| tap.weight * self.stored(&tap, index, lambda);
-        if !map.has_normals() {
-            return self.tiles.taps(lambda).map(stored).sum::<Vec4>() / map.scale;
-        }
-        let normal = interpolate(self.normals, lambda).normalize_or(Vec3::Z);
-        let in_mesh = |tap: Tap| {
-            let group = &self.sampler.cover.groups[tap.group as usize];
-            let stored = self.stored(&tap, index, lambda);
-            tap.weight * group.normal_from_stored(stored.truncate().truncate(), normal)
-        };
-        self.tangent_space(self.tiles.taps(lambda).map(in_mesh).sum(), normal, lambda)
-    }
-
-    fn stored(&self, tap: &Tap, map: usize, lambda: Vec3) -> Vec4 {
-        let reader = &self.slots[tap.slot];
-        let mut sum = Vec4::ZERO;
-        for offset in reader.offsets {
-            let lambda = lambda + self.steps[0] * offset.x + self.steps[1] * offset.y;
-            let at = SurfacePoint { lambda, ..SurfacePoint::default() }.clamped();
-            sum += Vec4::from_array(reader.tiles[map].bilinear(at.interpolate(tap.corners)));
-        }
-        sum / reader.offsets.len() as f32
-    }
-
-    /// A normal in mesh space as the texel of a normal map.
-    fn tangent_space(&self, n_mesh: Vec3, vertex_normal: Vec3, lambda: Vec3) -> Vec4 {
-        let frame = TangentFrame::at(&self.normals, &self.tangents, 0, lambda);
-        let relative = frame.relative(n_mesh.normalize_or(vertex_normal)).unwrap_or(Vec3::Z);
-        (relative * 0.5 + 0.5).extend(1.0)
-    }
-}
-
-/// Change of the barycentric coordinates per texel to the right and downwards: over all of a triangle where it has no area, so that it shows
-/// its mean.
-fn lambda_steps([a, b, c]: [Vec2; 3]) -> [Vec3; 2] {
-    let area = (b - a).perp_dot(c - a);
-    if area.abs() < 1e-9 {
-        return [Vec3::new(-1.0, 1.0, 0.0), Vec3::new(-1.0, 0.0, 1.0)];
-    }
-    [Vec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area, Vec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area]
-}
-
-/// Tangents along the picture's rows, for triangles that continue a chart.
-fn tangents_of_picture(mesh: &Mesh, triangle: usize, normals: &[Vec3; 3], steps: [Vec3; 2]) -> [Vec4; 3] {
-    let along = interpolate(mesh.triangle_positions(triangle), steps[0]);
-    normals.map(|n| (along - n * n.dot(along)).normalize_or(n.any_orthonormal_vector()).extend(1.0))
-}
-
 // ---- Texels that are right when they are read bilinearly.
 //
 // Values at texel centres, interpolated, are a blurred copy of the function. As in the bake, each texel is moved against its
-// second differences, `c - k (a - 2 c + b)` along both axes with `k = 1/12`: the second-order form of the inverse of the linear
-// spline's autocorrelation (M. Unser, "Splines: A Perfect Fit for Signal and Image Processing", 1999).
-
-const SHARE: f32 = 1.0 / 12.0;
+// second differences, `c - k (a - 2 c + b)` along both axes with `k = 1/12`, or `1/8` where values are means over the texel: the second-order
+// form of the inverse of the linear spline's autocorrelation (M. Unser, "Splines: A Perfect Fit for Signal and Image Processing", 1999).
 
 /// How far a fitted texel may lie beyond its neighbours.
 const OVERSHOOT: f32 = 1.0 / 32.0;
@@ -731,21 +594,21 @@ const OVERSHOOT: f32 = 1.0 / 32.0;
 const UNDERSHOOT: f32 = 0.25;
 
 /// The values of the inner part of a region, fitted where the texels around lie on the surface, too.
-fn fitted(values: &[[f32; 4]], region: &Region, map: &Map) -> Values {
+fn fitted(values: &[[f32; 4]], region: &Region, map: &Map, share: f32) -> Values {
     let border = BORDER as usize;
     let stride = region.extent[0] as usize + 2 * border;
     let is_normal = map.has_normals();
     let mut inner = Vec::with_capacity(region.extent[0] as usize * region.extent[1] as usize);
     for y in border..border + region.extent[1] as usize {
         for x in border..border + region.extent[0] as usize {
-            let value = fitted_texel(values, &region.chart_on_surface, y * stride + x, stride);
+            let value = fitted_texel(values, &region.chart_on_surface, y * stride + x, stride, share);
             inner.push(if is_normal { unit(value) } else { value }.to_array());
         }
     }
     inner
 }
 
-fn fitted_texel(values: &[[f32; 4]], charts: &[u32], texel: usize, stride: usize) -> Vec4 {
+fn fitted_texel(values: &[[f32; 4]], charts: &[u32], texel: usize, stride: usize, share: f32) -> Vec4 {
     let at = |i: usize| Vec4::from_array(values[i]);
     let centre = at(texel);
     let chart = charts[texel];
@@ -761,7 +624,7 @@ fn fitted_texel(values: &[[f32; 4]], charts: &[u32], texel: usize, stride: usize
     }
     let least = (low - OVERSHOOT).max(low * (1.0 - UNDERSHOOT));
     // Values below zero are none of any map; where they are, they stay.
-    (centre - SHARE * bend).clamp(least.min(low), high + OVERSHOOT)
+    (centre - share * bend).clamp(least.min(low), high + OVERSHOOT)
 }
 
 /// A texel of a normal map with its normal at unit length.

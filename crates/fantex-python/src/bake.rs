@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use fantex::addresses::Target;
 use fantex::bake::{Prefilter, Source as BakeSource, TexelPoint};
+use fantex::export::ExportSummary;
 use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::WorldFromMesh;
 use fantex::photos::CameraFrame;
@@ -18,6 +19,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{array, rows};
 use crate::asset::{Asset, name_of};
+use crate::export::{AtlasFiles, check_is_path};
 use crate::mesh::Mesh;
 use crate::options::{choice, optional};
 use crate::watch::{Watch, watched};
@@ -224,6 +226,35 @@ pub(crate) fn merge(
         merge.write(path, [watch; 3])
     })?;
     Ok((merged.written.bytes, merged.note))
+}
+
+/// Bakes into a `.glb` or `.gltf` with ordinary texture coordinates.
+#[pyfunction]
+pub(crate) fn bake_model<'py>(
+    py: Python<'py>,
+    mesh: &Mesh,
+    path: PathBuf,
+    source: Option<SourceParts<'py>>,
+    options: &Bound<'py, PyDict>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let files = AtlasFiles::new(options)?;
+    let mut exported = ExportSummary::default();
+    let figures = Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| {
+        check_is_path(&path)?;
+        let baked = baker.write_model(file, &files.options())?;
+        exported = baked.exported.clone().unwrap_or_default();
+        Ok(baked)
+    })?;
+    ["tiles", "cover_seconds", "bake_seconds"].iter().try_for_each(|key| figures.del_item(key))?;
+    let ExportSummary { files, sizes, maps, charts, padding, used_share, .. } = exported;
+    figures.set_item("files", files.into_iter().map(|(path, _)| path).collect::<Vec<_>>())?;
+    figures.set_item("resolution", sizes.as_flattened().iter().max().copied().unwrap_or(0))?;
+    figures.set_item("channels", maps.iter().map(|map| map.name()).collect::<Vec<_>>())?;
+    figures.set_item("charts", charts)?;
+    figures.set_item("padding", padding)?;
+    figures.set_item("used_share", used_share)?;
+    Ok(figures)
 }
 
 enum NamedSource {

@@ -23,7 +23,7 @@ mod _native {
     #[pymodule_export]
     use crate::asset::{Asset, kind};
     #[pymodule_export]
-    use crate::bake::{Plan, bake, bake_part, merge, plan};
+    use crate::bake::{Plan, bake, bake_model, bake_part, merge, plan};
     #[pymodule_export]
     use crate::change::{make_preview, paint, remove_preview, save_strokes};
     #[pymodule_export]

@@ -1,5 +1,7 @@
 //! From a mesh and a source of colour to an asset.
 
+#[cfg(feature = "export")]
+mod model;
 #[cfg(feature = "photos")]
 mod photos;
 
@@ -24,6 +26,8 @@ use fantex_texture::material::MaterialTextures;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
+#[cfg(feature = "export")]
+use fantex_export::ExportOptions;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
 
@@ -359,6 +363,21 @@ impl<'a> Baker<'a> {
         self.reach(&Goal::Part(plan, [number, count], path.as_ref()))
     }
 
+    /// Makes a model with ordinary texture coordinates instead of an asset: `.glb`, or `.gltf` with files beside it. Its pictures are the smallest in
+    /// which the surface has its density, or half of a number of texels in all, unless the options have a side. Triangles stay whole unless
+    /// [`longest_edge`](Self::longest_edge) is called; format, fit, quality and tile do not count. Light is baked into an asset beside the
+    /// model first, which is removed afterwards.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write) and [`export_source`](fantex_export::export_source). [`overwrite`](Self::overwrite) and
+    /// [`memory`](Self::memory) are those of the options.
+    #[cfg(feature = "export")]
+    pub fn write_model(self, path: impl AsRef<Path>, options: &ExportOptions<'_>) -> Result<Baked> {
+        fantex_export::check_export(path.as_ref(), options)?;
+        let baker = self.overwrite(options.force).strict(options.strict).memory(options.memory_bytes);
+        baker.reach(&Goal::Model(path.as_ref(), options))
+    }
+
     fn reach(self, goal: &Goal<'_>) -> Result<Baked> {
         let model = self.mesh;
         let default;
@@ -406,15 +425,12 @@ impl<'a> Baker<'a> {
                 let resolver = MaterialResolver { file: &file, images: &images, options };
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
                 // Light starts from the smooth surface that large triangles stand for; pieces of them say less of it.
-                let cuts = self.longest_edge.unwrap_or(match look.has_light() {
-                    true => LongestEdge::Texels(0),
-                    false => LongestEdge::Automatic,
-                });
-                let mesh = self.refined(&mesh, cuts, None);
-                let notes = match goal {
-                    Goal::Asset(_) | Goal::Plan(..) => look.notes(&mesh),
-                    Goal::Part(..) => Vec::new(),
+                let cuts = match look.has_light() {
+                    true => self.longest_edge.unwrap_or(LongestEdge::Texels(0)),
+                    false => self.cuts(goal),
                 };
+                let mesh = self.refined(&mesh, cuts, None);
+                let notes = if goal.is_part() { Vec::new() } else { look.notes(&mesh) };
                 notes.iter().for_each(|note| self.progress.0.note(note));
                 let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
                 Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), ..baked })
@@ -427,15 +443,17 @@ impl<'a> Baker<'a> {
             Kind::Asset(detailed, cage) => self.transfer_asset(detailed, *cage, goal),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => {
-                let mesh = self.refined(model, self.longest_edge.unwrap_or_default(), None);
+                let mesh = self.refined(model, self.cuts(goal), None);
                 self.photographs(mesh.into_owned(), photos, goal)
             }
             // Whoever wrote such a source knows the triangles.
             Kind::Custom(source) => self.bake(model, *source, None, goal),
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
-                let whole = LongestEdge::Texels(0);
-                let default = if let Kind::Function(_) = kind { whole } else { LongestEdge::Automatic };
-                let mesh = self.refined(model, self.longest_edge.unwrap_or(default), None);
+                let cuts = match kind {
+                    Kind::Function(_) => self.longest_edge.unwrap_or(LongestEdge::Texels(0)),
+                    _ => self.cuts(goal),
+                };
+                let mesh = self.refined(model, cuts, None);
                 let mesh = without_textures(&mesh);
                 self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, goal)
             }
@@ -455,7 +473,7 @@ impl<'a> Baker<'a> {
         let density = own.as_deref().map(|own| scaled(own, share));
         let mut notes = Vec::new();
         // Before the mesh is cut and covered, which takes its time.
-        if let (Some(own), Some(density), Goal::Asset(_) | Goal::Plan(..)) = (&own, &density, goal) {
+        if let (Some(own), Some(density), false) = (&own, &density, goal.is_part()) {
             notes.extend(self.note_of_squares(&source, own, density));
             if self.budget == Budget::Default {
                 notes.extend(self.note_of_repeats(own_texels, most));
@@ -521,7 +539,7 @@ impl<'a> Baker<'a> {
         textures: Vec<MaterialTextures>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
-        let cuts = self.longest_edge.unwrap_or_default();
+        let cuts = self.cuts(goal);
         let tangents = source.normal_map_tangents();
         let density =
             |source: &LookSource<'_>| source.has_textures().then(|| scaled(&source.density(), share));
@@ -561,6 +579,13 @@ impl<'a> Baker<'a> {
         let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
         let budget = self.nominal_budget(mesh, own_density.as_deref());
         self.check_cancelled()?;
+        #[cfg(feature = "export")]
+        if let Goal::Model(path, options) = *goal {
+            return match model::needs_tiles(mesh, source) {
+                true => self.model_of_asset(mesh, source, own_density, path, options),
+                false => self.model(mesh, source, &budget, path, options),
+            };
+        }
         // Larger numbers were told of before.
         let is_told = is_own_density && budget_texels(mesh, &budget) > Self::MANY_TEXELS as f64;
         let started = Instant::now();
@@ -572,7 +597,7 @@ impl<'a> Baker<'a> {
                 let groups = plan.cover.groups.len() as u64;
                 (Cow::Borrowed(&plan.cover), CoverStats { groups, ..CoverStats::default() })
             }
-            Goal::Asset(_) | Goal::Plan(..) => {
+            _ => {
                 let (cover, stats) = build_cover(mesh, &options)?;
                 (Cow::Owned(cover), stats)
             }
@@ -582,11 +607,11 @@ impl<'a> Baker<'a> {
         let notes = Vec::from_iter(self.note_of_many(untold));
         self.check_cancelled()?;
         let summary = match *goal {
-            Goal::Asset(path) => bake(mesh, &cover, source, path, &self.options, self.progress.0)?,
             Goal::Plan(path, about) => plan_bake(mesh, &cover, source, path, &self.options, about)?,
             Goal::Part(plan, shard, path) => {
                 bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?
             }
+            _ => bake(mesh, &cover, source, goal.path(), &self.options, self.progress.0)?,
         };
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
@@ -597,6 +622,8 @@ impl<'a> Baker<'a> {
             notes,
             #[cfg(feature = "photos")]
             photos: None,
+            #[cfg(feature = "export")]
+            exported: None,
         })
     }
 
@@ -605,6 +632,11 @@ impl<'a> Baker<'a> {
             true => Err(Error::cancelled("the bake was ended")),
             false => Ok(()),
         }
+    }
+
+    /// How large triangles are cut, where the source has no wish of its own.
+    fn cuts(&self, goal: &Goal<'_>) -> LongestEdge {
+        self.longest_edge.unwrap_or(goal.default_cuts())
     }
 
     /// A mesh with its triangles cut. `own_density` as in [`bake`](Self::bake).
@@ -660,7 +692,7 @@ impl<'a> Baker<'a> {
         cage: Option<f64>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
-        let mesh = self.refined(self.mesh, self.longest_edge.unwrap_or_default(), None);
+        let mesh = self.refined(self.mesh, self.cuts(goal), None);
         let mesh = without_textures(&mesh);
         let options = TransferOptions { cage, ..TransferOptions::default() };
         let source = TransferSource::new(&mesh, detailed, detail, &options)?;
@@ -692,13 +724,31 @@ enum Goal<'g> {
     Plan(&'g Path, &'g [u8]),
     /// Shard and count.
     Part(&'g Plan, [u32; 2], &'g Path),
+    /// A model with texture coordinates.
+    #[cfg(feature = "export")]
+    Model(&'g Path, &'g ExportOptions<'g>),
 }
 
 impl<'g> Goal<'g> {
-    #[cfg(feature = "photos")]
     fn path(&self) -> &'g Path {
         match self {
             Self::Asset(path) | Self::Plan(path, _) | Self::Part(.., path) => path,
+            #[cfg(feature = "export")]
+            Self::Model(path, ..) => path,
+        }
+    }
+
+    /// Whether it was planned before, and what is to be said was said then.
+    fn is_part(&self) -> bool {
+        matches!(self, Self::Part(..))
+    }
+
+    /// Triangles are cut so that tiles lie better.
+    fn default_cuts(&self) -> LongestEdge {
+        match self {
+            Self::Asset(_) | Self::Plan(..) | Self::Part(..) => LongestEdge::Automatic,
+            #[cfg(feature = "export")]
+            Self::Model(..) => LongestEdge::Texels(0),
         }
     }
 }
@@ -722,6 +772,9 @@ pub struct Baked {
     /// What was found out about photographs.
     #[cfg(feature = "photos")]
     pub photos: Option<fantex_photos::PhotoReport>,
+    /// What was written instead of an asset.
+    #[cfg(feature = "export")]
+    pub exported: Option<fantex_export::ExportSummary>,
 }
 
 /// A closure as a source of base colour.

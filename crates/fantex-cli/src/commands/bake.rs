@@ -1,17 +1,19 @@
-//! `fantex bake`: a model and a source of colour in, one seamless asset out.
+//! `fantex bake`: a model and a source of colour in, one seamless asset out, or a model with texture coordinates.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::addresses::Target;
+use fantex::addresses::{Target, is_address};
 use fantex::bake::{BakeSummary, LightMapNoise, Progress};
+use fantex::export::ExportOptions;
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
 use fantex::{BakeFormat, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
+use crate::commands::export::{ModelInfo, ModelKind, has_extension, model_notes};
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
@@ -19,7 +21,7 @@ use crate::scene::{check_asset_name, open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
-/// Bake a model and a source of colour into one seamless asset.
+/// Bake a model and a source of colour into one seamless asset, or into a model with texture coordinates.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
@@ -29,6 +31,7 @@ Example:
   fantex bake chair.glb -o chair.fan --look oak.toml
   fantex bake coarse.obj -o coarse.fan --source mesh=scan.ply,cage=0.02
   fantex bake scan.ply -o scan.fan --source photos=scan/sparse/0,images=scan/images
+  fantex bake scan.ply -o scan.glb --texels 16M
 
 Another model (mesh=PATH) gives its textures or vertex colours and its normals: every point of the model looks for its surface \
 along the smooth normal, outwards and inwards, not farther than the cage, which is measured where it is not given.
@@ -41,7 +44,11 @@ error_left.
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own \
 density unless --texels or --density says otherwise; other sources get 4M texels. A model that repeats its textures, as \
-tiled walls and cards of leaves do, gets at most 16M texels, or twice those of its images, by itself; --match lifts this.")]
+tiled walls and cards of leaves do, gets at most 16M texels, or twice those of its images, by itself; --match lifts this.
+
+An output that ends in .glb or .gltf is a model with ordinary texture coordinates, for programs that know no fans, in the shortest way: without \
+an asset, which 'fantex export' would make the same of with more choices. Its pictures have about as many texels as --texels says, and are squares with \
+a power of two of columns.")]
 pub(crate) struct BakeArgs {
     #[command(flatten)]
     job: JobArgs,
@@ -55,7 +62,7 @@ pub(crate) struct BakeArgs {
 pub(crate) struct JobArgs {
     /// A model (.glb .gltf .obj .ply .stl), or with --source or --look an asset (.fan), whose mesh is taken
     model: PathBuf,
-    /// The file to write, also at an s3://, gs:// or az:// address
+    /// The file to write, also at an s3://, gs:// or az:// address; .glb or .gltf for a model with texture coordinates
     #[arg(short, long, value_name = "ASSET")]
     pub(crate) output: PathBuf,
     /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],
@@ -187,6 +194,7 @@ impl From<&PhotoReport> for PhotosInfo {
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
     match args.shard {
         Some(shard) => plan::bake_shard(&args.job.model, shard, &args.job.output, context),
+        None if is_model(&args.job.output) => bake_model(&args.job, context),
         None => context.print(&bake(&args.job, &args.job.output, &Goal::Asset, context.seed, context)?, text),
     }
 }
@@ -207,8 +215,69 @@ pub(crate) fn bake(
     seed: u64,
     context: &Context,
 ) -> Result<BakeInfo> {
-    let started = Instant::now();
     check_asset_name(output)?;
+    with_job(args, output, goal, seed, context, |job| job.run(context))
+}
+
+/// Whether a path names a model that is written instead of an asset.
+fn is_model(path: &Path) -> bool {
+    ["glb", "gltf"].iter().any(|extension| has_extension(path, extension))
+}
+
+/// What can be said of a model that was baked.
+#[derive(Debug, Serialize)]
+struct BakedModelInfo {
+    output: PathBuf,
+    source: String,
+    #[serde(flatten)]
+    model: ModelInfo,
+    seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    light: Option<LightInfo>,
+    peak_memory_bytes: Option<u64>,
+    #[serde(flatten)]
+    photos: Option<PhotosInfo>,
+}
+
+/// Bakes into a model.
+fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
+    let output = &args.output;
+    let EncodingArgs { format, fit, quality } = args.encoding;
+    let of_assets = [
+        ("--tile", args.cover.tile.is_some()),
+        ("--format", format != BakeFormat::default()),
+        ("--fit", fit != Fit::default()),
+        ("--quality", quality != Quality::default()),
+    ];
+    if let Some((option, _)) = of_assets.iter().find(|(_, is_given)| *is_given) {
+        return Err(Error::invalid(format!(
+            "{option} says how the tiles of an asset are made, and {} is a model; leave it out, or bake an asset (.fan) and export that",
+            output.display()
+        )));
+    }
+    if is_address(output) {
+        return Err(Error::invalid(format!(
+            "cannot write {}: models are written here; give a path, and copy the file to its address afterwards",
+            output.display()
+        )));
+    }
+    let info = with_job(args, output, &Goal::Asset, context.seed, context, |job| job.run_model(context))?;
+    context.print(&info, |info| {
+        let (model, seconds) = (info.model.text("piece"), info.seconds);
+        format!("{}: {model}, {seconds:.1} s\n{}", output.display(), info.model.others(output))
+    })
+}
+
+/// Does with a job what `run` does; the arguments are checked before.
+fn with_job<T>(
+    args: &JobArgs,
+    output: &Path,
+    goal: &Goal<'_>,
+    seed: u64,
+    context: &Context,
+    run: impl FnOnce(&BakeJob<'_>) -> Result<T>,
+) -> Result<T> {
+    let started = Instant::now();
     // What is no asset, a plan or a damaged file, is named first.
     let mesh = open_shape(&args.model)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
@@ -255,7 +324,7 @@ pub(crate) fn bake(
             "--match takes the density of textures, and {source} has none; give --texels or --density"
         )));
     }
-    job.run(context)
+    run(&job)
 }
 
 /// A mesh, and how it becomes an asset.
@@ -275,37 +344,13 @@ pub(crate) struct BakeJob<'a> {
 
 impl BakeJob<'_> {
     pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo> {
-        let Self { mesh, cover, encoding, output, goal, .. } = self;
+        let Self { output, goal, .. } = self;
         let load_seconds = self.started.elapsed().as_secs_f64();
         let _deferral = context.defer_interrupt();
         let target = Target::new(output)?;
         let (baked, told) = {
             let progress = Teller::new(context);
-            let mut baker = Baker::new(mesh)
-                .source(self.source.source())
-                .format(encoding.format)
-                .fit(encoding.fit)
-                .quality(encoding.quality)
-                .overwrite(context.force)
-                .strict(context.strict)
-                .memory(context.memory_bytes)
-                .seed(self.seed)
-                .progress(&progress);
-            if let Some(texels) = cover.texels {
-                baker = baker.texels(texels.0);
-            }
-            if let Some(density) = cover.density {
-                baker = baker.density(density);
-            }
-            if let Some(tile) = cover.tile {
-                baker = baker.tile(tile);
-            }
-            if let Some(LongestEdgeArg(longest_edge)) = cover.longest_edge {
-                baker = baker.longest_edge(longest_edge);
-            }
-            if self.match_source {
-                baker = baker.matching();
-            }
+            let baker = self.baker(context).progress(&progress);
             let baked = match goal {
                 Goal::Asset => baker.write(target.file())?,
                 Goal::Plan(about) => baker.write_plan(target.file(), about)?,
@@ -347,6 +392,66 @@ impl BakeJob<'_> {
             peak_memory_bytes: peak_memory_bytes(),
             photos: baked.photos.as_ref().map(PhotosInfo::from),
         })
+    }
+
+    /// Writes a model with texture coordinates instead.
+    fn run_model(&self, context: &Context) -> Result<BakedModelInfo> {
+        let _deferral = context.defer_interrupt();
+        let options = ExportOptions {
+            force: context.force,
+            strict: context.strict,
+            memory_bytes: context.memory_bytes,
+            ..ExportOptions::default()
+        };
+        let (baked, told) = {
+            let progress = Teller::new(context);
+            let baked = self.baker(context).progress(&progress).write_model(self.output, &options)?;
+            (baked, progress.told())
+        };
+        baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
+        if let SourceArg::Mesh { path, .. } = &self.source {
+            report_damage(path, &baked.summary.damage, context)?;
+        }
+        let exported = baked.exported.unwrap_or_default();
+        model_notes(self.output, &exported, &ModelKind::Baked, context);
+        Ok(BakedModelInfo {
+            output: self.output.to_path_buf(),
+            source: self.source.to_string(),
+            model: ModelInfo::new(&exported),
+            seconds: self.started.elapsed().as_secs_f64(),
+            light: baked.summary.light.map(LightInfo::from),
+            peak_memory_bytes: peak_memory_bytes(),
+            photos: baked.photos.as_ref().map(PhotosInfo::from),
+        })
+    }
+
+    fn baker<'b>(&'b self, context: &Context) -> Baker<'b> {
+        let Self { mesh, cover, encoding, .. } = self;
+        let mut baker = Baker::new(mesh)
+            .source(self.source.source())
+            .format(encoding.format)
+            .fit(encoding.fit)
+            .quality(encoding.quality)
+            .overwrite(context.force)
+            .strict(context.strict)
+            .memory(context.memory_bytes)
+            .seed(self.seed);
+        if let Some(texels) = cover.texels {
+            baker = baker.texels(texels.0);
+        }
+        if let Some(density) = cover.density {
+            baker = baker.density(density);
+        }
+        if let Some(tile) = cover.tile {
+            baker = baker.tile(tile);
+        }
+        if let Some(LongestEdgeArg(longest_edge)) = cover.longest_edge {
+            baker = baker.longest_edge(longest_edge);
+        }
+        if self.match_source {
+            baker = baker.matching();
+        }
+        baker
     }
 }
 

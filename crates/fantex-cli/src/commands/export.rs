@@ -182,6 +182,14 @@ struct ExportInfo {
     objects: Option<usize>,
     /// Tiles of fans instead of an atlas.
     fans: bool,
+    #[serde(flatten)]
+    model: ModelInfo,
+    seconds: f64,
+}
+
+/// A model with pictures, or pictures alone.
+#[derive(Debug, Serialize)]
+pub(crate) struct ModelInfo {
     files: Vec<FileInfo>,
     /// Longer sides of the pictures in texels, one per page.
     sizes: Vec<u32>,
@@ -200,7 +208,52 @@ struct ExportInfo {
     texels: u64,
     triangles: u64,
     vertices: usize,
-    seconds: f64,
+}
+
+impl ModelInfo {
+    pub(crate) fn new(summary: &ExportSummary) -> Self {
+        Self {
+            files: summary
+                .files
+                .iter()
+                .map(|(path, bytes)| FileInfo { path: path.clone(), bytes: *bytes })
+                .collect(),
+            sizes: summary.sizes.iter().map(|[columns, rows]| *columns.max(rows)).collect(),
+            extents: summary.sizes.clone(),
+            channels: summary.maps.iter().map(|m| m.name()).collect(),
+            charts: summary.charts,
+            padding: summary.padding,
+            used_share: summary.used_share,
+            overlapping_share: summary.overlapping_share,
+            density_share: summary.density_share,
+            texels: summary.texels,
+            triangles: summary.triangles,
+            vertices: summary.vertices,
+        }
+    }
+
+    /// What it is; `piece`: what its charts are called.
+    pub(crate) fn text(&self, piece: &str) -> String {
+        let bytes = self.files.iter().map(|f| f.bytes).sum();
+        let pieces = match self.charts {
+            0 => "the model's coordinates".to_owned(),
+            charts => format!("{}, padding {}", counted(charts as u64, piece), self.padding),
+        };
+        format!(
+            "{} texels ({} % used; {pieces}), {}, {} in {}",
+            sizes(&self.extents),
+            percent(self.used_share),
+            counted(self.triangles, "triangle"),
+            megabytes(bytes),
+            counted(self.files.len() as u64, "file")
+        )
+    }
+
+    /// The files besides the output, a line each.
+    pub(crate) fn others(&self, output: &Path) -> String {
+        let others = self.files.iter().filter(|f| f.path != output);
+        others.map(|file| format!("  {} {}\n", file.path.display(), megabytes(file.bytes))).collect()
+    }
 }
 
 pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
@@ -283,7 +336,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         ErrorKind::Damaged => error.in_file(&args.asset),
         _ => error,
     })?;
-    notes(args, &summary, context);
+    model_notes(&args.output, &summary, &ModelKind::Exported { fans: args.fans }, context);
     if let Some((tiles, first)) = &summary.damage {
         context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
     }
@@ -370,20 +423,36 @@ fn percent(share: f64) -> String {
     }
 }
 
-/// Notes on what the result lacks.
-fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
-    let output = args.output.display();
+/// How a model came about, which tells what to do about what it lacks.
+pub(crate) enum ModelKind {
+    /// From an asset; with tiles of fans instead of an atlas, or without.
+    Exported { fans: bool },
+    /// From a source.
+    Baked,
+}
+
+/// Notes on what a model lacks.
+pub(crate) fn model_notes(output: &Path, summary: &ExportSummary, kind: &ModelKind, context: &Context) {
+    let output = output.display();
     if summary.density_share < 0.9 {
         let percent = 100.0 * summary.density_share;
         let side = summary.sizes.as_flattened().iter().max().copied().unwrap_or(0);
-        context.note(format!(
-            "{output}: {side} texels a side hold {percent:.0} % of the asset's density; give a larger --size for all of it"
-        ));
+        let held = format!("{output}: {side} texels a side hold {percent:.0} % of");
+        context.note(match kind {
+            ModelKind::Exported { .. } => {
+                format!("{held} the asset's density; give a larger --size for all of it")
+            }
+            ModelKind::Baked => {
+                format!("{held} the density that was asked for; an asset (.fan) holds all of it")
+            }
+        });
     }
-    if summary.charts > 0 && summary.used_share < NARROW_SHARE && !args.fans {
+    let is_atlas = !matches!(kind, ModelKind::Exported { fans: true });
+    if summary.charts > 0 && summary.used_share < NARROW_SHARE && is_atlas {
+        let option = if let ModelKind::Baked = kind { "fewer --texels" } else { "a smaller --size" };
         context.note(format!(
             "{output}: {} % of the texels lie on the surface: its pieces ({}) are long and narrow, and what keeps them apart takes the rest; \
-             give a smaller --size if that is too much",
+             give {option} if that is too much",
             percent(summary.used_share),
             grouped(summary.charts as u64)
         ));
@@ -402,8 +471,8 @@ fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
             counted(summary.points as u64, "triangle")
         ));
     }
-    for kind in &summary.left_out {
-        let (name, option) = match kind {
+    for channel in &summary.left_out {
+        let (name, option) = match channel {
             ChannelKind::Displacement => ("heights", "displacement"),
             ChannelKind::Light => ("light map", "light"),
             ChannelKind::Anisotropy => {
@@ -412,8 +481,11 @@ fn notes(args: &ExportArgs, summary: &ExportSummary, context: &Context) {
             }
             _ => continue,
         };
-        context
-            .note(format!("{output}: glTF has no place for the {name}; write them with --channel {option}"));
+        let how = match kind {
+            ModelKind::Exported { .. } => format!("write them with --channel {option}"),
+            ModelKind::Baked => format!("bake an asset, and export them with --channel {option}"),
+        };
+        context.note(format!("{output}: glTF has no place for the {name}; {how}"));
     }
 }
 
@@ -425,52 +497,17 @@ fn info(args: &ExportArgs, input: &Input, summary: &ExportSummary, seconds: f64)
             Input::World(world) => Some(world.objects.len()),
         },
         fans: args.fans,
-        files: summary
-            .files
-            .iter()
-            .map(|(path, bytes)| FileInfo { path: path.clone(), bytes: *bytes })
-            .collect(),
-        sizes: summary.sizes.iter().map(|[columns, rows]| *columns.max(rows)).collect(),
-        extents: summary.sizes.clone(),
-        channels: summary.maps.iter().map(|m| m.name()).collect(),
-        charts: summary.charts,
-        padding: summary.padding,
-        used_share: summary.used_share,
-        overlapping_share: summary.overlapping_share,
-        density_share: summary.density_share,
-        texels: summary.texels,
-        triangles: summary.triangles,
-        vertices: summary.vertices,
+        model: ModelInfo::new(summary),
         seconds,
     }
 }
 
 fn text(info: &ExportInfo) -> String {
-    let bytes = info.files.iter().map(|f| f.bytes).sum();
-    let pieces = match info.charts {
-        0 => "the model's coordinates".to_owned(),
-        charts => format!(
-            "{}, padding {}",
-            counted(charts as u64, if info.fans { "tile" } else { "piece" }),
-            info.padding
-        ),
-    };
     let objects =
         info.objects.map_or_else(String::new, |count| format!("{}, ", counted(count as u64, "object")));
-    let mut text = format!(
-        "{}: {objects}{} texels ({} % used; {pieces}), {}, {} in {}, {:.1} s\n",
-        info.output.display(),
-        sizes(&info.extents),
-        percent(info.used_share),
-        counted(info.triangles, "triangle"),
-        megabytes(bytes),
-        counted(info.files.len() as u64, "file"),
-        info.seconds
-    );
-    for file in info.files.iter().filter(|f| f.path != info.output) {
-        text.push_str(&format!("  {} {}\n", file.path.display(), megabytes(file.bytes)));
-    }
-    text
+    let (output, seconds) = (info.output.display(), info.seconds);
+    let model = info.model.text(if info.fans { "tile" } else { "piece" });
+    format!("{output}: {objects}{model}, {seconds:.1} s\n{}", info.model.others(&info.output))
 }
 
 /// Sizes that many pictures have are said once.
@@ -485,7 +522,7 @@ fn sizes(extents: &[[u32; 2]]) -> String {
     sizes.join(" and ")
 }
 
-fn has_extension(path: &Path, extension: &str) -> bool {
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 

@@ -5,4 +5,5 @@
 mod fans;
 mod models;
 mod pictures;
+mod sources;
 mod support;

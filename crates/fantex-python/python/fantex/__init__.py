@@ -8,6 +8,7 @@ they meet. The *texture function* that comes out is continuous everywhere, whate
 >>> colors = asset.sample([[0.1, 0.2, 0.3]])                    # at the nearest point of the surface
 >>> asset.render(size=(960, 540)).save("scan.png")
 >>> asset.export("scan.glb", resolution=4096)                   # for programs that want UV coordinates
+>>> made = fantex.bake_model("scan.ply", "scan.glb")            # the same in one step, without an asset
 >>> world = fantex.split("land.fan", "land")                    # what is too large for one viewer
 
 Conventions: positions are in the units of the model's file, y or z up as it says. Faces are triangles, counter-clockwise seen
@@ -21,6 +22,7 @@ from ._asset import Asset, Atlas, Fans
 from ._bake import (
     Source,
     bake,
+    bake_model,
     image,
     look,
     mesh,
@@ -56,6 +58,7 @@ __all__ = [
     "WorldPreview",
     "__version__",
     "bake",
+    "bake_model",
     "bake_part",
     "check_parts",
     "compare",

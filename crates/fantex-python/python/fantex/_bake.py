@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, Optional, Tuple, Union
 import numpy as np
 
 from . import _native
-from ._asset import Asset
+from ._asset import Asset, _atlas_options
 from ._given import PATHS, Path, absolute, amount, whole
 from ._mesh import Mesh, Progress, _linear_rgba, _plain
 
@@ -188,9 +188,66 @@ def bake(
     return asset
 
 
+def bake_model(
+    mesh: Any,
+    path: Path,
+    *,
+    texels: Optional[float] = None,
+    density: Optional[float] = None,
+    match: bool = False,
+    source: Union[Source, Function, None] = None,
+    resolution: Optional[int] = None,
+    largest_side: int = 8192,
+    padding: Optional[int] = None,
+    uv: Any = "atlas",
+    longest_edge: Union[int, str, None] = None,
+    ktx2: bool = False,
+    overwrite: bool = False,
+    memory: float = 1 << 30,
+    seed: int = 1,
+    progress: Optional[Progress] = None,
+) -> Dict[str, Any]:
+    """Bakes a source onto a mesh and writes a model with ordinary texture coordinates, in the shortest way: what :func:`bake` and
+    :meth:`Asset.export` do, without an asset. Triangles stay whole unless ``longest_edge`` says otherwise.
+
+    Args:
+        mesh, density, match, source, longest_edge, memory, seed: as :func:`bake` takes them.
+        path: ``.glb`` with its pictures inside, or ``.gltf`` with files beside it. All files appear at the end, or none.
+        texels: of each picture, about; 4 million where nothing else says how many.
+        resolution: side of the pictures, a power of two, instead.
+        largest_side, padding, uv, ktx2: as :meth:`Asset.export` takes them.
+        overwrite: replace existing files.
+        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+
+    Returns:
+        The paths of all ``files``; ``resolution``, ``channels``, ``charts``, ``padding`` and ``used_share`` of the pictures; numbers of
+        ``triangles``, ``texels`` and ``bytes``; and ``notes``, a sentence each. Of photographs and of baked light what was found out about them.
+
+    Raises:
+        ValueError: an argument is out of its range, or the mesh has nothing to bake.
+        FileNotFoundError, FileExistsError, OSError: as their names say.
+        Error: a file is damaged or unsupported, or a limit would be exceeded.
+        KeyboardInterrupt: Ctrl-C; nothing is left of the files.
+    """
+    options = _options(
+        texels=texels,
+        density=density,
+        match=match,
+        resolution=resolution,
+        tile=None,
+        longest_edge=longest_edge,
+        seed=seed,
+    )
+    options.update(_atlas_options(resolution, largest_side, padding, uv, overwrite, memory))
+    figures = _native.bake_model(
+        Mesh.of(mesh)._native, os.fsdecode(path), _parts(source, options), {**options, "ktx2": ktx2}, progress
+    )
+    return {**figures, "files": [os.fspath(file) for file in figures["files"]]}
+
+
 def _options(**given: Any) -> Dict[str, Any]:
     """Settings of a bake as the compiled part takes them."""
-    asked = [name for name in ("texels", "density", "match") if given[name] not in (None, False)]
+    asked = [name for name in ("texels", "density", "match", "resolution") if given.get(name) not in (None, False)]
     if len(asked) > 1:
         raise ValueError(f"{asked[0]} and {asked[1]} both say how many texels there are; give one of them")
     texels, tile, edge = given["texels"], given["tile"], given["longest_edge"]

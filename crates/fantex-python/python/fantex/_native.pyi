@@ -89,6 +89,10 @@ def bake(
     mesh: Mesh, path: str, source: Any, options: Dict[str, Any], progress: Progress
 ) -> Dict[str, Any]: ...
 
+def bake_model(
+    mesh: Mesh, path: str, source: Any, options: Dict[str, Any], progress: Progress
+) -> Dict[str, Any]: ...
+
 class Plan:
     def __init__(self, place: str) -> None: ...
     about: bytes
