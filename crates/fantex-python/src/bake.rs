@@ -238,10 +238,10 @@ pub(crate) fn bake_model<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
+    check_is_path(&path).map_err(crate::watch::exception)?;
     let files = AtlasFiles::new(options)?;
     let mut exported = ExportSummary::default();
     let figures = Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| {
-        check_is_path(&path)?;
         let baked = baker.write_model(file, &files.options())?;
         exported = baked.exported.clone().unwrap_or_default();
         Ok(baked)

@@ -184,6 +184,50 @@ def test_own_materials_pictures_and_exports(tmp_path, bottle):
     assert report["ok"] and report["contradictions"] == 0 and report["texels_compared"] > 1_000
 
 
+def test_a_model_in_one_step(tmp_path, sphere):
+    """A function becomes a GLB whose texture is the function."""
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    path = tmp_path / "ball.glb"
+    reports = []
+    made = fantex.bake_model(sphere, path, source=pattern, resolution=512, progress=lambda *at: reports.append(at))
+    assert made["files"] == [str(path)] and made["resolution"] == 512 and made["channels"] == ["base-color"]
+    assert made["charts"] > 1 and 0.4 < made["used_share"] < 1 and reports[-1] == (512 * 512, 512 * 512)
+    assert made["bytes"] == path.stat().st_size
+    scene = trimesh.load(path, process=False)
+    (mesh,) = scene.geometry.values()
+    image = np.asarray(mesh.visual.material.baseColorTexture)[..., :3] / 255.0
+    linear = np.where(image <= 0.04045, image / 12.92, ((image + 0.055) / 1.055) ** 2.4)
+    random = np.random.default_rng(3)
+    face = random.integers(0, len(mesh.faces), 5000)
+    weights = random.dirichlet((1, 1, 1), 5000)[:, :, None]
+    points = (mesh.vertices[mesh.faces[face]] * weights).sum(1)
+    # trimesh has v upwards.
+    uv = (mesh.visual.uv[mesh.faces[face]] * weights).sum(1) * [1, -1] + [0, 1]
+    at = uv * 512 - 0.5
+    x, y = np.floor(at).astype(int).T
+    fx, fy = (at - np.floor(at)).T[:, :, None]
+    read = (linear[y, x] * (1 - fx) + linear[y, x + 1] * fx) * (1 - fy) + (
+        linear[y + 1, x] * (1 - fx) + linear[y + 1, x + 1] * fx
+    ) * fy
+    assert np.abs(read - pattern(points)).max() < 0.02
+    with pytest.raises(FileExistsError):
+        fantex.bake_model(sphere, path, source=pattern, resolution=512)
+    with pytest.raises(ValueError, match="texels and resolution"):
+        fantex.bake_model(sphere, tmp_path / "x.glb", source=pattern, texels=1e5, resolution=512)
+    with pytest.raises(ValueError, match="give a path"):
+        fantex.bake_model(sphere, "s3://a/x.glb", source=pattern)
+    with pytest.raises(ValueError, match=".glb or .gltf"):
+        fantex.bake_model(sphere, tmp_path / "x.fan", source=pattern)
+
+    def broken(points, normals):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        fantex.bake_model(sphere, tmp_path / "x.glb", source=broken)
+    assert [file.name for file in tmp_path.iterdir()] == ["ball.glb"]
+
+
 def test_to_trimesh(tmp_path, bottle):
     trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("PIL")

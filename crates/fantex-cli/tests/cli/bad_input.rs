@@ -111,7 +111,7 @@ fn names_of_outputs_say_what_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "colored.ply", COLORED_PLY);
     let at = |name: &str| folder.path().join(name);
-    for name in ["x.png", "x.GLB", "x.obj", "x.exr"] {
+    for name in ["x.png", "x.USDA", "x.obj", "x.exr"] {
         fails(2, &[name, "ends in .fan"], &[&"bake", &model, &"-o", &at(name)]);
     }
     let asset = at("x.fan");
@@ -532,10 +532,11 @@ fn a_full_disk_is_said_and_destroys_nothing() {
         "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] } }] }] }"#;
     let strokes = write(folder.path(), "strokes.json", stroke);
     let (asset, strokes, model) = [asset, strokes, bottle()].map(|path| path.display().to_string()).into();
-    let commands: [(&str, &str, &[&str]); 10] = [
+    let commands: [(&str, &str, &[&str]); 11] = [
         ("land.ply", "generate", &["landscape", "--triangles", "2k"]),
         ("land.obj", "generate", &["landscape", "--triangles", "2k"]),
         ("bottle.fan", "bake", &[&model, "--texels", "64k"]),
+        ("model.glb", "bake", &[&model, "--texels", "64k"]),
         ("color.png", "export", &[&asset, "--channel", "base-color", "--size", "256"]),
         ("color.exr", "export", &[&asset, "--channel", "base-color", "--size", "256"]),
         ("color.ktx2", "export", &[&asset, "--channel", "base-color", "--size", "256"]),

@@ -4,6 +4,7 @@
 
 mod azure;
 mod bad_input;
+mod baked_models;
 mod export_and_paint;
 mod hostile;
 mod looks;

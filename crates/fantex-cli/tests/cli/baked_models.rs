@@ -1,0 +1,73 @@
+//! `fantex bake` into a model with texture coordinates.
+
+use serde_json::json as value;
+
+use crate::{COLORED_PLY, CUBE_OBJ, bottle, fails, files, json, succeeds, write};
+
+#[test]
+fn a_bottle_is_baked_into_a_model_that_looks_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("out.glb");
+    let info = json(&[&"bake", &bottle(), &"-o", &model, &"--texels", &"1M"]);
+    assert_eq!(info["channels"], value!(["base-color", "orm", "normal", "emission"]));
+    assert_eq!((info["source"].as_str(), &info["sizes"]), (Some("uv"), &value!([1024])));
+    assert_eq!(info["files"][0]["bytes"], std::fs::metadata(&model).unwrap().len());
+    let compared = json(&[&"compare", &bottle(), &model, &"--views", &"3", &"--size", &"320x240"]);
+    assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 38.0, "{compared}");
+    fails(1, &["exists already"], &[&"bake", &bottle(), &"-o", &model]);
+    let text = folder.path().join("text.gltf");
+    succeeds(&[&"bake", &bottle(), &"-o", &text, &"--source", &"solid=marble", &"--texels", &"64k"]);
+    assert_eq!(files(folder.path()), ["out.glb", "text-base-color.png", "text.bin", "text.gltf"]);
+}
+
+/// As sharp as by way of an asset with as many texels on the surface, or sharper.
+#[test]
+fn less_is_lost_than_by_way_of_an_asset() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let psnr = |model: &std::path::Path| {
+        let compared = json(&[&"compare", &bottle(), &model, &"--views", &"3", &"--size", &"320x240"]);
+        compared["psnr_db"]["mean"].as_f64().unwrap()
+    };
+    succeeds(&[&"bake", &bottle(), &"-o", &at("direct.glb"), &"--texels", &"1M"]);
+    succeeds(&[&"bake", &bottle(), &"-o", &at("asset.fan"), &"--texels", &"1M"]);
+    succeeds(&[&"export", &at("asset.fan"), &"-o", &at("exported.glb"), &"--size", &"1024"]);
+    let [direct, exported] = ["direct.glb", "exported.glb"].map(|name| psnr(&at(name)));
+    eprintln!("direct {direct:.2} dB, by way of an asset {exported:.2} dB");
+    assert!(direct > exported, "{direct} {exported}");
+}
+
+/// Baked light comes by way of an asset, of which nothing stays.
+#[test]
+fn light_is_baked_into_a_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = "[materials.white]\nbase_color = 0.8\n[bake]\nlight = { samples = 16, bounces = 1 }\n\
+                [[light]]\nkind = \"sun\"\nto_light = [1, 2, 3]\n[environment]\ncolor = [0.2, 0.3, 0.4]\n";
+    let look = write(folder.path(), "lit.toml", text);
+    let at = |name: &str| folder.path().join(name);
+    let info = json(&[&"bake", &model, &"-o", &at("lit.glb"), &"--look", &look, &"--texels", &"64k"]);
+    assert_eq!(info["light"]["mean_samples"], 16.0);
+    assert_eq!(files(folder.path()), ["colored.ply", "lit.glb", "lit.toml"]);
+    succeeds(&[&"bake", &model, &"-o", &at("lit.fan"), &"--look", &look, &"--texels", &"64k"]);
+    let compared =
+        json(&[&"compare", &at("lit.fan"), &at("lit.glb"), &"--views", &"2", &"--size", &"160x120"]);
+    assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 35.0, "{compared}");
+}
+
+#[test]
+fn what_is_an_assets_alone_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let out = folder.path().join("x.glb");
+    for (option, given) in [("--tile", "64"), ("--format", "bc1"), ("--fit", "point"), ("--quality", "basic")]
+    {
+        let arguments: &[&dyn AsRef<std::ffi::OsStr>] =
+            &[&"bake", &model, &"-o", &out, &"--source", &"solid=marble", &option, &given];
+        fails(2, &[option, "bake an asset (.fan)"], arguments);
+    }
+    fails(2, &["cannot write s3://a/x.glb", "copy"], &[&"bake", &model, &"-o", &"s3://a/x.glb"]);
+    fails(2, &["neither textures nor colours"], &[&"bake", &model, &"-o", &out]);
+    fails(2, &["ends in .fan"], &[&"plan", &model, &"-o", &out, &"--source", &"solid=marble"]);
+    assert_eq!(files(folder.path()), ["cube.obj"]);
+}
