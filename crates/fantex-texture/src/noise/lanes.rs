@@ -239,7 +239,7 @@ fn load<S: Simd, const COUNT: usize>(simd: S, from: &[f32; COUNT], first: usize)
 fn band_limits<S: Simd>(simd: S, cells: S::f32s) -> S::f32s {
     let one = S::f32s::splat(simd, 1.0);
     // The quotient by a half is exact either way.
-    let t = ((cells - 0.25) * 2.0).max(0.0).min(one);
+    let t = ((cells - 0.5) * 2.0).max(0.0).min(one);
     one - t * t * (S::f32s::splat(simd, 3.0) - t * 2.0)
 }
 

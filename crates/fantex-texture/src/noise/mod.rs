@@ -13,10 +13,10 @@ mod perlin3;
 use lanes::{CellularValue, Gradients, Kernel, Octaves, Scattered, Shape, Simplices, octave_seed};
 pub use perlin3::*;
 
-/// What is left of a detail whose period is one cell, when cells of `frequency` per unit are averaged over `footprint`:
-/// 1 below a quarter of a cell, 0 from three quarters on.
+/// What is left of noise with cells of `frequency` per unit when it is averaged over `footprint`: 1 up to half a cell, 0 from a whole one on.
+/// Periods of noise are about two cells long, and texels as wide as the footprint show none that is shorter than two of them.
 pub fn band_limit(frequency: f32, footprint: f32) -> f32 {
-    1.0 - smoothstep(0.25, 0.75, frequency * footprint)
+    1.0 - smoothstep(0.5, 1.0, frequency * footprint)
 }
 
 /// 0 below `low`, 1 above `high`, a cubic with level ends between.

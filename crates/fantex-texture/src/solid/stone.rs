@@ -51,6 +51,17 @@ fn ring_profile(phase: f32) -> f32 {
     smoothstep(0.4, 0.95, phase) * (1.0 - smoothstep(0.9, 1.0, phase)).max(0.0)
 }
 
+/// Pores per unit of the place.
+const PORES: f32 = 110.0;
+
+/// How dark a pore is, by noise.
+fn pore(noise: f32) -> f32 {
+    smoothstep(0.25, 0.6, noise)
+}
+
+/// Mean of [`pore`] over space.
+const PORE_MEAN: f32 = 0.0675;
+
 impl Wood {
     fn noise(&self) -> Noise {
         Noise::new(self.seed)
@@ -83,7 +94,10 @@ impl Wood {
         let still: Notes<SolidPoint> = at.iter().map(|at| SolidPoint { footprint: 0.0, ..*at }).collect();
         let waves = fbm(&noise, &still, 3, 1.0, |i, _| locals[i] * Vec3::new(1.6, 0.5, 1.6));
         let fibers = fbm(&noise, at, 3, 60.0, |i, p| Vec3::new(p.x * 60.0, locals[i].y * 3.0, p.z * 60.0));
-        let pores = fbm(&noise, at, 1, 110.0, |i, p| Vec3::new(p.x * 110.0, locals[i].y * 4.0, p.z * 110.0));
+        let pores: Notes<f32> = match at.iter().any(|at| band_limit(PORES, at.footprint) > 0.0) {
+            true => values(&noise, at, |i, p| Vec3::new(p.x * PORES, locals[i].y * 4.0, p.z * PORES)),
+            false => at.iter().map(|_| 0.0).collect(),
+        };
         let tones = fbm(&noise, at, 2, 1.3, |_, p| p * 1.3);
         for (i, (at, color)) in at.iter().zip(colors).enumerate() {
             let rings = self.radius(locals[i], waves[i]) / self.ring;
@@ -92,9 +106,14 @@ impl Wood {
             let left = band_limit(2.0 / self.ring, at.footprint);
             // Years differ.
             let vigor = 0.55 + 0.45 * noise.cell_value(IVec3::new(ring as i32, 0, 0));
-            let late = RING_MEAN * 0.775 + left * (vigor * ring_profile(rings - ring) - RING_MEAN * 0.775);
+            // The mean over the footprint, by its thirds.
+            let width = at.footprint / self.ring;
+            let profile = [-1.0, 0.0, 1.0]
+                .map(|side| ring_profile((rings - ring + side * width / 3.0).rem_euclid(1.0)));
+            let profile = profile.iter().sum::<f32>() / 3.0;
+            let late = RING_MEAN * 0.775 + left * (vigor * profile - RING_MEAN * 0.775);
             let share = (1.15 * late + self.grain * 0.16 * fibers[i]).clamp(0.0, 1.0);
-            let pores = smoothstep(0.25, 0.6, pores[i]);
+            let pores = PORE_MEAN + band_limit(PORES, at.footprint) * (pore(pores[i]) - PORE_MEAN);
             let tone = 1.0 + 0.25 * tones[i];
             let rgb =
                 self.early.rgb().lerp(self.late.rgb(), share) * tone * (1.0 - self.grain * 0.35 * pores);
@@ -217,16 +236,29 @@ seeded!(Granite, |granite| {
 /// Shares of feldspar and of feldspar with quartz.
 const SHARES: [f32; 2] = [0.52, 0.83];
 
+/// Width of the lines that part grains, in grains.
+const BORDER: f32 = 0.08;
+
+/// How dark the line between grains is, where it is drawn this wide: nearly as dark in the mean, whatever the width.
+fn border(grain: &Cellular, width: f32) -> f32 {
+    (1.0 - smoothstep(0.0, width, grain.second - grain.nearest)) * BORDER / width
+}
+
+/// Mean of [`border`] over space.
+const BORDER_MEAN: f32 = 0.148;
+
 impl Granite {
+    /// Of all grains and what parts them.
     fn mean(&self) -> Vec3 {
-        self.feldspar.rgb() * SHARES[0]
+        let minerals = self.feldspar.rgb() * SHARES[0]
             + self.quartz.rgb() * (SHARES[1] - SHARES[0])
-            + self.mica.rgb() * (1.0 - SHARES[1])
+            + self.mica.rgb() * (1.0 - SHARES[1]);
+        minerals * (1.0 - 0.28 * BORDER_MEAN)
     }
 
     /// The grains of one width, from places shifted by `shift`.
     fn grains(&self, at: &[SolidPoint], shift: f32, width: f32, seed: u32) -> Notes<Vec3> {
-        if at.iter().all(|at| band_limit(0.7 / width, at.footprint) == 0.0) {
+        if at.iter().all(|at| band_limit(1.0 / width, at.footprint) == 0.0) {
             return at.iter().map(|_| self.mean()).collect();
         }
         // Grains have crooked borders.
@@ -247,9 +279,9 @@ impl Granite {
             // Brightness differs from grain to grain; thin dark borders part them.
             let shade = 0.78 + 0.44 * (grain.id * 37.0).fract();
             let blur = (at.footprint / width).max(0.02);
-            let border = smoothstep(0.0, 0.06 + blur, grain.second - grain.nearest);
-            let left = band_limit(0.7 / width, at.footprint);
-            self.mean().lerp(mineral * shade * (0.72 + 0.28 * border), left)
+            let border = border(grain, 0.06 + blur);
+            let left = band_limit(1.0 / width, at.footprint);
+            self.mean().lerp(mineral * shade * (1.0 - 0.28 * border), left)
         };
         at.iter().zip(&grains).map(color).collect()
     }
@@ -311,12 +343,13 @@ impl Rock {
 
     /// The colour of the sequence of layers at `level`, averaged over `width`, both in layers.
     fn layer(&self, level: f32, width: f32) -> Vec3 {
+        let level = level - 0.5 * width.min(0.8);
         let index = level.floor();
         let color = |index: f32| {
             let pick = self.noise().cell_value(IVec3::new(index as i32, 91, 0));
             LAYERS[(pick * LAYERS.len() as f32) as usize % LAYERS.len()]
         };
-        // Layers are even inside and change within a fifth of their thickness, or within the footprint.
+        // Layers are even inside and change within a fifth of their thickness, and a footprint widens that to both sides.
         let change = (0.2 + width).min(1.0);
         color(index).lerp(color(index + 1.0), smoothstep(1.0 - change, 1.0, level - index))
     }
@@ -365,6 +398,78 @@ mod tests {
     fn ring_mean_is_that_of_the_profile() {
         let mean = (0..10_000).map(|i| ring_profile((i as f32 + 0.5) / 10_000.0)).sum::<f32>() / 10_000.0;
         assert!((mean - RING_MEAN).abs() < 0.005, "{mean}");
+    }
+
+    /// A mean over points that are spread over much of space.
+    fn mean(value: impl Fn(Vec3) -> f32) -> f32 {
+        let mut random = fantex_base::Random::new(3);
+        let mut along = || 2000.0 * random.unit() as f32 - 1000.0;
+        (0..200_000).map(|_| value(Vec3::new(along(), along(), along()))).sum::<f32>() / 200_000.0
+    }
+
+    #[test]
+    fn pore_mean_is_that_of_the_noise() {
+        let noise = Noise::new(7);
+        let mean = mean(|p| pore(noise.value(p)));
+        assert!((mean - PORE_MEAN).abs() < 0.002, "{mean}");
+    }
+
+    #[test]
+    fn border_mean_is_that_of_the_grains_and_hardly_changes_with_the_width() {
+        let grain = |p: Vec3| crate::noise::cellular(7, p.to_array(), CellularMetric::Euclidean);
+        for (width, off) in [(BORDER, 0.002), (0.1, 0.005), (0.2, 0.016)] {
+            let mean = mean(|p| border(&grain(p), width));
+            assert!((mean - BORDER_MEAN).abs() < off, "{width}: {mean}");
+        }
+    }
+
+    /// Colours for a footprint are those of its points in the mean: over a plane, and square by square.
+    #[test]
+    fn a_footprint_shows_the_mean_of_its_points() {
+        let solids: [(&str, Box<dyn Solid>, f32, [f32; 2]); 4] = [
+            ("marble", Box::new(Marble::new(1)), 0.002, [0.009, 0.034]),
+            ("granite", Box::new(Granite::new(1)), 0.01, [0.06, 0.095]),
+            ("rock", Box::new(Rock::new(1)), 0.001, [0.0025, 0.016]),
+            ("wood", Box::new(Wood::new(1)), 0.002, [0.009, 0.029]),
+        ];
+        const SQUARES: usize = 64;
+        const POINTS: usize = 12;
+        for (name, solid, bias, differences) in solids {
+            for (width, difference) in [0.004_f32, 0.012].into_iter().zip(differences) {
+                let at = |x: f32, y: f32, footprint: f32| SolidPoint {
+                    p: Vec3::new(x * width, y * width, 0.3),
+                    n: Vec3::Z,
+                    footprint,
+                    time: 0.0,
+                };
+                let mut shown = Vec::new();
+                let mut points = Vec::new();
+                for square in 0..SQUARES * SQUARES {
+                    let [x, y] = [square % SQUARES, square / SQUARES].map(|n| n as f32 - 20.0);
+                    shown.push(at(x + 0.5, y + 0.5, width));
+                    for point in 0..POINTS * POINTS {
+                        let [u, v] =
+                            [point % POINTS, point / POINTS].map(|n| (n as f32 + 0.5) / POINTS as f32);
+                        points.push(at(x + u, y + v, 0.0));
+                    }
+                }
+                let [shown, points] = [shown, points].map(|at| {
+                    let mut colors = vec![[0.0; 4]; at.len()];
+                    solid.colors(&at, &mut colors);
+                    colors
+                });
+                let mean = |colors: &[[f32; 4]]| {
+                    let sum: glam::DVec4 = colors.iter().map(|&c| glam::Vec4::from(c).as_dvec4()).sum();
+                    (sum / colors.len() as f64).as_vec4()
+                };
+                let squares = shown.iter().zip(points.chunks_exact(POINTS * POINTS));
+                let squared: f32 =
+                    squares.map(|(&c, all)| (glam::Vec4::from(c) - mean(all)).length_squared()).sum();
+                let found = [(mean(&shown) - mean(&points)).length(), (squared / shown.len() as f32).sqrt()];
+                eprintln!("{name} {width}: bias {:.4}, difference {:.4}", found[0], found[1]);
+                assert!(found[0] < bias && found[1] < difference, "{name} {width}: {found:?}");
+            }
+        }
     }
 
     #[test]
