@@ -426,15 +426,21 @@ mod tests {
     /// Colours for a footprint are those of its points in the mean: over a plane, and square by square.
     #[test]
     fn a_footprint_shows_the_mean_of_its_points() {
-        let solids: [(&str, Box<dyn Solid>, f32, [f32; 2]); 4] = [
-            ("marble", Box::new(Marble::new(1)), 0.002, [0.009, 0.034]),
-            ("granite", Box::new(Granite::new(1)), 0.01, [0.06, 0.095]),
-            ("rock", Box::new(Rock::new(1)), 0.001, [0.0025, 0.016]),
-            ("wood", Box::new(Wood::new(1)), 0.002, [0.009, 0.029]),
+        let solids: [Box<dyn Solid>; 4] = [
+            Box::new(Marble::new(1)),
+            Box::new(Granite::new(1)),
+            Box::new(Rock::new(1)),
+            Box::new(Wood::new(1)),
+        ];
+        let bounds = [
+            ("marble", 0.002, [0.009, 0.034]),
+            ("granite", 0.01, [0.06, 0.095]),
+            ("rock", 0.001, [0.0025, 0.016]),
+            ("wood", 0.002, [0.009, 0.029]),
         ];
         const SQUARES: usize = 64;
         const POINTS: usize = 12;
-        for (name, solid, bias, differences) in solids {
+        for ((name, bias, differences), solid) in bounds.into_iter().zip(solids) {
             for (width, difference) in [0.004_f32, 0.012].into_iter().zip(differences) {
                 let at = |x: f32, y: f32, footprint: f32| SolidPoint {
                     p: Vec3::new(x * width, y * width, 0.3),
