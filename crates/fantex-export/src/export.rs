@@ -37,7 +37,7 @@ pub struct ExportSummary {
     pub used_share: f64,
     /// Share of those that several triangles claim: coordinates of a model that overlap.
     pub overlapping_share: f64,
-    /// Texels per mesh unit, relative to the asset's.
+    /// Texels per mesh unit, relative to the asset's, or to what was asked for.
     pub density_share: f64,
     /// Triangles that a model's coordinates give no area, as where they point into a palette: each shows one colour.
     pub points: usize,

@@ -25,10 +25,10 @@ pub(crate) trait Surface: Sync {
     /// How texels are fitted, see `texels.rs`.
     fn fit(&self) -> f32;
 
-    /// Linear values of every map at the points of a region. They may be read by several threads at once.
+    /// Linear values of every map at the points of a region, one list per map.
     fn values(&self, page: &Page, region: &Region, maps: &[Map], frames: &Frames<'_>) -> Vec<Values>;
 
-    /// What values exceed 1 at most, if that is known without making all texels; 1 where they may not.
+    /// The largest red, green or blue number, at least 1; none where only all texels tell.
     fn largest(&self, map: &Map) -> Option<f32>;
 
     /// Pieces that could not be read and were replaced by coarser ones; the first, with its reason.
