@@ -50,11 +50,7 @@ impl<'a> Fitting<'a> {
         prefilter: Prefilter,
         overshoot: impl Fn(usize) -> Overshoot,
     ) -> Self {
-        let strength = match (fit, prefilter) {
-            (Fit::Point | Fit::Box, _) => None,
-            (Fit::Sharp, Prefilter::Point) => Some(1.0 / 12.0),
-            (Fit::Sharp, Prefilter::Box) => Some(1.0 / 8.0),
-        };
+        let strength = (fit == Fit::Sharp).then(|| prefilter.sharpening());
         Self {
             raster,
             strength,

@@ -51,6 +51,18 @@ pub enum Prefilter {
     Box,
 }
 
+impl Prefilter {
+    /// The share of its second differences that a texel is moved against, so that bilinear look-ups read the function instead of a blurred
+    /// copy: the second-order form of the inverse of the linear spline's autocorrelation (M. Unser, "Splines: A Perfect Fit for Signal
+    /// and Image Processing", 1999).
+    pub fn sharpening(self) -> f32 {
+        match self {
+            Self::Point => 1.0 / 12.0,
+            Self::Box => 1.0 / 8.0,
+        }
+    }
+}
+
 /// A function on the surface that can be baked.
 pub trait Source: Sync {
     /// The channels it gives, in the order of `evaluate`'s output: base colour alone, unless the source says more.
@@ -143,14 +155,15 @@ pub struct TrianglePlane {
 }
 
 impl TrianglePlane {
-    /// `normals`: unit vectors, of each triangle's corners; `lambda_steps` as in [`TexelPoint`].
+    /// `normals`: unit vectors, of each triangle's corners; none of them: the triangle's own. `lambda_steps` as in [`TexelPoint`].
     pub fn new(mesh: &Mesh, normals: &[Vec3], triangle: usize, lambda_steps: [Vec3; 2]) -> Self {
         let corners @ [a, b, c] = mesh.triangle_positions(triangle);
+        let facet_normal = (b - a).cross(c - a).normalize_or(Vec3::Z);
         Self {
             triangle,
             corners,
-            normals: [0, 1, 2].map(|k| normals[3 * triangle + k]),
-            facet_normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
+            normals: [0, 1, 2].map(|k| normals.get(3 * triangle + k).copied().unwrap_or(facet_normal)),
+            facet_normal,
             lambda_steps,
             position_steps: lambda_steps.map(|step| interpolate(corners, step)),
         }

@@ -30,8 +30,10 @@ use rayon::prelude::*;
 use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
 use crate::raster::{Fitting, Mean, Overshoot, StoredRows, is_block_read};
-use crate::source::clear_what_is_no_number;
-use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane};
+use crate::{
+    BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane,
+    clear_what_is_no_number,
+};
 
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
 const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);

@@ -3,6 +3,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
+use fantex_bake::Prefilter;
 use fantex_cover::{Tap, TriangleTiles};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{Asset, ChannelKind, PageCache, Tile, TileId, TileSource, TileTexels};
@@ -10,7 +11,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rustc_hash::FxHashMap;
 
 use crate::ChannelMap;
-use crate::export::{ExportOptions, Map, damage_of, scale_of};
+use crate::export::{ExportOptions, Map, scale_of, told};
 use crate::layout::{Page, Placed};
 use crate::surface::{Frames, Surface, TriangleFrames, lambda_steps};
 use crate::texels::{Region, Values};
@@ -43,8 +44,8 @@ impl Surface for AssetSurface {
         Map::of(self.cache.asset(), kind)
     }
 
-    fn fit(&self) -> f32 {
-        1.0 / 12.0
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
     }
 
     fn values(&self, page: &Page, region: &Region, maps: &[Map], frames: &Frames<'_>) -> Vec<Values> {
@@ -67,7 +68,7 @@ impl Surface for AssetSurface {
     }
 
     fn damage(&self) -> Option<(u64, String)> {
-        damage_of(&self.cache)
+        told(&self.cache.damage())
     }
 }
 

@@ -55,7 +55,7 @@ pub fn export_atlas(
             "the model's coordinates need {pages} pictures, one per material; use an own packing, or write a .gltf"
         )));
     };
-    let maps = job.model_maps();
+    let maps = job.model_maps(progress);
     let needed: u64 =
         maps.iter().map(|map| u64::from(page.side).pow(2) * map.components.count() as u64).sum();
     if needed > options.memory_bytes {

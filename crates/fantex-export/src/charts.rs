@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!  triangles --grow--> atoms --join neighbours that face alike--> patches --cut where they overlap--> charts
-//!                                                                                                                     |
-//!                       charts <--cut where they overlap-- larger charts <--`unions`: join what lies flat side by side-'
+//!                                                                                                          |
+//!           charts <--cut where they overlap-- larger charts <--`unions`: join what lies flat side by side-'
 //! ```
 //!
 //! Pieces are joined as long as one projection serves the union. From there it is stretch that counts, not a direction: fewer charts

@@ -8,7 +8,7 @@ use fantex_bake::{Progress, Source};
 use fantex_base::files::folder_of;
 use fantex_base::{Error, Result, counted};
 use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
-use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
+use fantex_store::{Asset, ChannelKind, Damage, PageCache, TexelFormat, TileId, TileSource, TileTexels};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -107,6 +107,9 @@ pub fn export_source(
     options: &ExportOptions<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
+    if source.channels().is_empty() {
+        return Err(Error::invalid("the source has no channel to bake"));
+    }
     if source.light_map().is_some() {
         return Err(Error::unsupported(
             "light is baked into assets; export the asset that it was baked into",
@@ -157,7 +160,7 @@ impl<'a> ModelFile<'a> {
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
         let job = Job::new(surface, self.options, progress)?;
-        let maps = job.model_maps();
+        let maps = job.model_maps(progress);
         let (stem, is_binary) = (file_stem(self.output, object), self.gltf.is_binary());
         let mut images = Vec::new();
         let mut pages = Vec::new();
@@ -301,12 +304,12 @@ impl<'a> Job<'a> {
         Ok(Self { surface, options, layout: layout?, normals })
     }
 
-    /// The maps of a model, scaled to what pictures hold.
-    pub(crate) fn model_maps(&self) -> Vec<Map> {
+    /// The maps of a model, scaled to what pictures hold; to anything once `progress` is cancelled.
+    pub(crate) fn model_maps(&self, progress: &dyn Progress) -> Vec<Map> {
         let scaled = |map: Map| {
             let frames = Frames { normals: &self.normals, tangents: &[] };
             let found = || {
-                let of_page = |page| largest(page, &map, (self.surface, &frames));
+                let of_page = |page| largest(page, &map, (self.surface, &frames), progress);
                 self.layout.pages.iter().map(of_page).fold(1.0, f32::max)
             };
             map.scaled(self.surface.largest(&map).unwrap_or_else(found))
@@ -417,8 +420,7 @@ pub(crate) fn scale_of(cache: &PageCache, map: &Map) -> f32 {
 }
 
 /// Pages that could not be read, and the first with its reason.
-pub(crate) fn damage_of(cache: &PageCache) -> Option<(u64, String)> {
-    let damage = cache.damage();
+pub(crate) fn told(damage: &Damage) -> Option<(u64, String)> {
     damage.first.first().map(|(_, page, why)| (damage.pages, format!("{page}: {why}")))
 }
 

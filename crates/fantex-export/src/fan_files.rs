@@ -14,7 +14,7 @@ use fantex_store::Asset;
 use glam::Vec2;
 
 use crate::ShaderLanguage;
-use crate::export::{ExportSummary, Map, damage_of, file_stem};
+use crate::export::{ExportSummary, Map, file_stem, told};
 use crate::fans::{DrawnMap, FanSheetOptions, FanSheets, Packer, SampleKind, SheetMap, depth_of};
 use crate::materialx::materialx;
 use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, translation_of};
@@ -194,7 +194,7 @@ impl<'a> FanFile<'a> {
             texels,
             triangles: mesh.triangles.len() as u64,
             vertices: geometry.positions.len(),
-            damage: damage_of(&packer.cache),
+            damage: told(&packer.cache.damage()),
             ..ExportSummary::default()
         })
     }

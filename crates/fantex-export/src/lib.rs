@@ -2,10 +2,10 @@
 //! pictures.
 //!
 //! ```text
-//!  Mesh --charts--> Layout <--model's UVs    Asset or Source --Surface--> rows --> PNG, KTX2, OpenEXR
-//!                      |                                              ^
-//!                      `------ Region: which point under which texel -'
-//!                      `------ Geometry: split vertices, tangents -----> .glb, .gltf
+//!  Mesh --charts--> Layout <--model's UVs  Asset or Source --Surface--> rows --> PNG, KTX2, OpenEXR
+//!                     |                                         ^
+//!                     `-- Region: which point under which texel -'
+//!                     `-- Geometry: split vertices, tangents -----> .glb, .gltf
 //! ```
 //!
 //! Texels hold the texture function at their point of the surface, in linear light; where the picture is coarser than the

@@ -5,12 +5,12 @@ use std::borrow::Cow;
 use fantex_bake::{
     Prefilter, Source, SourceChannel, TexelPoint, TrianglePlane, clear_what_is_no_number, mesh_under,
 };
-use fantex_mesh::{Mesh, shading_normals};
+use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
 use glam::{Vec3, Vec4};
 
 use crate::ChannelMap;
-use crate::export::Map;
+use crate::export::{Map, told};
 use crate::layout::Page;
 use crate::surface::{Frames, Surface, TriangleFrames, lambda_steps};
 use crate::texels::{Region, Values};
@@ -42,11 +42,9 @@ impl<'a> SourceSurface<'a> {
 
 /// Of the middles of some triangles.
 fn means(mesh: &Mesh, source: &dyn Source, channels: usize) -> Vec<[f32; 4]> {
-    let normals = shading_normals(mesh);
-    let middle = |triangle: usize| {
-        let plane = TrianglePlane::new(mesh, &normals, triangle, [Vec3::ZERO; 2]);
-        plane.point(Vec3::splat(1.0 / 3.0))
-    };
+    // Normals of all vertices would take longer than all the rest.
+    let plane = |triangle| TrianglePlane::new(mesh, &[], triangle, [Vec3::ZERO; 2]);
+    let middle = |triangle| plane(triangle).point(Vec3::splat(1.0 / 3.0));
     let step = mesh.triangles.len().div_ceil(SAMPLES).max(1);
     let points: Vec<TexelPoint> = (0..mesh.triangles.len()).step_by(step).map(middle).collect();
     let mut values = vec![Vec4::ZERO; points.len() * channels];
@@ -77,16 +75,13 @@ impl Surface for SourceSurface<'_> {
         Some(Map::new(kind, channel, &self.mesh.materials, self.means[channel]))
     }
 
-    fn fit(&self) -> f32 {
-        match self.source.prefilter() {
-            Prefilter::Point => 1.0 / 12.0,
-            Prefilter::Box => 1.0 / 8.0,
-        }
+    fn prefilter(&self) -> Prefilter {
+        self.source.prefilter()
     }
 
     fn values(&self, page: &Page, region: &Region, maps: &[Map], frames: &Frames<'_>) -> Vec<Values> {
         let mut all: Vec<Values> = maps.iter().map(|_| vec![[0.0; 4]; region.point_count()]).collect();
-        let mut block = Block { channels: self.channels.len(), ..Block::default() };
+        let mut block = Block::default();
         let has_normals = maps.iter().any(Map::has_normals);
         region.for_each_triangle(page, |placed, points| {
             let steps = lambda_steps(placed.corners);
@@ -98,13 +93,11 @@ impl Surface for SourceSurface<'_> {
                 block.points.push(plane.point(lambda));
                 block.numbers.push((number, block.frames.len().saturating_sub(1)));
                 if block.points.len() == POINTS {
-                    block.evaluate(self.source);
-                    block.hand_on(maps, &self.channels, &mut all);
+                    block.hand_on(self, maps, &mut all);
                 }
             }
         });
-        block.evaluate(self.source);
-        block.hand_on(maps, &self.channels, &mut all);
+        block.hand_on(self, maps, &mut all);
         all
     }
 
@@ -113,15 +106,13 @@ impl Surface for SourceSurface<'_> {
     }
 
     fn damage(&self) -> Option<(u64, String)> {
-        let damage = self.source.damage();
-        damage.first.first().map(|(_, page, why)| (damage.pages, format!("{page}: {why}")))
+        told(&self.source.damage())
     }
 }
 
 /// Points that are evaluated together.
 #[derive(Default)]
 struct Block {
-    channels: usize,
     points: Vec<TexelPoint>,
     /// Of each point its number in the region and the index of its frames.
     numbers: Vec<(usize, usize)>,
@@ -131,19 +122,18 @@ struct Block {
 }
 
 impl Block {
-    fn evaluate(&mut self, source: &dyn Source) {
+    /// Evaluates the source, puts what it gives where it belongs, and begins anew.
+    fn hand_on(&mut self, surface: &SourceSurface<'_>, maps: &[Map], all: &mut [Values]) {
+        // Sources seldom expect to be asked for nothing.
         if self.points.is_empty() {
             return;
         }
+        let channels = &surface.channels;
         self.values.clear();
-        self.values.resize(self.points.len() * self.channels, Vec4::ZERO);
-        source.evaluate_all(&self.points, &mut self.values);
+        self.values.resize(self.points.len() * channels.len(), Vec4::ZERO);
+        surface.source.evaluate_all(&self.points, &mut self.values);
         clear_what_is_no_number(&mut self.values);
-    }
-
-    /// Puts what was evaluated where it belongs, and begins anew.
-    fn hand_on(&mut self, maps: &[Map], channels: &[SourceChannel], all: &mut [Values]) {
-        let values = self.values.chunks_exact(self.channels.max(1));
+        let values = self.values.chunks_exact(channels.len());
         for ((point, &(number, frames)), values) in self.points.iter().zip(&self.numbers).zip(values) {
             for (map, all) in maps.iter().zip(&mut *all) {
                 let value = values[map.channel];

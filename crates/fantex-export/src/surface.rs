@@ -1,5 +1,6 @@
 //! What pictures are made of.
 
+use fantex_bake::Prefilter;
 use fantex_mesh::{Mesh, interpolate};
 use fantex_store::ChannelKind;
 use fantex_texture::material::TangentFrame;
@@ -22,8 +23,8 @@ pub(crate) trait Surface: Sync {
     /// What a picture of it shows; none where it has no such channel.
     fn map(&self, kind: ChannelMap) -> Option<Map>;
 
-    /// How texels are fitted, see `texels.rs`.
-    fn fit(&self) -> f32;
+    /// How values relate to the texel's centre.
+    fn prefilter(&self) -> Prefilter;
 
     /// Linear values of every map at the points of a region, one list per map.
     fn values(&self, page: &Page, region: &Region, maps: &[Map], frames: &Frames<'_>) -> Vec<Values>;

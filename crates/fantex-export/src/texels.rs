@@ -1,4 +1,4 @@
-//! From the layout of a picture to its texels: the texture function of the asset at every texel's point of the surface.
+//! From the layout of a picture to its texels: what the surface shows at every texel's point of it.
 //!
 //! ```text
 //!  Page --regions--> Region (which point under which texel) --Surface--> linear values --fit--> rows --> files
@@ -71,7 +71,7 @@ pub(crate) fn make_page(
             let values = surface.values(page, &region, maps, frames);
             let fitted = maps.iter().zip(&values).map(|(map, values)| {
                 let values = region.of_texels(values, map);
-                fitted(&values, &region, map, surface.fit())
+                fitted(&values, &region, map, surface.prefilter().sharpening())
             });
             (fitted.collect(), region.stats)
         };
@@ -111,10 +111,18 @@ pub(crate) fn make_page(
     Ok(stats)
 }
 
-/// The largest of the red, green and blue numbers of a map on a page, at least 1. `surface` with what [`make_page`] takes.
-pub(crate) fn largest(page: &Page, map: &Map, (surface, frames): (&dyn Surface, &Frames<'_>)) -> f32 {
+/// The largest of the red, green and blue numbers of a map on a page, at least 1; less once `watch` is cancelled.
+pub(crate) fn largest(
+    page: &Page,
+    map: &Map,
+    (surface, frames): (&dyn Surface, &Frames<'_>),
+    watch: &dyn Progress,
+) -> f32 {
     let columns = page.side.div_ceil(REGION);
     let of_region = |(region, members): (usize, &Vec<u32>)| {
+        if watch.is_cancelled() {
+            return 1.0;
+        }
         let origin = [region as u32 % columns * REGION, region as u32 / columns * REGION];
         let extent = origin.map(|first| REGION.min(page.side - first));
         let region = Region::find(page, members, origin, extent);
@@ -584,8 +592,7 @@ impl Shape {
 // ---- Texels that are right when they are read bilinearly.
 //
 // Values at texel centres, interpolated, are a blurred copy of the function. As in the bake, each texel is moved against its
-// second differences, `c - k (a - 2 c + b)` along both axes with `k = 1/12`, or `1/8` where values are means over the texel: the second-order
-// form of the inverse of the linear spline's autocorrelation (M. Unser, "Splines: A Perfect Fit for Signal and Image Processing", 1999).
+// second differences, `c - k (a - 2 c + b)` along both axes with `k = Prefilter::sharpening`.
 
 /// How far a fitted texel may lie beyond its neighbours.
 const OVERSHOOT: f32 = 1.0 / 32.0;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex::addresses::check_is_path;
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels, export_fans,
     export_model, fan_sheets,
@@ -20,7 +21,7 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{array, rows};
-use crate::export::{AtlasFiles, Exported, bits, channel_map, check_is_path, exported, fan_files};
+use crate::export::{AtlasFiles, Exported, bits, channel_map, exported, fan_files};
 use crate::mesh::{upwards, world_positions};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;

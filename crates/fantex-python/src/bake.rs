@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex::addresses::Target;
+use fantex::addresses::{Target, check_is_path};
 use fantex::bake::{Prefilter, Source as BakeSource, TexelPoint};
 use fantex::export::ExportSummary;
 use fantex::glam::{Vec3, Vec4};
@@ -19,7 +19,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{array, rows};
 use crate::asset::{Asset, name_of};
-use crate::export::{AtlasFiles, check_is_path};
+use crate::export::AtlasFiles;
 use crate::mesh::Mesh;
 use crate::options::{choice, optional};
 use crate::watch::{Watch, watched};
@@ -100,12 +100,24 @@ impl Job {
         })?;
         let figures = PyDict::new(py);
         figures.set_item("triangles", baked.triangles)?;
-        figures.set_item("tiles", baked.cover.groups)?;
         figures.set_item("texels", baked.summary.texels)?;
         figures.set_item("bytes", baked.summary.bytes)?;
-        figures.set_item("channels", baked.summary.channels)?;
-        figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
-        figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
+        match baked.exported {
+            None => {
+                figures.set_item("tiles", baked.cover.groups)?;
+                figures.set_item("channels", baked.summary.channels)?;
+                figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
+                figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
+            }
+            Some(ExportSummary { files, sizes, maps, charts, padding, used_share, .. }) => {
+                figures.set_item("files", files.into_iter().map(|(path, _)| path).collect::<Vec<_>>())?;
+                figures.set_item("resolution", sizes.as_flattened().iter().max().copied().unwrap_or(0))?;
+                figures.set_item("channels", maps.iter().map(|map| map.name()).collect::<Vec<_>>())?;
+                figures.set_item("charts", charts)?;
+                figures.set_item("padding", padding)?;
+                figures.set_item("used_share", used_share)?;
+            }
+        }
         figures.set_item("notes", [mesh.notes(), &baked.notes[..]].concat())?;
         if let Some(report) = &baked.photos {
             figures.set_item("photos", report.photographs)?;
@@ -240,21 +252,8 @@ pub(crate) fn bake_model<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     check_is_path(&path).map_err(crate::watch::exception)?;
     let files = AtlasFiles::new(options)?;
-    let mut exported = ExportSummary::default();
-    let figures = Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| {
-        let baked = baker.write_model(file, &files.options())?;
-        exported = baked.exported.clone().unwrap_or_default();
-        Ok(baked)
-    })?;
-    ["tiles", "cover_seconds", "bake_seconds"].iter().try_for_each(|key| figures.del_item(key))?;
-    let ExportSummary { files, sizes, maps, charts, padding, used_share, .. } = exported;
-    figures.set_item("files", files.into_iter().map(|(path, _)| path).collect::<Vec<_>>())?;
-    figures.set_item("resolution", sizes.as_flattened().iter().max().copied().unwrap_or(0))?;
-    figures.set_item("channels", maps.iter().map(|map| map.name()).collect::<Vec<_>>())?;
-    figures.set_item("charts", charts)?;
-    figures.set_item("padding", padding)?;
-    figures.set_item("used_share", used_share)?;
-    Ok(figures)
+    Job::new(mesh, source, options)?
+        .run(py, progress.as_ref(), &path, |baker, file| baker.write_model(file, &files.options()))
 }
 
 enum NamedSource {

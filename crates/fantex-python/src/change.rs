@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fantex::addresses;
+use fantex::addresses::{self, check_is_path};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
 use fantex::{ChannelKind, Preview, PreviewOptions};
@@ -10,7 +10,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::asset::{Asset, CHANNELS};
-use crate::export::check_is_path;
 use crate::options::{named, optional, word};
 use crate::watch::watched;
 

@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::addresses::is_address;
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
     SheetPictures, UvChoice,
 };
-use fantex::{Error, stand_in_note};
+use fantex::stand_in_note;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -22,17 +21,6 @@ pub(crate) type Exported = (Vec<PathBuf>, Vec<String>);
 pub(crate) fn exported(place: &Path, written: ExportSummary) -> Exported {
     let damage = written.damage.map(|(tiles, first)| stand_in_note(place, tiles, first));
     (written.files.into_iter().map(|(path, _)| path).collect(), damage.into_iter().collect())
-}
-
-/// Refuses addresses: models may have several files.
-pub(crate) fn check_is_path(path: &Path) -> fantex::Result<()> {
-    match is_address(path) {
-        true => Err(Error::invalid(format!(
-            "cannot write {}: files are written here; give a path, and copy them to their addresses afterwards",
-            path.display()
-        ))),
-        false => Ok(()),
-    }
 }
 
 /// How models with an atlas, and single channels, are written.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex::addresses::check_is_path;
 use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use fantex::look::look_of_model;
@@ -18,7 +19,6 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, rows, triangles};
 use crate::asset::Asset;
-use crate::export::check_is_path;
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::addresses::is_address;
+use fantex::addresses::{check_is_path, is_address};
 use fantex::base::counted;
 use fantex::store::{JUMP_BOUND, VerifyOptions};
 use fantex::{
@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::asset::Asset;
-use crate::export::{AtlasFiles, Exported, check_is_path, exported, fan_files};
+use crate::export::{AtlasFiles, Exported, exported, fan_files};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
 

@@ -22,6 +22,20 @@ pub fn is_address(place: &Path) -> bool {
     })
 }
 
+/// Refuses addresses where a result may have several files.
+///
+/// # Errors
+/// The place is an address.
+pub fn check_is_path(place: &Path) -> Result<()> {
+    match is_address(place) {
+        true => Err(Error::invalid(format!(
+            "cannot write {}: files are written here; give a path, and copy them to their addresses afterwards",
+            place.display()
+        ))),
+        false => Ok(()),
+    }
+}
+
 /// Whether a place names an object in a store that can be written.
 pub fn is_object(place: &Path) -> bool {
     scheme(place)

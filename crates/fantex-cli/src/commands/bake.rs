@@ -5,12 +5,12 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::addresses::{Target, is_address};
+use fantex::addresses::{Target, check_is_path};
 use fantex::bake::{BakeSummary, LightMapNoise, Progress};
 use fantex::export::ExportOptions;
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
-use fantex::{BakeFormat, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
+use fantex::{BakeFormat, Baked, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
 use crate::commands::export::{ModelInfo, ModelKind, has_extension, model_notes};
@@ -255,12 +255,7 @@ fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
             output.display()
         )));
     }
-    if is_address(output) {
-        return Err(Error::invalid(format!(
-            "cannot write {}: models are written here; give a path, and copy the file to its address afterwards",
-            output.display()
-        )));
-    }
+    check_is_path(output)?;
     let info = with_job(args, output, &Goal::Asset, context.seed, context, |job| job.run_model(context))?;
     context.print(&info, |info| {
         let (model, seconds) = (info.model.text("piece"), info.seconds);
@@ -268,7 +263,7 @@ fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
     })
 }
 
-/// Does with a job what `run` does; the arguments are checked before.
+/// Checks the arguments and hands the job that they make to `run`.
 fn with_job<T>(
     args: &JobArgs,
     output: &Path,
@@ -363,10 +358,7 @@ impl BakeJob<'_> {
         if let Some(note) = over_budget(baked.texels_asked, &baked.cover) {
             context.note(format!("{}: {note}", output.display()));
         }
-        baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
-        if let SourceArg::Mesh { path, .. } = &self.source {
-            report_damage(path, &baked.summary.damage, context)?;
-        }
+        self.tell(&baked, &told, context)?;
         target.finish(&context.replace(), &context.step("uploading", "MB"))?;
         let BakeSummary {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
@@ -408,10 +400,7 @@ impl BakeJob<'_> {
             let baked = self.baker(context).progress(&progress).write_model(self.output, &options)?;
             (baked, progress.told())
         };
-        baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
-        if let SourceArg::Mesh { path, .. } = &self.source {
-            report_damage(path, &baked.summary.damage, context)?;
-        }
+        self.tell(&baked, &told, context)?;
         let exported = baked.exported.unwrap_or_default();
         model_notes(self.output, &exported, &ModelKind::Baked, context);
         Ok(BakedModelInfo {
@@ -423,6 +412,15 @@ impl BakeJob<'_> {
             peak_memory_bytes: peak_memory_bytes(),
             photos: baked.photos.as_ref().map(PhotosInfo::from),
         })
+    }
+
+    /// Says what was not said during the bake.
+    fn tell(&self, baked: &Baked, told: &[String], context: &Context) -> Result<()> {
+        baked.notes.iter().filter(|note| !told.contains(note)).for_each(|note| context.note(note));
+        match &self.source {
+            SourceArg::Mesh { path, .. } => report_damage(path, &baked.summary.damage, context),
+            _ => Ok(()),
+        }
     }
 
     fn baker<'b>(&'b self, context: &Context) -> Baker<'b> {

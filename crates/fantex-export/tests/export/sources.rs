@@ -26,6 +26,20 @@ fn exported(mesh: &Mesh, source: &dyn Source, texels: f64, path: &Path) -> Expor
     summary
 }
 
+/// A point of a triangle, and what a source gives there.
+fn values_at(
+    mesh: &Mesh,
+    normals: &[Vec3],
+    source: &dyn Source,
+    triangle: usize,
+    lambda: Vec3,
+) -> (TexelPoint, Vec<Vec4>) {
+    let point = TrianglePlane::new(mesh, normals, triangle, [Vec3::ZERO; 2]).point(lambda);
+    let mut values = vec![Vec4::ZERO; source.channels().len()];
+    source.evaluate(&point, &mut values);
+    (point, values)
+}
+
 /// The likeness of a written model to a source at random points of the surface, in dB: of each channel that both have.
 fn likeness(mesh: &Mesh, source: &dyn Source, path: &Path) -> Vec<(ChannelKind, f64)> {
     let back = opened(path);
@@ -40,14 +54,8 @@ fn likeness(mesh: &Mesh, source: &dyn Source, path: &Path) -> Vec<(ChannelKind, 
         let triangle = random.below(mesh.triangles.len() as u64) as usize;
         let (r, share) = (random.unit().sqrt() as f32, random.unit() as f32);
         let lambda = Vec3::new(1.0 - r, r * (1.0 - share), r * share);
-        let value = |mesh: &Mesh, normals: &[Vec3], source: &dyn Source, count: usize| {
-            let plane = TrianglePlane::new(mesh, normals, triangle, [Vec3::ZERO; 2]);
-            let mut values = vec![Vec4::ZERO; count];
-            source.evaluate(&plane.point(lambda), &mut values);
-            values
-        };
-        let truth = value(mesh, &normals[0], source, kinds[0].len());
-        let read = value(&back, &normals[1], &shown, kinds[1].len());
+        let truth = values_at(mesh, &normals[0], source, triangle, lambda).1;
+        let read = values_at(&back, &normals[1], &shown, triangle, lambda).1;
         for (channel, kind) in kinds[0].iter().enumerate() {
             if let Some(other) = kinds[1].iter().position(|k| k == kind) {
                 let off = (truth[channel] - read[other]).truncate();
@@ -124,10 +132,7 @@ fn what_is_no_number_stays_where_it_is() {
     let shown = LookSource::of_model(&back).unwrap();
     let normals = shading_normals(&back);
     for t in 0..back.triangles.len() {
-        let plane = TrianglePlane::new(&back, &normals, t, [Vec3::ZERO; 2]);
-        let point = plane.point(Vec3::splat(1.0 / 3.0));
-        let mut value = [Vec4::ZERO; 1];
-        shown.evaluate(&point, &mut value);
+        let (point, value) = values_at(&back, &normals, &shown, t, Vec3::splat(1.0 / 3.0));
         let expected = if point.position.x < 0.0 { Vec3::ZERO } else { Vec3::new(0.5, 0.25, 1.0) };
         let off = (value[0].truncate() - expected).abs().max_element();
         assert!(off < 0.01 || point.position.x.abs() < 0.05, "{point:?} {value:?}");
@@ -160,11 +165,8 @@ fn normals_that_cross_creases_have_frames_without_creases() {
     let normal = shown.channels().iter().position(|c| c.kind == ChannelKind::Normal).unwrap();
     let mut worst: f32 = 0.0;
     for t in 0..back.triangles.len() {
-        let plane = TrianglePlane::new(&back, &normals, t, [Vec3::ZERO; 2]);
         for lambda in [[0.96, 0.02, 0.02], [0.02, 0.49, 0.49], [0.3, 0.3, 0.4]] {
-            let point = plane.point(Vec3::from(lambda));
-            let mut values = vec![Vec4::ZERO; shown.channels().len()];
-            shown.evaluate(&point, &mut values);
+            let (point, values) = values_at(&back, &normals, &shown, t, Vec3::from(lambda));
             worst =
                 worst.max(values[normal].truncate().normalize().angle_between(point.position).to_degrees());
         }

@@ -278,8 +278,8 @@ impl Granite {
             };
             // Brightness differs from grain to grain; thin dark borders part them.
             let shade = 0.78 + 0.44 * (grain.id * 37.0).fract();
-            let blur = (at.footprint / width).max(0.02);
-            let border = border(grain, 0.06 + blur);
+            // Beyond a fiftieth of a grain a footprint widens borders.
+            let border = border(grain, BORDER.max(BORDER - 0.02 + at.footprint / width));
             let left = band_limit(1.0 / width, at.footprint);
             self.mean().lerp(mineral * shade * (1.0 - 0.28 * border), left)
         };
@@ -336,6 +336,9 @@ const LAYERS: [Vec3; 6] = [
     Vec3::new(0.41, 0.26, 0.16),
 ];
 
+/// Share of a layer in which it changes into the next.
+const CHANGE: f32 = 0.2;
+
 impl Rock {
     fn noise(&self) -> Noise {
         Noise::new(self.seed)
@@ -343,14 +346,14 @@ impl Rock {
 
     /// The colour of the sequence of layers at `level`, averaged over `width`, both in layers.
     fn layer(&self, level: f32, width: f32) -> Vec3 {
-        let level = level - 0.5 * width.min(0.8);
+        // Layers are even inside and change within a fifth of their thickness, and a footprint widens that to both sides.
+        let change = (CHANGE + width).min(1.0);
+        let level = level - 0.5 * (change - CHANGE);
         let index = level.floor();
         let color = |index: f32| {
             let pick = self.noise().cell_value(IVec3::new(index as i32, 91, 0));
             LAYERS[(pick * LAYERS.len() as f32) as usize % LAYERS.len()]
         };
-        // Layers are even inside and change within a fifth of their thickness, and a footprint widens that to both sides.
-        let change = (0.2 + width).min(1.0);
         color(index).lerp(color(index + 1.0), smoothstep(1.0 - change, 1.0, level - index))
     }
 }
