@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::charts::{Chart, NONE, charts, continued};
 use crate::export::cancelled;
-use crate::packing::{Mask, Place, pack};
+use crate::packing::{Mask, Masks, Orders, Place, pack};
 
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -101,6 +101,15 @@ const MAX_PADDING: u32 = 16;
 
 /// A share of the wanted density that nobody misses.
 const NEARLY: f32 = 0.95;
+
+/// Charts are packed in other orders at densities that follow each other in this ratio, while one of the orders fits.
+const STEP: f32 = 1.01;
+
+/// Such densities at most.
+const MAX_STEPS: usize = 20;
+
+/// Each of the orders is changed so many times before a density is given up.
+const CHANGES: usize = 11;
 
 /// Blocks that take more than this share of a picture hardly find places in it.
 const MAX_TAKEN_SHARE: f64 = 0.75;
@@ -199,7 +208,16 @@ fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -
 /// The largest density at which the charts fit a side, to about two percent; any or none once it is cancelled.
 fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
     let block = padding(charts, side, request);
-    let at = |density: f32| try_density(charts, side, block, density, progress);
+    let masks_at = |density: f32| masks(charts, side / block, density / block as f32, progress);
+    let packed = |density: f32, masks: Masks, places: Vec<Place>| {
+        let masks = masks.placed(&places);
+        Packed { side, block, density, places, masks }
+    };
+    let at = |density: f32| {
+        let masks = masks_at(density)?;
+        let places = pack(&masks, &mut Orders::by_size(&masks), 0)?;
+        Some(packed(density, masks, places))
+    };
     let longest = charts.iter().map(|c| c.extent.max_element()).fold(f32::MIN_POSITIVE, f32::max);
     // The longest chart fills the side, or all of them fill the picture; nothing larger can fit.
     let area: f64 = charts.iter().map(flat_area).sum();
@@ -223,6 +241,15 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
             None => high = middle,
         }
     }
+    // Other orders than by size are denser yet.
+    let mut orders = None;
+    for _ in 0..MAX_STEPS {
+        let density = low * STEP;
+        let Some(masks) = masks_at(density).filter(Masks::are_few) else { break };
+        let orders = orders.get_or_insert_with(|| Orders::by_size(&masks));
+        let Some(places) = pack(&masks, orders, CHANGES) else { break };
+        (low, best) = (density, Some(packed(density, masks, places)));
+    }
     best
 }
 
@@ -231,25 +258,16 @@ fn flat_area(chart: &Chart) -> f64 {
     chart.corners.iter().map(|[a, b, c]| 0.5 * f64::from((*b - *a).perp_dot(*c - *a).abs())).sum()
 }
 
-fn try_density(
-    charts: &[Chart],
-    side: u32,
-    block: u32,
-    density: f32,
-    progress: &dyn Progress,
-) -> Option<Packed> {
-    let blocks = side / block;
-    let scale = density / block as f32;
+/// The blocks of charts, so many to a mesh unit, for a square of so many a side; none where one is larger, or once it is cancelled.
+fn masks(charts: &[Chart], side: u32, blocks_per_unit: f32, progress: &dyn Progress) -> Option<Masks> {
     let mask_of = |chart: &Chart| {
-        let extent = (chart.extent * scale + 1.0).ceil().max(Vec2::ONE).as_uvec2();
-        let fits = extent.x <= blocks && extent.y <= blocks && !progress.is_cancelled();
-        let corners = |corners: &[Vec2; 3]| corners.map(|q| q * scale + 0.5);
+        let extent = (chart.extent * blocks_per_unit + 1.0).ceil().max(Vec2::ONE).as_uvec2();
+        let fits = extent.x <= side && extent.y <= side && !progress.is_cancelled();
+        let corners = |corners: &[Vec2; 3]| corners.map(|q| q * blocks_per_unit + 0.5);
         fits.then(|| Mask::around(extent.x, extent.y, chart.corners.iter().map(corners)))
     };
     let masks: Vec<Mask> = charts.par_iter().map(mask_of).collect::<Option<_>>()?;
-    let places = pack(&masks, blocks)?;
-    let masks = masks.iter().zip(&places).map(|(mask, place)| mask.turned(place.turn)).collect();
-    Some(Packed { side, block, density, places, masks })
+    Some(Masks::new(masks, side))
 }
 
 /// Places in a chart's rectangle as they are in the picture: half a block away from the chart's own blocks' corner.

@@ -1,5 +1,8 @@
 //! Charts as sets of blocks, packed into a square.
 
+use std::cmp::Reverse;
+
+use fantex_base::Random;
 use fantex_cover::{SPAN_SLACK, span};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
@@ -227,27 +230,96 @@ const MAX_TESTS: u64 = 1 << 24;
 /// Squares of no more columns are not coarsened.
 const MIN_COARSE_SIDE: u32 = 256;
 
-/// Where each mask lies in a square of `side` blocks; none where they do not fit. The largest goes first; what is large is asked in several
-/// ways where there are few.
-pub(crate) fn pack(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
-    let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
-    if counts.iter().sum::<u64>() > u64::from(side) * u64::from(side) {
+/// Masks in up to as many blocks as a square of this side has are kept in all ways around, and packed in other orders than by size.
+const MAX_ORDERED_SIDE: u32 = 2048;
+
+/// What is to be packed into a square.
+pub(crate) struct Masks {
+    masks: Vec<Mask>,
+    /// Blocks of each.
+    counts: Vec<u64>,
+    /// Each in four ways around; empty where they would take too much memory.
+    pieces: Vec<Vec<Piece>>,
+    /// Columns and rows of the square.
+    side: u32,
+}
+
+impl Masks {
+    /// For a square of so many blocks a side.
+    pub(crate) fn new(masks: Vec<Mask>, side: u32) -> Self {
+        let counts = masks.iter().map(Mask::count).collect();
+        let mut masks = Self { masks, counts, pieces: Vec::new(), side };
+        if masks.are_few() {
+            let all_ways = |mask| (0..4).map(|turn| Piece::new(mask, turn, 0)).collect();
+            masks.pieces = masks.masks.par_iter().map(all_ways).collect();
+        }
+        masks
+    }
+
+    /// Whether other orders than by size are worth a try.
+    pub(crate) fn are_few(&self) -> bool {
+        (2..=MAX_TURNED).contains(&self.masks.len()) && self.side <= MAX_ORDERED_SIDE
+    }
+
+    fn pieces(&self, index: usize, turns: u8, shift: u32) -> Vec<Piece> {
+        match self.pieces.get(index) {
+            Some(pieces) if shift == 0 => pieces[..usize::from(turns)].to_vec(),
+            _ => (0..turns).map(|turn| Piece::new(&self.masks[index], turn, shift)).collect(),
+        }
+    }
+
+    /// As they lie in a packing, in their order.
+    pub(crate) fn placed(self, places: &[Place]) -> Vec<Mask> {
+        self.masks.iter().zip(places).map(|(mask, place)| mask.turned(place.turn)).collect()
+    }
+}
+
+/// Sequences in which masks are packed: the large ones first, whatever large means; later those first for which there was no room.
+#[derive(Clone)]
+pub(crate) struct Orders(Vec<(Vec<usize>, Random)>);
+
+impl Orders {
+    pub(crate) fn by_size(masks: &Masks) -> Self {
+        let sizes: [fn(&Mask, u64) -> u64; 3] = [
+            |mask, _| u64::from(mask.width) * u64::from(mask.height),
+            |_, count| count,
+            |mask, _| u64::from(mask.width.max(mask.height)),
+        ];
+        let used = if masks.masks.len() <= MAX_TURNED { 0..3 } else { 1..2 };
+        let order = |size: &fn(&Mask, u64) -> u64| {
+            let mut order: Vec<usize> = (0..masks.masks.len()).collect();
+            order.sort_by_key(|&i| (Reverse(size(&masks.masks[i], masks.counts[i])), i));
+            (order, Random::new(0))
+        };
+        Self(sizes[used].iter().map(order).collect())
+    }
+}
+
+/// Where each mask lies in the square; none where they do not fit in any of the orders, each of which is changed and tried again so many
+/// times. The first piece without a room comes earlier then, at a place by chance. What is large is asked in several ways where there are few.
+pub(crate) fn pack(masks: &Masks, orders: &mut Orders, changes: usize) -> Option<Vec<Place>> {
+    if masks.counts.iter().sum::<u64>() > u64::from(masks.side).pow(2) {
         return None;
     }
-    let sizes: [fn(&Mask, u64) -> u64; 3] = [
-        |mask, _| u64::from(mask.width) * u64::from(mask.height),
-        |_, count| count,
-        |mask, _| u64::from(mask.width.max(mask.height)),
-    ];
-    let orders = if masks.len() <= MAX_TURNED { 0..3 } else { 1..2 };
-    sizes[orders].par_iter().find_map_first(|size| {
-        let mut order: Vec<usize> = (0..masks.len()).collect();
-        order.sort_by_key(|&i| (std::cmp::Reverse(size(&masks[i], counts[i])), i));
-        Packing::new(side, MAX_TESTS).fill(masks, &counts, &order)
-    })
+    let in_order = |(order, random): &mut (Vec<usize>, Random)| {
+        for change in 0..=changes {
+            match Packing::new(masks.side, MAX_TESTS).fill(masks, order) {
+                Ok(places) => return Some(places),
+                Err(number) if number > 0 && change < changes => {
+                    order[random.below(number as u64) as usize..=number].rotate_right(1);
+                }
+                Err(_) => return None,
+            }
+        }
+        None
+    };
+    // All of them to their end, so that they are the same on any number of threads.
+    let packed: Vec<_> = orders.0.par_iter_mut().map(in_order).collect();
+    packed.into_iter().flatten().next()
 }
 
 /// A mask turned so many times, at the resolution of a packing.
+#[derive(Clone)]
 struct Piece {
     turn: u8,
     mask: Mask,
@@ -288,17 +360,19 @@ impl Packing {
     /// one of that size rarely finds a place before it, so each size goes through the square once.
     ///
     /// Where that takes too many tests, the remaining masks lie at every second column and row, then at every fourth, and so on.
-    fn fill(&mut self, masks: &[Mask], counts: &[u64], order: &[usize]) -> Option<Vec<Place>> {
-        let mut places = vec![Place::default(); masks.len()];
+    ///
+    /// # Errors
+    /// The number in the order of the mask for which there is no place.
+    fn fill(&mut self, masks: &Masks, order: &[usize]) -> Result<Vec<Place>, usize> {
+        let mut places = vec![Place::default(); order.len()];
         // Column and row from which on sizes look for a place.
         let mut starts = [[0u32; 2]; 64];
         for (number, &i) in order.iter().enumerate() {
             let turns = if number < MAX_TURNED { 4 } else { 1 };
-            let class = counts[i].max(1).ilog2() as usize;
+            let class = masks.counts[i].max(1).ilog2() as usize;
             let place = loop {
                 let start = starts[class];
-                let mut pieces: Vec<Piece> =
-                    (0..turns).map(|turn| Piece::new(&masks[i], turn, self.shift)).collect();
+                let mut pieces = masks.pieces(i, turns, self.shift);
                 let found = self
                     .find(&mut pieces, start, self.grid.height)
                     .or_else(|| self.find(&mut pieces, [0, 0], start[1] + 1));
@@ -308,7 +382,7 @@ impl Packing {
                     break place;
                 }
                 if !self.is_spent() {
-                    return None;
+                    return Err(number);
                 }
                 self.coarsen();
                 starts = starts.map(|start| start.map(|n| n / 2));
@@ -319,7 +393,7 @@ impl Packing {
             };
             places[i] = Place { at: place.at.map(|n| n << self.shift), turn: place.turn };
         }
-        Some(places)
+        Ok(places)
     }
 
     /// The free place from a column and row on whose lower edge is topmost, then the leftmost one. Its upper row is before `rows_end`.
@@ -515,12 +589,12 @@ mod tests {
     fn masks_of_a_coarsened_square_lie_apart() {
         let mut random = fantex_base::Random::new(5);
         let masks: Vec<Mask> = (0..60).map(|_| scattered(&mut random, 75)).collect();
-        let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
-        let order: Vec<usize> = (0..masks.len()).collect();
+        let masks = Masks::new(masks, 1024);
+        let order: Vec<usize> = (0..60).collect();
         for max_tests in [0, 3_000, 30_000] {
             let mut packing = Packing::new(1024, max_tests);
-            let places = packing.fill(&masks, &counts, &order).unwrap();
-            assert_apart(&masks, &places, 1024);
+            let places = packing.fill(&masks, &order).unwrap();
+            assert_apart(&masks.masks, &places, 1024);
             assert_eq!(packing.grid.width << packing.shift, 1024);
             if max_tests == 0 {
                 assert_eq!(packing.grid.width, MIN_COARSE_SIDE);
@@ -551,27 +625,59 @@ mod tests {
             let masks: Vec<Mask> = (0..240)
                 .map(|i| spiral(radius * (1.0 - 0.1 * (i % 7) as f32 / 7.0), 0.7 * i as f32))
                 .collect();
-            let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
-            let order: Vec<usize> = (0..masks.len()).collect();
+            let masks = Masks::new(masks, 1024);
+            let order: Vec<usize> = (0..240).collect();
             let mut packing = Packing::new(1024, MAX_TESTS);
-            let places = packing.fill(&masks, &counts, &order);
+            let places = packing.fill(&masks, &order);
             assert!(packing.tests < 1 << 20, "radius {radius}: {} tests", packing.tests);
-            assert!(places.is_some() || !fits);
-            if let Some(places) = places {
-                assert_apart(&masks, &places, 1024);
+            assert!(places.is_ok() || !fits);
+            if let Ok(places) = places {
+                assert_apart(&masks.masks, &places, 1024);
             }
         }
+    }
+
+    /// Whatever the orders become, masks lie apart, and what fits in one of the first orders still does.
+    #[test]
+    fn other_orders_fill_a_square_more() {
+        let mut random = Random::new(2);
+        let mut fuller = 0;
+        for _ in 0..12 {
+            let masks = (0..30).map(|_| {
+                let [width, height] = [random.below(20), random.below(20)].map(|n| 4 + n as u32);
+                rectangle(width, height)
+            });
+            let masks: Vec<Mask> = masks.collect();
+            let least_side = |changes: usize| {
+                let fits = |&side: &u32| {
+                    let masks = Masks::new(masks.clone(), side);
+                    let places = pack(&masks, &mut Orders::by_size(&masks), changes);
+                    places.iter().for_each(|places| assert_apart(&masks.masks, places, side));
+                    places.is_some()
+                };
+                (60..200).find(fits).unwrap()
+            };
+            let [by_size, changed] = [0, 40].map(least_side);
+            assert!(changed <= by_size);
+            fuller += u32::from(changed < by_size);
+        }
+        assert!(fuller >= 8, "{fuller} of 12");
+    }
+
+    fn packed(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
+        let masks = Masks::new(masks.to_vec(), side);
+        pack(&masks, &mut Orders::by_size(&masks), 0)
     }
 
     #[test]
     fn squares_that_fill_a_square_are_packed() {
         let masks = vec![rectangle(16, 16); 16];
-        let places = pack(&masks, 64).unwrap();
+        let places = packed(&masks, 64).unwrap();
         let mut sorted: Vec<[u32; 2]> = places.iter().map(|place| place.at).collect();
         sorted.sort_unstable();
         sorted.dedup();
         assert_eq!(sorted.len(), 16);
-        assert!(pack(&[masks, vec![rectangle(1, 1)]].concat(), 64).is_none());
+        assert!(packed(&[masks, vec![rectangle(1, 1)]].concat(), 64).is_none());
     }
 
     #[test]
@@ -585,13 +691,13 @@ mod tests {
                 .for_each(|[x, y]| hollow.insert(x, y));
             hollow
         };
-        let places = pack(&[rectangle(6, 6), frame], 10).unwrap();
+        let places = packed(&[rectangle(6, 6), frame], 10).unwrap();
         assert_eq!(places.iter().map(|place| place.at).collect::<Vec<_>>(), [[2, 2], [0, 0]]);
     }
 
     #[test]
     fn pieces_are_turned_where_they_fit_better() {
-        let places: [Place; 2] = pack(&[rectangle(8, 4), rectangle(4, 8)], 8).unwrap().try_into().unwrap();
+        let places: [Place; 2] = packed(&[rectangle(8, 4), rectangle(4, 8)], 8).unwrap().try_into().unwrap();
         assert_eq!(places.map(|place| place.at), [[0, 0], [0, 4]]);
     }
 
