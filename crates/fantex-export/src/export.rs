@@ -362,8 +362,10 @@ impl<'a> Job<'a> {
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
         let frames = Frames { normals: &self.normals, tangents };
+        // The layout's texels were another step.
         let total: u64 = self.layout.pages.iter().map(|p| u64::from(p.side).pow(2)).sum();
         let (mut done, mut covered, mut contested) = (0, 0, 0);
+        progress.report(0, total);
         for (page, mut sinks) in self.layout.pages.iter().zip(pages) {
             let memory = self.options.memory_bytes;
             let shown = (self.surface, &frames);

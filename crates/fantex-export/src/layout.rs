@@ -8,9 +8,9 @@ use fantex_mesh::Mesh;
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::charts::{Chart, NONE, charts, continued};
+use crate::charts::{Chart, NONE, SHARES, charts, continued};
 use crate::export::cancelled;
-use crate::packing::{Mask, Masks, Orders, Place, pack};
+use crate::packing::{Mask, Masks, Orders, Place, are_few, pack};
 
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -122,8 +122,10 @@ const MAX_TEXELS_PER_TEXEL: f64 = 8.0;
 /// # Errors
 /// There are too many charts for the picture, or it was cancelled.
 pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress) -> Result<Layout> {
+    let step = LayoutProgress::new(mesh, request.texels_per_unit, progress);
     let across = continued(mesh);
-    let charts = charts(mesh, &across, request.texels_per_unit, progress);
+    let charts = charts(mesh, &across, request.texels_per_unit, &step);
+    step.reach(SHARES[3]);
     if progress.is_cancelled() {
         return Err(cancelled());
     }
@@ -141,7 +143,36 @@ pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress
              --padding"
         ))
     })?;
-    Ok(laid_out(mesh, &charts, &across, &packed))
+    let layout = laid_out(mesh, &charts, &across, &packed);
+    step.reach(1.0);
+    Ok(layout)
+}
+
+/// How far the work is on texture coordinates, as a step of its own in texels of the surface.
+pub(crate) struct LayoutProgress<'a> {
+    progress: &'a dyn Progress,
+    texels: u64,
+}
+
+impl<'a> LayoutProgress<'a> {
+    pub(crate) fn new(mesh: &Mesh, texels_per_unit: f32, progress: &'a dyn Progress) -> Self {
+        let texels = mesh.area() * f64::from(texels_per_unit).powi(2);
+        let begun = Self { progress, texels: (texels as u64).max(1) };
+        begun.reach(0.0);
+        begun
+    }
+
+    /// So much is done, 0 to 1.
+    pub(crate) fn reach(&self, share: f64) {
+        if self.is_cancelled() {
+            return;
+        }
+        self.progress.report((share * self.texels as f64) as u64, self.texels);
+    }
+
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
 }
 
 struct Packed {
@@ -243,9 +274,9 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
     }
     // Other orders than by size are denser yet.
     let mut orders = None;
-    for _ in 0..MAX_STEPS {
+    for _ in 0..if are_few(charts.len(), side / block) { MAX_STEPS } else { 0 } {
         let density = low * STEP;
-        let Some(masks) = masks_at(density).filter(Masks::are_few) else { break };
+        let Some(masks) = masks_at(density) else { break };
         let orders = orders.get_or_insert_with(|| Orders::by_size(&masks));
         let Some(places) = pack(&masks, orders, CHANGES) else { break };
         (low, best) = (density, Some(packed(density, masks, places)));

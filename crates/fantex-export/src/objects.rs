@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
@@ -45,7 +46,8 @@ pub fn export_models(
     let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| {
         file.add(&AssetSurface::new(asset, options), Some(name), progress)
     };
-    let mut summary = add_all(objects, open, progress, add)?;
+    let steps = if let UvChoice::Atlas = options.uv { 2 } else { 1 };
+    let mut summary = add_all(objects, open, (progress, steps), add)?;
     summary.check_damage(options.strict)?;
     summary.files = file.finish()?;
     Ok(summary)
@@ -65,16 +67,17 @@ pub fn export_all_fans(
 ) -> Result<ExportSummary> {
     let mut file = FanFile::new(output, Some(&stem_of(output)), options)?;
     let add = |asset: &Arc<Asset>, name: &str, progress: &dyn Progress| file.add(asset, Some(name), progress);
-    let mut summary = add_all(objects, open, progress, add)?;
+    let mut summary = add_all(objects, open, (progress, 1), add)?;
     summary.check_damage(options.strict)?;
     summary.files = file.finish()?;
     Ok(summary)
 }
 
+/// `steps`: those that `add` reports of each object.
 fn add_all(
     objects: &[ExportObject],
     open: &mut dyn FnMut(usize) -> Result<Arc<Asset>>,
-    progress: &dyn Progress,
+    (progress, steps): (&dyn Progress, u64),
     mut add: impl FnMut(&Arc<Asset>, &str, &dyn Progress) -> Result<ExportSummary>,
 ) -> Result<ExportSummary> {
     let total = objects.iter().fold(0u64, |sum, object| sum.saturating_add(object.texels));
@@ -85,7 +88,11 @@ fn add_all(
             return Err(cancelled());
         }
         let asset = open(number)?;
-        let added = add(&asset, name, &Share { progress, before, own: *texels, total });
+        let added = add(
+            &asset,
+            name,
+            &Share { progress, before, own: *texels, total, steps, begun: AtomicU64::new(0) },
+        );
         let mut summary = added.map_err(|error| match error.is_cancelled() {
             true => error,
             false => error.in_file(asset.path()),
@@ -108,12 +115,20 @@ struct Share<'a> {
     before: u64,
     own: u64,
     total: u64,
+    /// Its steps, all alike, and how many have begun.
+    steps: u64,
+    begun: AtomicU64,
 }
 
 impl Progress for Share<'_> {
     fn report(&self, done: u64, total: u64) {
-        let own = u128::from(self.own) * u128::from(done) / u128::from(total.max(1));
-        self.progress.report(self.before.saturating_add(own as u64).min(self.total), self.total);
+        if done == 0 {
+            self.begun.fetch_add(1, Ordering::Relaxed);
+        }
+        let earlier = self.begun.load(Ordering::Relaxed).saturating_sub(1).min(self.steps - 1);
+        let share = (earlier as f64 + done as f64 / total.max(1) as f64) / self.steps as f64;
+        let own = (self.own as f64 * share.min(1.0)) as u64;
+        self.progress.report(self.before.saturating_add(own).min(self.total), self.total);
     }
 
     fn note(&self, sentence: &str) {

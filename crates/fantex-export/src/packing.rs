@@ -233,6 +233,11 @@ const MIN_COARSE_SIDE: u32 = 256;
 /// Masks in up to as many blocks as a square of this side has are kept in all ways around, and packed in other orders than by size.
 const MAX_ORDERED_SIDE: u32 = 2048;
 
+/// Whether so many masks in a square of this side are worth a try in other orders than by size.
+pub(crate) fn are_few(count: usize, side: u32) -> bool {
+    (2..=MAX_TURNED).contains(&count) && side <= MAX_ORDERED_SIDE
+}
+
 /// What is to be packed into a square.
 pub(crate) struct Masks {
     masks: Vec<Mask>,
@@ -249,16 +254,11 @@ impl Masks {
     pub(crate) fn new(masks: Vec<Mask>, side: u32) -> Self {
         let counts = masks.iter().map(Mask::count).collect();
         let mut masks = Self { masks, counts, pieces: Vec::new(), side };
-        if masks.are_few() {
+        if are_few(masks.masks.len(), side) {
             let all_ways = |mask| (0..4).map(|turn| Piece::new(mask, turn, 0)).collect();
             masks.pieces = masks.masks.par_iter().map(all_ways).collect();
         }
         masks
-    }
-
-    /// Whether other orders than by size are worth a try.
-    pub(crate) fn are_few(&self) -> bool {
-        (2..=MAX_TURNED).contains(&self.masks.len()) && self.side <= MAX_ORDERED_SIDE
     }
 
     fn pieces(&self, index: usize, turns: u8, shift: u32) -> Vec<Piece> {

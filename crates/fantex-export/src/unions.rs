@@ -14,7 +14,6 @@ use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fantex_bake::Progress;
 use fantex_base::UnionFind;
 use fantex_cover::Sheet;
 use fantex_mesh::{Mesh, unit_vector};
@@ -22,7 +21,8 @@ use glam::{DVec2, IVec2, Vec2};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
+use crate::charts::{Chart, NONE, Plan, SHARES, doubled_area, visit_cells};
+use crate::layout::LayoutProgress;
 use crate::planes::{Fit, Planes};
 use crate::slots::Slots;
 
@@ -71,7 +71,12 @@ const CELLS_PER_TRIANGLE: f64 = 2.0;
 
 /// Joins charts. `across`: of every half-edge that of the triangle that continues its own, or [`NONE`]. Stays where it is when `progress` is
 /// cancelled.
-pub(crate) fn unite(mesh: &Mesh, charts: Vec<Chart>, across: &[u32], progress: &dyn Progress) -> Vec<Chart> {
+pub(crate) fn unite(
+    mesh: &Mesh,
+    charts: Vec<Chart>,
+    across: &[u32],
+    progress: &LayoutProgress<'_>,
+) -> Vec<Chart> {
     let mut uniter = Uniter::new(mesh, charts, across);
     uniter.relax_all(ROUNDS[0]);
     uniter.straighten();
@@ -316,13 +321,15 @@ impl<'a> Uniter<'a> {
     }
 
     /// Makes the cheapest unions as long as there are any.
-    fn run(&mut self, progress: &dyn Progress) {
+    fn run(&mut self, progress: &LayoutProgress<'_>) {
         let pieces = 0..self.pieces.len() as u32;
         let later = |a: u32| self.pieces[a as usize].borders.range(a + 1..).map(move |(&b, _)| [a, b]);
         let mut plans: BinaryHeap<Plan> = self.plans(pieces.flat_map(later).collect()).into();
-        let mut left = self.pieces.len();
+        let (count, [begin, end]) = (self.pieces.len(), [SHARES[1], SHARES[2]]);
+        let mut left = count;
         let mut tried = AllTried::default();
         while !plans.is_empty() && !progress.is_cancelled() {
+            progress.reach(begin + (end - begin) * (1.0 - left as f64 / count as f64));
             let mut taken = FxHashSet::default();
             let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL), &mut taken);
             if !batch.iter().all(|plan| is_tried(plan, &tried)) {
@@ -725,7 +732,7 @@ fn cells(corners: [Vec2; 3], cell: f32, visit: impl FnMut(IVec2)) {
 
 #[cfg(test)]
 mod tests {
-    use fantex_bake::NoProgress;
+    use fantex_bake::{NoProgress, Progress};
     use fantex_base::Random;
     use fantex_mesh::{CleanOptions, Model, clean, generate};
     use glam::DVec3;
@@ -741,7 +748,8 @@ mod tests {
         let mesh = clean(model, &CleanOptions::default()).unwrap().0;
         let across = continued(&mesh);
         let texels_per_unit = (TEXELS as f64 / mesh.area()).sqrt() as f32;
-        let charts = charts(&mesh, &across, texels_per_unit, &NoProgress);
+        let progress = LayoutProgress::new(&mesh, texels_per_unit, &NoProgress);
+        let charts = charts(&mesh, &across, texels_per_unit, &progress);
         let mut triangles: Vec<u32> = charts.iter().flat_map(|chart| chart.triangles.clone()).collect();
         triangles.sort_unstable();
         assert!(triangles.into_iter().eq(0..mesh.triangles.len() as u32));
@@ -842,6 +850,7 @@ mod tests {
         };
         let charts: Vec<Chart> = (0..mesh.triangles.len() as u32).map(alone).collect();
         let count = charts.len();
-        assert_eq!(unite(&mesh, charts, &continued(&mesh), &Cancelled).len(), count);
+        let progress = LayoutProgress::new(&mesh, 1.0, &Cancelled);
+        assert_eq!(unite(&mesh, charts, &continued(&mesh), &progress).len(), count);
     }
 }

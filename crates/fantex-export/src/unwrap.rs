@@ -51,12 +51,9 @@ pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
 fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) -> Result<Unwrapped> {
     let UnwrapOptions { side, padding } = *options;
     ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()?;
-    let triangles = mesh.triangles.len() as u64;
-    progress.report(0, triangles);
     let texels_per_unit = (f64::from(side).powi(2) / mesh.area()).sqrt() as f32;
     let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
     let layout = atlas(mesh, &request, progress)?;
-    progress.report(triangles, triangles);
     Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
 }
 

@@ -1,5 +1,6 @@
 //! Models: round trips, and the rules of glTF.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fantex_bake::{BakeFormat, NoProgress, Progress};
@@ -326,11 +327,11 @@ fn a_folder_that_is_not_there_is_named() {
 
 #[test]
 fn a_cancelled_export_leaves_nothing() {
-    /// Stops after the first report.
+    /// Stops after the first rows of the picture.
     struct Impatient(AtomicBool);
     impl Progress for Impatient {
-        fn report(&self, _: u64, _: u64) {
-            self.0.store(true, Ordering::Relaxed);
+        fn report(&self, done: u64, total: u64) {
+            self.0.fetch_or(done > 0 && total == 1 << 20, Ordering::Relaxed);
         }
 
         fn is_cancelled(&self) -> bool {
@@ -343,6 +344,33 @@ fn a_cancelled_export_leaves_nothing() {
     let error = export_model(&baked.asset, &baked.path("x.gltf"), &options, &watch).unwrap_err();
     assert!(error.is_cancelled());
     assert_eq!(files(baked.folder.path()), ["asset.fan"]);
+}
+
+/// One step for the layout, one for the pictures, and nobody waits long for the next report.
+#[test]
+fn all_of_an_export_is_told() {
+    #[derive(Default)]
+    struct Heard(Mutex<Vec<(u64, u64)>>);
+    impl Progress for Heard {
+        fn report(&self, done: u64, total: u64) {
+            self.0.lock().unwrap().push((done, total));
+        }
+    }
+    let baked = baked_bottle(1 << 14);
+    let heard = Heard::default();
+    let options = ExportOptions { side: Some(512), ..ExportOptions::default() };
+    export_model(&baked.asset, &baked.path("x.glb"), &options, &heard).unwrap();
+    let heard = heard.0.into_inner().unwrap();
+    let begins: Vec<usize> = (0..heard.len()).filter(|&i| heard[i].0 == 0).collect();
+    let [layout, pictures] = *<&[usize; 2]>::try_from(&*begins).unwrap();
+    assert_eq!(layout, 0);
+    assert!(pictures > 20, "{pictures} reports of the layout");
+    for step in [&heard[..pictures], &heard[pictures..]] {
+        let total = step[0].1;
+        assert!(step.iter().all(|report| report.1 == total));
+        assert!(step.is_sorted() && step[step.len() - 1].0 == total, "{step:?}");
+    }
+    assert_eq!(heard[pictures].1, 512 * 512);
 }
 
 #[test]
