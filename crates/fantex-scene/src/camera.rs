@@ -138,6 +138,8 @@ impl Camera {
             Some("its eye, target or up vector is not finite")
         } else if self.eye == self.target {
             Some("its eye and target are the same point")
+        } else if self.up == DVec3::ZERO {
+            Some("its up vector is zero")
         } else {
             None
         }

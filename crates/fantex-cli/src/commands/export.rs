@@ -90,9 +90,8 @@ pub(crate) struct ExportArgs {
     /// Write channels alone; several with commas, as NAME-CHANNEL beside the output
     #[arg(long, value_parser = one_of(&CHANNELS), value_delimiter = ',', conflicts_with = "turntable")]
     channel: Vec<ChannelMap>,
-    /// Bits per sample of a channel's PNG
-    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8", requires = "channel")]
-    depth: Depth,
+    #[arg(long, value_parser = one_of(&DEPTHS), requires = "channel", help = "Bits per sample of a channel's PNG [default: 8]")]
+    depth: Option<Depth>,
     /// Number of pictures around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
@@ -283,6 +282,10 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             "--textures has exr for the sheets of --fans alone; write channels of an atlas with --channel and an .exr file",
         ));
     }
+    if args.depth.is_some() && !has_extension(&args.output, "png") {
+        let output = args.output.display();
+        return Err(Error::invalid(format!("--depth is that of a .png; {output} has its own; leave --depth out")));
+    }
     let side = match args.size {
         Some(PictureSize::WidthHeight([width, height])) => {
             return Err(Error::invalid(format!(
@@ -328,7 +331,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                     kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
                 let channels: Vec<(ChannelMap, &Path)> =
                     kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
-                export_channels(asset, &channels, args.depth, &options, &progress)
+                export_channels(asset, &channels, args.depth.unwrap_or(Depth::Eight), &options, &progress)
             }
         }
     };

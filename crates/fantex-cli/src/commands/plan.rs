@@ -120,7 +120,8 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
 
 /// Reads a plan at a path or an address.
 pub(super) fn open_plan(place: &Path) -> Result<Plan> {
-    Plan::open_source(&*open_source(place)?).map_err(of_files)
+    let opened = Plan::open_source(&*open_source(place)?);
+    opened.map_err(|error| of_files(error).context("cannot read the plan"))
 }
 
 /// The library sees arguments of functions in plans, parts and models that do not fit together; here they are files that were given, and

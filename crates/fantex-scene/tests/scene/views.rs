@@ -56,6 +56,8 @@ mod camera {
             let camera = Camera::framing_mesh_with(&mesh, Camera::THREE_QUARTER, 1.5, DVec3::Y, fov);
             assert!(camera.defect().unwrap().contains("opening angle"), "{fov}");
         }
+        let framed = Camera::framing_mesh_with(&mesh, Camera::THREE_QUARTER, 1.5, DVec3::Y, 35.0);
+        assert_eq!(Camera { up: DVec3::ZERO, ..framed }.defect(), Some("its up vector is zero"));
     }
 
     #[test]

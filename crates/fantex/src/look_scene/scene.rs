@@ -228,7 +228,7 @@ impl<'a> LookScene<'a> {
         let (view, up) = (Camera::THREE_QUARTER, DVec3::from_array(up));
         let framed = Camera::framing_mesh_with(scene.mesh(), view, aspect, up, fov_degrees);
         let camera = match (eye, target) {
-            (None, None) => framed,
+            (None, None) => Camera { up, ..framed },
             (eye, target) => Camera {
                 eye: eye.unwrap_or(framed.eye),
                 target: target.unwrap_or(scene.bounds().center()),
