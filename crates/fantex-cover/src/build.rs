@@ -145,24 +145,34 @@ fn check(mesh: &Mesh, options: &CoverOptions) -> Result<()> {
             "the blend band must be wider than 0 and at most 1/3, got {given}"
         )));
     }
-    // Densities are kept in single precision, where 1e-60 is zero and 1e60 infinite.
-    let positive = |given: f64| {
-        let kept = given as f32;
-        match kept.is_finite() && kept > 0.0 {
-            true => Ok(()),
-            false => {
-                Err(Error::invalid(format!("the texel budget must be positive and finite, got {given}")))
+    options.budget.check(triangles)
+}
+
+impl TexelBudget {
+    /// Refuses what no surface of so many triangles can have.
+    ///
+    /// # Errors
+    /// Texels or densities that are not positive and finite, or not one for each triangle.
+    pub fn check(&self, triangles: usize) -> Result<()> {
+        // Densities are kept in single precision, where 1e-60 is zero and 1e60 infinite.
+        let positive = |given: f64| {
+            let kept = given as f32;
+            match kept.is_finite() && kept > 0.0 {
+                true => Ok(()),
+                false => {
+                    Err(Error::invalid(format!("the texel budget must be positive and finite, got {given}")))
+                }
             }
+        };
+        match self {
+            Self::Total(n) => positive(*n as f64),
+            Self::Density(d) => positive(*d),
+            Self::PerTriangle(field) if field.len() != triangles => Err(Error::invalid(format!(
+                "the density field has {} values, expected one for each of the {triangles} triangles",
+                field.len()
+            ))),
+            Self::PerTriangle(field) => field.iter().try_for_each(|&d| positive(f64::from(d))),
         }
-    };
-    match &options.budget {
-        TexelBudget::Total(n) => positive(*n as f64),
-        TexelBudget::Density(d) => positive(*d),
-        TexelBudget::PerTriangle(field) if field.len() != triangles => Err(Error::invalid(format!(
-            "the density field has {} values, expected one for each of the {triangles} triangles",
-            field.len()
-        ))),
-        TexelBudget::PerTriangle(field) => field.iter().try_for_each(|&d| positive(f64::from(d))),
     }
 }
 

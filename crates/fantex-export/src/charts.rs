@@ -205,6 +205,9 @@ const MAX_DEGREES_OF_CRUMBS: f32 = 68.0;
 /// Pieces with less area than a square of this many texels are crumbs.
 const CRUMB_TEXELS: f32 = 24.0;
 
+/// Unions with all neighbours are planned anew once a piece has grown by this factor, else those with neighbours whose border with it has changed.
+const GROWTH: f32 = 1.1;
+
 /// A connected set of triangles that one direction sees.
 #[derive(Clone, Debug)]
 struct Patch {
@@ -220,6 +223,8 @@ struct Piece {
     /// Sum of the normals of its triangles by twice their area.
     facing: Vec3,
     area: f32,
+    /// When unions with all its neighbours were planned last.
+    known_area: f32,
     perimeter: f32,
     borders: BTreeMap<u32, f32>,
     /// Counts its changes; what was planned before is void.
@@ -296,16 +301,17 @@ impl Joiner {
                 plans.extend(later.filter_map(|(&b, _)| self.plan(a, b, limits)));
             }
         }
-        while let Some(plan) = plans.pop() {
-            let is_current = |k: usize| {
-                let index = plan.pieces[k] as usize;
-                self.parents[index] == plan.pieces[k] && self.pieces[index].version == plan.versions[k]
-            };
-            if is_current(0) && is_current(1) {
-                let joined = self.unite(plan.pieces);
-                let neighbours = self.pieces[joined as usize].borders.keys();
-                plans.extend(neighbours.filter_map(|&b| self.plan(joined, b, limits)));
+        while let Some(Plan { pieces: [a, b], versions, .. }) = plans.pop() {
+            if [a, b].iter().any(|&i| self.parents[i as usize] != i) {
+                continue;
             }
+            if [a, b].map(|i| self.pieces[i as usize].version) != versions {
+                // Made before one of them grew.
+                plans.extend(self.plan(a, b, limits));
+                continue;
+            }
+            let (joined, changed) = self.unite([a, b]);
+            plans.extend(changed.into_iter().filter_map(|b| self.plan(joined, b, limits)));
         }
     }
 
@@ -326,8 +332,9 @@ impl Joiner {
         Some(Plan { cost: f64::from(cost), pieces: [a, b], versions: [first.version, second.version] })
     }
 
-    /// Joins two pieces into that with more neighbours, and returns it.
-    fn unite(&mut self, [a, b]: [u32; 2]) -> u32 {
+    /// Joins two pieces into that with more neighbours. Returns it, and the neighbours to look at anew: those of the other one, and all of
+    /// them where the piece has [grown](GROWTH) since they were.
+    fn unite(&mut self, [a, b]: [u32; 2]) -> (u32, Vec<u32>) {
         let neighbours = |i: u32| self.pieces[i as usize].borders.len();
         let (kept, gone) = if neighbours(a) >= neighbours(b) { (a, b) } else { (b, a) };
         let lost = std::mem::take(&mut self.pieces[gone as usize]);
@@ -347,7 +354,14 @@ impl Joiner {
         piece.area += lost.area;
         piece.perimeter += lost.perimeter - 2.0 * border;
         piece.version += 1;
-        kept
+        let changed = match piece.area > GROWTH * piece.known_area {
+            true => {
+                piece.known_area = piece.area;
+                piece.borders.keys().copied().collect()
+            }
+            false => lost.borders.into_keys().filter(|&n| n != kept).collect(),
+        };
+        (kept, changed)
     }
 
     /// The pieces, in the order of their first triangles.

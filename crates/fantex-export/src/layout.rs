@@ -215,9 +215,8 @@ fn taken_texels(chart: &Chart, block: u32, density: f32) -> f64 {
 /// The charts in the smallest picture in which they have nearly the wanted density, or in the largest; none where they do not fit.
 fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
     let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
-    let texels = (0.5 * area).sqrt() * request.texels_per_unit;
-    let least = request.largest_side.min(MIN_SIDE);
-    let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
+    let texels = ((0.5 * area).sqrt() * request.texels_per_unit).min(request.largest_side as f32);
+    let mut side = (texels as u32).max(MIN_SIDE).next_power_of_two().min(request.largest_side);
     // A side that leaves less padding is not taken, unless no larger one may be.
     while side < request.largest_side
         && request.padding.is_none()
@@ -236,7 +235,8 @@ fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -
     }
 }
 
-/// The largest density at which the charts fit a side, to about two percent; any or none once it is cancelled.
+/// The largest density at which the charts fit a side, to half a percent in orders by size, to one where few charts have others; any or none once
+/// it is cancelled.
 fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
     let block = padding(charts, side, request);
     let masks_at = |density: f32| masks(charts, side / block, density / block as f32, progress);
@@ -246,7 +246,7 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
     };
     let at = |density: f32| {
         let masks = masks_at(density)?;
-        let places = pack(&masks, &mut Orders::by_size(&masks), 0)?;
+        let places = pack(&masks, &mut Orders::by_size(&masks), 0, progress)?;
         Some(packed(density, masks, places))
     };
     let longest = charts.iter().map(|c| c.extent.max_element()).fold(f32::MIN_POSITIVE, f32::max);
@@ -278,7 +278,7 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
         let density = low * STEP;
         let Some(masks) = masks_at(density) else { break };
         let orders = orders.get_or_insert_with(|| Orders::by_size(&masks));
-        let Some(places) = pack(&masks, orders, CHANGES) else { break };
+        let Some(places) = pack(&masks, orders, CHANGES, progress) else { break };
         (low, best) = (density, Some(packed(density, masks, places)));
     }
     best
@@ -496,9 +496,8 @@ pub(crate) fn model_uv(
         let wanted = if uv_area > 0.0 { texels_per_unit * (mesh_area / uv_area).sqrt() } else { 0.0 };
         let side = side.unwrap_or_else(|| {
             // A few percent are not worth four times the texels.
-            let wanted =
-                (wanted * 0.9).max(side_that_parts(&points)).clamp(MIN_SIDE as f32, largest_side as f32);
-            (wanted.ceil() as u32).next_power_of_two().min(largest_side)
+            let wanted = (wanted * 0.9).max(side_that_parts(&points)).min(largest_side as f32);
+            (wanted.ceil() as u32).max(MIN_SIDE).next_power_of_two().min(largest_side)
         });
         texels += uv_area * (side as f32).powi(2);
         area += mesh_area;

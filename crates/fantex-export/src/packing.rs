@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 
+use fantex_bake::Progress;
 use fantex_base::Random;
 use fantex_cover::{SPAN_SLACK, span};
 use glam::{UVec2, Vec2};
@@ -230,7 +231,7 @@ const MAX_TESTS: u64 = 1 << 24;
 /// Squares of no more columns are not coarsened.
 const MIN_COARSE_SIDE: u32 = 256;
 
-/// Masks in up to as many blocks as a square of this side has are kept in all ways around, and packed in other orders than by size.
+/// The largest side, in blocks, of a square whose masks are kept in all four turns and packed in other orders than by size.
 const MAX_ORDERED_SIDE: u32 = 2048;
 
 /// Whether so many masks in a square of this side are worth a try in other orders than by size.
@@ -243,7 +244,7 @@ pub(crate) struct Masks {
     masks: Vec<Mask>,
     /// Blocks of each.
     counts: Vec<u64>,
-    /// Each in four ways around; empty where they would take too much memory.
+    /// Each in all four turns, where there are few; else none.
     pieces: Vec<Vec<Piece>>,
     /// Columns and rows of the square.
     side: u32,
@@ -296,8 +297,13 @@ impl Orders {
 }
 
 /// Where each mask lies in the square; none where they do not fit in any of the orders, each of which is changed and tried again so many
-/// times. The first piece without a room comes earlier then, at a place by chance. What is large is asked in several ways where there are few.
-pub(crate) fn pack(masks: &Masks, orders: &mut Orders, changes: usize) -> Option<Vec<Place>> {
+/// times unless `progress` is cancelled. The first piece without a room comes earlier then, at a place by chance. What is large is asked in several ways where there are few.
+pub(crate) fn pack(
+    masks: &Masks,
+    orders: &mut Orders,
+    changes: usize,
+    progress: &dyn Progress,
+) -> Option<Vec<Place>> {
     if masks.counts.iter().sum::<u64>() > u64::from(masks.side).pow(2) {
         return None;
     }
@@ -305,7 +311,7 @@ pub(crate) fn pack(masks: &Masks, orders: &mut Orders, changes: usize) -> Option
         for change in 0..=changes {
             match Packing::new(masks.side, MAX_TESTS).fill(masks, order) {
                 Ok(places) => return Some(places),
-                Err(number) if number > 0 && change < changes => {
+                Err(number) if number > 0 && change < changes && !progress.is_cancelled() => {
                     order[random.below(number as u64) as usize..=number].rotate_right(1);
                 }
                 Err(_) => return None,
@@ -455,6 +461,8 @@ impl Packing {
 
 #[cfg(test)]
 mod tests {
+    use fantex_bake::NoProgress;
+
     use super::*;
 
     #[test]
@@ -651,7 +659,7 @@ mod tests {
             let least_side = |changes: usize| {
                 let fits = |&side: &u32| {
                     let masks = Masks::new(masks.clone(), side);
-                    let places = pack(&masks, &mut Orders::by_size(&masks), changes);
+                    let places = pack(&masks, &mut Orders::by_size(&masks), changes, &NoProgress);
                     places.iter().for_each(|places| assert_apart(&masks.masks, places, side));
                     places.is_some()
                 };
@@ -666,7 +674,7 @@ mod tests {
 
     fn packed(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
         let masks = Masks::new(masks.to_vec(), side);
-        pack(&masks, &mut Orders::by_size(&masks), 0)
+        pack(&masks, &mut Orders::by_size(&masks), 0, &NoProgress)
     }
 
     #[test]

@@ -82,8 +82,11 @@ pub(crate) fn unite(
     uniter.straighten();
     uniter.measure_all();
     uniter.run(progress);
-    uniter.straighten();
-    uniter.relax_all(ROUNDS[2]);
+    progress.reach(SHARES[2]);
+    if !progress.is_cancelled() {
+        uniter.straighten();
+        uniter.relax_all(ROUNDS[2]);
+    }
     uniter.charts()
 }
 

@@ -48,9 +48,14 @@ pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
     unwrap_with(mesh, options, &NoProgress).map_err(|error| error.context("cannot unwrap the mesh"))
 }
 
-fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) -> Result<Unwrapped> {
+fn check(options: &UnwrapOptions) -> Result<()> {
     let UnwrapOptions { side, padding } = *options;
-    ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()?;
+    ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()
+}
+
+fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) -> Result<Unwrapped> {
+    check(options)?;
+    let UnwrapOptions { side, padding } = *options;
     let texels_per_unit = (f64::from(side).powi(2) / mesh.area()).sqrt() as f32;
     let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
     let layout = atlas(mesh, &request, progress)?;
@@ -101,6 +106,7 @@ pub fn unwrap_triangles(
     progress: &dyn Progress,
 ) -> Result<(SplitMesh, Unwrapped)> {
     let refused = |error: Error| error.context("cannot unwrap the mesh");
+    check(options).map_err(refused)?;
     let wrong = |(_, t): &(usize, &[u32; 3])| t.iter().any(|&v| v as usize >= positions.len());
     if let Some((i, t)) = triangles.iter().enumerate().find(wrong) {
         let count = positions.len();
@@ -118,7 +124,8 @@ pub fn unwrap_triangles(
         Ok(cleaned) => cleaned,
         // Nothing has an area.
         Err(error) if error.kind() == ErrorKind::Malformed => {
-            return Ok((SplitMesh::new(triangles, &corners), Unwrapped::default()));
+            let unwrapped = Unwrapped { side: options.side, ..Unwrapped::default() };
+            return Ok((SplitMesh::new(triangles, &corners), unwrapped));
         }
         Err(error) => return Err(refused(error)),
     };
@@ -135,12 +142,13 @@ pub fn unwrap_triangles(
         (0..3).for_each(|k| corners[source][origins.corner(t, k)] = uv[k]);
         is_laid[source] = true;
     }
-    lay_rest(triangles, &mesh, &origins, &is_laid, &mut corners);
+    lay_rest(positions, triangles, &mesh, &origins, &is_laid, &mut corners);
     Ok((SplitMesh::new(triangles, &corners), unwrapped))
 }
 
 /// Coordinates of the triangles that cleaning has dropped.
 fn lay_rest(
+    positions: &[DVec3],
     triangles: &[[u32; 3]],
     mesh: &Mesh,
     origins: &CornerOrigins,
@@ -153,17 +161,25 @@ fn lay_rest(
     // Where a vertex of the input is in the mesh, one of its coordinates, and which triangle has three such vertices in their order.
     let mut of_vertex: FxHashMap<u32, (u32, Vec2)> = FxHashMap::default();
     let mut of_triangle: FxHashMap<[u32; 3], usize> = FxHashMap::default();
+    // Loose triangles have vertices of their own at the same places.
+    let mut at_place: FxHashMap<[u64; 3], u32> = FxHashMap::default();
+    let place = |vertex: u32| positions[vertex as usize].to_array().map(|x| (x + 0.0).to_bits());
     for (t, vertices) in mesh.triangles.iter().enumerate() {
         let source = origins.triangle(t);
         for (k, &vertex) in vertices.iter().enumerate() {
             let corner = origins.corner(t, k);
-            of_vertex.entry(triangles[source][corner]).or_insert((vertex, corners[source][corner]));
+            let own = triangles[source][corner];
+            of_vertex.entry(own).or_insert((vertex, corners[source][corner]));
+            at_place.entry(place(own)).or_insert(own);
         }
         let welded = triangles[source].map(|v| of_vertex[&v].0);
         of_triangle.entry(rotated(welded).0).or_insert(source);
     }
     for (i, t) in triangles.iter().enumerate().filter(|&(i, _)| !is_laid[i]) {
-        let known = t.map(|v| of_vertex.get(&v).copied());
+        let known = t.map(|v| {
+            let same = || of_vertex.get(at_place.get(&place(v))?);
+            of_vertex.get(&v).or_else(same).copied()
+        });
         if let [Some((a, _)), Some((b, _)), Some((c, _))] = known {
             let (key, turn) = rotated([a, b, c]);
             if let Some(&twin) = of_triangle.get(&key) {

@@ -581,6 +581,7 @@ impl<'a> Baker<'a> {
         self.check_cancelled()?;
         #[cfg(feature = "export")]
         if let Goal::Model(path, options) = *goal {
+            budget.check(mesh.triangles.len())?;
             return match model::needs_tiles(mesh, source) {
                 true => self.model_of_asset(mesh, source, own_density, path, options),
                 false => self.model(mesh, source, &budget, path, options),

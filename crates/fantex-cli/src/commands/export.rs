@@ -284,7 +284,9 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     }
     if args.depth.is_some() && !has_extension(&args.output, "png") {
         let output = args.output.display();
-        return Err(Error::invalid(format!("--depth is that of a .png; {output} has its own; leave --depth out")));
+        return Err(Error::invalid(format!(
+            "--depth is that of a .png; {output} has its own; leave --depth out"
+        )));
     }
     let side = match args.size {
         Some(PictureSize::WidthHeight([width, height])) => {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fantex_bake::{BakeFormat, NoProgress, Progress};
 use fantex_base::ErrorKind;
 use fantex_export::{
-    ChannelMap, Depth, ExportOptions, UnwrapOptions, export_atlas, export_channels, export_model,
+    ChannelMap, Depth, ExportOptions, UnwrapOptions, UvChoice, export_atlas, export_channels, export_model,
     unwrap_mesh, unwrap_triangles,
 };
 use fantex_mesh::generate::{cube, icosphere, torus};
@@ -416,6 +416,38 @@ fn every_corner_lies_in_the_picture_and_no_triangle_is_flat() {
         assert!(corners.iter().all(|uv| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all()));
         assert!((corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs() > 1e-7);
     }
+}
+
+#[test]
+fn a_loose_triangle_that_repeats_another_has_its_coordinates() {
+    let once = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let positions: Vec<DVec3> = [once, once, once.map(|p| p + DVec3::Z)].concat();
+    // The second lies where the first does, with its corners in another order.
+    let triangles = [[0, 1, 2], [4, 5, 3], [6, 7, 8]];
+    let options = UnwrapOptions { side: 64, padding: None };
+    let (mesh, unwrapped) = unwrap_triangles(&positions, &triangles, &options, &NoProgress).unwrap();
+    let uv = |t: usize, k: usize| mesh.uv[mesh.triangles[t][k] as usize];
+    assert_eq!(unwrapped.charts, 2);
+    assert!((0..3).all(|k| uv(1, k) == uv(0, (k + 1) % 3)));
+    assert!((0..3).all(|k| uv(2, k) != uv(0, k)));
+}
+
+#[test]
+fn without_any_area_options_count_all_the_same() {
+    let unwrap = |side: u32| {
+        unwrap_triangles(&[DVec3::ZERO; 3], &[[0, 1, 2]], &UnwrapOptions { side, padding: None }, &NoProgress)
+    };
+    assert_eq!(unwrap(64).unwrap().1.side, 64);
+    assert!(unwrap(1000).unwrap_err().to_string().contains("1000 x 1000"));
+}
+
+/// Pictures by the model's own coordinates may be as small as those of a packing.
+#[test]
+fn pictures_by_the_models_coordinates_may_be_small() {
+    let baked = baked_bottle(1 << 12);
+    let options = ExportOptions { uv: UvChoice::OfAsset, largest_side: 16, ..ExportOptions::default() };
+    let summary = export_model(&baked.asset, &baked.path("x.glb"), &options, &NoProgress).unwrap();
+    assert!(summary.sizes.iter().all(|&size| size == [16, 16]), "{:?}", summary.sizes);
 }
 
 #[test]

@@ -303,7 +303,7 @@ def parametrize(
         resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
         padding: texels around each piece that are its own, a power of two; None for a 128th of the side, so that pictures may have
             coarser levels.
-        progress: called with ``(done, total)`` triangles after a few steps; what it raises ends the work.
+        progress: called with ``(done, total)`` texels of the surface, from 0 again where the square grows; what it raises ends the work.
 
     Returns:
         ``vmapping`` ``(k,)`` uint32, the vertex of ``positions`` that each new vertex was; ``faces`` ``(m, 3)`` uint32 of new
