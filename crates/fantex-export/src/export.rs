@@ -295,7 +295,13 @@ impl<'a> Job<'a> {
             UvChoice::OfAsset => with_uv(uv_of_asset(mesh)?),
             UvChoice::OfModel(model) => with_uv(uv_of_model(mesh, model)?),
             UvChoice::Atlas => {
-                let request = AtlasRequest { texels_per_unit, side, largest_side, padding: options.padding };
+                let request = AtlasRequest {
+                    texels_per_unit,
+                    texels: options.texels,
+                    side,
+                    largest_side,
+                    padding: options.padding,
+                };
                 atlas(mesh, &request, progress)
             }
         };
@@ -478,6 +484,9 @@ pub struct ExportOptions<'a> {
     pub side: Option<u32>,
     /// The most columns that are chosen without `side`.
     pub largest_side: u32,
+    /// Texels that a picture of an own packing was asked to have: without `side`, it has 16 times as many at most, and a lower density
+    /// then, unless the charts ask for more.
+    pub texels: Option<u64>,
     /// Texels around the charts of an own packing, a power of two; without it, a 128th of the side, 2 to 16.
     pub padding: Option<u32>,
     /// Write each picture of a model as KTX2, too, beside it.
@@ -497,6 +506,7 @@ impl Default for ExportOptions<'_> {
             uv: UvChoice::default(),
             side: None,
             largest_side: 8192,
+            texels: None,
             padding: None,
             with_ktx2: false,
             force: false,

@@ -22,7 +22,7 @@ pub(crate) struct Layout {
     pub(crate) pages: Vec<Page>,
     /// Index into `pages` for every material; none where no triangle has it.
     pub(crate) page_of_material: Vec<Option<usize>>,
-    /// Triangles that the model's coordinates give no area: each shows one colour.
+    /// Triangles that have no area in the picture: each shows one colour.
     pub(crate) points: usize,
     /// True where coordinates go beyond 0..1 and the pictures repeat.
     pub(crate) repeats: bool,
@@ -79,6 +79,8 @@ impl Page {
 pub(crate) struct AtlasRequest {
     /// Texels per mesh unit of the asset.
     pub(crate) texels_per_unit: f32,
+    /// Texels that the picture was asked to have, if it was.
+    pub(crate) texels: Option<u64>,
     /// The side, if it is given.
     pub(crate) side: Option<u32>,
     /// The largest side that is taken by itself.
@@ -101,6 +103,9 @@ const MAX_PADDING: u32 = 16;
 
 /// A share of the wanted density that nobody misses.
 const NEARLY: f32 = 0.95;
+
+/// A picture has at most so many times the texels that it was asked to have, if the charts fit: needles would fill any picture with padding.
+const MAX_TEXELS_PER_ASKED: f64 = 16.0;
 
 /// Charts are packed in other orders at densities that follow each other in this ratio, while one of the orders fits.
 const STEP: f32 = 1.01;
@@ -214,9 +219,11 @@ fn taken_texels(chart: &Chart, block: u32, density: f32) -> f64 {
 
 /// The charts in the smallest picture in which they have nearly the wanted density, or in the largest; none where they do not fit.
 fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
-    let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
-    let texels = ((0.5 * area).sqrt() * request.texels_per_unit).min(request.largest_side as f32);
-    let mut side = (texels as u32).max(MIN_SIDE).next_power_of_two().min(request.largest_side);
+    // What the surface is to have.
+    let wanted = charts.iter().map(flat_area).sum::<f64>() * f64::from(request.texels_per_unit).powi(2);
+    let least = wanted.sqrt() * f64::from(NEARLY);
+    let least = least.min(f64::from(request.largest_side)) as u32;
+    let mut side = least.max(MIN_SIDE).next_power_of_two().min(request.largest_side);
     // A side that leaves less padding is not taken, unless no larger one may be.
     while side < request.largest_side
         && request.padding.is_none()
@@ -228,7 +235,9 @@ fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -
         let packed = densest(charts, side, request, progress);
         let is_good = |p: &Packed| p.density >= NEARLY * request.texels_per_unit;
         let is_last = side >= request.largest_side || progress.is_cancelled();
-        if is_last || packed.as_ref().is_some_and(is_good) {
+        let next = 4.0 * f64::from(side).powi(2);
+        let is_enough = request.texels.is_some_and(|texels| next > MAX_TEXELS_PER_ASKED * texels as f64);
+        if is_last || packed.is_some() && is_enough || packed.as_ref().is_some_and(is_good) {
             return packed;
         }
         side *= 2;
@@ -348,10 +357,10 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
     placed.extend(beyond.collect::<Vec<_>>());
     let page = Page { side: packed.side, placed, block: packed.block, owners };
     Layout {
-        uv,
         pages: vec![page],
         page_of_material: vec![Some(0); mesh.materials.len()],
-        points: 0,
+        points: uv.iter().filter(|[a, b, c]| (*b - *a).perp_dot(*c - *a) == 0.0).count(),
+        uv,
         repeats: false,
         charts: charts.len(),
         padding: packed.block,
@@ -600,7 +609,13 @@ mod tests {
             mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
         }
         let charts: Vec<Chart> = (0..count).map(|t| Chart::projected(&mesh, vec![t], Vec3::Z)).collect();
-        let request = AtlasRequest { texels_per_unit: 10.0, side: None, largest_side: 1024, padding: None };
+        let request = AtlasRequest {
+            texels_per_unit: 10.0,
+            texels: None,
+            side: None,
+            largest_side: 1024,
+            padding: None,
+        };
         let asked = Asked::default();
         let packed = densest(&charts, 1024, &request, &asked).unwrap();
         assert!(packed.density > 10.0, "{}", packed.density);
@@ -619,7 +634,13 @@ mod tests {
             mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
         }
         let charts: Vec<Chart> = (0..count).map(|t| Chart::projected(&mesh, vec![t], Vec3::Z)).collect();
-        let request = AtlasRequest { texels_per_unit: 150.0, side: None, largest_side: 8192, padding: None };
+        let request = AtlasRequest {
+            texels_per_unit: 150.0,
+            texels: None,
+            side: None,
+            largest_side: 8192,
+            padding: None,
+        };
         let packed = smallest(&charts, &request, &Asked::default()).unwrap();
         assert_eq!((packed.side, packed.block), (2048, 2));
         assert!(packed.density >= NEARLY * 150.0, "{}", packed.density);

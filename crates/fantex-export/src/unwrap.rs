@@ -57,7 +57,8 @@ fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) ->
     check(options)?;
     let UnwrapOptions { side, padding } = *options;
     let texels_per_unit = (f64::from(side).powi(2) / mesh.area()).sqrt() as f32;
-    let request = AtlasRequest { texels_per_unit, side: Some(side), largest_side: side, padding };
+    let request =
+        AtlasRequest { texels_per_unit, texels: None, side: Some(side), largest_side: side, padding };
     let layout = atlas(mesh, &request, progress)?;
     Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
 }

@@ -478,6 +478,15 @@ impl Preparation<'_> {
         if all { Ok(()) } else { Err(self.of_stroke(Error::invalid(format!("{what} must be finite")))) }
     }
 
+    fn share(&self, what: &'static str, number: f32) -> Result<()> {
+        match (0.0..=1.0).contains(&number) {
+            true => Ok(()),
+            false => {
+                Err(self.of_stroke(Error::invalid(format!("{what} is {number}; it must be from 0 to 1"))))
+            }
+        }
+    }
+
     fn stroke(&self, missed: &mut usize) -> Result<Stroke> {
         let brush = self.brush()?;
         let stamp = match (&brush.stamp, brush.tip) {
@@ -517,6 +526,9 @@ impl Preparation<'_> {
             settings.pressure.flow,
         ];
         self.finite("the brush's numbers", &numbers)?;
+        self.share("the brush's hardness", settings.hardness)?;
+        self.share("the brush's opacity", settings.opacity)?;
+        self.share("the brush's flow", settings.flow)?;
         let positive = |x: f32| x.is_finite() && x > 0.0;
         if !positive(size) || !positive(settings.spacing) {
             return Err(self.of_stroke(Error::invalid("the brush's size and spacing must be above 0")));

@@ -70,6 +70,7 @@ impl AtlasFiles {
             },
             side: self.side,
             largest_side: self.largest_side,
+            texels: None,
             padding: self.padding,
             with_ktx2: self.with_ktx2,
             force: self.force,

@@ -90,8 +90,9 @@ pub(crate) struct ExportArgs {
     /// Write channels alone; several with commas, as NAME-CHANNEL beside the output
     #[arg(long, value_parser = one_of(&CHANNELS), value_delimiter = ',', conflicts_with = "turntable")]
     channel: Vec<ChannelMap>,
-    #[arg(long, value_parser = one_of(&DEPTHS), requires = "channel", help = "Bits per sample of a channel's PNG [default: 8]")]
-    depth: Option<Depth>,
+    /// Bits per sample of a channel's PNG
+    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8", requires = "channel")]
+    depth: Depth,
     /// Number of pictures around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
@@ -282,12 +283,6 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             "--textures has exr for the sheets of --fans alone; write channels of an atlas with --channel and an .exr file",
         ));
     }
-    if args.depth.is_some() && !has_extension(&args.output, "png") {
-        let output = args.output.display();
-        return Err(Error::invalid(format!(
-            "--depth is that of a .png; {output} has its own; leave --depth out"
-        )));
-    }
     let side = match args.size {
         Some(PictureSize::WidthHeight([width, height])) => {
             return Err(Error::invalid(format!(
@@ -309,6 +304,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         },
         side,
         largest_side: args.max_size,
+        texels: None,
         padding: args.padding,
         with_ktx2: args.textures == SheetPictures::PngAndKtx2,
         force: context.force,
@@ -333,7 +329,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
                     kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
                 let channels: Vec<(ChannelMap, &Path)> =
                     kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
-                export_channels(asset, &channels, args.depth.unwrap_or(Depth::Eight), &options, &progress)
+                export_channels(asset, &channels, args.depth, &options, &progress)
             }
         }
     };
@@ -469,7 +465,12 @@ pub(crate) fn model_notes(output: &Path, summary: &ExportSummary, kind: &ModelKi
             100.0 * summary.overlapping_share
         ));
     }
-    if summary.points > 0 {
+    if summary.points > 0 && summary.charts > 0 {
+        let triangles = counted(summary.points as u64, "triangle");
+        context.note(format!(
+            "{output}: {triangles} without area in the picture, as small as they are, each in one colour"
+        ));
+    } else if summary.points > 0 {
         context.note(format!(
             "{output}: {} without area in the model's texture coordinates, each in one colour; without '--uv source' every triangle \
              has texels of its own",

@@ -90,6 +90,19 @@ const DIFFERENCES: Choices<Difference, 3> = [
     ("central", "From the texel before to the next", Difference::Central),
 ];
 
+/// Refuses a depth that the file's format does not have.
+pub(crate) fn check_depth(depth: FileDepth, path: &Path) -> Result<()> {
+    let has_bytes =
+        ["jpg", "jpeg", "webp"].iter().any(|extension| super::export::has_extension(path, extension));
+    if has_bytes && depth != FileDepth::Eight {
+        let path = path.display();
+        return Err(Error::invalid(format!(
+            "{path} holds eight bits per number; leave --depth out, or write a .png"
+        )));
+    }
+    Ok(())
+}
+
 /// Writes an image.
 pub(crate) fn saved(image: &Image, depth: FileDepth, space: ColorSpace, path: &Path) -> Result<()> {
     let (depth, space) = match depth {
@@ -121,6 +134,7 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
     if !args.power_of_two && args.size.is_none() && !args.derivatives {
         return Err(Error::invalid("say what to do: --power-of-two, --size WxH or --derivatives"));
     }
+    args.depth.map_or(Ok(()), |depth| check_depth(depth, &args.output))?;
     let default_space = if args.derivatives { ColorSpace::Linear } else { ColorSpace::Srgb };
     let space = args.color_space.unwrap_or(default_space);
     let image = Image::load_as(&args.image, space)?;

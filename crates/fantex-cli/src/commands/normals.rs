@@ -9,7 +9,7 @@ use fantex::bake::{NormalMapOptions, NormalSpace, bake_normal_map};
 use fantex::texture::ColorSpace;
 use serde::Serialize;
 
-use crate::commands::image::{DEPTHS, FileDepth, saved};
+use crate::commands::image::{DEPTHS, FileDepth, check_depth, saved};
 use crate::context::Context;
 use crate::scene::{check_picture_name, open_shape, show_notes, size};
 use crate::text::{Choices, one_of, positive, whole};
@@ -76,6 +76,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     context.check_output_of(&args.output, &args.coarse)?;
     context.check_output_of(&args.output, &args.detailed)?;
     check_picture_name(&args.output, false)?;
+    check_depth(args.depth, &args.output)?;
     let [coarse, detailed] = [open_shape(&args.coarse)?, open_shape(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {

@@ -58,6 +58,7 @@ Example:
 The plan is the asset without its texels; the merged parts are the asset that 'fantex bake' writes in one go, byte for byte, however many \
 parts there are. Each part may be baked by any machine of the same kind of processor that sees the model and its pictures under the same paths, in \
 any order, and again where it was lost (docs/farms.md).")]
+#[command(mut_arg("output", |output| output.value_name("PLAN").help("The plan to write")))]
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     job: JobArgs,

@@ -9,7 +9,7 @@ use fantex::texture::{ColorSpace, Image};
 use fantex::{LookTable, Result, look_texture};
 use serde::Serialize;
 
-use crate::commands::image::{DEPTHS, FileDepth, SPACES, saved};
+use crate::commands::image::{DEPTHS, FileDepth, SPACES, check_depth, saved};
 use crate::context::Context;
 use crate::scene::{check_picture_name, size, vector};
 use crate::series::Series;
@@ -97,6 +97,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     paths.iter().try_for_each(|path| context.check_output_of(path, &args.look))?;
     if args.slices.is_none() {
         check_picture_name(&args.output, false)?;
+        check_depth(args.depth, &args.output)?;
     }
     let (mut min, mut max) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
     let table = LookTable {

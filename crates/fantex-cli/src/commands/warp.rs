@@ -13,7 +13,7 @@ use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Wr
 use fantex::{Error, Result};
 use serde::Serialize;
 
-use crate::commands::image::{DEPTHS, FileDepth, WRAPS, saved};
+use crate::commands::image::{DEPTHS, FileDepth, WRAPS, check_depth, saved};
 use crate::context::Context;
 use crate::scene::{FILTERS, check_picture_name, size};
 use crate::text::{Choices, one_of};
@@ -51,15 +51,16 @@ pub(crate) struct WarpArgs {
     /// In which direction
     #[arg(long, value_parser = one_of(&WAYS), default_value = "inverse")]
     way: Way,
-    /// How a texel is spread by forward mapping
-    #[arg(long, value_parser = one_of(&SPREADS), default_value = "area")]
-    spread: Spread,
-    /// How the image is filtered by inverse mapping
-    #[arg(long, value_parser = one_of(&FILTERS), default_value = "ewa")]
-    filter: Filter,
-    /// What lies outside the image, by inverse affine and perspective mapping
-    #[arg(long, value_parser = one_of(&WRAPS), default_value = "border")]
-    wrap: Wrap,
+    #[arg(long, value_parser = one_of(&SPREADS), help = "How a texel is spread by forward mapping [default: area]")]
+    spread: Option<Spread>,
+    #[arg(long, value_parser = one_of(&FILTERS), help = "How the image is filtered by inverse mapping [default: ewa]")]
+    filter: Option<Filter>,
+    #[arg(
+        long,
+        value_parser = one_of(&WRAPS),
+        help = "What lies outside the image, by inverse affine and perspective mapping [default: border]"
+    )]
+    wrap: Option<Wrap>,
     /// Numbers of the file
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
     depth: FileDepth,
@@ -174,7 +175,23 @@ fn check_is_convex(corners: [DVec2; 4]) -> Result<()> {
     }
 }
 
+/// Options that the direction and the map do not ask for.
+fn check_is_used(args: &WarpArgs) -> Result<()> {
+    let refused = match args.way {
+        Way::Forward if args.filter.is_some() => "--filter belongs to inverse mapping",
+        Way::Forward if args.wrap.is_some() => "--wrap belongs to inverse mapping",
+        Way::Inverse if args.spread.is_some() => "--spread belongs to forward mapping",
+        _ if args.map == Map::Bilinear && args.wrap.is_some() => {
+            "--wrap belongs to affine and perspective maps"
+        }
+        _ => return Ok(()),
+    };
+    Err(Error::invalid(format!("{refused}; leave it out")))
+}
+
 pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
+    check_is_used(args)?;
+    check_depth(args.depth, &args.output)?;
     let image = Image::load_as(&args.image, ColorSpace::Srgb)?;
     context.check_output_of(&args.output, &args.image)?;
     check_picture_name(&args.output, true)?;
@@ -196,10 +213,10 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     };
     let size = args.size.unwrap_or([image.width, image.height]);
     let warped = match args.way {
-        Way::Forward => warp_forward(&image, map.as_ref(), size, args.spread)?,
+        Way::Forward => warp_forward(&image, map.as_ref(), size, args.spread.unwrap_or(Spread::Area))?,
         Way::Inverse => {
-            let options =
-                SampleOptions { wrap: [args.wrap; 2], filter: args.filter, ..SampleOptions::default() };
+            let (wrap, filter) = (args.wrap.unwrap_or(Wrap::Border), args.filter.unwrap_or(Filter::Ewa));
+            let options = SampleOptions { wrap: [wrap; 2], filter, ..SampleOptions::default() };
             warp_inverse(&ImageTexture::new(Arc::new(image)), map.as_ref(), size, &options)?
         }
     };

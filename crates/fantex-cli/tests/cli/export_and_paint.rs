@@ -110,6 +110,9 @@ fn single_channels_and_turntables_are_written() {
         assert_eq!(info["sizes"], serde_json::json!([256]));
         assert!(path.exists());
     }
+    let turn: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"export", &asset, &"--turntable", &"2", &"-o"];
+    fails(2, &["a turntable", "turn.glb", ".png"], &[&turn[..], &[&out("turn.glb")]].concat());
+    assert!(!out("turn.glb").exists());
     // Several at once are the same bytes as one by one; all are there, or none.
     let several: [&dyn AsRef<std::ffi::OsStr>; 5] =
         [&"export", &asset, &"--channel", &"normal,roughness", &"-o"];

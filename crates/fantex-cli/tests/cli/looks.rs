@@ -860,6 +860,18 @@ fn images_are_warped_and_scaled() {
     let info = json(&[&"image", &image, &"-o", &at("d.png"), &"--derivatives", &"--wrap", &"clamp"]);
     assert!((info["range"].as_f64().unwrap() - 100.0 / 99.0).abs() < 0.2, "{info}");
     fails(2, &["--power-of-two"], &[&"image", &image, &"-o", &at("no.png")]);
+    let jpeg: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"image", &image, &"-o", &at("no.jpg"), &"--power-of-two"];
+    fails(2, &["eight bits", "--depth"], &[&jpeg[..], &[&"--depth", &"16"]].concat());
+    let affine: [&dyn AsRef<std::ffi::OsStr>; 9] =
+        [&"warp", &image, &"-o", &at("no.png"), &"--map", &"affine", &"--corners", &"0,0 9,0 0,9", &"--way"];
+    let unused: [[&dyn AsRef<std::ffi::OsStr>; 3]; 3] = [
+        [&"forward", &"--filter", &"nearest"],
+        [&"forward", &"--wrap", &"repeat"],
+        [&"inverse", &"--spread", &"area"],
+    ];
+    for options in unused {
+        fails(2, &["belongs to"], &[&affine[..], &options].concat());
+    }
 }
 
 /// The normals of a model on itself are the flat map; relative to the model's axes they are not.

@@ -9,9 +9,9 @@ use fantex_bake::{
 use fantex_base::{ErrorKind, Random};
 use fantex_export::{ChannelMap, ExportOptions, ExportSummary, UvChoice, export_source};
 use fantex_mesh::generate::{cube, icosphere};
-use fantex_mesh::{Mesh, SurfacePoint, shading_normals};
+use fantex_mesh::{Mesh, Model, SurfacePoint, shading_normals};
 use fantex_store::ChannelKind;
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use tempfile::TempDir;
 
 use crate::models::check_glb;
@@ -191,6 +191,46 @@ fn vertex_colours_become_a_picture() {
     assert_eq!(summary.maps, [ChannelMap::BaseColor]);
     let found = likeness(&mesh, &source, &path);
     assert!(found[0].1 > 48.0, "{found:?}");
+}
+
+/// A picture is no larger than it must be, and never nearly empty.
+#[test]
+fn narrow_surfaces_get_pictures_of_moderate_size() {
+    let folder = TempDir::new().unwrap();
+    let side_of = |model: Model, texels: f64| {
+        let mesh = cleaned(model);
+        let source = Waves::color(3.0);
+        let texels_per_unit = (texels / mesh.area()).sqrt() as f32;
+        let texels = Some((2.0 * texels) as u64);
+        let options = ExportOptions { force: true, texels, ..ExportOptions::default() };
+        let path = folder.path().join("x.glb");
+        let summary = export_source(&mesh, &source, texels_per_unit, &path, &options, &NoProgress).unwrap();
+        (summary.sizes[0][0], summary)
+    };
+    // Needles of a hundredth of a texel's width, one beside the other in space, far apart in any picture.
+    let mut needles = Model::default();
+    for i in 0..300 {
+        let at = DVec3::new(0.0, 0.01 * f64::from(i), 0.0);
+        let first = needles.positions.len() as u32;
+        needles.positions.extend([at, at + DVec3::X, at + DVec3::new(1.0, 1e-5, 0.0)]);
+        needles.triangles.push([first, first + 1, first + 2]);
+    }
+    let (side, summary) = side_of(needles, 250_000.0);
+    assert!(side <= 2048, "{side}: {summary:?}");
+    // A long strip in a spiral, whose rectangle is mostly empty.
+    let mut spiral = Model::default();
+    for i in 0..400u32 {
+        let angle = f64::from(i) * 0.05;
+        let out = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        spiral.positions.extend([out * (2.0 + 0.3 * angle), out * (2.2 + 0.3 * angle)]);
+        if i > 0 {
+            let first = 2 * i - 2;
+            spiral.triangles.extend([[first, first + 1, first + 3], [first, first + 3, first + 2]]);
+        }
+    }
+    let (side, summary) = side_of(spiral, 100_000.0);
+    let surface = summary.used_share * f64::from(side).powi(2);
+    assert!(summary.density_share >= 0.95 && surface < 400_000.0, "{side}: {summary:?}");
 }
 
 #[test]

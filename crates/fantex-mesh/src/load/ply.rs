@@ -4,7 +4,8 @@
 //!  header --> layout of elements --> rows: a binary or an ASCII source of numbers --> vertices, faces --> Model
 //! ```
 //!
-//! Read are vertex positions, normals, colours (`red green blue alpha`, `diffuse_*` or `r g b`: bytes or 0..1, sRGB),
+//! Read are vertex positions, normals, colours (`red green blue alpha`, `diffuse_*` or `r g b`: integers, or floats of 0..1 or
+//! 0..255; sRGB),
 //! texture coordinates (`s t`, `u v`, `texture_u texture_v`), faces with any number of corners, their texture
 //! coordinates (`texcoord`) and colours, triangle strips, and `comment TextureFile NAME`. The rest is skipped.
 
@@ -725,7 +726,24 @@ impl<S: NumberSource> Rows<'_, S> {
 
 // From a PLY file's tables to a model.
 
-fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> {
+/// Floats of 0..1 do not reach this; those of 0..255 do, unless the whole model is black.
+const BEYOND_SHARES: f32 = 8.0;
+
+/// Whether colours are floats of 0..255.
+fn has_bytes_as_floats(colors: &[Vec4]) -> bool {
+    let most = colors.iter().fold(0.0, |most: f32, color| most.max(color.truncate().max_element()));
+    (BEYOND_SHARES..=255.0).contains(&most)
+}
+
+/// Colours of 0..255, of 0..1. Alpha may have either range, or none.
+fn bytes_as_shares(colors: &mut [Vec4]) {
+    let has_bytes = colors.iter().any(|color| color.w > 1.0);
+    for color in colors {
+        *color = (color.truncate() / 255.0).extend(if has_bytes { color.w / 255.0 } else { color.w });
+    }
+}
+
+fn build(file: &SourceFile, header: &Header, mut content: Content) -> Result<Model> {
     file.check_triangles(content.faces.triangle_count())?;
     let mut faces = content.faces.triangulated(&content.positions);
     let mut model = Model::default();
@@ -741,6 +759,12 @@ fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> 
     } else if !content.uvs.is_empty() {
         let uv = |&v: &u32| flipped(content.uvs[v as usize]);
         model.corners.uv_sets = vec![faces.corners.iter().map(uv).collect()];
+    }
+    for colors in [&mut content.colors_srgb, &mut faces.colors_srgb] {
+        if has_bytes_as_floats(colors) {
+            bytes_as_shares(colors);
+            model.notes.push("colours are floats of 0..255, and taken as such".to_owned());
+        }
     }
     let linear = |color_srgb: &Vec4| linear_rgba(color_srgb.truncate(), color_srgb.w);
     if !content.colors_srgb.is_empty() {

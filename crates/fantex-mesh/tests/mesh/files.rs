@@ -462,6 +462,21 @@ fn float_colours_are_fractions_and_coordinate_names_vary() {
 }
 
 #[test]
+fn colours_may_be_floats_of_bytes() {
+    let vertices = "property float red\nproperty float green\nproperty float blue\n";
+    let colors = |rows: [&str; 4]| {
+        let places = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"];
+        let rows: String = places.iter().zip(rows).map(|(at, color)| format!("{at} {color}\n")).collect();
+        let model = load_text("a.ply", &(ascii_ply(vertices, FACES) + &rows + "3 0 1 2\n")).unwrap();
+        (model.corners.colors, model.notes)
+    };
+    let (bytes, notes) = colors(["255 127.5 0", "0 0 51", "9 9 9", "0 0 0"]);
+    let (shares, no_notes) = colors(["1 0.5 0", "0 0 0.2", "0.0352941 0.0352941 0.0352941", "0 0 0"]);
+    assert!(bytes.iter().zip(&shares).all(|(a, b)| (a - b).length() < 1e-5), "{bytes:?} {shares:?}");
+    assert!(notes.len() == 1 && notes[0].contains("0..255") && no_notes.is_empty(), "{notes:?}");
+}
+
+#[test]
 fn faces_may_carry_coordinates_colours_and_textures() {
     let faces = "comment TextureFile one.png\ncomment TextureFile the other.png\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
     let rows = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 6 0 0 1 0 1 1 1 255 0 0\n4 0 1 2 3 8 .5 .5 1 0 1 1 0 1 0 0 0 255\n";

@@ -390,6 +390,14 @@ fn values_that_mean_nothing_are_refused() {
         assert!(message.starts_with("stroke 0: `") && message.contains(key), "{message}");
         assert!(message.contains(expected), "{message}");
     }
+    for (brush, what) in [
+        (r#""hardness": 7"#, "hardness is 7"),
+        (r#""opacity": -0.5"#, "opacity is -0.5"),
+        (r#""flow": 1.5"#, "flow is 1.5"),
+    ] {
+        let message = replayed(&format!(r#""brush": {{ {brush} }}, {somewhere}"#)).unwrap_err();
+        assert!(message.contains(what) && message.contains("from 0 to 1"), "{message}");
+    }
     for rest in [r#""samples": []"#, r#""line": true"#, r#""fill": "connected""#] {
         let message = replayed(rest).unwrap_err();
         assert!(message.contains("stroke 0: `samples` is [], but must name at least one place"), "{message}");

@@ -36,6 +36,13 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     if args.uv != UvArg::Atlas || args.padding.is_some() {
         return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
     }
+    let others = ["glb", "gltf", "usda", "ktx2", "exr", "jpg", "jpeg", "webp", "gif", "mp4", "fan"];
+    if others.iter().any(|extension| has_extension(&args.output, extension)) {
+        return Err(Error::invalid(format!(
+            "a turntable cannot be written to {}: give the name of a .png, or of a folder for a picture per view",
+            args.output.display()
+        )));
+    }
     let started = Instant::now();
     let scene = Scene::open(&args.asset, context)?;
     let [width, height] = match args.size {
