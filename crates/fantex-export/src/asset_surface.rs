@@ -63,8 +63,8 @@ impl Surface for AssetSurface {
         values
     }
 
-    fn largest(&self, map: &Map) -> Option<f32> {
-        Some(scale_of(&self.cache, map))
+    fn largest(&self, map: &Map, progress: &dyn Progress) -> Option<f32> {
+        Some(scale_of(&self.cache, map, progress))
     }
 
     fn damage(&self) -> Option<(u64, String)> {

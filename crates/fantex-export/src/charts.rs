@@ -75,7 +75,7 @@ impl Chart {
 /// there: a scan of a million triangles.
 pub(crate) const SHARES: [f64; 4] = [0.15, 0.3, 0.8, 0.9];
 
-/// All charts of a mesh; every triangle lies in exactly one. The same on any number of threads. `across` are [`continued`] half-edges.
+/// All charts of a mesh; every triangle lies in exactly one, unless `progress` is cancelled. The same on any number of threads. `across` are [`continued`] half-edges.
 pub(crate) fn charts(
     mesh: &Mesh,
     across: &[u32],
@@ -85,7 +85,10 @@ pub(crate) fn charts(
     let edges = edges(mesh, across);
     let facets: Vec<Vec3> = (0..mesh.triangles.len()).into_par_iter().map(|t| facet(mesh, t)).collect();
     let atoms = atoms(&facets, across);
-    let patches = join(mesh, &facets, &atoms, &edges, texels_per_unit);
+    let patches = join(mesh, &facets, &atoms, &edges, texels_per_unit, progress);
+    if progress.is_cancelled() {
+        return Vec::new();
+    }
     let cutter = Cutter::new(mesh, across, texels_per_unit);
     let projected = patches.into_par_iter().flat_map_iter(|patch| cutter.charts_of(patch));
     let projected = projected.collect();
@@ -254,10 +257,17 @@ impl PartialOrd for Plan {
     }
 }
 
-fn join(mesh: &Mesh, facets: &[Vec3], atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
+fn join(
+    mesh: &Mesh,
+    facets: &[Vec3],
+    atoms: &[u32],
+    edges: &[Edge],
+    texels_per_unit: f32,
+    progress: &LayoutProgress<'_>,
+) -> Vec<Patch> {
     let mut joiner = Joiner::new(mesh, facets, atoms, edges);
-    joiner.run([MAX_DEGREES, STEEPEST_DEGREES], f32::INFINITY);
-    joiner.run([MAX_DEGREES_OF_CRUMBS; 2], (CRUMB_TEXELS / texels_per_unit).powi(2));
+    joiner.run([MAX_DEGREES, STEEPEST_DEGREES], f32::INFINITY, progress);
+    joiner.run([MAX_DEGREES_OF_CRUMBS; 2], (CRUMB_TEXELS / texels_per_unit).powi(2), progress);
     joiner.patches(atoms)
 }
 
@@ -291,8 +301,8 @@ impl Joiner {
     }
 
     /// Makes the cheapest union as long as there is one in which no normal is farther from the mean than the angles (most normals, all
-    /// normals) and one of the two pieces is not larger than `largest_area`.
-    fn run(&mut self, degrees: [f32; 2], largest_area: f32) {
+    /// normals) and one of the two pieces is not larger than `largest_area`; until `progress` is cancelled.
+    fn run(&mut self, degrees: [f32; 2], largest_area: f32, progress: &LayoutProgress<'_>) {
         let limits = (degrees.map(|angle| angle.to_radians().cos()), largest_area);
         let mut plans = BinaryHeap::new();
         for a in 0..self.pieces.len() as u32 {
@@ -301,7 +311,9 @@ impl Joiner {
                 plans.extend(later.filter_map(|(&b, _)| self.plan(a, b, limits)));
             }
         }
-        while let Some(Plan { pieces: [a, b], versions, .. }) = plans.pop() {
+        while let Some(Plan { pieces: [a, b], versions, .. }) = plans.pop()
+            && !progress.is_cancelled()
+        {
             if [a, b].iter().any(|&i| self.parents[i as usize] != i) {
                 continue;
             }

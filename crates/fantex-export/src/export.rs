@@ -149,6 +149,9 @@ impl<'a> ModelFile<'a> {
         let gltf = Gltf::new(output, root).ok_or_else(|| unknown_kind(output, ".glb or .gltf"))?;
         let outputs = Outputs::new(options.force);
         outputs.check(output)?;
+        if !gltf.is_binary() {
+            outputs.check(&output.with_extension("bin"))?;
+        }
         Ok(Self { output, options, gltf, outputs })
     }
 
@@ -318,7 +321,7 @@ impl<'a> Job<'a> {
                 let of_page = |page| largest(page, &map, (self.surface, &frames), progress);
                 self.layout.pages.iter().map(of_page).fold(1.0, f32::max)
             };
-            map.scaled(self.surface.largest(&map).unwrap_or_else(found))
+            map.scaled(self.surface.largest(&map, progress).unwrap_or_else(found))
         };
         MODEL_MAPS.into_iter().filter_map(|kind| self.surface.map(kind)).map(scaled).collect()
     }
@@ -411,13 +414,17 @@ impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
 }
 
 /// What values must be divided by to lie in 0..1: the largest number of a channel that holds floats of emitted light.
-pub(crate) fn scale_of(cache: &PageCache, map: &Map) -> f32 {
+/// Anything once `progress` is cancelled.
+pub(crate) fn scale_of(cache: &PageCache, map: &Map, progress: &dyn Progress) -> f32 {
     let asset = cache.asset();
     let channel = &asset.channels()[map.channel];
     if map.kind != ChannelMap::Emission || channel.format != TexelFormat::Rgba32F {
         return 1.0;
     }
     let brightest = |group: usize| {
+        if progress.is_cancelled() {
+            return 1.0;
+        }
         let tile = cache.tile(map.channel, TileId { group: group as u32, level: 0 });
         let [columns, rows] = tile.extent();
         let texels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));

@@ -138,7 +138,7 @@ impl<'a> FanFile<'a> {
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
         let (options, mesh) = (self.options, asset.mesh());
-        let packer = Packer::new(asset, &options.sheets)?;
+        let packer = Packer::new(asset, &options.sheets, progress)?;
         let kinds = options.pictures.kinds();
         let bytes = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
         let bytes = packer.pictures().flat_map(bytes).map(|(s, m, kind)| packer.picture_bytes(s, m, kind));

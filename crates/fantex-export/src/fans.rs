@@ -99,7 +99,7 @@ pub fn fan_sheets(
     options: &FanSheetOptions,
     progress: &dyn Progress,
 ) -> Result<FanSheets> {
-    let packer = Packer::new(asset, options)?;
+    let packer = Packer::new(asset, options, progress)?;
     let bytes = |(sheet, map)| packer.picture_bytes(sheet, map, SampleKind::Fixed);
     packer.check_memory(packer.pictures().map(bytes).sum())?;
     let mut sheets = packer.described();
@@ -139,7 +139,11 @@ pub(crate) struct Packer<'a> {
 }
 
 impl<'a> Packer<'a> {
-    pub(crate) fn new(asset: &'a Arc<Asset>, options: &FanSheetOptions) -> Result<Self> {
+    pub(crate) fn new(
+        asset: &'a Arc<Asset>,
+        options: &FanSheetOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let FanSheetOptions { gutter, largest_side, memory_bytes } = *options;
         if !gutter.is_power_of_two() || gutter > MAX_GUTTER {
             return Err(Error::invalid(format!(
@@ -158,7 +162,7 @@ impl<'a> Packer<'a> {
         let maps = MAPS
             .into_iter()
             .filter_map(|kind| Map::of(asset, kind))
-            .map(|map| map.scaled(scale_of(&cache, &map)))
+            .map(|map| map.scaled(scale_of(&cache, &map, progress)))
             .collect();
         let shapes = Shapes {
             mesh,

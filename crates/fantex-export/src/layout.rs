@@ -1,12 +1,11 @@
 //! Where every triangle lies in which picture.
 
-use std::collections::HashMap;
-
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_mesh::Mesh;
-use glam::Vec2;
+use glam::{DVec3, Vec2};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use crate::charts::{Chart, NONE, SHARES, charts, continued};
 use crate::export::cancelled;
@@ -441,24 +440,24 @@ pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
             "the model has no texture coordinates; leave --uv and --model out for an own packing",
         )
     })?;
-    // Both are rounded to the same grid, so that equal points are equal whatever their mesh space is.
-    let scale = mesh.world_from_mesh.scale.abs() * MATCH_SHARE;
-    let key = |mesh: &Mesh, t: usize| {
-        let points = mesh.triangles[t].map(|v| {
-            let world = mesh.world_from_mesh.point(mesh.positions[v as usize]);
-            (world / scale).round().to_array().map(|x| x as i64)
-        });
-        let first = (0..3).min_by_key(|&k| points[k]).unwrap_or(0);
-        ([points[first], points[(first + 1) % 3], points[(first + 2) % 3]], first)
+    let mut places = Places::new(mesh.world_from_mesh.scale.abs() * MATCH_SHARE);
+    let world = |mesh: &Mesh, v: u32| mesh.world_from_mesh.point(mesh.positions[v as usize]);
+    let names: Vec<u32> = (0..model.positions.len() as u32).map(|v| places.name(world(model, v))).collect();
+    // By its smallest name first, and which corner that is.
+    let turned = |names: [u32; 3]| {
+        let first = (0..3).min_by_key(|&k| names[k]).unwrap_or(0);
+        ([0, 1, 2].map(|k| names[(first + k) % 3]), first)
     };
-    let mut by_key = HashMap::with_capacity(model.triangles.len());
-    for t in 0..model.triangles.len() {
-        let (points, first) = key(model, t);
-        by_key.entry(points).or_insert((t, first));
+    let mut by_names = FxHashMap::default();
+    for (t, triangle) in model.triangles.iter().enumerate() {
+        let (key, first) = turned(triangle.map(|v| names[v as usize]));
+        by_names.entry(key).or_insert((t, first));
     }
     let found = |t: usize| {
-        let (points, first) = key(mesh, t);
-        let &(other, other_first) = by_key.get(&points).ok_or_else(|| {
+        let at = |k: usize| places.find(world(mesh, mesh.triangles[t][k]));
+        let triangle = || Some([at(0)?, at(1)?, at(2)?]);
+        let known = triangle().map(turned).and_then(|(key, first)| Some((*by_names.get(&key)?, first)));
+        let ((other, other_first), first) = known.ok_or_else(|| {
             Error::unsupported(format!(
                 "triangle {t} of the asset is none of the model's; give the model that the asset was baked from"
             ))
@@ -472,6 +471,45 @@ pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
 
 /// Positions closer than this share of the model's half size count as equal.
 const MATCH_SHARE: f64 = 1e-5;
+
+/// Points by their places: those closer than a length to a named one have its name.
+struct Places {
+    /// Side of a cell.
+    length: f64,
+    cells: FxHashMap<[i64; 3], Vec<u32>>,
+    points: Vec<DVec3>,
+}
+
+impl Places {
+    fn new(length: f64) -> Self {
+        Self { length: length.max(f64::MIN_POSITIVE), cells: FxHashMap::default(), points: Vec::new() }
+    }
+
+    fn cell(&self, point: DVec3) -> [i64; 3] {
+        (point / self.length).floor().to_array().map(|x| x as i64)
+    }
+
+    /// The nearest named point's name.
+    fn find(&self, point: DVec3) -> Option<u32> {
+        let [x, y, z] = self.cell(point);
+        let near = |c: i64| c.saturating_sub(1)..=c.saturating_add(1);
+        let cells = near(x).flat_map(|x| near(y).flat_map(move |y| near(z).map(move |z| [x, y, z])));
+        let names = cells.filter_map(|cell| self.cells.get(&cell)).flatten();
+        let distances = names.map(|&name| (self.points[name as usize].distance_squared(point), name));
+        let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        nearest.filter(|&(squared, _)| squared <= self.length * self.length).map(|(_, name)| name)
+    }
+
+    /// The point's name; a new one where no named point is near.
+    fn name(&mut self, point: DVec3) -> u32 {
+        self.find(point).unwrap_or_else(|| {
+            let name = self.points.len() as u32;
+            self.points.push(point);
+            self.cells.entry(self.cell(point)).or_default().push(name);
+            name
+        })
+    }
+}
 
 /// Lays the triangles out by given coordinates: a picture for every material, since materials may use the same coordinates.
 ///
@@ -595,6 +633,23 @@ mod tests {
             self.0.fetch_add(1, Relaxed);
             false
         }
+    }
+
+    /// Rounding moves corners over the borders of any grid: names hold all the same.
+    #[test]
+    fn a_model_is_known_by_its_places_wherever_they_lie() {
+        let mut places = Places::new(1e-5);
+        let mut random = fantex_base::Random::new(4);
+        // Every one lies where two cells meet.
+        let points: Vec<DVec3> = (0..300)
+            .map(|_| DVec3::from_array([0; 3].map(|_| (random.below(20_000) as f64 - 10_000.0) * 1e-5)))
+            .collect();
+        let names: Vec<u32> = points.iter().map(|&p| places.name(p)).collect();
+        for (&p, &name) in points.iter().zip(&names) {
+            let moved = p + DVec3::from_array([0; 3].map(|_| (random.unit() - 0.5) * 1e-6));
+            assert_eq!((places.find(moved), places.name(moved)), (Some(name), name));
+        }
+        assert_eq!(places.find(DVec3::splat(0.5)), None);
     }
 
     /// Thousands of loose triangles are packed in few tries: densities at which they could not fill the picture even without

@@ -101,7 +101,7 @@ impl Surface for SourceSurface<'_> {
         all
     }
 
-    fn largest(&self, map: &Map) -> Option<f32> {
+    fn largest(&self, map: &Map, _: &dyn Progress) -> Option<f32> {
         (!self.channels[map.channel].exceeds_one || map.kind != ChannelMap::Emission).then_some(1.0)
     }
 

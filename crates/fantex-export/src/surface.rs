@@ -1,6 +1,6 @@
 //! What pictures are made of.
 
-use fantex_bake::Prefilter;
+use fantex_bake::{Prefilter, Progress};
 use fantex_mesh::{Mesh, interpolate};
 use fantex_store::ChannelKind;
 use fantex_texture::material::TangentFrame;
@@ -29,8 +29,8 @@ pub(crate) trait Surface: Sync {
     /// Linear values of every map at the points of a region, one list per map.
     fn values(&self, page: &Page, region: &Region, maps: &[Map], frames: &Frames<'_>) -> Vec<Values>;
 
-    /// The largest red, green or blue number, at least 1; none where only all texels tell.
-    fn largest(&self, map: &Map) -> Option<f32>;
+    /// The largest red, green or blue number, at least 1; none where only all texels tell, anything once `progress` is cancelled.
+    fn largest(&self, map: &Map, progress: &dyn Progress) -> Option<f32>;
 
     /// Pieces that could not be read and were replaced by coarser ones; the first, with its reason.
     fn damage(&self) -> Option<(u64, String)>;

@@ -78,14 +78,16 @@ pub(crate) fn unite(
     progress: &LayoutProgress<'_>,
 ) -> Vec<Chart> {
     let mut uniter = Uniter::new(mesh, charts, across);
-    uniter.relax_all(ROUNDS[0]);
-    uniter.straighten();
-    uniter.measure_all();
-    uniter.run(progress);
-    progress.reach(SHARES[2]);
+    uniter.relax_all(ROUNDS[0], progress);
     if !progress.is_cancelled() {
         uniter.straighten();
-        uniter.relax_all(ROUNDS[2]);
+        uniter.measure_all();
+        uniter.run(progress);
+        progress.reach(SHARES[2]);
+    }
+    if !progress.is_cancelled() {
+        uniter.straighten();
+        uniter.relax_all(ROUNDS[2], progress);
     }
     uniter.charts()
 }
@@ -225,14 +227,17 @@ impl<'a> Uniter<'a> {
         }
     }
 
-    /// Brings every piece nearer to its own shape; `slots` are those in the pieces.
-    fn relax_all(&mut self, rounds: usize) {
+    /// Brings every piece nearer to its own shape, until `progress` is cancelled; `slots` are those in the pieces.
+    fn relax_all(&mut self, rounds: usize, progress: &LayoutProgress<'_>) {
         let Self { planes, pieces, slots, .. } = self;
         pieces.iter().for_each(|piece| slots.number(&piece.triangles));
         let (planes_ref, slots) = (&*planes, &*slots);
         let relaxed = |buffers: &mut Buffers, piece: &Piece| {
             let flat = |slot: usize| planes_ref.flat[piece.triangles[slot] as usize];
-            if piece.triangles.len() < 2 || !buffers.lay(planes_ref, &piece.triangles, &[], slots, flat) {
+            if piece.triangles.len() < 2
+                || progress.is_cancelled()
+                || !buffers.lay(planes_ref, &piece.triangles, &[], slots, flat)
+            {
                 return None;
             }
             let before = buffers.sheet.strain();
