@@ -3,7 +3,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use fantex_bake::Prefilter;
+use fantex_bake::{Prefilter, Progress};
 use fantex_cover::{Tap, TriangleTiles};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{Asset, ChannelKind, PageCache, Tile, TileId, TileSource, TileTexels};

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 
 use fantex_bake::{
-    Prefilter, Source, SourceChannel, TexelPoint, TrianglePlane, clear_what_is_no_number, mesh_under,
+    Prefilter, Progress, Source, SourceChannel, TexelPoint, TrianglePlane, clear_what_is_no_number,
+    mesh_under,
 };
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
