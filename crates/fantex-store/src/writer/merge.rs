@@ -485,10 +485,7 @@ fn check_complete(plan: &Plan, readers: &[PartReader]) -> Result<()> {
         let Range { start, end: own_end } = reader.groups;
         if let Some(other) = before.filter(|_| start < end) {
             let paths = [&reader.path, &other.path].map(|path| path.display());
-            let sentence = match reader.path == other.path {
-                true => format!("{} is named twice; name it once", paths[0]),
-                false => format!("{} and {} have the same tiles; give one of them", paths[0], paths[1]),
-            };
+            let sentence = format!("{} and {} have the same tiles; give one of them", paths[0], paths[1]);
             return Err(Error::invalid(sentence).with_path(&reader.path));
         }
         if start > end {
