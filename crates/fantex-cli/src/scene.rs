@@ -224,13 +224,19 @@ pub(crate) fn check_model_name(path: &Path) -> Result<()> {
     written_format(path).map(drop).map_err(|error| Error::invalid(error.to_string()))
 }
 
-/// Refuses the name of a picture or a model for an asset.
-pub(crate) fn check_asset_name(path: &Path) -> Result<()> {
-    const OTHERS: [&str; 23] = [
+/// The extension of a picture or a model.
+pub(crate) fn known_extension(path: &Path) -> Option<&'static str> {
+    const KNOWN: [&str; 23] = [
         "png", "jpg", "jpeg", "tif", "tiff", "webp", "hdr", "exr", "ktx2", "gif", "bmp", "tga", "glb",
         "gltf", "obj", "ply", "stl", "fbx", "usd", "usda", "usdc", "usdz", "mtl",
     ];
-    match path.extension().and_then(|e| OTHERS.into_iter().find(|other| e.eq_ignore_ascii_case(other))) {
+    let extension = path.extension()?;
+    KNOWN.into_iter().find(|known| extension.eq_ignore_ascii_case(known))
+}
+
+/// Refuses the name of a picture or a model for an asset.
+pub(crate) fn check_asset_name(path: &Path) -> Result<()> {
+    match known_extension(path) {
         Some(extension) => Err(Error::invalid(format!(
             "{} would be an asset, and .{extension} is the name of something else; give a name that ends in .fan",
             path.display()

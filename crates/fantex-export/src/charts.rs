@@ -17,7 +17,7 @@ use fantex_mesh::{Edges, Mesh};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
-use crate::layout::LayoutProgress;
+use crate::layout_progress::LayoutProgress;
 use crate::overlaps::without_crossings;
 use crate::slots::Slots;
 use crate::unions::unite;
@@ -71,11 +71,8 @@ impl Chart {
     }
 }
 
-/// Of the time that texture coordinates take, what has gone when charts are there before unions, when unions begin, when they end, and when the last charts are
-/// there: a scan of a million triangles.
-pub(crate) const SHARES: [f64; 4] = [0.15, 0.3, 0.8, 0.9];
-
-/// All charts of a mesh; every triangle lies in exactly one, unless `progress` is cancelled. The same on any number of threads. `across` are [`continued`] half-edges.
+/// All charts of a mesh; every triangle lies in exactly one, unless `progress` is cancelled. The same on any number of threads. `across` are
+/// [`continued`] half-edges.
 pub(crate) fn charts(
     mesh: &Mesh,
     across: &[u32],
@@ -92,7 +89,7 @@ pub(crate) fn charts(
     let cutter = Cutter::new(mesh, across, texels_per_unit);
     let projected = patches.into_par_iter().flat_map_iter(|patch| cutter.charts_of(patch));
     let projected = projected.collect();
-    progress.reach(SHARES[0]);
+    progress.reach(LayoutProgress::PROJECTED);
     let united = unite(mesh, projected, across, progress);
     let whole = united.into_par_iter().flat_map_iter(|chart| cutter.cut(chart, true));
     whole.map_init(RectangleFinder::default, |rectangles, chart| chart.lying(rectangles)).collect()
@@ -208,7 +205,8 @@ const MAX_DEGREES_OF_CRUMBS: f32 = 68.0;
 /// Pieces with less area than a square of this many texels are crumbs.
 const CRUMB_TEXELS: f32 = 24.0;
 
-/// Unions with all neighbours are planned anew once a piece has grown by this factor, else those with neighbours whose border with it has changed.
+/// Unions with all neighbours are planned anew once a piece has grown by this factor; before, those with neighbours whose border with it has
+/// changed.
 const GROWTH: f32 = 1.1;
 
 /// A connected set of triangles that one direction sees.

@@ -13,8 +13,9 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::asset_surface::AssetSurface;
-use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
+use crate::layout::{AtlasRequest, Layout, atlas};
 use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, stem_of, translation_of};
+use crate::model_uv::{model_uv, uv_of_asset, uv_of_model};
 use crate::pictures::{Depth, FloatSink, Ktx2Sink, Packing, PngSink};
 use crate::source_surface::SourceSurface;
 use crate::surface::{Frames, Surface};

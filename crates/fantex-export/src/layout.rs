@@ -3,12 +3,12 @@
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_mesh::Mesh;
-use glam::{DVec3, Vec2};
+use glam::Vec2;
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
-use crate::charts::{Chart, NONE, SHARES, charts, continued};
+use crate::charts::{Chart, NONE, charts, continued};
 use crate::export::cancelled;
+use crate::layout_progress::LayoutProgress;
 use crate::packing::{Mask, Masks, Orders, Place, are_few, pack};
 
 pub(crate) const NOBODY: u32 = u32::MAX;
@@ -89,7 +89,7 @@ pub(crate) struct AtlasRequest {
 }
 
 /// The side below which no picture is made by itself.
-const MIN_SIDE: u32 = 64;
+pub(crate) const MIN_CHOSEN_SIDE: u32 = 64;
 
 /// Levels down to this many columns keep their charts apart, or those up to `MAX_PADDING`.
 const MIN_LEVEL_SIDE: u32 = 128;
@@ -129,7 +129,7 @@ pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress
     let step = LayoutProgress::new(mesh, request.texels_per_unit, progress);
     let across = continued(mesh);
     let charts = charts(mesh, &across, request.texels_per_unit, &step);
-    step.reach(SHARES[3]);
+    step.reach(LayoutProgress::CUT);
     if progress.is_cancelled() {
         return Err(cancelled());
     }
@@ -150,33 +150,6 @@ pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress
     let layout = laid_out(mesh, &charts, &across, &packed);
     step.reach(1.0);
     Ok(layout)
-}
-
-/// How far the work is on texture coordinates, as a step of its own in texels of the surface.
-pub(crate) struct LayoutProgress<'a> {
-    progress: &'a dyn Progress,
-    texels: u64,
-}
-
-impl<'a> LayoutProgress<'a> {
-    pub(crate) fn new(mesh: &Mesh, texels_per_unit: f32, progress: &'a dyn Progress) -> Self {
-        let texels = mesh.area() * f64::from(texels_per_unit).powi(2);
-        let begun = Self { progress, texels: (texels as u64).max(1) };
-        begun.reach(0.0);
-        begun
-    }
-
-    /// So much is done, 0 to 1.
-    pub(crate) fn reach(&self, share: f64) {
-        if self.is_cancelled() {
-            return;
-        }
-        self.progress.report((share * self.texels as f64) as u64, self.texels);
-    }
-
-    pub(crate) fn is_cancelled(&self) -> bool {
-        self.progress.is_cancelled()
-    }
 }
 
 struct Packed {
@@ -222,7 +195,7 @@ fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -
     let wanted = charts.iter().map(flat_area).sum::<f64>() * f64::from(request.texels_per_unit).powi(2);
     let least = wanted.sqrt() * f64::from(NEARLY);
     let least = least.min(f64::from(request.largest_side)) as u32;
-    let mut side = least.max(MIN_SIDE).next_power_of_two().min(request.largest_side);
+    let mut side = least.max(MIN_CHOSEN_SIDE).next_power_of_two().min(request.largest_side);
     // A side that leaves less padding is not taken, unless no larger one may be.
     while side < request.largest_side
         && request.padding.is_none()
@@ -243,8 +216,8 @@ fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -
     }
 }
 
-/// The largest density at which the charts fit a side, to half a percent in orders by size, to one where few charts have others; any or none once
-/// it is cancelled.
+/// The largest density at which the charts fit a side: to half a percent by size, to one percent in other orders where they are few. Any or
+/// none once it is cancelled.
 fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
     let block = padding(charts, side, request);
     let masks_at = |density: f32| masks(charts, side / block, density / block as f32, progress);
@@ -282,7 +255,8 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
     }
     // Other orders than by size are denser yet.
     let mut orders = None;
-    for _ in 0..if are_few(charts.len(), side / block) { MAX_STEPS } else { 0 } {
+    let steps = if are_few(charts.len(), side / block) { MAX_STEPS } else { 0 };
+    for _ in 0..steps {
         let density = low * STEP;
         let Some(masks) = masks_at(density) else { break };
         let orders = orders.get_or_insert_with(|| Orders::by_size(&masks));
@@ -411,208 +385,6 @@ fn folded(mesh: &Mesh, half_edge: u32, [begin, end]: [Vec2; 2]) -> [Vec2; 3] {
     corners
 }
 
-// ---- The model's own texture coordinates.
-
-/// Pictures that a triangle's coordinates may reach over, along each side.
-const MAX_REPEATS: i32 = 64;
-
-/// Triangles in a picture at most, where one that reaches over several pictures counts once for each: they take some 50 bytes.
-const MAX_COPIES: usize = 1 << 24;
-
-/// The texture coordinates that the asset kept of its model.
-pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>> {
-    let uv = mesh.corners.uv_sets.first().filter(|uv| uv.len() == 3 * mesh.triangles.len());
-    uv.map(|uv| uv.as_chunks().0.to_vec()).ok_or_else(|| {
-        Error::not_found(
-            "the asset holds no texture coordinates of its model; leave --uv source out, or give the model that has some with \
-             --model",
-        )
-    })
-}
-
-/// The texture coordinates of a model with the same triangles, in whatever order.
-///
-/// # Errors
-/// The model has none, or a triangle of the asset is not one of its triangles.
-pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
-    let uv = uv_of_asset(model).map_err(|_| {
-        Error::not_found(
-            "the model has no texture coordinates; leave --uv and --model out for an own packing",
-        )
-    })?;
-    let mut places = Places::new(mesh.world_from_mesh.scale.abs() * MATCH_SHARE);
-    let world = |mesh: &Mesh, v: u32| mesh.world_from_mesh.point(mesh.positions[v as usize]);
-    let names: Vec<u32> = (0..model.positions.len() as u32).map(|v| places.name(world(model, v))).collect();
-    // By its smallest name first, and which corner that is.
-    let turned = |names: [u32; 3]| {
-        let first = (0..3).min_by_key(|&k| names[k]).unwrap_or(0);
-        ([0, 1, 2].map(|k| names[(first + k) % 3]), first)
-    };
-    let mut by_names = FxHashMap::default();
-    for (t, triangle) in model.triangles.iter().enumerate() {
-        let (key, first) = turned(triangle.map(|v| names[v as usize]));
-        by_names.entry(key).or_insert((t, first));
-    }
-    let found = |t: usize| {
-        let at = |k: usize| places.find(world(mesh, mesh.triangles[t][k]));
-        let triangle = || Some([at(0)?, at(1)?, at(2)?]);
-        let known = triangle().map(turned).and_then(|(key, first)| Some((*by_names.get(&key)?, first)));
-        let ((other, other_first), first) = known.ok_or_else(|| {
-            Error::unsupported(format!(
-                "triangle {t} of the asset is none of the model's; give the model that the asset was baked from"
-            ))
-        })?;
-        Ok([0, 1, 2].map(|k| uv[other][(k + 3 - first + other_first) % 3]))
-    };
-    // Collected as they are: a parallel collection into one `Result` names any of the errors, not the first.
-    let all: Vec<Result<_, _>> = (0..mesh.triangles.len()).into_par_iter().map(found).collect();
-    all.into_iter().collect()
-}
-
-/// Positions closer than this share of the model's half size count as equal.
-const MATCH_SHARE: f64 = 1e-5;
-
-/// Points by their places: those closer than a length to a named one have its name.
-struct Places {
-    /// Side of a cell.
-    length: f64,
-    cells: FxHashMap<[i64; 3], Vec<u32>>,
-    points: Vec<DVec3>,
-}
-
-impl Places {
-    fn new(length: f64) -> Self {
-        Self { length: length.max(f64::MIN_POSITIVE), cells: FxHashMap::default(), points: Vec::new() }
-    }
-
-    fn cell(&self, point: DVec3) -> [i64; 3] {
-        (point / self.length).floor().to_array().map(|x| x as i64)
-    }
-
-    /// The nearest named point's name.
-    fn find(&self, point: DVec3) -> Option<u32> {
-        let [x, y, z] = self.cell(point);
-        let near = |c: i64| c.saturating_sub(1)..=c.saturating_add(1);
-        let cells = near(x).flat_map(|x| near(y).flat_map(move |y| near(z).map(move |z| [x, y, z])));
-        let names = cells.filter_map(|cell| self.cells.get(&cell)).flatten();
-        let distances = names.map(|&name| (self.points[name as usize].distance_squared(point), name));
-        let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        nearest.filter(|&(squared, _)| squared <= self.length * self.length).map(|(_, name)| name)
-    }
-
-    /// The point's name; a new one where no named point is near.
-    fn name(&mut self, point: DVec3) -> u32 {
-        self.find(point).unwrap_or_else(|| {
-            let name = self.points.len() as u32;
-            self.points.push(point);
-            self.cells.entry(self.cell(point)).or_default().push(name);
-            name
-        })
-    }
-}
-
-/// Lays the triangles out by given coordinates: a picture for every material, since materials may use the same coordinates.
-///
-/// # Errors
-/// Coordinates that are not finite, or reach over too many pictures.
-pub(crate) fn model_uv(
-    mesh: &Mesh,
-    uv: Vec<[Vec2; 3]>,
-    texels_per_unit: f32,
-    side: Option<u32>,
-    largest_side: u32,
-) -> Result<Layout> {
-    let mut by_material: Vec<Vec<u32>> = vec![Vec::new(); mesh.materials.len().max(1)];
-    (0..mesh.triangles.len()).for_each(|t| by_material[mesh.material_of(t)].push(t as u32));
-    let mut layout = Layout { page_of_material: vec![None; by_material.len()], ..Layout::default() };
-    let (mut texels, mut area) = (0.0, 0.0);
-    for (material, triangles) in by_material.iter().enumerate().filter(|(_, t)| !t.is_empty()) {
-        // Triangles that lie in a point or on a line, as those of a palette do, ask for no density.
-        let (mut uv_area, mut mesh_area, mut points) = (0.0, 0.0, Vec::new());
-        for &t in triangles {
-            let [a, b, c] = uv[t as usize];
-            let own = 0.5 * (b - a).perp_dot(c - a).abs();
-            if own > MIN_UV_AREA {
-                uv_area += own;
-                mesh_area += 0.5 * crate::charts::doubled_area(mesh, t as usize);
-            } else {
-                points.push((a + b + c) / 3.0);
-            }
-        }
-        layout.points += points.len();
-        let wanted = if uv_area > 0.0 { texels_per_unit * (mesh_area / uv_area).sqrt() } else { 0.0 };
-        let side = side.unwrap_or_else(|| {
-            // A few percent are not worth four times the texels.
-            let wanted = (wanted * 0.9).max(side_that_parts(&points)).min(largest_side as f32);
-            (wanted.ceil() as u32).max(MIN_SIDE).next_power_of_two().min(largest_side)
-        });
-        texels += uv_area * (side as f32).powi(2);
-        area += mesh_area;
-        let mut page = Page { side, block: side, ..Page::default() };
-        for &t in triangles {
-            layout.repeats |= place(t, uv[t as usize], &mut page)?;
-        }
-        layout.page_of_material[material] = Some(layout.pages.len());
-        layout.pages.push(page);
-    }
-    layout.texels_per_unit = if area > 0.0 { (texels / area).sqrt() } else { texels_per_unit };
-    layout.uv = uv;
-    Ok(layout)
-}
-
-/// A triangle with less area in texture coordinates is a point or a line.
-const MIN_UV_AREA: f32 = 1e-12;
-
-/// The side of the largest picture that is made for points alone.
-const MAX_SIDE_OF_POINTS: f32 = 2048.0;
-
-/// Columns that put points into different texels, with the texels beside their own: twice those of the palette that they point into.
-fn side_that_parts(points: &[Vec2]) -> f32 {
-    let least = |coordinate: fn(&Vec2) -> f32| {
-        let mut sorted: Vec<f32> = points.iter().map(coordinate).collect();
-        sorted.sort_unstable_by(f32::total_cmp);
-        let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]);
-        // Nearer ones are one.
-        gaps.filter(|&gap| gap * MAX_SIDE_OF_POINTS > 1.0).fold(f32::INFINITY, f32::min)
-    };
-    (2.0 / least(|p| p.x).min(least(|p| p.y))).min(MAX_SIDE_OF_POINTS)
-}
-
-/// Puts a triangle into a picture as often as its repetitions meet it. True where it goes beyond 0..1.
-fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool> {
-    let (low, high) = (uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2]));
-    let range = || {
-        let (low, high) = (low.to_array(), high.to_array());
-        Error::unsupported(format!(
-            "the texture coordinates of triangle {triangle} reach from {low:?} to {high:?}; use an own packing (without --uv)"
-        ))
-    };
-    if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e6) {
-        return Err(range());
-    }
-    let first = low.floor().as_ivec2();
-    let last = (high.ceil().as_ivec2() - 1).max(first);
-    let count = last - first + 1;
-    if count.x.max(count.y) > MAX_REPEATS {
-        return Err(range());
-    }
-    let copies = (count.x * count.y) as usize;
-    if copies > 1 && page.placed.len() + copies > MAX_COPIES {
-        return Err(Error::too_large(format!(
-            "the texture coordinates repeat so often that a picture would have more than {MAX_COPIES} triangles; use an own packing \
-             (without --uv)"
-        )));
-    }
-    for y in first.y..=last.y {
-        for x in first.x..=last.x {
-            let shift = Vec2::new(x as f32, y as f32);
-            let corners = uv.map(|c| (c - shift) * page.side as f32);
-            page.placed.push(Placed { triangle, chart: 0, corners, is_beyond: false });
-        }
-    }
-    Ok(first != glam::IVec2::ZERO || last != glam::IVec2::ZERO)
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::AtomicUsize;
@@ -633,23 +405,6 @@ mod tests {
             self.0.fetch_add(1, Relaxed);
             false
         }
-    }
-
-    /// Rounding moves corners over the borders of any grid: names hold all the same.
-    #[test]
-    fn a_model_is_known_by_its_places_wherever_they_lie() {
-        let mut places = Places::new(1e-5);
-        let mut random = fantex_base::Random::new(4);
-        // Every one lies where two cells meet.
-        let points: Vec<DVec3> = (0..300)
-            .map(|_| DVec3::from_array([0; 3].map(|_| (random.below(20_000) as f64 - 10_000.0) * 1e-5)))
-            .collect();
-        let names: Vec<u32> = points.iter().map(|&p| places.name(p)).collect();
-        for (&p, &name) in points.iter().zip(&names) {
-            let moved = p + DVec3::from_array([0; 3].map(|_| (random.unit() - 0.5) * 1e-6));
-            assert_eq!((places.find(moved), places.name(moved)), (Some(name), name));
-        }
-        assert_eq!(places.find(DVec3::splat(0.5)), None);
     }
 
     /// Thousands of loose triangles are packed in few tries: densities at which they could not fill the picture even without

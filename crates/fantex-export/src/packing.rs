@@ -276,7 +276,6 @@ impl Masks {
 }
 
 /// Sequences in which masks are packed: the large ones first, whatever large means; later those first for which there was no room.
-#[derive(Clone)]
 pub(crate) struct Orders(Vec<(Vec<usize>, Random)>);
 
 impl Orders {
@@ -297,7 +296,8 @@ impl Orders {
 }
 
 /// Where each mask lies in the square; none where they do not fit in any of the orders, each of which is changed and tried again so many
-/// times unless `progress` is cancelled. The first piece without a room comes earlier then, at a place by chance. What is large is asked in several ways where there are few.
+/// times unless `progress` is cancelled: what found no room comes earlier then, at a place by chance. What is large is asked in several turns
+/// where there are few.
 pub(crate) fn pack(
     masks: &Masks,
     orders: &mut Orders,

@@ -21,8 +21,8 @@ use glam::{DVec2, IVec2, Vec2};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::charts::{Chart, NONE, Plan, SHARES, doubled_area, visit_cells};
-use crate::layout::LayoutProgress;
+use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
+use crate::layout_progress::LayoutProgress;
 use crate::planes::{Fit, Planes};
 use crate::slots::Slots;
 
@@ -83,7 +83,7 @@ pub(crate) fn unite(
         uniter.straighten();
         uniter.measure_all();
         uniter.run(progress);
-        progress.reach(SHARES[2]);
+        progress.reach(LayoutProgress::UNITED);
     }
     if !progress.is_cancelled() {
         uniter.straighten();
@@ -333,7 +333,7 @@ impl<'a> Uniter<'a> {
         let pieces = 0..self.pieces.len() as u32;
         let later = |a: u32| self.pieces[a as usize].borders.range(a + 1..).map(move |(&b, _)| [a, b]);
         let mut plans: BinaryHeap<Plan> = self.plans(pieces.flat_map(later).collect()).into();
-        let (count, [begin, end]) = (self.pieces.len(), [SHARES[1], SHARES[2]]);
+        let (count, [begin, end]) = (self.pieces.len(), [LayoutProgress::RELAXED, LayoutProgress::UNITED]);
         let mut left = count;
         let mut tried = AllTried::default();
         while !plans.is_empty() && !progress.is_cancelled() {

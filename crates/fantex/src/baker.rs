@@ -582,6 +582,8 @@ impl<'a> Baker<'a> {
         #[cfg(feature = "export")]
         if let Goal::Model(path, options) = *goal {
             budget.check(mesh.triangles.len())?;
+            let texels = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
+            let options = &ExportOptions { texels: texels.or(options.texels), ..options.clone() };
             return match model::needs_tiles(mesh, source) {
                 true => self.model_of_asset(mesh, source, own_density, path, options),
                 false => self.model(mesh, source, &budget, path, options),

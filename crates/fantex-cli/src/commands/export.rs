@@ -468,7 +468,7 @@ pub(crate) fn model_notes(output: &Path, summary: &ExportSummary, kind: &ModelKi
     if summary.points > 0 && summary.charts > 0 {
         let triangles = counted(summary.points as u64, "triangle");
         context.note(format!(
-            "{output}: {triangles} without area in the picture, as small as they are, each in one colour"
+            "{output}: {triangles} too small to have an area in the picture, each in one colour"
         ));
     } else if summary.points > 0 {
         context.note(format!(

@@ -9,6 +9,7 @@ use fantex::texture::{AlphaUse, ColorSpace, Depth, Image, Wrap};
 use fantex::{Error, Result};
 use serde::Serialize;
 
+use crate::commands::export::has_extension;
 use crate::context::Context;
 use crate::scene::{check_picture_name, size};
 use crate::text::{Choices, one_of, positive};
@@ -92,8 +93,7 @@ const DIFFERENCES: Choices<Difference, 3> = [
 
 /// Refuses a depth that the file's format does not have.
 pub(crate) fn check_depth(depth: FileDepth, path: &Path) -> Result<()> {
-    let has_bytes =
-        ["jpg", "jpeg", "webp"].iter().any(|extension| super::export::has_extension(path, extension));
+    let has_bytes = ["jpg", "jpeg", "webp"].iter().any(|extension| has_extension(path, extension));
     if has_bytes && depth != FileDepth::Eight {
         let path = path.display();
         return Err(Error::invalid(format!(

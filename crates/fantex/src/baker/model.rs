@@ -38,8 +38,6 @@ impl Baker<'_> {
         let texels = budget_texels(mesh, budget);
         let share = if let TexelBudget::Total(_) = budget { SURFACE_SHARE } else { 1.0 };
         let texels_per_unit = (share * texels / mesh.area().max(f64::MIN_POSITIVE)).sqrt() as f32;
-        let asked = if let TexelBudget::Total(texels) = *budget { Some(texels) } else { None };
-        let options = &ExportOptions { texels: asked, ..options.clone() };
         let exported = export_source(mesh, source, texels_per_unit, path, options, self.progress.0)?;
         let summary = BakeSummary { damage: source.damage(), ..summary(&exported) };
         Ok(Baked {

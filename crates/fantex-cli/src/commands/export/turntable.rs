@@ -17,7 +17,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
-use crate::scene::{Scene, aspect};
+use crate::scene::{Scene, aspect, known_extension};
 use crate::series::Series;
 use crate::text::counted;
 
@@ -36,8 +36,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     if args.uv != UvArg::Atlas || args.padding.is_some() {
         return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
     }
-    let others = ["glb", "gltf", "usda", "ktx2", "exr", "jpg", "jpeg", "webp", "gif", "mp4", "fan"];
-    if others.iter().any(|extension| has_extension(&args.output, extension)) {
+    if known_extension(&args.output).is_some_and(|extension| extension != "png") {
         return Err(Error::invalid(format!(
             "a turntable cannot be written to {}: give the name of a .png, or of a folder for a picture per view",
             args.output.display()
