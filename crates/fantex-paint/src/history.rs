@@ -140,6 +140,11 @@ impl History {
         for step in std::mem::take(&mut self.index.undone) {
             step.detach(editor);
         }
+        self.begin_beside(label);
+    }
+
+    /// Begins a step beside those that can be undone and redone.
+    pub(crate) fn begin_beside(&mut self, label: &str) {
         let step = HistoryStep { id: self.index.next_id, label: label.to_owned(), parts: 0 };
         self.index.next_id += 1;
         self.take_up(Some(step));
@@ -241,6 +246,16 @@ impl History {
             step.detach(editor);
         }
         self.save(editor)
+    }
+
+    /// Forgets all steps: nothing can be undone any more.
+    pub(crate) fn forget_all(&mut self, editor: &mut AssetEditor) {
+        let Index { next_id, done, undone } = std::mem::take(&mut self.index);
+        for step in done.iter().chain(&undone) {
+            step.detach(editor);
+        }
+        editor.detach(INDEX);
+        self.index.next_id = next_id;
     }
 
     pub(crate) fn apply_part(

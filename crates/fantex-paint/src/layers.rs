@@ -171,8 +171,11 @@ impl Layers {
         };
         let mut layers: Self =
             serde_json::from_slice(&bytes).map_err(|_| damaged("their list cannot be read"))?;
-        // Far from the last number: nobody counts so far, and whatever is added counts on.
-        if layers.stack.iter().map(|layer| layer.id).max().max(Some(layers.next_id)) > Some(MAX_LAYER_ID) {
+        let mut seen = BTreeSet::new();
+        if !layers.stack.iter().all(|layer| seen.insert(layer.id)) {
+            return Err(damaged("their numbers repeat"));
+        }
+        if layers.next_id > MAX_LAYER_ID {
             return Err(damaged("their numbers are too large"));
         }
         find_folders(&mut layers.stack, path);
@@ -201,12 +204,17 @@ impl Layers {
     }
 }
 
-/// Refuses layers with which the asset could not be opened: looks that name files which do not lie with it, groups that are nested too
-/// deeply.
+/// Refuses layers with which the asset could not be opened: numbers that are too large, looks that name files which do not lie with it,
+/// groups that are nested too deeply.
 ///
 /// # Errors
 /// There is one, and that is not allowed.
 pub(crate) fn check_stack(stack: &[Layer], asset: &Path) -> Result<()> {
+    if let Some(layer) = stack.iter().find(|layer| layer.id >= MAX_LAYER_ID) {
+        let sentence =
+            format!("the layer number {} is too large: numbers go up to {}", layer.id, MAX_LAYER_ID - 1);
+        return Err(Error::invalid(sentence));
+    }
     check_depth(stack)?;
     stack.iter().try_for_each(|layer| match &layer.content {
         LayerContent::Graph(fill) => check_files(&fill.graph, asset),
@@ -419,7 +427,7 @@ impl Painter {
         self.change_layers(label, moves, |layers| {
             let mut seen = BTreeSet::new();
             layers.stack = stack.into_iter().filter(|layer| seen.insert(layer.id())).collect();
-            let next = layers.stack.iter().map(|layer| layer.id() + 1).max().unwrap_or(0);
+            let next = layers.stack.iter().map(|layer| layer.id().saturating_add(1)).max().unwrap_or(0);
             layers.next_id = layers.next_id.max(next);
         })?;
         self.finish_work()

@@ -18,7 +18,7 @@
 //! | `paint`, `composite`, `smudge` | what covered texels become |
 //! | `stroke_page` | what a stroke has gathered on each page |
 //! | `levels`, `cut_outs`, `due_levels` | coarser levels, at once or after the end of a stroke |
-//! | `painter`, `steps` | the [`Painter`]: an open stroke; how it ends, and what it leaves in the history |
+//! | `painter`, `steps`, `kept_stroke` | the [`Painter`]: an open stroke; how it ends, what it leaves in the history, what commits keep of it before |
 //! | `room` | what a full disk means for changes in memory |
 //! | `layers`, `layer_stack` | layers over the base, flattened into the asset's texels |
 //! | `layer_groups`, `layer_moves` | layers in groups; copies, merges, what layers hold |
@@ -42,6 +42,7 @@ mod error;
 mod fill;
 mod graph;
 mod history;
+mod kept_stroke;
 mod layer_groups;
 mod layer_moves;
 mod layer_stack;

@@ -28,7 +28,7 @@ use crate::due_levels::DueLevels;
 use crate::graph::FillTextures;
 use crate::layer_groups::{COLLAPSED, load_collapsed};
 use crate::layer_stack::LayerStack;
-use crate::layers::{LayeredPage, Layers, ShownPage, page_name};
+use crate::layers::{LayeredPage, Layers, ShownPage, base_name, page_name};
 use crate::log::{self, Portable, Recording};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
@@ -106,6 +106,8 @@ pub struct Painter {
     /// Coarser pages that have changed since that was last asked for.
     pub(crate) made: BTreeSet<PageId>,
     pub(crate) next_stroke: u64,
+    /// Attachments that the last commit has kept of the open stroke.
+    pub(crate) kept: Vec<String>,
     pub(crate) work: Option<Work>,
     /// What tools that read the surface could not read.
     damage: Damage,
@@ -166,6 +168,7 @@ impl Painter {
             due: VecDeque::new(),
             made: BTreeSet::new(),
             next_stroke,
+            kept: Vec::new(),
             work: None,
             damage: Damage::default(),
         };
@@ -289,9 +292,7 @@ impl Painter {
             cover_page_colored(map, &laid, channels, page);
             see_through(surface, map, paint, page);
         });
-        for (id, (_, page)) in pages {
-            stroke.pages.put(id, page, budget)?;
-        }
+        stroke.pages.put_all(pages.into_iter().map(|(id, (_, page))| (id, page)), budget)?;
         stroke.buffers.push(buffer);
         stroke.dabs += 1;
         Ok(())
@@ -389,9 +390,7 @@ impl Painter {
                 add(surface, map, with, page);
                 see_through(surface, map, paint, page);
             });
-            for (id, page) in ids.into_iter().zip(pages) {
-                stroke.pages.put(id, page, budget)?;
-            }
+            stroke.pages.put_all(ids.into_iter().zip(pages), budget)?;
         }
         Ok(())
     }
@@ -410,24 +409,24 @@ impl Painter {
             let maps = self.maps.get(&self.surface, ids, budget);
             let mut pages = Vec::with_capacity(ids.len());
             for (&id, map) in ids.iter().zip(&maps) {
-                let mut page = stroke.pages.take_or_new(id, map)?;
-                if page.originals.is_empty() {
-                    page.originals = stroke.originals(&self.editor, id)?;
-                }
-                pages.push((id, page));
+                pages.push((id, stroke.pages.take_or_new(id, map)?));
             }
             let (surface, editor) = (&*self.surface, &self.editor);
             let layers = (&self.layers, &self.fills);
             let stroke_now = &*stroke;
-            let shown = pages.par_iter().zip(&maps);
-            let shown =
-                shown.map(|((id, page), map)| stroke_now.shown(surface, editor, layers, map, *id, page));
-            let shown: Vec<ShownPage> = shown.collect::<Result<_>>()?;
-            for ((id, mut page), shown) in pages.into_iter().zip(shown) {
-                shown.put(&mut self.editor, id, &stroke.affected)?;
-                page.stale = Rect::EMPTY;
-                stroke.pages.put(id, page, budget)?;
-            }
+            let show = |((id, page), map): (&mut (PageId, StrokePage), &Arc<TexelPage>)| {
+                stroke_now.begin_page(editor, *id, page)?;
+                stroke_now.shown(surface, editor, layers, map, *id, page)
+            };
+            let shown: Result<Vec<ShownPage>> = pages.par_iter_mut().zip(&maps).map(show).collect();
+            let shown = shown.and_then(|shown| {
+                pages.iter_mut().zip(shown).try_for_each(|((id, page), shown)| {
+                    shown.put(&mut self.editor, *id, &stroke.affected)?;
+                    page.stale = Rect::EMPTY;
+                    Ok(())
+                })
+            });
+            stroke.pages.put_all(pages, budget).and(shown)?;
             if stale.len() > PAGE_BATCH {
                 self.room.relieve(&mut self.editor, budget)?;
             }
@@ -489,7 +488,8 @@ impl Painter {
         channels.map(|channel| look_up_now(&self.surface, &self.editor, channel, point)).collect()
     }
 
-    /// Makes everything durable, an open stroke (without its coarser levels) and unfinished work included.
+    /// Makes everything durable, unfinished work and an open stroke included: if nobody ends that, whoever opens the asset next finds
+    /// what it has done so far as a step of the history.
     ///
     /// # Errors
     /// The file cannot be written (see [`is_disk_full`](fantex_store::is_disk_full)); all changes stay in memory then.
@@ -507,16 +507,21 @@ impl OpenStroke {
         self.before.as_ref().map_or_else(Damage::default, PageCache::damage)
     }
 
-    /// The bytes of a page before the stroke, per affected channel; where layers lie over it, also (last) the contents of
-    /// the attachment that the stroke changes.
-    pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>> {
+    /// Notes what a page is before the stroke, unless that is done: its bytes per affected channel; where layers lie over it, also
+    /// (last) the contents of the attachment that the stroke changes.
+    pub(crate) fn begin_page(&self, editor: &AssetEditor, id: PageId, page: &mut StrokePage) -> Result<()> {
+        if !page.originals.is_empty() {
+            return Ok(());
+        }
         let channels = self.affected.iter().map(|&channel| editor.read_page_raw(channel, id));
         let mut originals = channels.collect::<Result<Vec<_>, _>>()?;
         let contents = editor.attachment(&page_name(self.target, id))?;
         if self.target != Target::Base || contents.is_some() {
             originals.push(contents.unwrap_or_default());
         }
-        Ok(originals)
+        page.originals = originals;
+        page.puts_base_aside = self.target != Target::Base && !editor.has_attachment(&base_name(id));
+        Ok(())
     }
 
     /// The texels of a page that a stroke changes which covers some.

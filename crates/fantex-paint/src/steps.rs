@@ -40,6 +40,7 @@ impl Painter {
     pub fn abandon(&mut self) -> Result<()> {
         let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
         self.room.let_go();
+        self.drop_kept_stroke();
         for id in stroke.pages.ids() {
             let Some(mut page) = stroke.pages.take(id)? else { continue };
             // Never shown: nothing has changed.
@@ -48,15 +49,12 @@ impl Painter {
             }
             if stroke.is_layered(&page) {
                 let before = page.originals.pop().unwrap_or_default();
-                let is_new_base = before.is_empty()
-                    && stroke.target != Target::Base
-                    && self.is_new_base(id, &page.originals, &stroke.affected)?;
                 let name = page_name(stroke.target, id);
                 match before.is_empty() {
                     true => self.editor.detach(&name),
                     false => self.editor.attach(&name, before)?,
                 }
-                if is_new_base {
+                if page.puts_base_aside {
                     self.editor.detach(&base_name(id));
                 }
             }
@@ -75,12 +73,13 @@ impl Painter {
         self.room.let_go();
         let ids = stroke.pages.ids();
         let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
+        self.drop_kept_stroke();
         self.begin_step(&stroke.label);
         let mut changes = Changes { is_base: stroke.target == Target::Base, ..Changes::default() };
         for &id in &ids {
             let Some(page) = stroke.pages.take(id)? else { continue };
             changes.add(id, stroke.changed(&self.surface, self.editor.asset(), id, page.touched));
-            self.remember_page(&stroke, id, page)?;
+            self.remember_page(&stroke, id, &page)?;
             self.relieve()?;
         }
         self.log_stroke(&stroke)?;
@@ -88,30 +87,22 @@ impl Painter {
     }
 
     /// Enters into the history what a stroke has changed on a page of level 0.
-    pub(crate) fn remember_page(
-        &mut self,
-        stroke: &OpenStroke,
-        id: PageId,
-        mut page: StrokePage,
-    ) -> Result<()> {
+    pub(crate) fn remember_page(&mut self, stroke: &OpenStroke, id: PageId, page: &StrokePage) -> Result<()> {
         if !self.options.history {
             return Ok(());
         }
-        let mut change = PageStep { id, channels: Vec::new(), is_first_layered: false };
-        if stroke.is_layered(&page) {
-            let before = page.originals.pop().unwrap_or_default();
-            change.is_first_layered = before.is_empty()
-                && stroke.target != Target::Base
-                && self.is_new_base(id, &page.originals, &stroke.affected)?;
-            self.remember_attachment(&page_name(stroke.target, id), before)?;
+        let mut change = PageStep { id, channels: Vec::new(), is_first_layered: page.puts_base_aside };
+        if let Some(before) = page.originals.get(stroke.affected.len()) {
+            self.remember_attachment(&page_name(stroke.target, id), before.clone())?;
         }
-        for (&channel, before) in stroke.affected.iter().zip(page.originals) {
-            change.channels.push((channel, before, self.editor.read_page_raw(channel, id)?));
+        for (&channel, before) in stroke.affected.iter().zip(&page.originals) {
+            change.channels.push((channel, before.clone(), self.editor.read_page_raw(channel, id)?));
         }
         self.history.add_page(change, &mut self.editor)
     }
 
-    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<()> {
+    /// Logs a stroke; returns the names of the attachments that this makes.
+    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<Vec<String>> {
         let asset = self.editor.asset();
         let Portable { stroke: mut settings, files, .. } =
             portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
@@ -123,14 +114,18 @@ impl Painter {
             // The layer itself has been logged when it was made.
             (layer.fill, layer.group, layer.within) = (None, None, None);
         }
+        let mut names = Vec::new();
         for (name, contents) in files {
             // Names are hashes of contents.
             let name = log::file_name(&name);
             if !self.editor.has_attachment(&name) {
                 self.attach(&name, contents)?;
+                names.push(name);
             }
         }
-        self.log(&settings)
+        names.push(log::stroke_name(self.next_stroke));
+        self.log(&settings)?;
+        Ok(names)
     }
 
     pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<()> {
@@ -161,8 +156,10 @@ impl Painter {
     }
 
     pub(crate) fn begin_step(&mut self, label: &str) {
-        if self.options.history {
-            self.history.begin(label, &mut self.editor);
+        match self.options.history {
+            true => self.history.begin(label, &mut self.editor),
+            // Its steps would not fit what comes now.
+            false => self.history.forget_all(&mut self.editor),
         }
     }
 
@@ -195,20 +192,6 @@ impl Painter {
             }
         }
         Ok(())
-    }
-
-    /// True where this stroke has put the base of a page aside: then it is the page as it was.
-    fn is_new_base(&self, id: PageId, originals: &[Vec<u8>], affected: &[usize]) -> Result<bool> {
-        let Some(base) = self.editor.attachment(&base_name(id))? else { return Ok(false) };
-        let channels = self.editor.asset().channels().len();
-        let mut page = Vec::with_capacity(base.len());
-        for channel in 0..channels {
-            match affected.iter().position(|&c| c == channel) {
-                Some(index) => page.extend_from_slice(&originals[index]),
-                None => page.extend(self.editor.read_page_raw(channel, id)?),
-            }
-        }
-        Ok(page == base)
     }
 
     /// Moves changes from memory to the file where they exceed the budget.

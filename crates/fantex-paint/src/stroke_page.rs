@@ -28,7 +28,9 @@ pub(crate) struct StrokePage {
     pub(crate) stale: Rect,
     /// The bytes before the stroke, one per painted channel; empty until the page is first shown.
     pub(crate) originals: Vec<Vec<u8>>,
-    /// The same, decoded: kept while there is room, since neighbouring dabs ask for the same pages.
+    /// It is the stroke that puts the page as it was aside, as the base of the layers; known when the page is first shown.
+    pub(crate) puts_base_aside: bool,
+    /// The originals, decoded: kept while there is room, since neighbouring dabs ask for the same pages.
     pub(crate) decoded: OnceLock<Vec<Vec<Vec4>>>,
 }
 
@@ -41,6 +43,7 @@ impl StrokePage {
             touched: Rect::EMPTY,
             stale: Rect::EMPTY,
             originals: Vec::new(),
+            puts_base_aside: false,
             decoded: OnceLock::new(),
         }
     }
@@ -100,6 +103,7 @@ struct Spilled {
     colored_channels: usize,
     has_stencil: bool,
     originals: Vec<usize>,
+    puts_base_aside: bool,
     touched: Rect,
     stale: Rect,
 }
@@ -131,7 +135,8 @@ impl StrokePages {
         Ok(self.take(id)?.unwrap_or_else(|| StrokePage::new(map.block.texel_count())))
     }
 
-    /// Keeps a page, if something is covered there; writes some to the temporary file where memory is short.
+    /// Keeps a page, if something is covered there; writes some to the temporary file where memory is short. It is kept even where
+    /// that fails.
     pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> Result<()> {
         if page.touched.is_empty() {
             return Ok(());
@@ -148,10 +153,26 @@ impl StrokePages {
             && self.pages.len() > 1
             && let Some((id, page)) = self.pages.pop_first()
         {
+            if let Err(error) = self.spill(id, &page) {
+                self.pages.insert(id, page);
+                return Err(temporary(error));
+            }
             self.bytes -= page.memory_bytes();
-            self.spill(id, &page).map_err(temporary)?;
         }
         Ok(())
+    }
+
+    /// Keeps pages, each of them even where there is no room for more in the temporary file.
+    pub(crate) fn put_all(
+        &mut self,
+        pages: impl IntoIterator<Item = (PageId, StrokePage)>,
+        budget_bytes: usize,
+    ) -> Result<()> {
+        let mut kept = Ok(());
+        for (id, page) in pages {
+            kept = kept.and(self.put(id, page, budget_bytes));
+        }
+        kept
     }
 
     /// All pages, ascending.
@@ -198,6 +219,7 @@ impl StrokePages {
             colored_channels: page.colors.len(),
             has_stencil: !page.stencil.is_empty(),
             originals: page.originals.iter().map(Vec::len).collect(),
+            puts_base_aside: page.puts_base_aside,
             touched: page.touched,
             stale: page.stale,
         };
@@ -231,6 +253,7 @@ fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
         touched: spilled.touched,
         stale: spilled.stale,
         originals,
+        puts_base_aside: spilled.puts_base_aside,
         decoded: OnceLock::new(),
     })
 }
@@ -255,6 +278,7 @@ mod tests {
                 page.stale.add([3, 0]);
             }
             page.originals = vec![vec![group as u8; 8], vec![7; 4]];
+            page.puts_base_aside = group == 1;
             pages.put(id(group), page, 200).unwrap();
         }
         assert_eq!(pages.ids().len(), 5);
@@ -266,6 +290,7 @@ mod tests {
             assert_eq!(page.stencil.len(), 16 * (group % 2) as usize);
             assert_eq!(page.covered(5), if group % 2 == 1 { 0.125 } else { 0.5 });
             assert_eq!(page.originals, [vec![group as u8; 8], vec![7; 4]]);
+            assert_eq!(page.puts_base_aside, group == 1);
             assert_eq!(page.touched, Rect { low: [3, 0], high: [4, 1] });
         }
         assert!(pages.take(id(0)).unwrap().is_none());

@@ -28,8 +28,9 @@ use crate::cover::{cover_texels, fill_page, for_each_page};
 use crate::error::{damaged, encoded};
 use crate::fill::{ColorSearch, Reached};
 use crate::history::Direction;
+use crate::kept_stroke::KeptStroke;
 use crate::layers::{Layers, ShownPage, find_folders, keep_folders};
-use crate::log::logged_fill;
+use crate::log::{self, logged_fill};
 use crate::painter::OpenStroke;
 use crate::projection::see_through;
 use crate::steps::Changes;
@@ -37,7 +38,7 @@ use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
 use crate::{ColorFill, FillArea, HistoryStep, Layer, Painter, StrokeSummary, Surface, Target};
 
-const KEPT: &str = "history/unfinished";
+pub(crate) const KEPT: &str = "history/unfinished";
 
 #[derive(Debug)]
 pub(crate) enum Work {
@@ -62,7 +63,8 @@ pub struct WorkProgress {
 
 /// As it is kept in an asset.
 #[derive(Debug, Serialize, Deserialize)]
-enum Kept {
+pub(crate) enum Kept {
+    Stroke(KeptStroke),
     Fill(KeptFill),
     Flatten(KeptFlatten),
     Step(StepWork),
@@ -147,6 +149,7 @@ impl Painter {
 
     pub(crate) fn keep_work(&mut self) -> Result<()> {
         let kept = match &self.work {
+            None if self.stroke.is_some() => return self.keep_stroke(),
             None if self.editor.has_attachment(KEPT) => {
                 self.editor.detach(KEPT);
                 return Ok(());
@@ -170,16 +173,24 @@ impl Painter {
             damaged(self.editor.asset(), "history", "what was left to be done cannot be read")
         })?;
         self.work = Some(match kept {
+            Kept::Stroke(kept) => return self.end_kept_stroke(kept),
             Kept::Fill(kept) => {
                 self.history.take_up(kept.step.clone());
                 match self.fill_left(&kept)? {
                     Some(work) => Work::Fill(Box::new(work)),
+                    // Nothing tells what it did.
+                    None if kept.step.is_none() => return Ok(()),
                     None => return self.take_back(),
                 }
             }
             Kept::Flatten(kept) => {
-                self.fills.update(&self.surface, &self.layers)?;
+                let are_read = self.fills.update(&self.surface, &self.layers);
                 self.history.take_up(kept.step.clone());
+                match are_read {
+                    // Where a texture cannot be read any more, layers are as they were before.
+                    Err(_) if kept.step.is_some() => return self.take_back(),
+                    read => read?,
+                }
                 Work::Flatten(self.flatten_left(kept))
             }
             Kept::Step(work) => Work::Step(work),
@@ -476,6 +487,7 @@ impl Painter {
         let pages: Vec<PageId> = pages.into_iter().collect();
         // Of the step before.
         self.finish_levels()?;
+        self.drop_kept_stroke();
         self.begin_step(&stroke.label);
         let logged = self.next_stroke;
         self.log_stroke(&stroke)?;
@@ -550,9 +562,7 @@ impl Painter {
         });
         pages.retain(|(_, page, _)| !page.touched.is_empty());
         for (id, page, _) in &mut pages {
-            if page.originals.is_empty() {
-                page.originals = work.stroke.originals(&self.editor, *id)?;
-            }
+            work.stroke.begin_page(&self.editor, *id, page)?;
         }
         work.slices.changes.is_base = work.stroke.target == Target::Base;
         let (editor, layers, stroke) = (&self.editor, (&self.layers, &self.fills), &work.stroke);
@@ -569,7 +579,7 @@ impl Painter {
             let changed = work.stroke.changed(&self.surface, self.editor.asset(), id, page.touched);
             work.slices.changes.add(id, changed);
             shown.put(&mut self.editor, id, &work.stroke.affected)?;
-            self.remember_page(&work.stroke, id, page)?;
+            self.remember_page(&work.stroke, id, &page)?;
         }
         Ok(())
     }
@@ -717,6 +727,8 @@ impl Painter {
             Afterwards::Forget => self.history.forget_last(&mut self.editor)?,
         }
         self.layers = Layers::load(&self.editor)?;
+        // It may have brought back strokes of the log.
+        self.next_stroke = self.next_stroke.max(log::next_number(&self.editor));
         Ok(())
     }
 }

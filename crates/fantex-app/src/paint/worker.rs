@@ -25,7 +25,8 @@ use crate::viewer::Wake;
 /// Between strokes, changes are committed after this delay.
 const IDLE_COMMIT_DELAY: Duration = Duration::from_millis(700);
 
-/// During strokes and long jobs, changes are committed after this delay.
+/// During strokes and long jobs, changes are committed after this delay; during strokes also not before ten times what the last commit took:
+/// each keeps the whole stroke so far.
 const MAX_COMMIT_DELAY: Duration = Duration::from_millis(1700);
 
 /// Time slice per step of a long job.
@@ -149,13 +150,15 @@ struct Saving {
     failed: Option<Instant>,
     /// Commits since the file was last opened for loading.
     commits: u32,
+    /// How long the last one took.
+    took: Duration,
 }
 
 impl Saving {
     /// When to commit, if nothing else happens.
     fn due(&self, is_drawing: bool) -> Option<Instant> {
         let changed = self.changed?;
-        let due = changed + if is_drawing { MAX_COMMIT_DELAY } else { IDLE_COMMIT_DELAY };
+        let due = changed + if is_drawing { MAX_COMMIT_DELAY.max(10 * self.took) } else { IDLE_COMMIT_DELAY };
         Some(self.failed.map_or(due, |failed| due.max(failed + RETRY_DELAY)))
     }
 }
@@ -609,9 +612,11 @@ impl Worker {
             self.tell(Report::Save(SaveState::Saving));
             (self.wake)();
         }
+        let begun = Instant::now();
         match self.painter.commit() {
             Ok(_) => {
-                self.saving = Saving { commits: self.saving.commits + 1, ..Saving::default() };
+                let (commits, took) = (self.saving.commits + 1, begun.elapsed());
+                self.saving = Saving { commits, took, ..Saving::default() };
                 if self.saving.commits >= MAX_COMMITS_PER_LOADER && self.stroke.is_none() {
                     self.offer_newer();
                 }

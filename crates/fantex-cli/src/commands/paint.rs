@@ -74,7 +74,7 @@ pub(crate) struct PaintArgs {
     /// Width and height of the window in points; as it was by default
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel", "remove_channel", "alpha"])]
     size: Option<[u32; 2]>,
-    /// Keep nothing that undoes the strokes
+    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones
     #[arg(long)]
     no_history: bool,
 }

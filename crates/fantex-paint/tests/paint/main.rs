@@ -6,6 +6,7 @@ mod added;
 mod cut_outs;
 mod due_levels;
 mod groups;
+mod lasting;
 mod layers;
 mod opacity;
 mod painting;

@@ -121,7 +121,7 @@ fn inode_lock_path(path: &Path) -> Option<PathBuf> {
     // Numbers of files that are gone are given again; a copy that is being edited may still hold one.
     let born = file.created().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let born = born.map_or(0, |time| time.as_nanos());
-    Some(std::env::temp_dir().join(format!("fantex-{}-{}-{born}.lock", file.dev(), file.ino())))
+    Some(std::env::temp_dir().join(format!(".fantex-{}-{}-{born}.lock", file.dev(), file.ino())))
 }
 
 /// Elsewhere the system does not tell.

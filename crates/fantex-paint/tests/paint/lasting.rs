@@ -1,0 +1,234 @@
+//! What was painted lasts: strokes that nobody ended, bases of hidden layers, histories that are not kept, lists that are damaged.
+
+use std::sync::Arc;
+
+use fantex_bake::BakeFormat;
+use fantex_paint::{
+    GraphFill, Layer, LayerPlace, PaintOptions, Painter, StrokeLog, Target, TextureGraph, dabs_of, replay,
+};
+use fantex_store::{AssetEditor, EditOptions, VerifyOptions, verify};
+use fantex_texture::Image;
+use glam::{Vec3, Vec4};
+
+use crate::layers::{LINE, everywhere, paint_on};
+use crate::{
+    Contents, ball, contents, crash, fine_ball, open, paint_stroke, red, slices, start, stroke, strokes,
+};
+
+fn finest((pages, _): &Contents) -> Vec<Vec<u8>> {
+    pages.iter().filter(|(id, _)| id.level == 0).map(|(_, bytes)| bytes.clone()).collect()
+}
+
+/// Half of a stroke that stays open.
+fn begin_stroke(painter: &mut Painter, target: Target) {
+    let surface = Arc::clone(painter.surface());
+    painter.begin_on(target, "half", red(0.7)).unwrap();
+    let dabs = dabs_of(&surface, &stroke(&surface, 40.0, &LINE));
+    painter.dab(&dabs[..dabs.len() / 2]).unwrap();
+}
+
+#[test]
+fn a_stroke_that_nobody_ends_is_a_step_after_a_crash() {
+    for format in [BakeFormat::Bc7, BakeFormat::Rgba8] {
+        for kind in 0..3 {
+            let baked = ball(80_000, format);
+            let (mut painter, _) = start(&baked);
+            let target = match kind {
+                0 => Target::Base,
+                1 => Target::Layer(painter.add_layer(Layer::painted("paint")).unwrap()),
+                _ => Target::Mask(painter.add_layer(Layer::fill("fill", &[Vec4::ONE; 2])).unwrap()),
+            };
+            painter.commit().unwrap();
+            let (before, steps) = (contents(&painter), painter.history().done().len());
+            begin_stroke(&mut painter, target);
+            // Each commit replaces what the one before has kept.
+            painter.commit().unwrap();
+            painter.dab(&dabs_of(painter.surface(), &stroke(painter.surface(), 40.0, &[-Vec3::X]))).unwrap();
+            painter.commit().unwrap();
+            let seen = contents(&painter);
+            assert!(seen != before, "{format:?}, {kind}");
+
+            let mut painter = crash(painter, &baked);
+            assert!(finest(&contents(&painter)) == finest(&seen), "{format:?}, {kind}");
+            assert_eq!(painter.history().done().len(), steps + 1);
+            assert_eq!(painter.history().done()[steps].label, "half");
+            let after = contents(&painter);
+            assert!(painter.undo().unwrap());
+            assert!(contents(&painter) == before, "{format:?}, {kind}");
+            assert!(painter.redo().unwrap());
+            assert!(contents(&painter) == after, "{format:?}, {kind}");
+            painter.commit().unwrap();
+            drop(painter);
+            assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+            let log = StrokeLog::of(open(&baked).editor().asset()).unwrap();
+            assert_eq!(log.strokes.strokes.last().unwrap().label, "half");
+        }
+    }
+}
+
+/// What commits keep of it leaves no trace.
+#[test]
+fn a_stroke_that_ends_after_commits_is_as_one_without() {
+    let [committed, whole] = [0, 1].map(|_| ball(80_000, BakeFormat::Bc7));
+    let states = [&committed, &whole].map(|baked| {
+        let (mut painter, before) = start(baked);
+        begin_stroke(&mut painter, Target::Base);
+        if std::ptr::eq(baked, &raw const committed) {
+            painter.commit().unwrap();
+        }
+        painter.end().unwrap();
+        painter.commit().unwrap();
+        let mut names = painter.editor().attachment_names();
+        // Steps have other numbers.
+        names.retain(|name| !name.starts_with("history/"));
+        let after = contents(&painter);
+        let parts = painter.editor().attachment_names().len() - names.len();
+        assert!(painter.undo().unwrap());
+        assert!(contents(&painter) == before);
+        (after, names, parts)
+    });
+    assert!(states[0] == states[1]);
+    // Given up instead.
+    let baked = ball(80_000, BakeFormat::Bc7);
+    let (mut painter, before) = start(&baked);
+    let names = painter.editor().attachment_names();
+    begin_stroke(&mut painter, Target::Base);
+    painter.commit().unwrap();
+    painter.abandon().unwrap();
+    painter.commit().unwrap();
+    assert!(contents(&painter) == before && painter.editor().attachment_names() == names);
+}
+
+/// Another layer has put the page aside; that nothing of it shows does not make the base this stroke's.
+#[test]
+fn strokes_beside_a_hidden_layer_leave_its_base_alone() {
+    for format in [BakeFormat::Bc7, BakeFormat::Rgba8] {
+        let baked = ball(60_000, format);
+        let mut painter = baked.painter();
+        let base = contents(&painter);
+        let hidden = painter.add_layer(Layer::painted("hidden")).unwrap();
+        paint_on(&mut painter, Target::Layer(hidden), red(1.0), &LINE);
+        let painted = contents(&painter);
+        painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
+        let other = painter.add_layer(Layer::painted("other")).unwrap();
+        paint_on(&mut painter, Target::Layer(other), red(0.5), &LINE);
+        assert!(painter.undo().unwrap());
+        begin_stroke(&mut painter, Target::Layer(other));
+        painter.show().unwrap();
+        painter.abandon().unwrap();
+        assert!(contents(&painter) == base, "{format:?}");
+        painter.edit_layers("show", |layers| layers[0].visible = true).unwrap();
+        assert!(finest(&contents(&painter)) == finest(&painted), "{format:?}");
+        painter.edit_layers("remove", |layers| layers.clear()).unwrap();
+        assert!(contents(&painter) == base, "{format:?}");
+    }
+}
+
+#[test]
+fn strokes_without_a_history_forget_the_one_before() {
+    let baked = ball(60_000, BakeFormat::Bc7);
+    let (mut painter, _) = start(&baked);
+    let line = stroke(painter.surface(), 40.0, &LINE);
+    paint_stroke(&mut painter, red(0.4), &line);
+    painter.undo().unwrap();
+    painter.commit().unwrap();
+    drop(painter);
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    assert_eq!((painter.history().done().len(), painter.history().undone().len()), (1, 1));
+    paint_stroke(&mut painter, red(0.6), &line);
+    painter.commit().unwrap();
+    let after = contents(&painter);
+    drop(painter);
+    let mut painter = baked.painter();
+    assert!(!painter.undo().unwrap() && !painter.redo().unwrap());
+    assert!(contents(&painter) == after);
+    assert!(!painter.editor().attachment_names().iter().any(|name| name.starts_with("history/")));
+}
+
+#[test]
+fn strokes_that_are_done_again_keep_their_place_in_the_log() {
+    let baked = ball(60_000, BakeFormat::Rgba8);
+    let draw = |painter: &mut Painter, label: &str, opacity: f32| {
+        let surface = Arc::clone(painter.surface());
+        painter.begin(label, red(opacity)).unwrap();
+        painter.dab(&dabs_of(&surface, &stroke(&surface, 40.0, &LINE))).unwrap();
+        painter.end().unwrap();
+    };
+    let mut painter = baked.painter();
+    draw(&mut painter, "first", 0.3);
+    painter.undo().unwrap();
+    painter.commit().unwrap();
+    drop(painter);
+    let mut painter = baked.painter();
+    painter.redo().unwrap();
+    draw(&mut painter, "second", 0.4);
+    painter.commit().unwrap();
+    let log = StrokeLog::of(painter.editor().asset()).unwrap();
+    let labels: Vec<&str> = log.strokes.strokes.iter().map(|stroke| stroke.label.as_str()).collect();
+    assert_eq!(labels, ["first", "second"]);
+}
+
+/// A ring of groups would be followed for ever.
+#[test]
+fn layers_whose_numbers_repeat_are_damage() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    for _ in 0..2 {
+        painter.add_layer(everywhere(Vec4::ONE)).unwrap();
+    }
+    painter.commit().unwrap();
+    drop(painter);
+    let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+    let index = String::from_utf8(editor.attachment("layers/index").unwrap().unwrap()).unwrap();
+    let repeated = index.replace("\"id\":1", "\"id\":0");
+    assert_ne!(index, repeated);
+    editor.attach("layers/index", repeated.into_bytes()).unwrap();
+    editor.commit().unwrap();
+    drop(editor);
+    let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("the layers of") && error.contains("their numbers repeat"), "{error}");
+}
+
+#[test]
+fn layers_with_numbers_that_could_not_be_read_again_are_refused() {
+    for id in [1_u64 << 48, u64::MAX] {
+        let baked = ball(10_000, BakeFormat::Rgba8);
+        let mut painter = baked.painter();
+        painter.add_layer(everywhere(Vec4::ONE)).unwrap();
+        let before = contents(&painter);
+        let mut layers = painter.layers().to_vec();
+        let text = serde_json::to_string(&layers).unwrap().replace("\"id\":0", &format!("\"id\":{id}"));
+        layers = serde_json::from_str(&text).unwrap();
+        assert_eq!(layers[0].id(), id);
+        let set =
+            format!(r#"{{ "label": "set", "set_layers": {} }}"#, serde_json::to_string(&layers).unwrap());
+        let error = replay(&mut painter, &strokes(&set), baked.folder.path()).err().unwrap().to_string();
+        assert!(error.contains(&format!("the layer number {id} is too large")), "{error}");
+        assert!(contents(&painter) == before);
+        painter.commit().unwrap();
+        drop(painter);
+        assert_eq!(baked.painter().layers().len(), 1);
+    }
+}
+
+/// A texture that was being evaluated and cannot be read any more keeps nobody from opening the asset.
+#[test]
+fn layers_whose_pictures_are_gone_are_as_they_were() {
+    let baked = fine_ball(2_000_000);
+    let (mut painter, before) = start(&baked);
+    let picture = baked.folder.path().join("picture.png");
+    Image::from_linear_rgba(4, 4, &[[0.5; 4]; 16]).save(&picture).unwrap();
+    let look = "[textures.picture]\nkind = \"image\"\nimage = \"picture.png\"\n".to_owned();
+    let graph = TextureGraph { look, folder: baked.folder.path().to_owned() };
+    let fill = GraphFill { graph, textures: vec![Some("picture".to_owned())] };
+    painter.start_add_layer(Layer::graph("picture", fill), LayerPlace::Top).unwrap();
+    slices(&mut painter, 2);
+    painter.commit().unwrap();
+    drop(painter);
+    std::fs::remove_file(&picture).unwrap();
+    let mut painter = open(&baked);
+    assert!(painter.has_work());
+    painter.finish_work().unwrap();
+    assert!(contents(&painter) == before && painter.layers().is_empty());
+}
