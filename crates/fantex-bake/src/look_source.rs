@@ -7,8 +7,8 @@ use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, ObjectSpace, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::look::{
-    Anisotropy, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity, Relief,
-    Slot, height_change, look_tangents, normal_by_map,
+    Anisotropy, GradientAxes, LightingModel, LookMaterial, LookTangents, MIN_RELIEF_STEP, NormalSpace,
+    Opacity, Relief, Slot, TangentSpace, height_change, normal_by_map,
 };
 use fantex_texture::material::{MaterialTextures, TangentFrame, load_material_textures, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
@@ -162,7 +162,7 @@ struct TextureSource<'a> {
     materials: Vec<Arc<LookMaterial>>,
     finder: PointFinder<'a>,
     /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
-    tangents: Vec<Vec<Vec4>>,
+    tangents: LookTangents<'a>,
     channels: Vec<SourceChannel>,
     /// Per material.
     heights: Vec<Option<Slot>>,
@@ -176,7 +176,7 @@ impl<'a> TextureSource<'a> {
         materials.iter().try_for_each(|m| check_eye(m))?;
         let channels = channels(&materials);
         let normals = shading_normals(mesh);
-        let tangents = look_tangents(mesh, &normals, materials.iter().map(AsRef::as_ref));
+        let tangents = LookTangents::new(mesh, &normals, &materials);
         let finder = PointFinder { mesh, space: ObjectSpace::of(mesh), normals, time };
         Ok(Self { materials, finder, tangents, channels, heights: Vec::new() })
     }
@@ -189,13 +189,11 @@ impl<'a> TextureSource<'a> {
     /// The direction of a stretched highlight, mesh space, and its strength; the direction need not lie in the surface.
     fn direction(&self, anisotropy: &Anisotropy, point: &TexelPoint, ask: &Ask<'_>) -> Vec4 {
         let [along, across, ..] = (value_of(&anisotropy.direction, ask) * 2.0 - 1.0).to_array();
-        let tangents = self.tangents.get(anisotropy.uv_set).filter(|tangents| !tangents.is_empty());
-        let direction = match tangents {
-            Some(tangents) => {
-                let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-                let frame = TangentFrame::at(&self.finder.normals, tangents, point.at.index(), lambda);
-                frame.mesh_vector(Vec3::new(along, across, 0.0))
-            }
+        let space = TangentSpace::of_set(anisotropy.uv_set);
+        let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        let frame = self.tangents.frame(&space, &self.finder.normals, point.at.index(), lambda);
+        let direction = match frame {
+            Some(frame) => frame.mesh_vector(Vec3::new(along, across, 0.0)),
             None => {
                 let tangent = Vec3::Y.cross(point.normal).try_normalize().unwrap_or(Vec3::X);
                 tangent * along + point.normal.cross(tangent) * across
@@ -484,7 +482,7 @@ fn uv_point(set: &[Vec2], point: &TexelPoint) -> UvPoint {
 /// A material's relief and the frames that it is relative to.
 struct Reliefs<'a> {
     relief: &'a [Relief],
-    tangents: &'a [Vec<Vec4>],
+    tangents: &'a LookTangents<'a>,
     normals: &'a [Vec3],
     /// World units.
     min_step: f32,
@@ -529,10 +527,9 @@ impl Reliefs<'_> {
 
     /// The frame of a normal map, none for one in the model's axes; `None` where its texture coordinates are missing.
     fn frame(&self, space: NormalSpace, point: &TexelPoint) -> Option<Option<TangentFrame>> {
-        let NormalSpace::Tangent { uv_set } = space else { return Some(None) };
-        let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
+        let NormalSpace::Tangent(space) = space else { return Some(None) };
         let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        Some(Some(TangentFrame::at(self.normals, tangents, point.at.index(), lambda)))
+        self.tangents.frame(&space, self.normals, point.at.index(), lambda).map(Some)
     }
 }
 

@@ -15,15 +15,17 @@ use fantex_base::{Aabb, Error, Result};
 use fantex_mesh::{Mesh, ObjectSpace};
 use fantex_texture::combine::{Contours, Field, Layers, RampTexture, TextureUse};
 use fantex_texture::coordinates::{
-    Coordinates, InPlace, InSpace, Parameter, Place, TextureCoordinates, TextureMatrix,
+    Coordinates, InPlace, InSpace, NormalAxes, Parameter, Place, TextureCoordinates, TextureMatrix,
 };
-use fantex_texture::look::{Anisotropy, FragmentTexture, LookMaterial, NormalSpace, Opacity, Relief, Slot};
+use fantex_texture::look::{
+    Anisotropy, FragmentTexture, LookMaterial, NormalSpace, Opacity, Relief, Slot, TangentSpace,
+};
 use fantex_texture::{
     ColorRamp, DetailPolygon, Filter, Landscape, NoiseOptions, NoiseTexture, OMap, Placement,
-    PolygonsTexture, Recipe, SMap, Shape, ShapeKind, Sines, SolidTexture, Texture, TriplanarMap,
+    PolygonsTexture, Recipe, SMap, Shape, ShapeKind, Sines, Solid, SolidTexture, Texture, TriplanarMap,
     TwoPartMapping,
 };
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Mat3, Vec2, Vec3};
 
 use crate::data::{
     AnisotropyTable, CoordinatesKind, CoordinatesTable, HeightTable, Input, MaterialBase, MaterialTable,
@@ -246,15 +248,19 @@ impl<'a> Resolver<'a> {
 // ---- Textures of space and numbers of the surface.
 
 impl Resolver<'_> {
+    /// A texture that keeps the object's normal.
     fn in_space(&self, input: Slot, place: &Place, key: &Key) -> Result<Node> {
         let matrix = self.accept(&key.name("place"), place.matrix(self.radius()))?;
-        Ok(Arc::new(InSpace { input, matrix }))
+        Ok(Arc::new(InSpace { input, matrix, normal_axes: NormalAxes::Object }))
     }
 
     fn solid(&self, solid: &InPlace<impl Recipe>, key: &Key) -> Result<Node> {
         self.accept(key, solid.texture.check())?;
-        let texture = SolidTexture(solid.texture.prepared(self.options.seed));
-        self.in_space(Slot::Texture(Arc::new(texture)), &solid.place, key)
+        let prepared = solid.texture.prepared(self.options.seed);
+        let normal_axes = prepared.normal_axes();
+        let matrix = self.accept(&key.name("place"), solid.place.matrix(self.radius()))?;
+        let input = Slot::Texture(Arc::new(SolidTexture(prepared)));
+        Ok(Arc::new(InSpace { input, matrix, normal_axes }))
     }
 
     fn noise(&self, noise: &InPlace<NoiseOptions>, key: &Key) -> Result<Node> {
@@ -372,6 +378,23 @@ impl Resolver<'_> {
 
 // ---- Materials.
 
+/// What a table makes of the opacity of the material that it starts from.
+fn opacity(table: &MaterialTable, base: Opacity) -> Opacity {
+    let base_threshold = match base {
+        Opacity::Mask { threshold } => Some(threshold),
+        Opacity::Opaque | Opacity::Blend => None,
+    };
+    let threshold = table.threshold.or(base_threshold).unwrap_or(DEFAULT_THRESHOLD);
+    match (table.opacity, base) {
+        (Some(OpacityName::Opaque), _) | (None, Opacity::Opaque) => Opacity::Opaque,
+        (Some(OpacityName::Mask), _) | (None, Opacity::Mask { .. }) => Opacity::Mask { threshold },
+        (Some(OpacityName::Blend), _) | (None, Opacity::Blend) => Opacity::Blend,
+    }
+}
+
+/// Least alpha that is seen in cut-outs that name none.
+const DEFAULT_THRESHOLD: f32 = 0.5;
+
 impl Resolver<'_> {
     /// The material of a name. `base` is the one that the model has at the place, for materials that start from it.
     ///
@@ -391,13 +414,7 @@ impl Resolver<'_> {
         self.slots(table, key, &mut material)?;
         material.lighting = table.lighting.unwrap_or(material.lighting);
         material.color_use = table.color_use.unwrap_or(material.color_use);
-        if let Some(opacity) = table.opacity {
-            material.opacity = match opacity {
-                OpacityName::Opaque => Opacity::Opaque,
-                OpacityName::Mask => Opacity::Mask { threshold: table.threshold },
-                OpacityName::Blend => Opacity::Blend,
-            };
-        }
+        material.opacity = opacity(table, material.opacity);
         if let Some(toon) = &table.toon {
             let ramp = ColorRamp { stops: toon.stops.clone(), interpolation: toon.interpolation };
             self.accept(&key.name("toon").name("stops"), ramp.check())?;
@@ -475,10 +492,24 @@ impl Resolver<'_> {
             texture: self.node(&table.texture, key)?,
             scale: table.scale,
             space: match table.space {
-                NormalSpaceName::Tangent => NormalSpace::Tangent { uv_set: table.set as usize },
+                NormalSpaceName::Tangent => NormalSpace::Tangent(self.tangent_space(table)),
                 NormalSpaceName::Object => NormalSpace::Object,
             },
         })
+    }
+
+    /// That of a set of texture coordinates; where the map is an image of the model, of the coordinates as the model transforms them.
+    fn tangent_space(&self, table: &NormalMapTable) -> TangentSpace {
+        let of_set = TangentSpace::of_set(table.set as usize);
+        let Input::Texture(named) = &table.texture else { return of_set };
+        match self.file.look().textures.get(&named.texture.0) {
+            Some(TextureTable::Image(image)) if image.model_image.is_some() => TangentSpace {
+                uv_transform: image.matrix.matrix.map_or(Mat3::IDENTITY, |map| map.0),
+                of_model: true,
+                ..of_set
+            },
+            _ => of_set,
+        }
     }
 
     /// The texture of a key `texture`.

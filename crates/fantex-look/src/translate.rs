@@ -111,7 +111,7 @@ impl Translation<'_> {
             ..MaterialTable::default()
         };
         if let AlphaMode::Mask(threshold) = material.alpha {
-            table.threshold = threshold;
+            table.threshold = Some(threshold);
         }
         if let Some(texture) = usable(self.mesh, &material.occlusion_texture) {
             let strength = material.occlusion_strength;

@@ -11,10 +11,11 @@ use std::sync::Arc;
 
 use fantex_base::Result;
 use fantex_mesh::{Mesh, ObjectSpace, OpposedTriangles};
+use fantex_store::limits::MAX_UV_SETS;
 use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
-    Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity,
-    Relief, Slot, height_change, look_tangents, normal_by_map,
+    Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, LookTangents, MIN_RELIEF_STEP,
+    NormalSpace, Opacity, Relief, Slot, TangentSpace, height_change, normal_by_map,
 };
 use fantex_texture::material::{TangentFrame, roughness_with_variance, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
@@ -100,8 +101,7 @@ struct TextureSurface<'a> {
     mesh: &'a Mesh,
     space: ObjectSpace,
     normals: CornerNormals,
-    /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
-    tangents: Vec<Vec<Vec4>>,
+    tangents: LookTangents<'a>,
     materials: Vec<Arc<LookMaterial>>,
     time: f32,
     opposed: OpposedTriangles,
@@ -113,7 +113,7 @@ impl<'a> TextureSurface<'a> {
             materials.push(Arc::default());
         }
         let normals = CornerNormals::of_mesh(mesh);
-        let tangents = look_tangents(mesh, normals.all(), materials.iter().map(AsRef::as_ref));
+        let tangents = LookTangents::new(mesh, normals.all(), &materials);
         let (space, opposed) = (ObjectSpace::of(mesh), OpposedTriangles::of(&mesh.triangles));
         Self { mesh, space, normals, tangents, materials, time: 0.0, opposed }
     }
@@ -124,9 +124,8 @@ impl<'a> TextureSurface<'a> {
     }
 
     /// The frame of tangent space, in mesh space; `None` where there are no such texture coordinates.
-    fn tangent_frame(&self, hit: &Hit, uv_set: usize) -> Option<TangentFrame> {
-        let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
-        Some(TangentFrame::at(self.normals.all(), tangents, hit.triangle(), hit.at.lambda))
+    fn tangent_frame(&self, hit: &Hit, space: &TangentSpace) -> Option<TangentFrame> {
+        self.tangents.frame(space, self.normals.all(), hit.triangle(), hit.at.lambda)
     }
 
     /// The normal bent by a material's relief, and what of the relief is too fine to be seen.
@@ -152,7 +151,7 @@ impl<'a> TextureSurface<'a> {
                     let texel = texture.evaluate(at).truncate() * 2.0 - 1.0;
                     let frame = match space {
                         NormalSpace::Object => None,
-                        NormalSpace::Tangent { uv_set } => match self.tangent_frame(hit, *uv_set) {
+                        NormalSpace::Tangent(space) => match self.tangent_frame(hit, space) {
                             Some(frame) => Some(frame),
                             None => continue,
                         },
@@ -226,7 +225,7 @@ impl<'a> TextureSurface<'a> {
     ) -> Option<AnisotropySample> {
         let encoded = anisotropy.direction.evaluate(at);
         let [along, across] = [encoded.x * 2.0 - 1.0, encoded.y * 2.0 - 1.0];
-        let direction = match self.tangent_frame(hit, anisotropy.uv_set) {
+        let direction = match self.tangent_frame(hit, &TangentSpace::of_set(anisotropy.uv_set)) {
             Some(frame) => frame.mesh_vector(Vec3::new(along, across, 0.0)),
             None => {
                 // Around the upright axis, as on a lathe: smooth but for the poles.
@@ -404,9 +403,6 @@ impl Slots<Column<'_>> {
 }
 
 // From a hit to the point that textures are asked at.
-
-/// Most sets of texture coordinates that textures see.
-const MAX_UV_SETS: usize = 4;
 
 /// What a [`ShadingPoint`] borrows, and the rest of it.
 #[derive(Clone, Copy, Debug)]

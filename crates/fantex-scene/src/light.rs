@@ -325,7 +325,7 @@ parameters! {
     pub struct ShadowOptions {
         /// Texels along each side of the map. A sun has one map over the whole scene, a point light six.
         #[serde(rename = "size")]
-        #[schemars(range(min = 16, max = 16384))]
+        #[schemars(range(min = ShadowOptions::MIN_RESOLUTION, max = ShadowOptions::MAX_RESOLUTION))]
         pub resolution: u32 = 2048,
         /// How far a receiver is lifted towards the lamp, in texels of the map.
         #[schemars(range(min = 0, max = 1000))]

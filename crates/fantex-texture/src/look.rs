@@ -5,12 +5,12 @@ mod relief;
 
 use std::sync::Arc;
 
-use glam::{Vec3, Vec4};
+use glam::{Mat3, Vec3, Vec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use relief::{
-    DerivativeTexture, GradientAxes, MIN_RELIEF_STEP, height_change, look_tangents, normal_by_map,
+    DerivativeTexture, GradientAxes, LookTangents, MIN_RELIEF_STEP, height_change, normal_by_map,
 };
 
 use crate::combine::CombineMode;
@@ -157,15 +157,30 @@ pub enum Relief {
 }
 
 /// The frame in which a normal map is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NormalSpace {
-    /// Tangent, bitangent and normal of a set of texture coordinates.
-    Tangent {
-        /// Which set.
-        uv_set: usize,
-    },
+    /// Tangent, bitangent and normal of texture coordinates.
+    Tangent(TangentSpace),
     /// The model's own axes.
     Object,
+}
+
+/// The texture coordinates that tangents belong to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TangentSpace {
+    /// Set of texture coordinates.
+    pub uv_set: usize,
+    /// From the set's `(u, v, 1)` to the coordinates whose tangents are meant.
+    pub uv_transform: Mat3,
+    /// Whether it is that of a normal map of the model's own: the mesh's tangents, where it has any, were made for it.
+    pub of_model: bool,
+}
+
+impl TangentSpace {
+    /// That of a set of texture coordinates as it is.
+    pub fn of_set(uv_set: usize) -> Self {
+        Self { uv_set, uv_transform: Mat3::IDENTITY, of_model: false }
+    }
 }
 
 /// An anisotropic highlight.

@@ -12,7 +12,7 @@
 //! A [`SurfaceDetail`] lives in the plane of texture coordinates. As a texture among others it is a [`PolygonsTexture`].
 
 use fantex_base::{Error, Result};
-use glam::{DVec2, Vec2, Vec4};
+use glam::{DVec2, UVec2, Vec2, Vec4};
 
 use crate::coordinates::{Coordinates, TextureMatrix};
 use crate::look::Slot;
@@ -380,10 +380,10 @@ pub struct PolygonsTexture {
 
 impl PolygonsTexture {
     /// Polygons (their materials are indices of `colors`) over `base`, looked up by `coordinates` after `matrix`. With
-    /// `repeats` they come again in every unit square of the coordinates; they may reach into the neighbouring ones.
+    /// `repeats` they come again in every unit square of the coordinates; they may reach into others.
     ///
     /// # Errors
-    /// As [`SurfaceDetail::new`].
+    /// As [`SurfaceDetail::new`], or repeated polygons reach over too many squares.
     ///
     /// # Panics
     /// Where a polygon's material has no colour.
@@ -400,7 +400,7 @@ impl PolygonsTexture {
             true => {
                 // Mistakes are told by the polygons' own numbers.
                 SurfaceDetail::new(polygons)?;
-                SurfaceDetail::new(&with_neighbours(polygons))?
+                SurfaceDetail::new(&with_neighbours(polygons)?)?
             }
         };
         Ok(Self { detail, colors, base, coordinates, matrix, repeats })
@@ -429,14 +429,37 @@ impl Texture for PolygonsTexture {
     }
 }
 
-/// Each polygon in the unit square and in the eight around it.
-fn with_neighbours(polygons: &[DetailPolygon]) -> Vec<DetailPolygon> {
-    let shifts = || (0..9).map(|i| Vec2::new((i % 3) as f32 - 1.0, (i / 3) as f32 - 1.0));
+/// What footprints around points of the unit square reach, at most half a square beyond it.
+const REACH: [f32; 2] = [-0.5, 1.5];
+
+/// Most copies of a polygon that is repeated.
+const MAX_COPIES: f32 = 10_000.0;
+
+/// Each polygon shifted by all integers that bring it within [`REACH`].
+///
+/// # Errors
+/// Those would be more than [`MAX_COPIES`].
+fn with_neighbours(polygons: &[DetailPolygon]) -> Result<Vec<DetailPolygon>> {
     let shifted = |polygon: &DetailPolygon, shift: Vec2| {
         let outlines = polygon.outlines.iter().map(|outline| outline.iter().map(|&corner| corner + shift));
         DetailPolygon { outlines: outlines.map(Iterator::collect).collect(), ..polygon.clone() }
     };
-    polygons.iter().flat_map(|polygon| shifts().map(move |shift| shifted(polygon, shift))).collect()
+    let mut all = Vec::new();
+    for (index, polygon) in polygons.iter().enumerate() {
+        let corners = || polygon.outlines.iter().flatten().copied();
+        let low = corners().reduce(Vec2::min).unwrap_or_default();
+        let high = corners().reduce(Vec2::max).unwrap_or_default();
+        let first = (REACH[0] - high).ceil();
+        let [columns, rows] = ((REACH[1] - low).floor() - first + 1.0).to_array();
+        if columns * rows > MAX_COPIES {
+            return Err(Error::malformed(format!(
+                "detail polygon {index} reaches over {columns} x {rows} unit squares; repeated, it may reach over {MAX_COPIES}"
+            )));
+        }
+        let shifts = (0..rows as u32).flat_map(|y| (0..columns as u32).map(move |x| UVec2::new(x, y)));
+        all.extend(shifts.map(|shift| shifted(polygon, first + shift.as_vec2())));
+    }
+    Ok(all)
 }
 
 /// The same footprint around a point of the unit square; the whole square for a footprint that is larger.

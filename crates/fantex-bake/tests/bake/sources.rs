@@ -13,7 +13,9 @@ use fantex_mesh::{
 };
 use fantex_store::{ChannelKind, PageCache};
 use fantex_texture::coordinates::ImageLookup;
-use fantex_texture::look::{Anisotropy, Difference, LookMaterial, NormalSpace, Opacity, Relief, Slot};
+use fantex_texture::look::{
+    Anisotropy, Difference, LookMaterial, NormalSpace, Opacity, Relief, Slot, TangentSpace,
+};
 use fantex_texture::{
     ColorSpace, Image, ImageTexture, MappingKind, Marble, NoiseOptions, NoiseTexture, Samples, ShadingPoint,
     SolidTexture, Texture, Wrap,
@@ -459,7 +461,11 @@ fn material() -> LookMaterial {
             bump(Difference::Forward),
             bump(Difference::Central),
             Relief::Derivatives { texture: image(), uv_set: 0, height: 0.01, range: 2.0 },
-            Relief::Normal { texture: image(), scale: 0.5, space: NormalSpace::Tangent { uv_set: 0 } },
+            Relief::Normal {
+                texture: image(),
+                scale: 0.5,
+                space: NormalSpace::Tangent(TangentSpace::of_set(0)),
+            },
         ],
         anisotropy: Some(Anisotropy { strength: Slot::number(0.5), direction: slot(image()), uv_set: 0 }),
         ..LookMaterial::default()

@@ -25,9 +25,9 @@ parameters! {
         pub alpha: Option<Input> = None,
         /// What alpha means; opaque where it is left out.
         pub opacity: Option<OpacityName> = None,
-        /// Least alpha that is seen in cut-outs.
+        /// Least alpha that is seen in cut-outs; 0.5 where it is left out.
         #[schemars(range(min = 0, max = 1))]
-        pub threshold: f32 = 0.5,
+        pub threshold: Option<f32> = None,
         /// 0 (dielectric) to 1 (metal); 0 where it is left out.
         pub metallic: Option<Input> = None,
         /// Perceptual roughness, 0 to 1; 0.9 where it is left out.

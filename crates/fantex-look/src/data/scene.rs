@@ -302,7 +302,8 @@ parameters! {
 parameters! {
     /// The surroundings: one of `image`, `faces`, `sky`, `capture` or `color` says what they are.
     pub struct EnvironmentTable {
-        /// A picture of the surroundings, usually HDR: latitude-longitude, an unfolded cube, a strip of faces or a mirror ball.
+        /// A picture of the surroundings, usually HDR: latitude-longitude, an unfolded cube or a strip of faces; with `layout`, two
+        /// paraboloids or a mirror ball.
         pub image: Option<FileName> = None,
         /// Six pictures: right, left, up, down, front, back.
         pub faces: Option<[FileName; 6]> = None,
@@ -312,7 +313,7 @@ parameters! {
         pub capture: Option<CaptureTable> = None,
         /// The same colour on all sides.
         pub color: Option<Color> = None,
-        /// How `image` is laid out; recognised by its proportions where it is left out.
+        /// How `image` is laid out; recognised by its proportions where it is left out, but for paraboloids and mirror balls.
         pub layout: Option<EnvironmentLayout> = None,
         /// Factor of its light.
         #[schemars(range(min = 0))]

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::{Aabb, Error, Result};
 use fantex_mesh::{ImageSource, Mesh};
-use fantex_texture::coordinates::{ImageLookup, InSpace, SpaceMatrix, TextureMatrix};
+use fantex_texture::coordinates::{ImageLookup, InSpace, NormalAxes, SpaceMatrix, TextureMatrix};
 use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
 use fantex_texture::look::Slot;
 use fantex_texture::material::read_image;
@@ -204,7 +204,8 @@ impl Resolver<'_> {
             * Mat4::from_scale(extent.recip())
             * Mat4::from_translation(-center);
         let matrix = self.accept(key, SpaceMatrix::new(matrix))?;
-        Ok(Arc::new(InSpace { input: Slot::Texture(Arc::new(texture)), matrix }))
+        let input = Slot::Texture(Arc::new(texture));
+        Ok(Arc::new(InSpace { input, matrix, normal_axes: NormalAxes::Object }))
     }
 
     /// The texture's values on a grid over a box.

@@ -154,6 +154,10 @@ fn wrong_types_are_named() {
 fn numbers_out_of_range_are_named() {
     refused("[camera]\nfov = 180\n", &["camera.fov: expected a number above 0 and below 180, found 180"]);
     refused("[picture]\nsamples = 65\n", &["from 1 to 64, found 65"]);
+    refused(
+        "[[light]]\nkind = \"sun\"\nshadow = { size = 8193 }\n",
+        &["light[1].shadow.size: expected a number from 16 to 8192, found 8193"],
+    );
     refused("[picture]\nsize = [0, 20]\n", &["picture.size[1]: expected a number from 1 to 16384, found 0"]);
     refused(
         "[camera]\nfov = nan\n",

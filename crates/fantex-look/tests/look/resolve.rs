@@ -105,6 +105,70 @@ fn places_move_scale_and_animate_patterns() {
     assert!(is_even(", move = [1, 0, 0]", 1.5, 1.0) && !is_even(", move = [1, 0, 0]", 0.5, 1.0));
 }
 
+/// Faces of bricks and cubes are those of the placed pattern, whichever way the surface lies in the object.
+#[test]
+fn placed_walls_turn_with_their_place() {
+    for pattern in ["kind = \"brick\"\nrelief = true", "kind = \"brick\"", "kind = \"checker\""] {
+        let text = format!(
+            "[textures.floor]\n{pattern}\nplace = {{ unit = \"world\", rotate = [90, 0, 0] }}\n\
+             [textures.wall]\n{pattern}\nplace = {{ unit = \"world\" }}\n"
+        );
+        let (file, mesh, images) = (file(&text), cube(), LookImages::default());
+        let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+        let (floor, wall) = (resolver.texture("floor").unwrap(), resolver.texture("wall").unwrap());
+        for (x, y) in [(0.15, 0.05), (0.296, 0.06), (0.1, 0.095), (0.52, 0.31), (0.29, 0.099)] {
+            for (z, width) in [(0.04, 1e-4), (0.125, 0.05), (0.145, 0.02)] {
+                let on_wall = ShadingPoint {
+                    position_steps: [Vec3::X * width, Vec3::Y * width],
+                    ..at(Vec3::new(x, y, z), 0.0, &[])
+                };
+                let on_floor = ShadingPoint {
+                    position_steps: [Vec3::X * width, Vec3::Z * width],
+                    normal: Vec3::Y,
+                    ..at(Vec3::new(x, -z, y), 0.0, &[])
+                };
+                let (expected, found) = (wall.evaluate(&on_wall), floor.evaluate(&on_floor));
+                let off = (expected - found).abs().max_element();
+                assert!(off < 1e-3, "{pattern} at {x}, {y}, {z}: {found} instead of {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn landscapes_keep_the_slope_of_the_object() {
+    let text = |rotate: &str| {
+        format!("[textures.t]\nkind = \"landscape\"\nplace = {{ unit = \"world\"{rotate} }}\n")
+    };
+    // The origin lies in the same place of the pattern.
+    close(
+        value(&text(", rotate = [90, 0, 0]"), Vec3::ZERO, 0.0),
+        value(&text(""), Vec3::ZERO, 0.0).to_array(),
+    );
+}
+
+#[test]
+fn thresholds_apply_to_masks_of_the_model() {
+    let opacity = |keys: &str, model: Opacity| {
+        let file = file(&format!("[materials.m]\nfrom = \"model\"\n{keys}"));
+        let (mesh, images) = (cube(), LookImages::default());
+        let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+        let base = LookMaterial { opacity: model, ..LookMaterial::default() };
+        resolver.material("m", &base).unwrap().opacity
+    };
+    let cutoff = |keys: &str, model: Opacity| match opacity(keys, model) {
+        Opacity::Mask { threshold } => Some(threshold),
+        Opacity::Opaque | Opacity::Blend => None,
+    };
+    let mask = || Opacity::Mask { threshold: 0.3 };
+    assert_eq!(cutoff("", mask()), Some(0.3));
+    assert_eq!(cutoff("threshold = 0.7\n", mask()), Some(0.7));
+    assert_eq!(cutoff("opacity = \"mask\"\n", mask()), Some(0.3));
+    assert_eq!(cutoff("opacity = \"mask\"\n", Opacity::Blend), Some(0.5));
+    assert_eq!(cutoff("opacity = \"mask\"\nthreshold = 0.7\n", Opacity::Opaque), Some(0.7));
+    assert_eq!(cutoff("threshold = 0.7\n", Opacity::Opaque), None);
+}
+
 #[test]
 fn materials_take_what_is_said_and_keep_the_rest() {
     let text = "[materials.m]\nfrom = \"model\"\nroughness = 0.25\nlighting = \"blinn_phong\"\nopacity = \"mask\"\n\

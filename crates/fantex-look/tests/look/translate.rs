@@ -7,7 +7,7 @@ use fantex_mesh::{
     AlphaMode, CleanOptions, ImageSource, Material, Mesh, TextureRef, ToonInterpolation, ToonScale, WrapMode,
     clean, generate,
 };
-use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Relief, Slot};
+use fantex_texture::look::{LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot, TangentSpace};
 use fantex_texture::{Filtering, Image, ShadingPoint, Texture, UvPoint};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
@@ -95,6 +95,28 @@ fn every_channel_of_a_material_is_translated() {
     assert!(matches!(material.opacity, Opacity::Mask { threshold } if threshold == 0.3));
     assert_eq!(material.lighting, LightingModel::Unlit);
     assert_eq!(material.toon.as_ref().unwrap().color(0.6), Vec4::ONE);
+}
+
+#[test]
+fn materials_may_collapse_their_coordinates() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut mesh = model(folder.path());
+    let collapsed = Mat3::from_diagonal(Vec3::new(0.0, 1.0, 1.0));
+    mesh.materials[0].base_color_texture.as_mut().unwrap().uv_transform = collapsed;
+    close(&materials(&mesh).unwrap()[0].base_color, Vec4::new(0.0625, 0.125, 0.375, 0.5));
+}
+
+#[test]
+fn normal_maps_lie_in_the_transformed_coordinates() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut mesh = model(folder.path());
+    let transform = Mat3::from_angle(1.0);
+    mesh.materials[0].normal_texture.as_mut().unwrap().uv_transform = transform;
+    let expected = TangentSpace { uv_set: 0, uv_transform: transform, of_model: true };
+    let material = &materials(&mesh).unwrap()[0];
+    assert!(
+        matches!(material.relief.as_slice(), [Relief::Normal { space: NormalSpace::Tangent(space), .. }] if *space == expected)
+    );
 }
 
 #[test]

@@ -48,6 +48,8 @@ struct Frame {
 #[derive(Clone, Debug, Default, Deserialize)]
 struct Intrinsics {
     camera_model: Option<String>,
+    /// instant-ngp's word for OpenCV's fisheye.
+    is_fisheye: Option<bool>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
     fl_x: Option<f64>,
@@ -191,6 +193,7 @@ impl Intrinsics {
         let focal = |shared: Option<f64>| if has_focal { None } else { shared };
         Self {
             camera_model: self.camera_model.or_else(|| shared.camera_model.clone()),
+            is_fisheye: self.is_fisheye.or(shared.is_fisheye),
             camera_angle_x: self.camera_angle_x.or(focal(shared.camera_angle_x)),
             camera_angle_y: self.camera_angle_y.or(focal(shared.camera_angle_y)),
             fl_x: self.fl_x.or(focal(shared.fl_x)),
@@ -236,21 +239,22 @@ impl Intrinsics {
 
     fn distortion(&self) -> Result<Distortion> {
         let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|k| k.unwrap_or(0.0));
-        match self.camera_model.as_deref() {
-            Some("SIMPLE_PINHOLE" | "PINHOLE") => Ok(Distortion::PINHOLE),
+        let unnamed = if self.is_fisheye == Some(true) { "OPENCV_FISHEYE" } else { "OPENCV" };
+        match self.camera_model.as_deref().unwrap_or(unnamed) {
+            "SIMPLE_PINHOLE" | "PINHOLE" => Ok(Distortion::PINHOLE),
             // In files of nerfstudio, k4 is left over from other models; the polynomial's denominator is FULL_OPENCV's.
-            None | Some("SIMPLE_RADIAL" | "RADIAL" | "OPENCV") => Ok(Distortion::Perspective {
+            "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" => Ok(Distortion::Perspective {
                 radial: [k[0], k[1], k[2], 0.0, 0.0, 0.0],
                 tangential: [self.p1.unwrap_or(0.0), self.p2.unwrap_or(0.0)],
             }),
-            Some("FULL_OPENCV") => Ok(Distortion::Perspective {
+            "FULL_OPENCV" => Ok(Distortion::Perspective {
                 radial: k,
                 tangential: [self.p1.unwrap_or(0.0), self.p2.unwrap_or(0.0)],
             }),
-            Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE") => {
+            "OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" => {
                 Ok(Distortion::fisheye([k[0], k[1], k[2], k[3]]))
             }
-            Some(name) => Err(unknown_model(name)),
+            name => Err(unknown_model(name)),
         }
     }
 }

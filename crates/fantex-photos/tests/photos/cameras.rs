@@ -274,6 +274,27 @@ fn transforms_of_other_programs_are_read() {
     assert!(cameras_of(&file, None).unwrap_err().to_string().contains("names no photograph"));
 }
 
+#[test]
+fn fisheyes_of_instant_ngp_are_told_by_a_flag() {
+    let root = tempfile::tempdir().unwrap();
+    let file = root.path().join("transforms.json");
+    fs::write(root.path().join("a.png"), []).unwrap();
+    let lens = |camera: &str| {
+        let text = format!(
+            r#"{{"w": 40, "h": 20, "fl_x": 20, "k1": 0.1, "k2": 0.02, "k3": 0.003, "k4": 0.0004, {camera} "frames":
+                [{{"file_path": "a.png", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}}]}}"#
+        );
+        fs::write(&file, text).unwrap();
+        cameras_of(&file, None).unwrap()[0].camera.lens.distortion()
+    };
+    assert_eq!(lens(r#""is_fisheye": true,"#), Distortion::fisheye([0.1, 0.02, 0.003, 0.0004]));
+    let perspective =
+        Distortion::Perspective { radial: [0.1, 0.02, 0.003, 0.0, 0.0, 0.0], tangential: [0.0; 2] };
+    assert_eq!(lens(""), perspective);
+    assert_eq!(lens(r#""is_fisheye": false,"#), perspective);
+    assert_eq!(lens(r#""is_fisheye": true, "camera_model": "OPENCV","#), perspective);
+}
+
 /// A small set as files: names and bytes.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let root = tempfile::tempdir().unwrap();

@@ -11,7 +11,7 @@ use fantex_texture::combine::CombineMode;
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{
     Anisotropy, ColorUse, Difference, FragmentTexture, LightingModel, LookMaterial, NormalSpace, Opacity,
-    Relief, Slot,
+    Relief, Slot, TangentSpace,
 };
 use fantex_texture::{
     ColorRamp, ColorSpace, Image, ImageTexture, NoiseOptions, NoiseTexture, RampInterpolation, Rock, Samples,
@@ -392,7 +392,7 @@ fn tangent_space_normal_maps_are_those_of_the_models() {
     let relief = Relief::Normal {
         texture: UvImage::new(map, 1.0),
         scale: 1.0,
-        space: NormalSpace::Tangent { uv_set: 0 },
+        space: NormalSpace::Tangent(TangentSpace::of_set(0)),
     };
     let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
     let options = RenderOptions { shading: Shading::Normal, ..options() };
@@ -593,6 +593,27 @@ fn assert_alike(got: &(MaterialSample, Option<Finish<'_>>), alone: &(MaterialSam
         // Of the cut-out's alpha, one of sixteen comparisons may fall differently.
         let tolerance = if index == 24 { 0.07 } else { TOLERANCE };
         assert!((a - b).abs() <= tolerance, "number {index}: {a}, alone {b}");
+    }
+}
+
+#[test]
+fn textures_see_all_sets_of_texture_coordinates() {
+    let mut mesh = sheet(2, 0.0, 1);
+    let corners = 3 * mesh.triangles.len();
+    mesh.corners.uv_sets = (0..8).map(|set| vec![glam::Vec2::splat(set as f32 / 8.0); corners]).collect();
+    let lambda = Vec3::splat(1.0 / 3.0);
+    let hit = Hit {
+        at: SurfacePoint { triangle: 0, lambda },
+        lambda_steps: [Vec3::ZERO; 2],
+        front: true,
+        to_eye: Vec3::Z,
+    };
+    for set in 0..8 {
+        let base_color = slot(move |at| Vec4::splat(at.uv[set].uv.x));
+        let material = LookMaterial { base_color, ..LookMaterial::default() };
+        let surface = LookSurface::new(&mesh, look(material));
+        let color = surface.shade(&hit).0.base_color;
+        assert!((color - set as f32 / 8.0).abs().max_element() < 1e-6, "set {set}: {color}");
     }
 }
 

@@ -75,11 +75,7 @@ impl TextureMatrixOptions {
 
     fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a texture matrix";
-        let matrix = self.matrix();
-        Allowed::Finite.check(OWNER, "the matrix", &matrix.to_cols_array())?;
-        if !matrix.inverse().is_finite() {
-            return Err(singular(OWNER, "the matrix"));
-        }
+        Allowed::Finite.check(OWNER, "the matrix", &self.matrix().to_cols_array())?;
         Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
         Allowed::NotZero.check(OWNER, "the scale", &self.scale().to_array())?;
         Allowed::Finite.check(OWNER, "the rotation", &[self.rotation])?;
@@ -126,7 +122,7 @@ impl TextureMatrix {
     /// The map that the options describe.
     ///
     /// # Errors
-    /// A number is out of range, or the matrix has no inverse.
+    /// A number is out of range.
     pub fn new(options: TextureMatrixOptions) -> fantex_base::Result<Self> {
         options.check()?;
         Ok(Self { options, start: options.at(0.0), is_animated: options.is_animated() })
@@ -233,30 +229,71 @@ impl SpaceMatrix {
         });
         SpacePoint { position, steps }
     }
+
+    /// The transformed unit normal of a shading point, with its change along the footprint's edges: normals transform by the inverse
+    /// transpose of the map's derivative. As they were where that has no inverse.
+    fn apply_to_normal(&self, at: &ShadingPoint<'_>) -> (Vec3, [Vec3; 2]) {
+        let matrix = self.at(at.time);
+        let mapped = matrix * at.position.extend(1.0);
+        let w = away_from_zero(mapped.w);
+        let position = mapped.truncate() / w;
+        let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis]
+            .map(|change| (change.truncate() - position * change.w) / w);
+        let normal_matrix = Mat3::from_cols(x, y, z).inverse().transpose();
+        let scaled = normal_matrix * at.normal;
+        let Some(normal) = scaled.try_normalize() else { return (at.normal, at.normal_steps) };
+        let steps = at.normal_steps.map(|step| {
+            let change = normal_matrix * step;
+            (change - normal * normal.dot(change)) / scaled.length()
+        });
+        (normal, steps)
+    }
 }
 
-/// A texture asked elsewhere: at the transformed position. Its normal, its texture coordinates and its eye stay, so that
-/// recipes that depend on the slope still follow the surface.
+/// The axes of the normal that a placed texture is asked with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NormalAxes {
+    /// The object's: recipes that depend on the slope still follow the surface.
+    #[default]
+    Object,
+    /// The texture's own: recipes whose faces lie along axes.
+    Texture,
+}
+
+/// A texture asked elsewhere: at the transformed position. Its texture coordinates and its eye stay; its normal stays or is
+/// transformed with the position.
 #[derive(Clone, Debug)]
 pub struct InSpace {
     /// The texture.
     pub input: Slot,
     /// From the object's space to the texture's.
     pub matrix: SpaceMatrix,
+    /// The axes of the normal.
+    pub normal_axes: NormalAxes,
+}
+
+impl InSpace {
+    fn transformed<'a>(&self, at: &ShadingPoint<'a>) -> ShadingPoint<'a> {
+        let SpacePoint { position, steps } = self.matrix.apply(at);
+        let there = ShadingPoint { position, position_steps: steps, ..*at };
+        match self.normal_axes {
+            NormalAxes::Object => there,
+            NormalAxes::Texture => {
+                let (normal, normal_steps) = self.matrix.apply_to_normal(at);
+                ShadingPoint { normal, normal_steps, ..there }
+            }
+        }
+    }
 }
 
 impl Texture for InSpace {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let SpacePoint { position, steps } = self.matrix.apply(at);
-        self.input.evaluate(&ShadingPoint { position, position_steps: steps, ..*at })
+        self.input.evaluate(&self.transformed(at))
     }
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        let there = at.iter().map(|at| {
-            let SpacePoint { position, steps } = self.matrix.apply(at);
-            ShadingPoint { position, position_steps: steps, ..*at }
-        });
-        self.input.evaluate_all(&there.collect::<Vec<_>>(), values);
+        let there: Vec<_> = at.iter().map(|at| self.transformed(at)).collect();
+        self.input.evaluate_all(&there, values);
     }
 
     fn depends_on(&self, what: Dependence) -> bool {

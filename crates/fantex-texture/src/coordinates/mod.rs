@@ -22,7 +22,7 @@ use crate::{
 
 pub use image_lookup::ImageLookup;
 pub use matrix::{
-    InPlace, InSpace, Place, PlaceUnit, Projective, SpaceMatrix, SpacePoint, TextureMatrix,
+    InPlace, InSpace, NormalAxes, Place, PlaceUnit, Projective, SpaceMatrix, SpacePoint, TextureMatrix,
     TextureMatrixOptions,
 };
 

@@ -321,7 +321,7 @@ pub enum EnvironmentLayout {
     /// Two discs side by side, 2:1: around `-z`, around `+z`. Never recognised by its sides: a panorama has the same.
     #[serde(rename = "paraboloids")]
     DualParaboloid,
-    /// One disc, 1:1: a mirror ball.
+    /// One disc, 1:1: a mirror ball. Never recognised by its sides: any square picture has the same.
     MirrorBall,
 }
 

@@ -246,7 +246,7 @@ impl EnvironmentMap {
             .ok_or_else(|| {
                 Error::malformed(format!(
                     "'{}' has {width} x {height} texels, which is no environment; give a panorama (2:1), a cube's cross (4:3 \
-                     or 3:4) or a strip of its faces (6:1 or 1:6)",
+                     or 3:4), a strip of its faces (6:1 or 1:6) or, in a look with layout = \"mirror_ball\", a mirror ball (1:1)",
                     path.display()
                 ))
                 .with_path(path)

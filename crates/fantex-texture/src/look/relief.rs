@@ -4,13 +4,16 @@
 //! 2010): Blinn's `N' = N + (F_u (N x P_v) - F_v (N x P_u)) / |N|` holds for any two directions in the surface, and the edges
 //! of the footprint are two whose changes of position and height are at hand.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, corner_tangents};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
-use super::{Difference, LookMaterial, NormalSpace, Relief};
+use super::{Difference, LookMaterial, NormalSpace, Relief, TangentSpace};
 use crate::filter::wrap_index;
-use crate::material::TangentFrame;
+use crate::material::{TangentFrame, own_tangents};
 use crate::{Image, UvPoint, Wrap};
 
 /// Shortest step of a difference as a share of the mesh's unit: below, single precision would be seen.
@@ -125,30 +128,111 @@ pub fn normal_by_map(
     Some(if normal == vertex_normal { bent } else { Quat::from_rotation_arc(vertex_normal, normal) * bent })
 }
 
-/// The tangents that materials ask for: per set of texture coordinates one per corner, none for sets that nothing refers to or the
-/// mesh lacks. `normals` has a unit normal per corner.
-pub fn look_tangents<'m>(
-    mesh: &Mesh,
-    normals: &[Vec3],
-    materials: impl Iterator<Item = &'m LookMaterial> + Clone,
-) -> Vec<Vec<Vec4>> {
-    let corners = 3 * mesh.triangles.len();
-    let of_set = |(set, uv): (usize, &Vec<Vec2>)| {
-        if uv.len() != corners || !materials.clone().any(|material| refers_to(material, set)) {
-            return Vec::new();
-        }
-        // The mesh's own tangents belong to its first set.
-        if set == 0 && mesh.corners.tangents.len() == corners {
-            return mesh.corners.tangents.clone();
-        }
-        corner_tangents(mesh, normals, |t| Some([uv[3 * t], uv[3 * t + 1], uv[3 * t + 2]]))
-    };
-    mesh.corners.uv_sets.iter().enumerate().map(of_set).collect()
+/// The tangents that materials ask for.
+#[derive(Clone, Debug, Default)]
+pub struct LookTangents<'a> {
+    /// One per corner. Triangles whose material does not ask for a space have arbitrary ones.
+    spaces: Vec<(TangentSpace, Cow<'a, [Vec4]>)>,
 }
 
-fn refers_to(material: &LookMaterial, set: usize) -> bool {
-    let by_relief = material.relief.iter().any(|relief| {
-        matches!(relief, Relief::Normal { space: NormalSpace::Tangent { uv_set }, .. } if *uv_set == set)
+impl<'a> LookTangents<'a> {
+    /// Those of a mesh whose materials, an entry each, are `materials`; the last one stands for any after it. `normals` has a unit
+    /// normal per corner.
+    pub fn new(mesh: &'a Mesh, normals: &[Vec3], materials: &[Arc<LookMaterial>]) -> Self {
+        let mut spaces: Vec<(TangentSpace, Cow<'_, [Vec4]>)> = Vec::new();
+        for space in materials.iter().flat_map(|material| tangent_spaces(material)) {
+            if spaces.iter().all(|(known, _)| *known != space) {
+                spaces
+                    .extend(tangents_of(mesh, normals, materials, &space).map(|tangents| (space, tangents)));
+            }
+        }
+        Self { spaces }
+    }
+
+    /// The frame at the point `lambda`, which lies inside `triangle`; `None` where the mesh lacks the texture coordinates.
+    pub fn frame(
+        &self,
+        space: &TangentSpace,
+        normals: &[Vec3],
+        triangle: usize,
+        lambda: Vec3,
+    ) -> Option<TangentFrame> {
+        let (_, tangents) = self.spaces.iter().find(|(known, _)| known == space)?;
+        Some(TangentFrame::at(normals, tangents, triangle, lambda))
+    }
+}
+
+/// The spaces that a material refers to.
+fn tangent_spaces(material: &LookMaterial) -> impl Iterator<Item = TangentSpace> {
+    let of_reliefs = material.relief.iter().filter_map(|relief| match relief {
+        Relief::Normal { space: NormalSpace::Tangent(space), .. } => Some(*space),
+        _ => None,
     });
-    by_relief || material.anisotropy.as_ref().is_some_and(|anisotropy| anisotropy.uv_set == set)
+    let of_highlight = material.anisotropy.as_ref().map(|anisotropy| TangentSpace::of_set(anisotropy.uv_set));
+    of_reliefs.chain(of_highlight)
+}
+
+fn tangents_of<'a>(
+    mesh: &'a Mesh,
+    normals: &[Vec3],
+    materials: &[Arc<LookMaterial>],
+    space: &TangentSpace,
+) -> Option<Cow<'a, [Vec4]>> {
+    let uv = mesh.corners.uv_sets.get(space.uv_set).filter(|uv| uv.len() == 3 * mesh.triangles.len())?;
+    // To maps of others, the mesh's own tangents belong to its first set.
+    if let Some(own) = own_tangents(mesh).filter(|_| space.of_model || space.uv_set == 0) {
+        return Some(Cow::Borrowed(own));
+    }
+    let last = materials.len().saturating_sub(1);
+    let uses: Vec<bool> =
+        materials.iter().map(|material| tangent_spaces(material).any(|s| s == *space)).collect();
+    let tangents = corner_tangents(mesh, normals, |t| {
+        let corner = |k: usize| space.uv_transform.transform_point2(uv[3 * t + k]);
+        uses[mesh.material_of(t).min(last)].then(|| [0, 1, 2].map(corner))
+    });
+    Some(Cow::Owned(tangents))
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::{CleanOptions, clean, generate, shading_normals};
+    use glam::Mat3;
+
+    use super::*;
+    use crate::ImageTexture;
+    use crate::material::{ImageSlots, MaterialTextures, TextureLayer, normal_map_tangents};
+
+    /// Normal maps of models bend alike in looks and in the models' own materials.
+    #[test]
+    fn tangents_of_models_are_those_of_their_normal_maps() {
+        let mut mesh = clean(generate::cube(2), &CleanOptions::default()).unwrap().0;
+        let corners = mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize]);
+        let first: Vec<Vec2> = corners.map(|p| Vec2::new(p.x + 0.3 * p.z, p.y - 0.2 * p.z)).collect();
+        let second = first.iter().map(|uv| Vec2::new(uv.y, 2.0 * uv.x)).collect();
+        mesh.corners.uv_sets = vec![first, second];
+        let normals = shading_normals(&mesh);
+        let texture = Arc::new(ImageTexture::new(Arc::new(Image::from_linear(1, 1, 3, vec![0.5; 3]))));
+        let uv_transform = Mat3::from_angle(1.0) * Mat3::from_scale(Vec2::new(2.0, -1.0));
+        for (uv_set, own) in [(0, false), (1, false), (0, true), (1, true)] {
+            mesh.corners.tangents = if own { vec![Vec4::Z; 3 * mesh.triangles.len()] } else { Vec::new() };
+            let layer = TextureLayer {
+                uv_set,
+                uv_transform,
+                wrap: [Wrap::Repeat; 2],
+                nearest: false,
+                texture: Arc::clone(&texture),
+            };
+            let textures: MaterialTextures = ImageSlots { normal: Some(layer), ..ImageSlots::default() };
+            let space = TangentSpace { uv_set, uv_transform, of_model: true };
+            let relief = Relief::Normal {
+                texture: Arc::new(Vec4::ONE),
+                scale: 1.0,
+                space: NormalSpace::Tangent(space),
+            };
+            let material = Arc::new(LookMaterial { relief: vec![relief], ..LookMaterial::default() });
+            let tangents = LookTangents::new(&mesh, &normals, &[material]);
+            let [(_, found)] = &tangents.spaces[..] else { panic!("one space: {tangents:?}") };
+            assert_eq!(**found, normal_map_tangents(&mesh, &normals, &[textures])[..], "{uv_set} {own}");
+        }
+    }
 }

@@ -370,7 +370,7 @@ impl Mapping for CylinderMap {
         let squared = local.x * local.x + local.z * local.z;
         [dp_dx, dp_dy].map(|direction| {
             let turn = local.z * direction.x - local.x * direction.z;
-            let theta = if squared > 0.0 { turn / squared } else { 0.0 };
+            let theta = if squared > 0.0 { turn / squared } else { TAU };
             let theta = theta.clamp(-TAU, TAU);
             Vec2::new(self.around * self.radius * theta, self.along * direction.y)
         })

@@ -293,12 +293,18 @@ pub fn normal_map_tangents(mesh: &Mesh, normals: &[Vec3], textures: &[MaterialTe
     if textures.iter().all(|m| m.normal.is_none()) {
         return Vec::new();
     }
-    if mesh.corners.tangents.len() == 3 * mesh.triangles.len() {
-        return mesh.corners.tangents.clone();
+    if let Some(own) = own_tangents(mesh) {
+        return own.to_vec();
     }
     corner_tangents(mesh, normals, |t| {
         Some(textures.get(mesh.material_of(t))?.normal.as_ref()?.corner_uv(mesh, t))
     })
+}
+
+/// The mesh's own tangents, where every corner has one.
+pub(crate) fn own_tangents(mesh: &Mesh) -> Option<&[Vec4]> {
+    let tangents = &mesh.corners.tangents[..];
+    (tangents.len() == 3 * mesh.triangles.len()).then_some(tangents)
 }
 
 /// The axes of tangent space at a point, mesh space: interpolated and used without normalisation, as in M. Mikkelsen,

@@ -36,6 +36,7 @@ use arrayvec::ArrayVec;
 use fantex_base::{Aabb, Error, Result};
 use glam::{Vec3, Vec4};
 
+use crate::coordinates::NormalAxes;
 use crate::noise::{Fractal, Noise};
 
 use crate::{ShadingPoint, Texture};
@@ -50,7 +51,7 @@ pub use stone::{Granite, Marble, Rock, Wood};
 pub struct SolidPoint {
     /// The point.
     pub p: Vec3,
-    /// The unit normal of the surface, for recipes that depend on its slope.
+    /// The unit normal of the surface, in the axes of [`Solid::normal_axes`].
     pub n: Vec3,
     /// The width over which the caller averages, in the units of `p`; 0 for the exact value at the point.
     pub footprint: f32,
@@ -70,11 +71,20 @@ pub trait Solid: Send + Sync {
         self.colors(std::slice::from_ref(at), &mut color);
         color[0]
     }
+
+    /// The axes of the normal where the solid is placed in an object.
+    fn normal_axes(&self) -> NormalAxes {
+        NormalAxes::Object
+    }
 }
 
 impl Solid for Box<dyn Solid> {
     fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         (**self).colors(at, colors);
+    }
+
+    fn normal_axes(&self) -> NormalAxes {
+        (**self).normal_axes()
     }
 }
 
@@ -122,6 +132,10 @@ impl<S: Solid> Solid for Placed<S> {
             let inside: Notes<SolidPoint> = at.iter().map(|at| self.inside(at)).collect();
             self.solid.colors(&inside, colors);
         });
+    }
+
+    fn normal_axes(&self) -> NormalAxes {
+        self.solid.normal_axes()
     }
 }
 

@@ -4,6 +4,7 @@ use fantex_base::parameters;
 use glam::{IVec3, Vec3, Vec4};
 
 use super::{Notes, Recipe, Solid, SolidPoint, fbm, in_blocks, opaque};
+use crate::coordinates::NormalAxes;
 use crate::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, smoothstep};
 use crate::{Allowed, Color, PositiveList3};
 
@@ -63,6 +64,10 @@ impl Solid for Checker {
             let product = (0..3).map(|axis| mean_square_wave(p[axis], width[axis])).product::<f32>();
             *color = opaque(self.odd.rgb().lerp(self.even.rgb(), 0.5 + 0.5 * product));
         }
+    }
+
+    fn normal_axes(&self) -> NormalAxes {
+        NormalAxes::Texture
     }
 }
 
@@ -165,6 +170,10 @@ impl Brick {
 impl Solid for Brick {
     fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         in_blocks(at, colors, |at, colors| self.block(at, colors));
+    }
+
+    fn normal_axes(&self) -> NormalAxes {
+        NormalAxes::Texture
     }
 }
 

@@ -6,7 +6,7 @@ use fantex_base::Aabb;
 use fantex_texture::Scale;
 use fantex_texture::combine::Field;
 use fantex_texture::coordinates::{
-    Coordinates, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, TextureMatrix,
+    Coordinates, ImageLookup, InSpace, NormalAxes, Parameter, Projective, SpaceMatrix, TextureMatrix,
     TextureMatrixOptions,
 };
 use fantex_texture::look::Slot;
@@ -87,21 +87,20 @@ fn space_matrices_transform_footprints_by_their_derivative() {
         let expected = beside(0.5) - beside(-0.5);
         assert!((matrix.apply(&at).steps[0] - expected).length() < 1e-5);
     }
-    let height = InSpace { input: Slot::Texture(Arc::new(Parameter::default())), matrix };
+    let height = InSpace {
+        input: Slot::Texture(Arc::new(Parameter::default())),
+        matrix,
+        normal_axes: NormalAxes::Object,
+    };
     assert!(height.is_animated() && !height.is_view_dependent());
     let at = shading_point(Vec3::new(0.3, 0.4, 0.5), Vec3::Y);
     assert_eq!(height.evaluate(&at).x, matrix.apply(&at).position.y);
 }
 
 #[test]
-fn matrices_without_inverse_are_refused() {
+fn matrices_out_of_range_are_refused() {
     let default = TextureMatrixOptions::default();
     let refused = |options| TextureMatrix::new(options).unwrap_err();
-    let squeezed = TextureMatrixOptions {
-        matrix: Some(Projective(Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)))),
-        ..default
-    };
-    assert!(refused(squeezed).to_string().ends_with("it must have an inverse"));
     for options in [
         TextureMatrixOptions { scale: Scale::Two([0.0, 1.0]), ..default },
         TextureMatrixOptions { rotation: f32::NAN, ..default },
@@ -109,8 +108,19 @@ fn matrices_without_inverse_are_refused() {
     ] {
         assert!(refused(options).to_string().contains("must be finite"), "{options:?}");
     }
-    assert!(SpaceMatrix::new(Mat4::from_scale(Vec3::new(1.0, 1.0, 0.0))).is_err());
+    let collapsed = SpaceMatrix::new(Mat4::from_scale(Vec3::new(1.0, 1.0, 0.0))).unwrap_err();
+    assert!(collapsed.to_string().ends_with("it must have an inverse"));
     assert!(SpaceMatrix::default().moving(Vec3::NAN, Vec3::ZERO).is_err());
+}
+
+/// Models may show one column of an image everywhere.
+#[test]
+fn texture_matrices_need_no_inverse() {
+    let squeezed = Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0));
+    let options = TextureMatrixOptions { matrix: Some(Projective(squeezed)), ..Default::default() };
+    let point = UvPoint { uv: Vec2::new(0.25, 0.75), steps: [Vec2::X, Vec2::Y] };
+    let expected = UvPoint { uv: Vec2::new(0.25, 0.0), steps: [Vec2::X, Vec2::ZERO] };
+    assert_eq!(TextureMatrix::new(options).unwrap().apply(&point, 0.0), expected);
 }
 
 #[test]
@@ -299,6 +309,7 @@ fn textures_tell_which_texture_coordinates_they_depend_on() {
     let within = |input: Arc<dyn Texture>| InSpace {
         input: Slot::Texture(input),
         matrix: SpaceMatrix::new(Mat4::from_scale(Vec3::splat(2.0))).unwrap(),
+        normal_axes: NormalAxes::Object,
     };
     let textures: [(Arc<dyn Texture>, Option<usize>); 8] = [
         (Arc::new(lookup(Coordinates::Uv { set: 1 })), Some(1)),

@@ -295,6 +295,8 @@ fn files_are_recognised_by_their_proportions() {
     assert_eq!(form_of(save("c.png", 4, 24)).unwrap(), EnvironmentForm::Cube);
     let odd = form_of(save("d.png", 10, 9)).unwrap_err();
     assert!(odd.to_string().contains("10 x 9") && odd.to_string().contains("2:1"), "{odd}");
+    let square = form_of(save("i.png", 9, 9)).unwrap_err();
+    assert!(square.to_string().contains("layout = \"mirror_ball\""), "{square}");
     let missing = form_of(folder.path().join("none.hdr")).unwrap_err();
     assert_eq!(missing.kind(), ErrorKind::NotFound, "{missing}");
     assert!(missing.to_string().contains("none.hdr"));

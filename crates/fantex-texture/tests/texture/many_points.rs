@@ -6,7 +6,7 @@ use fantex_texture::combine::{
     Binary, Channel, Clamp, Combine, CombineMode, Factor, Layer, LayerMode, Layers, Mix, Operation, Remap,
     Swizzle, TextureUse,
 };
-use fantex_texture::coordinates::{Coordinates, ImageLookup, InSpace, Parameter, SpaceMatrix};
+use fantex_texture::coordinates::{Coordinates, ImageLookup, InSpace, NormalAxes, Parameter, SpaceMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::noise::{FractalKind, NoiseFamily};
 use fantex_texture::{
@@ -95,7 +95,14 @@ fn textures() -> Vec<(&'static str, Slot)> {
         ("simplices", noisy(noise(NoiseFamily::Simplex, FractalKind::Fbm))),
         ("warped noise", noisy(warped)),
         ("rock", slot(SolidTexture(Rock::new(4)))),
-        ("marble elsewhere", slot(InSpace { input: slot(SolidTexture(Marble::new(4))), matrix })),
+        (
+            "marble elsewhere",
+            slot(InSpace {
+                input: slot(SolidTexture(Marble::new(4))),
+                matrix,
+                normal_axes: NormalAxes::Object,
+            }),
+        ),
         ("swizzled", slot(Swizzle::select(colors(), Channel::Green))),
         ("inverted", slot(inverted)),
         ("clamped", slot(Clamp { input: colors(), low: 0.2, high: 0.4 })),

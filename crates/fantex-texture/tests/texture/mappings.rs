@@ -66,6 +66,16 @@ fn seams_and_poles_have_small_or_bounded_footprints() {
 }
 
 #[test]
+fn on_the_axis_of_a_cylinder_a_footprint_goes_all_round() {
+    let map = CylinderMap::fit(BOUNDS);
+    let step = Vec3::X * 0.01;
+    let on_axis = map.uv_footprint(map.center, Vec3::X, step, step);
+    let beside = map.uv_footprint(map.center + Vec3::Z * 1e-6, Vec3::X, step, step);
+    assert!(beside[0].x > 0.0);
+    assert_eq!(on_axis, beside);
+}
+
+#[test]
 fn inverses_lead_back() {
     let (planar, cylinder, sphere) =
         (PlanarMap::fit(BOUNDS), CylinderMap::fit(BOUNDS), SphereMap::fit(BOUNDS));

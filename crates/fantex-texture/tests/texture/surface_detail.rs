@@ -228,6 +228,25 @@ fn polygons_are_a_texture_that_keeps_its_mean() {
 }
 
 #[test]
+fn repeated_polygons_come_from_any_distance() {
+    let place = || (Coordinates::default(), TextureMatrix::default());
+    let repeated = |outline: Vec<Vec2>| {
+        let colors = vec![Slot::color(Vec3::X)];
+        PolygonsTexture::new(&[polygon(outline, 0, 0)], colors, Slot::color(Vec3::Z), place(), true)
+    };
+    let is_red = |texture: &PolygonsTexture, uv| seen(texture, uv, [Vec2::ZERO; 2]).x == 1.0;
+    let far = repeated(rectangle([7.0, -4.0], [7.5, -3.5])).unwrap();
+    assert!(is_red(&far, [0.2, 0.2]) && !is_red(&far, [0.7, 0.2]) && !is_red(&far, [0.2, 0.7]));
+    // A bar over several squares covers them all.
+    let bar = repeated(rectangle([0.0, 0.4], [4.5, 0.6])).unwrap();
+    assert!(is_red(&bar, [0.2, 0.5]) && is_red(&bar, [0.8, 0.5]) && !is_red(&bar, [0.8, 0.7]));
+    let half = seen(&far, [0.2, 0.2], [Vec2::X, Vec2::Y]);
+    assert!((half - Vec4::new(0.25, 0.0, 0.75, 1.0)).abs().max_element() < 1e-5, "{half}");
+    let error = repeated(rectangle([0.0, 0.0], [1e6, 1e6])).unwrap_err();
+    assert!(error.to_string().contains("it may reach over 10000"), "{error}");
+}
+
+#[test]
 fn what_is_no_polygon_is_refused() {
     let square = rectangle([0.0, 0.0], [1.0, 1.0]);
     let refused = |outlines: Vec<Vec<Vec2>>| {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::ErrorKind;
-use fantex_texture::coordinates::{InSpace, SpaceMatrix};
+use fantex_texture::coordinates::{InSpace, NormalAxes, SpaceMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::{
     ByteOrder, ColorSpace, Depth, Filtering, Image, RawLayout, Samples, ShadingPoint, Texture, Volume,
@@ -155,6 +155,7 @@ fn volumes_stand_in_space_by_a_matrix() {
             Mat4::from_translation(Vec3::splat(0.5)) * Mat4::from_scale(Vec3::splat(0.5)),
         )
         .unwrap(),
+        normal_axes: NormalAxes::Object,
     };
     for filtering in [Filtering::Own, Filtering::Area] {
         for x in [-0.5, 0.0, 0.25, 0.7] {
