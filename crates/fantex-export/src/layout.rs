@@ -52,8 +52,16 @@ pub(crate) struct Placed {
     pub(crate) chart: u32,
     /// Corners in texels, texel centres at half integers.
     pub(crate) corners: [Vec2; 3],
-    /// True for a neighbour of the chart, which continues the surface into the padding and is not seen itself.
-    pub(crate) is_beyond: bool,
+    /// Of a neighbour of the chart, which continues the surface into the padding and is not seen itself: the triangle of the chart, as an
+    /// index into those placed, across whose border it lies. Else `NOBODY`.
+    pub(crate) continues: u32,
+}
+
+impl Placed {
+    /// True for a neighbour of the chart.
+    pub(crate) fn is_beyond(&self) -> bool {
+        self.continues != NOBODY
+    }
 }
 
 impl Page {
@@ -310,21 +318,24 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
     let mut uv = vec![[Vec2::ZERO; 3]; mesh.triangles.len()];
     let mut chart_of = vec![NOBODY; mesh.triangles.len()];
     let mut placed = Vec::with_capacity(mesh.triangles.len());
+    let mut starts = Vec::with_capacity(charts.len());
     for (i, chart) in (0u32..).zip(charts) {
+        starts.push(placed.len() as u32);
         for (triangle, corners) in chart.iter() {
             let corners = in_picture(corners, i as usize, packed);
             uv[triangle as usize] = corners.map(|c| c / packed.side as f32);
             chart_of[triangle as usize] = i;
-            placed.push(Placed { triangle, chart: i, corners, is_beyond: false });
+            placed.push(Placed { triangle, chart: i, corners, continues: NOBODY });
         }
     }
     let beyond = charts.par_iter().enumerate().flat_map_iter(|(i, chart)| {
+        let start = starts[i];
         let beyond = neighbours(mesh, chart, i as u32, &chart_of, across);
-        beyond.into_iter().map(move |(triangle, corners)| Placed {
+        beyond.into_iter().map(move |Neighbour { triangle, corners, member }| Placed {
             triangle,
             chart: i as u32,
             corners: in_picture(corners, i, packed),
-            is_beyond: true,
+            continues: start + member,
         })
     });
     placed.extend(beyond.collect::<Vec<_>>());
@@ -341,27 +352,31 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
     }
 }
 
+/// A triangle beside a chart.
+struct Neighbour {
+    triangle: u32,
+    /// Folded into the chart's plane.
+    corners: [Vec2; 3],
+    /// The chart's triangle, as an index into its own, across whose edge it lies.
+    member: u32,
+}
+
 /// Triangles of other charts that touch a chart, and where they lie beside it when they are folded into its plane: those across its
 /// border, and those across an edge of these that ends at the chart.
-fn neighbours(
-    mesh: &Mesh,
-    chart: &Chart,
-    index: u32,
-    chart_of: &[u32],
-    across: &[u32],
-) -> Vec<(u32, [Vec2; 3])> {
+fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], across: &[u32]) -> Vec<Neighbour> {
     let is_outside = |half_edge: u32| half_edge != NONE && chart_of[half_edge as usize / 3] != index;
     let mut beyond = Vec::new();
-    for (triangle, corners) in chart.iter() {
+    for (member, (triangle, corners)) in (0..).zip(chart.iter()) {
         for k in (0..3).filter(|k| is_outside(across[3 * triangle as usize + k])) {
             let half_edge = across[3 * triangle as usize + k];
-            beyond.push((half_edge / 3, folded(mesh, half_edge, [corners[(k + 1) % 3], corners[k]])));
-            let first = beyond[beyond.len() - 1].1;
+            let first = folded(mesh, half_edge, [corners[(k + 1) % 3], corners[k]]);
+            beyond.push(Neighbour { triangle: half_edge / 3, corners: first, member });
             for step in [1, 2] {
                 let from = (half_edge as usize % 3 + step) % 3;
                 let next = across[half_edge as usize / 3 * 3 + from];
                 if is_outside(next) {
-                    beyond.push((next / 3, folded(mesh, next, [first[(from + 1) % 3], first[from]])));
+                    let corners = folded(mesh, next, [first[(from + 1) % 3], first[from]]);
+                    beyond.push(Neighbour { triangle: next / 3, corners, member });
                 }
             }
         }
@@ -476,12 +491,13 @@ mod tests {
         let chart = Chart::projected(&mesh, (0..count / 2).collect(), Vec3::Z);
         let chart_of: Vec<u32> = (0..count).map(|i| u32::from(i >= count / 2)).collect();
         let beyond = neighbours(&mesh, &chart, 0, &chart_of, &continued(&mesh));
-        let mut triangles: Vec<u32> = beyond.iter().map(|&(t, _)| t).collect();
+        let mut triangles: Vec<u32> = beyond.iter().map(|neighbour| neighbour.triangle).collect();
         triangles.sort_unstable();
         assert_eq!(triangles, [count / 2, count / 2 + 1, count - 2, count - 1]);
         // The disc is flat: they lie around its centre, where the chart has none.
         let centre = chart.corners[0][0];
-        for (t, [at, first, second]) in beyond {
+        for Neighbour { triangle: t, corners: [at, first, second], member } in beyond {
+            assert!(member == 0 || member == count / 2 - 1, "{member}");
             assert!(
                 at.distance(centre) < 1e-3 && (first.distance(centre) - 1.0).abs() < 1e-3,
                 "{t}: {at}, {first}"

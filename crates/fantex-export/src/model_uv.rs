@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use crate::charts::doubled_area;
-use crate::layout::{Layout, MIN_CHOSEN_SIDE, Page, Placed};
+use crate::layout::{Layout, MIN_CHOSEN_SIDE, NOBODY, Page, Placed};
 
 /// Pictures that a triangle's coordinates may reach over, along each side.
 const MAX_REPEATS: i32 = 64;
@@ -203,7 +203,7 @@ fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool> {
         for x in first.x..=last.x {
             let shift = Vec2::new(x as f32, y as f32);
             let corners = uv.map(|c| (c - shift) * page.side as f32);
-            page.placed.push(Placed { triangle, chart: 0, corners, is_beyond: false });
+            page.placed.push(Placed { triangle, chart: 0, corners, continues: NOBODY });
         }
     }
     Ok(first != glam::IVec2::ZERO || last != glam::IVec2::ZERO)

@@ -56,7 +56,7 @@ impl Frames<'_> {
         let triangle = placed.triangle as usize;
         let normals = [0, 1, 2].map(|k| self.normals[3 * triangle + k]);
         let tangents = match self.tangents.get(3 * triangle..3 * triangle + 3) {
-            Some(own) if !placed.is_beyond => [own[0], own[1], own[2]],
+            Some(own) if !placed.is_beyond() => [own[0], own[1], own[2]],
             _ => tangents_of_picture(mesh, triangle, &normals, steps),
         };
         TriangleFrames { normals, tangents }

@@ -200,6 +200,9 @@ pub(crate) struct Region {
 /// Texels this near to a triangle take a point of it.
 const NEAR_TEXELS: f32 = 1.5;
 
+/// Triangles of a chart that are so much farther from a texel than the nearest one lie on the same side of it.
+const SAME_SIDE_TEXELS: f32 = 0.25;
+
 /// Reach of the padding where texels have no owners.
 const UNOWNED_REACH: u32 = 16;
 
@@ -217,7 +220,7 @@ impl Region {
         let mut search = Search::new(page, first, size);
         let placed = |is_beyond: bool| {
             let placed = members.iter().map(|&i| (i, &page.placed[i as usize]));
-            placed.filter(move |(_, placed)| placed.is_beyond == is_beyond)
+            placed.filter(move |(_, placed)| placed.is_beyond() == is_beyond)
         };
         placed(false).for_each(|(i, placed)| search.cover(i, placed));
         let open = search.open_texels();
@@ -296,7 +299,7 @@ enum Kind {
 #[derive(Clone, Copy, Debug)]
 struct Best {
     kind: Kind,
-    /// Texels to the triangle, squared; 0 on its border, below zero well inside.
+    /// Texels to the triangle, or to the one that it continues, squared; 0 on its border, below zero well inside.
     distance: f32,
     is_contested: bool,
     point: Point,
@@ -404,20 +407,25 @@ impl<'a> Search<'a> {
     }
 
     /// Offers a triangle that continues a chart to the texels under it. Only where the chart is near, so that padding farther out is the
-    /// chart's own.
+    /// chart's own; and where no other triangle of it is nearer than the one that is continued: the far side of a notch is that side's own.
     fn go_on(&mut self, index: u32, placed: &Placed, open: &OpenTexels) {
         let shape = Shape::of_bounds(placed);
         if open.are_none_in(self.box_around(&shape, NEAR_TEXELS)) {
             return;
         }
-        let shape = Shape::new(placed);
+        let (shape, continued) =
+            (Shape::new(placed), Shape::of_bounds(&self.page.placed[placed.continues as usize]));
         self.visit(placed, &shape, shape.rounding, |best, centre| {
-            if best.kind != Kind::Near {
-                return;
-            }
-            if let Some(lambda) = shape.point_under(centre) {
-                best.kind = Kind::Beyond;
-                best.point = Point { placed: index, lambda };
+            let most = match best.kind {
+                Kind::Near => (best.distance.sqrt() + SAME_SIDE_TEXELS).powi(2),
+                Kind::Beyond => best.distance,
+                Kind::Inside | Kind::Nothing => return,
+            };
+            let Some(lambda) = shape.point_under(centre) else { return };
+            let (_, distance) = continued.nearest(centre);
+            if distance < most {
+                let point = Point { placed: index, lambda };
+                *best = Best { kind: Kind::Beyond, distance, is_contested: false, point };
             }
         });
     }
@@ -653,7 +661,7 @@ mod tests {
     }
 
     fn page(side: u32, block: u32, corners: [[f32; 2]; 3], owners: Vec<u32>) -> Page {
-        let placed = Placed { triangle: 0, chart: 0, corners: corners.map(Vec2::from), is_beyond: false };
+        let placed = Placed { triangle: 0, chart: 0, corners: corners.map(Vec2::from), continues: NOBODY };
         Page { side, placed: vec![placed], block, owners }
     }
 
@@ -693,6 +701,27 @@ mod tests {
             assert_eq!(surface[texel] == 0, is_inside, "{x} {y}");
             let is_near = shape.nearest(centre).1 <= NEAR_TEXELS * NEAR_TEXELS;
             assert!(!is_near || points[texel] != NOBODY, "{x} {y}");
+        }
+    }
+
+    /// Two flanks of a chart with four texels between them; what continues the left one reaches beyond the right one.
+    #[test]
+    fn each_flank_of_a_notch_is_continued_by_its_own_neighbour() {
+        let placed = |corners: [[f32; 2]; 3], triangle, continues| Placed {
+            triangle,
+            chart: 0,
+            corners: corners.map(Vec2::from),
+            continues,
+        };
+        let left = placed([[2.0, 0.0], [6.0, 0.0], [6.0, 16.0]], 0, NOBODY);
+        let right = placed([[10.0, 0.0], [14.0, 0.0], [10.0, 16.0]], 1, NOBODY);
+        let beyond_left = placed([[6.0, 16.0], [6.0, 0.0], [30.0, 8.0]], 2, 0);
+        let page = Page { side: 16, placed: vec![left, right, beyond_left], block: 16, owners: vec![0] };
+        let region = Region::find(&page, &[0, 1, 2], [0, 0], [16, 16]);
+        let points = inner(&region);
+        let shown = |x: usize, y: usize| page.placed[points[16 * y + x].placed as usize].triangle;
+        for y in 4..12 {
+            assert_eq!([5, 6, 9, 10].map(|x| shown(x, y)), [0, 2, 1, 1], "row {y}");
         }
     }
 
