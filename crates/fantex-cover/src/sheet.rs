@@ -23,6 +23,9 @@ const HALVINGS: usize = 12;
 /// A triangle that shrinks to less of its area counts as turned over.
 const MIN_AREA: f64 = 0.02;
 
+/// The least height of a triangle over its first edge, as a share of its longer sides. Walls of cylinders have some thousandths.
+const MIN_SLENDERNESS: f64 = 1e-4;
+
 /// A triangle of a sheet.
 struct Piece {
     points: [u32; 3],
@@ -84,8 +87,8 @@ impl Sheet {
         let length = (b - a).length();
         let along = (b - a) / length;
         let x = (c - a).dot(along);
-        // Slivers are taken for somewhat wider ones.
-        let y = (c - a - along * x).length().max(0.01 * length.max((c - a).length()));
+        // Slivers that are nearly segments are taken for somewhat wider ones.
+        let y = (c - a - along * x).length().max(MIN_SLENDERNESS * length.max((c - a).length()));
         let rest = [DVec2::ZERO, DVec2::new(length, 0.0), DVec2::new(x, y)];
         let inverse = DMat2::from_cols(rest[1], rest[2]).inverse();
         self.pieces.push(Piece { points, rest, inverse, area: 0.5 * length * y * corners as f64 / 3.0 });

@@ -795,15 +795,17 @@ mod tests {
         }
     }
 
-    /// A tube without ends meets itself along a seam.
-    #[test]
-    fn a_tube_is_rolled_out() {
-        let (around, along) = (48, 20);
+    /// A tube without ends, of so many triangles around and along it, so high.
+    fn tube(around: u32, along: u32, height: f64) -> Model {
         let mut model = Model::default();
         for row in 0..=along {
             for column in 0..around {
                 let angle = f64::from(column) / f64::from(around) * std::f64::consts::TAU;
-                model.positions.push(DVec3::new(angle.cos(), 0.1 * f64::from(row), angle.sin()));
+                model.positions.push(DVec3::new(
+                    angle.cos(),
+                    height * f64::from(row) / f64::from(along),
+                    angle.sin(),
+                ));
             }
         }
         for row in 0..along {
@@ -813,10 +815,26 @@ mod tests {
                 model.triangles.extend([[a, c, b], [b, c, d]]);
             }
         }
-        let (mesh, charts) = charts_of(model);
+        model
+    }
+
+    /// It meets itself along a seam.
+    #[test]
+    fn a_tube_is_rolled_out() {
+        let (mesh, charts) = charts_of(tube(48, 20, 2.0));
         let [longest, shortest] = ratios(&mesh, &charts);
         assert!(longest < 1.02 && shortest > 0.98, "{longest}, {shortest}");
         assert!(charts.len() <= 2, "{} charts", charts.len());
+    }
+
+    /// Needles side by side, as cylinders of CAD parts have them, keep their widths.
+    #[test]
+    fn walls_of_needles_are_not_stretched() {
+        for around in [128, 500, 2000] {
+            let (mesh, charts) = charts_of(tube(around, 1, 10.0));
+            let [longest, shortest] = ratios(&mesh, &charts);
+            assert!(longest < 1.02 && shortest > 0.98, "{around}: {longest}, {shortest}");
+        }
     }
 
     /// Crumpled balls in many shapes: nothing overlaps, nothing is lost, and little is stretched.
