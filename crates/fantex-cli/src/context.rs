@@ -86,6 +86,11 @@ impl Context {
         Ok(())
     }
 
+    /// Whether results are printed for programs.
+    pub(crate) fn is_json(&self) -> bool {
+        self.json
+    }
+
     /// Prints the result: as JSON if that is wanted, else as text. A reader that has closed standard output wants no more.
     pub(crate) fn print<T: Serialize>(&self, result: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
         let mut output = match self.json {

@@ -30,6 +30,20 @@ pub struct StrokeFile {
     pub strokes: Vec<StrokeSettings>,
 }
 
+impl StrokeFile {
+    /// Whether a replay makes changes durable before the last stroke: channels that are added, and what tools that read the surface find
+    /// there. Who wants all of the strokes or none replays them into a copy.
+    pub fn commits_between(&self) -> bool {
+        let reads = |stroke: &StrokeSettings| {
+            matches!(
+                stroke.tool,
+                ToolSettings::Blur { .. } | ToolSettings::Smudge { .. } | ToolSettings::Clone { .. }
+            ) || matches!(stroke.fill, Some(FillSettings::Color(_)))
+        };
+        !self.add_channels.is_empty() || self.strokes.iter().any(reads)
+    }
+}
+
 /// One stroke or fill.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -231,12 +231,23 @@ struct BakedModelInfo {
     source: String,
     #[serde(flatten)]
     model: ModelInfo,
-    seconds: f64,
+    /// Of all files.
+    bytes: u64,
+    seconds: ModelSeconds,
     #[serde(skip_serializing_if = "Option::is_none")]
     light: Option<LightInfo>,
     peak_memory_bytes: Option<u64>,
     #[serde(flatten)]
     photos: Option<PhotosInfo>,
+}
+
+/// Wall clock.
+#[derive(Debug, Serialize)]
+struct ModelSeconds {
+    load: f64,
+    /// Charts, pictures and the files.
+    bake: f64,
+    total: f64,
 }
 
 /// Bakes into a model.
@@ -258,7 +269,7 @@ fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
     check_is_path(output)?;
     let info = with_job(args, output, &Goal::Asset, context.seed, context, |job| job.run_model(context))?;
     context.print(&info, |info| {
-        let (model, seconds) = (info.model.text("piece"), info.seconds);
+        let (model, seconds) = (info.model.text("piece"), info.seconds.total);
         format!("{}: {model}, {seconds:.1} s\n{}", output.display(), info.model.others(output))
     })
 }
@@ -388,6 +399,7 @@ impl BakeJob<'_> {
 
     /// Writes a model with texture coordinates instead.
     fn run_model(&self, context: &Context) -> Result<BakedModelInfo> {
+        let load = self.started.elapsed().as_secs_f64();
         let _deferral = context.defer_interrupt();
         let options = ExportOptions {
             force: context.force,
@@ -403,11 +415,13 @@ impl BakeJob<'_> {
         self.tell(&baked, &told, context)?;
         let exported = baked.exported.unwrap_or_default();
         model_notes(self.output, &exported, &ModelKind::Baked, context);
+        let (model, total) = (ModelInfo::new(&exported), self.started.elapsed().as_secs_f64());
         Ok(BakedModelInfo {
             output: self.output.to_path_buf(),
             source: self.source.to_string(),
-            model: ModelInfo::new(&exported),
-            seconds: self.started.elapsed().as_secs_f64(),
+            bytes: model.bytes(),
+            model,
+            seconds: ModelSeconds { load, bake: total - load, total },
             light: baked.summary.light.map(LightInfo::from),
             peak_memory_bytes: peak_memory_bytes(),
             photos: baked.photos.as_ref().map(PhotosInfo::from),

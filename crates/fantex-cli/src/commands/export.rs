@@ -232,9 +232,14 @@ impl ModelInfo {
         }
     }
 
+    /// Of all files.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.files.iter().map(|file| file.bytes).sum()
+    }
+
     /// What it is; `piece`: what its charts are called.
     pub(crate) fn text(&self, piece: &str) -> String {
-        let bytes = self.files.iter().map(|f| f.bytes).sum();
+        let bytes = self.bytes();
         let pieces = match self.charts {
             0 => "the model's coordinates".to_owned(),
             charts => format!("{}, padding {}", counted(charts as u64, piece), self.padding),

@@ -1,17 +1,17 @@
 //! `fantex paint`: strokes onto an asset.
 
 use std::error::Error as _;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use std::{fs, io};
 
 use clap::Args;
 use fantex::base::files::{persist, temporary_file};
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
-use fantex::store::ChannelKind;
+use fantex::store::{ChannelKind, WriterLock};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -127,6 +127,15 @@ impl Strokes {
         Ok(Self::Log { log: StrokeLog::of(&*open_asset(asset)?)?, asset: asset.to_owned() })
     }
 
+    /// Whether some of it is durable before all of it is done.
+    fn commit_between(&self) -> bool {
+        match self {
+            Self::None => false,
+            Self::File { file, .. } => file.commits_between(),
+            Self::Log { log, .. } => log.strokes.commits_between(),
+        }
+    }
+
     fn replay(&self, painter: &mut Painter) -> fantex::Result<ReplaySummary> {
         let (replayed, place) = match self {
             Self::None => return Ok(ReplaySummary::default()),
@@ -194,15 +203,10 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };
     let mut info = match &args.output {
-        None => {
-            if context.strict {
-                // Tools that read the surface commit what was painted before them, so damage must be known before the first stroke.
-                let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
-                let copy = ReadLimits::new(options).run(|| copy_beside(&args.asset, &args.asset))?;
-                paint_copy(&copy, &args.asset, &strokes, args, context)?;
-            }
-            paint(&args.asset, &strokes, args, context)?
+        None if context.strict || args.changes_asset() || strokes.commit_between() => {
+            paint_as_a_whole(&strokes, args, context)?
         }
+        None => paint(&args.asset, &strokes, args, context)?,
         Some(output) => {
             context.check_output(output)?;
             let copy = copy_beside(&args.asset, output)?;
@@ -275,6 +279,21 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         bytes: committed.file_bytes,
         seconds: 0.0,
     })
+}
+
+/// Changes the asset at once, by a copy that takes its place when it is whole.
+fn paint_as_a_whole(strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
+    let asset = &args.asset;
+    // Where a symbolic link leads.
+    let place = asset.canonicalize().map_err(|error| Error::reading(asset, error))?;
+    let _lock = WriterLock::acquire(asset)?;
+    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
+    let copy = ReadLimits::new(options).run(|| copy_beside(asset, &place))?;
+    let info = paint_copy(&copy, asset, strokes, args, context)?;
+    let permissions = place.metadata().map_err(|error| Error::reading(asset, error))?.permissions();
+    fs::set_permissions(&copy, permissions).map_err(|error| Error::writing(asset, error))?;
+    persist(copy, &place, true)?;
+    Ok(PaintInfo { output: asset.clone(), ..info })
 }
 
 /// Paints a copy of the asset, which errors in writing call by the name that the output is to have.

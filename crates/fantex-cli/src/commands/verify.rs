@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::store::{self, JUMP_BOUND, TexelReport, VerifyOptions};
-use fantex::{FileKind, Result, not_verified};
+use fantex::{Error, ErrorKind, FileKind, Result, not_verified};
 use serde::Serialize;
 
 use super::world::verify_and_print;
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
         return verify_and_print(&args.asset, args.texels, context);
     }
     // Opening says what is wrong with files of other kinds.
-    let asset = open_asset(&args.asset)?;
+    let asset = open_asset(&args.asset).or_else(|error| unreadable(error, context))?;
     let options = VerifyOptions { memory_bytes: context.memory_bytes as usize, texels: args.texels };
     let report = store::verify_asset(&asset, &options);
     let continuity = &report.continuity;
@@ -119,6 +119,24 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
     };
     context.print(&info, |info| text(info, &args.asset))?;
     if report.ok { Ok(()) } else { Err(not_verified(&args.asset, &report)) }
+}
+
+/// What can be said of an asset that is too damaged to be opened.
+#[derive(Debug, Serialize)]
+struct UnreadableInfo {
+    ok: bool,
+    /// Nobody knows.
+    damaged_tiles: Option<u64>,
+    damage: Vec<String>,
+}
+
+/// Says so to programs, too.
+fn unreadable<T>(error: Error, context: &Context) -> Result<T> {
+    if error.kind() == ErrorKind::Damaged && context.is_json() {
+        let info = UnreadableInfo { ok: false, damaged_tiles: None, damage: vec![error.to_string()] };
+        context.print(&info, |_| String::new())?;
+    }
+    Err(error)
 }
 
 fn text(info: &VerifyInfo, path: &Path) -> String {

@@ -228,6 +228,45 @@ fn strokes_are_replayed_and_the_result_is_certified() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left behind");
 }
 
+/// Channels that are added, and tools that read the surface, make what was before them durable: not in the asset before all is done.
+#[test]
+fn strokes_that_fail_in_the_middle_leave_the_asset_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = baked(folder.path());
+    let before = std::fs::read(&asset).unwrap();
+    let stroke = |tool: &str, channel: &str| {
+        format!(
+            r#"{{"tool": {tool}, "brush": {{"size": {{"texels": 20}}}},
+                "channels": [{{"kind": "{channel}", "color": {{"srgb": [1, 0, 0]}}}}],
+                "samples": [{{"at": {{"position": [0, 0, 1]}}}}]}}"#
+        )
+    };
+    let good = [
+        stroke(r#"{"paint": "normal"}"#, "base_color"),
+        stroke(r#"{"blur": {"radius": {"texels": 4}}}"#, "base_color"),
+    ];
+    let strokes = |added: &str, last: &str| {
+        let text = format!(
+            r#"{{"version": 1, "add_channels": [{added}], "strokes": [{}, {}, {last}]}}"#,
+            good[0], good[1]
+        );
+        write(folder.path(), "strokes.json", text.as_bytes())
+    };
+    for added in ["", r#""height""#] {
+        let file = strokes(added, &stroke(r#"{"paint": "normal"}"#, "light"));
+        fails(1, &["light"], &[&"paint", &asset, &"--replay", &file]);
+        assert!(std::fs::read(&asset).unwrap() == before, "{added}");
+    }
+    assert_eq!(files(folder.path()).len(), 2, "{:?}", files(folder.path()));
+    // In place and into another file it is the same.
+    let copy = folder.path().join("copy.fan");
+    let file = strokes(r#""height""#, &good[0]);
+    succeeds(&[&"paint", &asset, &"--replay", &file, &"-o", &copy]);
+    succeeds(&[&"paint", &asset, &"--replay", &file]);
+    assert!(std::fs::read(&asset).unwrap() == std::fs::read(&copy).unwrap());
+    assert_ne!(std::fs::read(&asset).unwrap(), before);
+}
+
 #[test]
 fn a_stroke_beside_the_model_is_told_of() {
     let folder = tempfile::tempdir().unwrap();

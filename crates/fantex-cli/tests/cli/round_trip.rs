@@ -545,3 +545,19 @@ fn parts_of_a_plan_are_merged() {
     fails(1, &["plan anew"], &[&"bake", &at("colored.plan"), &"--shard=1/1", &"-o", &at("x")]);
     fails(1, &["is no part of a bake"], &[&"merge", &plan, &merged, &"--check"]);
 }
+
+/// Programs hear of damage that keeps an asset from being opened, too.
+#[test]
+fn what_cannot_be_opened_is_not_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("a.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"20k"]);
+    let bytes = std::fs::read(&asset).unwrap();
+    std::fs::write(&asset, &bytes[..bytes.len() / 2]).unwrap();
+    let output = run(&[&"verify", &"--json", &asset]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    let said: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(said["ok"], false);
+    assert!(said["damaged_tiles"].is_null() && said["damage"][0].as_str().unwrap().contains("a.fan"), "{said}");
+}
