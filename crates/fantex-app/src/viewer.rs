@@ -176,6 +176,8 @@ pub struct Viewer {
     /// Why the program is to end.
     pub failure: Option<String>,
     pub figures: StreamFigures,
+    /// How often what could not be read was to be read again.
+    pub retries: u64,
     pub graphs: Graphs,
     /// What the pointer is on.
     pub readout: Readout,

@@ -19,11 +19,13 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if !viewer.document.as_ref().is_some_and(Document::is_streamed) {
         return hint(ui, "Only assets (.fan) are streamed; a model lies whole in the graphics memory.");
     }
-    show_figures(ui, &viewer.figures);
+    if show_figures(ui, &viewer.figures) {
+        viewer.retries += 1;
+    }
 }
 
-/// What streaming tells of an asset.
-pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
+/// What streaming tells of an asset. True once what could not be read is to be read again.
+fn show_figures(ui: &mut Ui, figures: &StreamFigures) -> bool {
     gauge(ui, figures.occupancy(), theme::ACCENT).on_hover_text("Share of the pool that holds tiles");
     let [width, height, layers] = figures.atlas;
     let used =
@@ -61,7 +63,7 @@ pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
         levels(ui, figures);
     }
     heading(ui, "Damaged");
-    damage(ui, figures);
+    damage(ui, figures)
 }
 
 /// What there is of a world's objects.
@@ -133,15 +135,22 @@ fn texels_text(texels: u64) -> String {
     }
 }
 
-fn damage(ui: &mut Ui, figures: &StreamFigures) {
-    if figures.damaged_count == 0 {
-        return hint(ui, "None: everything that was read was whole.");
+/// What could not be read. True once it is to be read again.
+fn damage(ui: &mut Ui, figures: &StreamFigures) -> bool {
+    let has_failed = figures.objects.as_ref().is_some_and(|objects| !objects.failed.is_empty());
+    if figures.damaged_count == 0 && !has_failed {
+        hint(ui, "None: everything that was read was whole.");
+        return false;
     }
-    let text = format!("{} could not be read; coarser levels stand in.", grouped(figures.damaged_count));
-    ui.label(RichText::new(text).color(theme::WARNING));
+    if figures.damaged_count > 0 {
+        let text = format!("{} could not be read; coarser levels stand in.", grouped(figures.damaged_count));
+        ui.label(RichText::new(text).color(theme::WARNING));
+    }
     for DamagedPart { part, reason } in &figures.damaged {
         ui.label(RichText::new(part).color(theme::TEXT)).on_hover_text(reason);
     }
+    let tip = "Once the network, the disk or the file is there again";
+    ui.button("Read again").on_hover_text(tip).clicked()
 }
 
 /// Returns the channel that was chosen, if another was.

@@ -40,6 +40,8 @@ pub struct FanScene {
     level_texels: Vec<u64>,
     uploaded_parcels: u64,
     damaged: Vec<DamagedPart>,
+    /// How often it was read again.
+    retries: u64,
     atlas_view: AtlasView,
     painted: Option<PaintedPages>,
 }
@@ -81,6 +83,7 @@ impl FanScene {
             anisotropy: 0,
             uploaded_parcels: 0,
             damaged: Vec::new(),
+            retries: 0,
             atlas_view: AtlasView::default(),
             painted: exchange.map(|exchange| PaintedPages { exchange, entries: HashMap::new() }),
         })
@@ -102,6 +105,9 @@ impl FanScene {
         self.follow_settings(gpu, viewer, frame.elapsed_seconds)?;
         if !settings.is_running {
             return Ok(self.upload_painted(gpu));
+        }
+        if std::mem::replace(&mut self.retries, viewer.retries) != viewer.retries {
+            self.streamed.streamer.retry_damaged();
         }
         let view = stream_view(camera, size, self.streamed.model.space());
         let was_hidden = self.streamed.model.has_hidden_atlas();

@@ -18,13 +18,16 @@ use crate::viewer::Viewer;
 #[derive(Debug)]
 pub struct WorldScene {
     pub(super) world: StreamedWorld,
+    /// How often what could not be read was read again.
+    retries: u64,
 }
 
 impl WorldScene {
     /// Nothing of it is there.
     pub(super) fn new(content: &WorldContent, settings: StreamingSettings) -> Result<Self> {
         let options = options(settings, &DisplaySettings::default());
-        Ok(Self { world: StreamedWorld::new(&content.index, Arc::clone(&content.world), options)? })
+        let world = StreamedWorld::new(&content.index, Arc::clone(&content.world), options)?;
+        Ok(Self { world, retries: 0 })
     }
 
     /// Lets objects come and go for a frame. Returns whether something has changed that may be seen.
@@ -39,6 +42,9 @@ impl WorldScene {
             return Ok(false);
         }
         self.world.set_options(options(viewer.settings.streaming, &viewer.settings.display));
+        if std::mem::replace(&mut self.retries, viewer.retries) != viewer.retries {
+            self.world.retry();
+        }
         self.world.advance(gpu, camera, size, frame)
     }
 

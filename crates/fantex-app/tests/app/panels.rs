@@ -224,6 +224,10 @@ fn damage_is_listed() {
     harness.run_steps(2);
     harness.get_by_label_contains("group 7, level 2");
     harness.get_by_label("33.3 % of 9.0 M texels");
+    // It may be there again.
+    harness.get_by_label("Read again").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().retries, 1);
 }
 
 #[test]

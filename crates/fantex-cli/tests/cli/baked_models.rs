@@ -49,7 +49,10 @@ fn light_is_baked_into_a_model() {
     let info = json(&[&"bake", &model, &"-o", &at("lit.glb"), &"--look", &look, &"--texels", &"64k"]);
     assert_eq!(info["light"]["mean_samples"], 16.0);
     assert_eq!(info["bytes"], std::fs::metadata(at("lit.glb")).unwrap().len());
-    assert!(info["seconds"]["total"].as_f64().unwrap() >= info["seconds"]["bake"].as_f64().unwrap(), "{info}");
+    assert!(
+        info["seconds"]["total"].as_f64().unwrap() >= info["seconds"]["bake"].as_f64().unwrap(),
+        "{info}"
+    );
     assert_eq!(files(folder.path()), ["colored.ply", "lit.glb", "lit.toml"]);
     succeeds(&[&"bake", &model, &"-o", &at("lit.fan"), &"--look", &look, &"--texels", &"64k"]);
     let compared =

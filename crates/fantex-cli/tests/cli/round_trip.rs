@@ -559,5 +559,8 @@ fn what_cannot_be_opened_is_not_verified() {
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     let said: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(said["ok"], false);
-    assert!(said["damaged_tiles"].is_null() && said["damage"][0].as_str().unwrap().contains("a.fan"), "{said}");
+    assert!(
+        said["damaged_tiles"].is_null() && said["damage"][0].as_str().unwrap().contains("a.fan"),
+        "{said}"
+    );
 }
