@@ -252,7 +252,7 @@ fn strokes_that_fail_in_the_middle_leave_the_asset_as_it_was() {
         );
         write(folder.path(), "strokes.json", text.as_bytes())
     };
-    for added in ["", r#""height""#] {
+    for added in ["", r#""displacement""#] {
         let file = strokes(added, &stroke(r#"{"paint": "normal"}"#, "light"));
         fails(1, &["light"], &[&"paint", &asset, &"--replay", &file]);
         assert!(std::fs::read(&asset).unwrap() == before, "{added}");
@@ -260,7 +260,7 @@ fn strokes_that_fail_in_the_middle_leave_the_asset_as_it_was() {
     assert_eq!(files(folder.path()).len(), 2, "{:?}", files(folder.path()));
     // In place and into another file it is the same.
     let copy = folder.path().join("copy.fan");
-    let file = strokes(r#""height""#, &good[0]);
+    let file = strokes(r#""displacement""#, &good[0]);
     succeeds(&[&"paint", &asset, &"--replay", &file, &"-o", &copy]);
     succeeds(&[&"paint", &asset, &"--replay", &file]);
     assert!(std::fs::read(&asset).unwrap() == std::fs::read(&copy).unwrap());
