@@ -137,10 +137,22 @@ impl History {
 
     /// Begins a step; what was undone cannot be redone any more.
     pub(crate) fn begin(&mut self, label: &str, editor: &mut AssetEditor) {
+        self.forget_undone(editor);
+        self.begin_beside(label);
+    }
+
+    /// What was undone cannot be redone any more.
+    pub(crate) fn forget_undone(&mut self, editor: &mut AssetEditor) {
         for step in std::mem::take(&mut self.index.undone) {
             step.detach(editor);
         }
-        self.begin_beside(label);
+    }
+
+    /// Gives the open step up.
+    pub(crate) fn drop_open(&mut self, editor: &mut AssetEditor) {
+        if let Some(open) = self.open.take() {
+            open.step.detach(editor);
+        }
     }
 
     /// Begins a step beside those that can be undone and redone.

@@ -30,7 +30,10 @@ impl Painter {
         self.drop_kept_stroke();
         let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
         let kept = self.record_so_far(&mut stroke);
-        self.history.take_up(None);
+        match kept {
+            Ok(_) => self.history.take_up(None),
+            Err(_) => self.history.drop_open(&mut self.editor),
+        }
         self.stroke = Some(stroke);
         let bytes = encoded(&Kept::Stroke(kept?))?;
         self.editor.attach(KEPT, bytes)?;
@@ -89,6 +92,11 @@ impl Painter {
             changes.add(PageId { group, level: 0, page }, Rect::of(page_extent(extent, page)));
         }
         channels.iter().try_for_each(|&channel| self.check_channel(channel))?;
+        match step {
+            Some(_) => self.history.forget_undone(&mut self.editor),
+            // Earlier steps would not fit what nothing tells of.
+            None => self.history.forget_all(&mut self.editor),
+        }
         self.history.take_up(step);
         // Texels that cannot be read keep nobody from opening the asset: its coarser levels stay as they are.
         self.finish_changes(changes, &channels).unwrap_or_default();

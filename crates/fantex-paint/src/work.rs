@@ -480,6 +480,7 @@ impl Painter {
         }
         let area = self.place_area(area);
         let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
+        self.drop_kept_stroke();
         let area = area.inspect_err(|_| self.room.let_go())?;
         stroke.recording.lose();
         let mut pages = area.pages(self);
@@ -487,7 +488,6 @@ impl Painter {
         let pages: Vec<PageId> = pages.into_iter().collect();
         // Of the step before.
         self.finish_levels()?;
-        self.drop_kept_stroke();
         self.begin_step(&stroke.label);
         let logged = self.next_stroke;
         self.log_stroke(&stroke)?;

@@ -38,6 +38,10 @@ fn a_stroke_that_nobody_ends_is_a_step_after_a_crash() {
                 1 => Target::Layer(painter.add_layer(Layer::painted("paint")).unwrap()),
                 _ => Target::Mask(painter.add_layer(Layer::fill("fill", &[Vec4::ONE; 2])).unwrap()),
             };
+            // What is undone does not fit what is painted then.
+            let line = stroke(painter.surface(), 40.0, &LINE);
+            paint_stroke(&mut painter, red(0.3), &line);
+            assert!(painter.undo().unwrap());
             painter.commit().unwrap();
             let (before, steps) = (contents(&painter), painter.history().done().len());
             begin_stroke(&mut painter, target);
@@ -52,6 +56,7 @@ fn a_stroke_that_nobody_ends_is_a_step_after_a_crash() {
             assert!(finest(&contents(&painter)) == finest(&seen), "{format:?}, {kind}");
             assert_eq!(painter.history().done().len(), steps + 1);
             assert_eq!(painter.history().done()[steps].label, "half");
+            assert!(painter.history().undone().is_empty());
             let after = contents(&painter);
             assert!(painter.undo().unwrap());
             assert!(contents(&painter) == before, "{format:?}, {kind}");
@@ -64,6 +69,18 @@ fn a_stroke_that_nobody_ends_is_a_step_after_a_crash() {
             assert_eq!(log.strokes.strokes.last().unwrap().label, "half");
         }
     }
+}
+
+#[test]
+fn a_stroke_without_a_history_that_nobody_ends_forgets_the_one_before() {
+    let baked = ball(80_000, BakeFormat::Bc7);
+    drop(start(&baked));
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    begin_stroke(&mut painter, Target::Base);
+    painter.commit().unwrap();
+    let mut painter = crash(painter, &baked);
+    assert!(!painter.undo().unwrap() && painter.history().undone().is_empty());
 }
 
 /// What commits keep of it leaves no trace.
