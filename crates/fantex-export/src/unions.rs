@@ -200,7 +200,7 @@ struct Uniter<'a> {
     slots: Slots,
     /// Side of a cell, mesh units.
     cell: f32,
-    /// Unions are no longer than this or than one of their pieces, mesh units.
+    /// Unions are no longer than this, or than one of their pieces seems at most, mesh units.
     longest: f32,
 }
 

@@ -53,6 +53,7 @@ impl Painter {
             }
             let remembered = self.remember_page(stroke, id, &page);
             stroke.pages.put(id, page, self.options.budget()).and(remembered)?;
+            self.relieve()?;
         }
         // It is logged once more, under the same number, when it ends.
         let number = self.next_stroke;

@@ -81,9 +81,8 @@ impl StrokeFile {
     }
 }
 
-/// Applies all strokes of a file, one step of the history each. Commits nothing, but where the file adds channels that the asset does not
-/// have: that commits what was there before. `folder`: what paths in the file are relative
-/// to.
+/// Applies all strokes of a file, one step of the history each. Commits what was there before where the file
+/// adds channels, or its strokes read the surface (see [`StrokeFile::commits_between`]). `folder`: what paths in the file are relative to.
 ///
 /// # Errors
 /// A stroke is wrong or mentions what is not there: then nothing is painted. Or painting fails.

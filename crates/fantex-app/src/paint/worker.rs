@@ -25,8 +25,8 @@ use crate::viewer::Wake;
 /// Between strokes, changes are committed after this delay.
 const IDLE_COMMIT_DELAY: Duration = Duration::from_millis(700);
 
-/// During strokes and long jobs, changes are committed after this delay; during strokes also not before ten times what the last commit took:
-/// each keeps the whole stroke so far.
+/// During strokes and long jobs, changes are committed after this delay, but not before ten times what the last commit took: each keeps the
+/// whole stroke so far.
 const MAX_COMMIT_DELAY: Duration = Duration::from_millis(1700);
 
 /// Time slice per step of a long job.

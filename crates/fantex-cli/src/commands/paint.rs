@@ -281,12 +281,14 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     })
 }
 
-/// Changes the asset at once, by a copy that takes its place when it is whole.
+/// Changes the asset at once, by a copy that takes its place when it is whole. Other hard links keep what was there.
 fn paint_as_a_whole(strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
     let asset = &args.asset;
     // Where a symbolic link leads.
     let place = asset.canonicalize().map_err(|error| Error::reading(asset, error))?;
     let _lock = WriterLock::acquire(asset)?;
+    // What must not be written is not replaced either.
+    fs::OpenOptions::new().write(true).open(&place).map_err(|error| Error::writing(asset, error))?;
     let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
     let copy = ReadLimits::new(options).run(|| copy_beside(asset, &place))?;
     let info = paint_copy(&copy, asset, strokes, args, context)?;
