@@ -28,8 +28,8 @@ impl Painter {
     /// Keeps what the open stroke has done so far, instead of what was kept of it before.
     pub(crate) fn keep_stroke(&mut self) -> Result<()> {
         self.drop_kept_stroke();
-        let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
-        let kept = self.record_so_far(&mut stroke);
+        let Some(stroke) = self.stroke.take() else { return Ok(()) };
+        let kept = self.record_so_far(&stroke);
         match kept {
             Ok(_) => self.history.take_up(None),
             Err(_) => self.history.drop_open(&mut self.editor),
@@ -41,18 +41,17 @@ impl Painter {
         Ok(())
     }
 
-    fn record_so_far(&mut self, stroke: &mut OpenStroke) -> Result<KeptStroke> {
+    fn record_so_far(&mut self, stroke: &OpenStroke) -> Result<KeptStroke> {
         if self.options.history {
             self.history.begin_beside(&stroke.label);
         }
         let mut pages = Vec::new();
         for id in stroke.pages.ids() {
-            let Some(page) = stroke.pages.take(id)? else { continue };
+            let Some(page) = stroke.pages.get(id)? else { continue };
             if !page.originals.is_empty() {
                 pages.push([id.group, id.page[0], id.page[1]]);
             }
-            let remembered = self.remember_page(stroke, id, &page);
-            stroke.pages.put(id, page, self.options.budget()).and(remembered)?;
+            self.remember_page(stroke, id, &page)?;
             self.relieve()?;
         }
         // It is logged once more, under the same number, when it ends.

@@ -278,11 +278,9 @@ impl Painter {
         // It picks up what lies beside the dab, too.
         let ids: Vec<PageId> = touched_pages(surface, std::iter::once(placed.region())).into_keys().collect();
         let maps = self.maps.get(surface, &ids, budget);
-        let mut pages = PagesUnder::new();
-        for (id, map) in ids.into_iter().zip(maps) {
-            let page = stroke.pages.take_or_new(id, &map)?;
-            pages.insert(id, (map, page));
-        }
+        let pages = stroke.pages.take_or_new(sizes(&ids, &maps))?;
+        let mut pages: PagesUnder =
+            pages.into_iter().zip(maps).map(|((id, page), map)| (id, (map, page))).collect();
         let context = PaintContext::new(surface, self.editor.asset(), &stroke.paint, stroke.before.as_ref());
         let buffer = placed.picked_up(buffer, strength, &context, &pages);
         let laid = LaidDown { dab: &placed, buffer: &buffer, surface };
@@ -382,15 +380,14 @@ impl Painter {
         for batch in touched.chunks(PAGE_BATCH) {
             let ids: Vec<PageId> = batch.iter().map(|(id, _)| *id).collect();
             let maps = self.maps.get(&self.surface, &ids, budget);
-            let pages = ids.iter().zip(&maps).map(|(id, map)| stroke.pages.take_or_new(*id, map));
-            let mut pages = pages.collect::<Result<Vec<_>>>()?;
+            let mut pages = stroke.pages.take_or_new(sizes(&ids, &maps))?;
             let surface = &*self.surface;
             let paint = &stroke.paint;
-            pages.par_iter_mut().zip(batch).zip(&maps).for_each(|((page, (_, with)), map)| {
+            pages.par_iter_mut().zip(batch).zip(&maps).for_each(|(((_, page), (_, with)), map)| {
                 add(surface, map, with, page);
                 see_through(surface, map, paint, page);
             });
-            stroke.pages.put_all(ids.into_iter().zip(pages), budget)?;
+            stroke.pages.put_all(pages, budget)?;
         }
         Ok(())
     }
@@ -407,10 +404,7 @@ impl Painter {
         let budget = self.options.budget();
         for ids in stale.chunks(PAGE_BATCH) {
             let maps = self.maps.get(&self.surface, ids, budget);
-            let mut pages = Vec::with_capacity(ids.len());
-            for (&id, map) in ids.iter().zip(&maps) {
-                pages.push((id, stroke.pages.take_or_new(id, map)?));
-            }
+            let mut pages = stroke.pages.take_or_new(sizes(ids, &maps))?;
             let (surface, editor) = (&*self.surface, &self.editor);
             let layers = (&self.layers, &self.fills);
             let stroke_now = &*stroke;
@@ -558,6 +552,11 @@ impl OpenStroke {
         let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, context)?;
         Ok(ShownPage { channels, attachments: Vec::new() })
     }
+}
+
+/// Pages with their numbers of texels.
+pub(crate) fn sizes(ids: &[PageId], maps: &[Arc<TexelPage>]) -> impl Iterator<Item = (PageId, usize)> {
+    ids.iter().copied().zip(maps.iter().map(|map| map.block.texel_count()))
 }
 
 // The state before a stroke, for tools that read what is seen: it must not change under them.

@@ -36,19 +36,30 @@ impl Painter {
     /// Drops the open stroke: everything is as it was before it, and there is no step in the history. Does nothing where none is open.
     ///
     /// # Errors
-    /// What it was before cannot be read.
+    /// What it was before cannot be read: the stroke stays open.
     pub fn abandon(&mut self) -> Result<()> {
-        let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
+        let Some(stroke) = self.stroke.take() else { return Ok(()) };
+        if let Err(error) = self.restore(&stroke) {
+            self.stroke = Some(stroke);
+            return Err(error);
+        }
         self.room.let_go();
         self.drop_kept_stroke();
+        self.relieve()
+    }
+
+    /// Brings what was there before a stroke.
+    fn restore(&mut self, stroke: &OpenStroke) -> Result<()> {
         for id in stroke.pages.ids() {
-            let Some(mut page) = stroke.pages.take(id)? else { continue };
+            let Some(page) = stroke.pages.get(id)? else { continue };
+            let is_layered = stroke.is_layered(&page);
+            let mut originals = page.originals.clone();
             // Never shown: nothing has changed.
-            if page.originals.is_empty() {
+            if originals.is_empty() {
                 continue;
             }
-            if stroke.is_layered(&page) {
-                let before = page.originals.pop().unwrap_or_default();
+            if is_layered {
+                let before = originals.pop().unwrap_or_default();
                 let name = page_name(stroke.target, id);
                 match before.is_empty() {
                     true => self.editor.detach(&name),
@@ -58,32 +69,49 @@ impl Painter {
                     self.editor.detach(&base_name(id));
                 }
             }
-            for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+            for (&channel, before) in stroke.affected.iter().zip(originals) {
                 self.editor.replace(id, channel, before)?;
             }
         }
-        self.relieve()
+        Ok(())
     }
 
-    /// Shows the open stroke for the last time and enters what it changed at level 0 into the history.
+    /// Shows the open stroke for the last time and enters what it changed at level 0 into the history. Where that fails the stroke
+    /// stays open.
     pub(crate) fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>> {
         self.show()?;
-        let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
+        let Some(stroke) = self.stroke.take() else { return Ok(None) };
+        let number = self.next_stroke;
+        let changes = match self.record_stroke(&stroke) {
+            Ok(changes) => changes,
+            Err(error) => {
+                self.history.drop_open(&mut self.editor);
+                self.editor.detach(&log::stroke_name(number));
+                self.next_stroke = number;
+                self.stroke = Some(stroke);
+                return Err(error);
+            }
+        };
         self.add_damage(stroke.damage());
         self.room.let_go();
-        let ids = stroke.pages.ids();
-        let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
+        let pages = stroke.pages.ids().len();
+        let summary = StrokeSummary { dabs: stroke.dabs, pages, coarser_pages: 0 };
+        Ok(Some((summary, changes, stroke.affected)))
+    }
+
+    /// Enters a stroke into the history and the log; what it has changed.
+    fn record_stroke(&mut self, stroke: &OpenStroke) -> Result<Changes> {
         self.drop_kept_stroke();
         self.begin_step(&stroke.label);
         let mut changes = Changes { is_base: stroke.target == Target::Base, ..Changes::default() };
-        for &id in &ids {
-            let Some(page) = stroke.pages.take(id)? else { continue };
+        for id in stroke.pages.ids() {
+            let Some(page) = stroke.pages.get(id)? else { continue };
             changes.add(id, stroke.changed(&self.surface, self.editor.asset(), id, page.touched));
-            self.remember_page(&stroke, id, &page)?;
+            self.remember_page(stroke, id, &page)?;
             self.relieve()?;
         }
-        self.log_stroke(&stroke)?;
-        Ok(Some((summary, changes, stroke.affected)))
+        self.log_stroke(stroke)?;
+        Ok(changes)
     }
 
     /// Enters into the history what a stroke has changed on a page of level 0.

@@ -1,5 +1,6 @@
 //! What a stroke has gathered on each page: in memory within a budget, beyond it in a temporary file.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -10,7 +11,7 @@ use fantex_store::PageId;
 use glam::Vec4;
 
 use crate::error::temporary;
-use crate::texel_page::{Rect, TexelPage};
+use crate::texel_page::Rect;
 
 /// One page of level 0 under a stroke.
 #[derive(Clone, Debug)]
@@ -98,7 +99,7 @@ impl StrokePage {
 
 #[derive(Debug)]
 struct Spilled {
-    offset: u64,
+    place: Place,
     texels: usize,
     colored_channels: usize,
     has_stencil: bool,
@@ -108,41 +109,68 @@ struct Spilled {
     stale: Rect,
 }
 
+/// A range of the temporary file.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    offset: u64,
+    bytes: u64,
+}
+
 #[derive(Debug, Default)]
 pub(crate) struct StrokePages {
     pages: BTreeMap<PageId, StrokePage>,
     bytes: usize,
     spilled: BTreeMap<PageId, Spilled>,
+    /// Where pages that are in memory lay in the file: they go there again, if they fit.
+    vacated: BTreeMap<PageId, Place>,
     file: Option<File>,
     end: u64,
 }
 
 impl StrokePages {
-    /// Takes a page out, to be given back by [`put`](Self::put).
+    /// Takes a page out, to be given back by [`put`](Self::put). Where it cannot be read it stays.
     pub(crate) fn take(&mut self, id: PageId) -> Result<Option<StrokePage>> {
         if let Some(page) = self.pages.remove(&id) {
             self.bytes -= page.memory_bytes();
             return Ok(Some(page));
         }
-        match (self.spilled.remove(&id), &mut self.file) {
-            (Some(spilled), Some(file)) => read_back(file, &spilled).map(Some).map_err(temporary),
-            _ => Ok(None),
+        let page = self.read_spilled(id)?;
+        if let Some(spilled) = self.spilled.remove(&id) {
+            self.vacated.insert(id, spilled.place);
         }
+        Ok(page)
     }
 
-    /// The same; a new one where the stroke has not been there.
-    pub(crate) fn take_or_new(&mut self, id: PageId, map: &TexelPage) -> Result<StrokePage> {
-        Ok(self.take(id)?.unwrap_or_else(|| StrokePage::new(map.block.texel_count())))
+    /// Takes pages of so many texels out, new ones where the stroke has not been; all of them or none.
+    pub(crate) fn take_or_new(
+        &mut self,
+        ids: impl IntoIterator<Item = (PageId, usize)>,
+    ) -> Result<Vec<(PageId, StrokePage)>> {
+        let mut pages = Vec::new();
+        for (id, texels) in ids {
+            match self.take(id) {
+                Ok(page) => pages.push((id, page.unwrap_or_else(|| StrokePage::new(texels)))),
+                Err(error) => {
+                    pages.into_iter().for_each(|(id, page)| self.keep(id, page));
+                    return Err(error);
+                }
+            }
+        }
+        Ok(pages)
+    }
+
+    /// A page as it is, which stays where it is.
+    pub(crate) fn get(&self, id: PageId) -> Result<Option<Cow<'_, StrokePage>>> {
+        match self.pages.get(&id) {
+            Some(page) => Ok(Some(Cow::Borrowed(page))),
+            None => Ok(self.read_spilled(id)?.map(Cow::Owned)),
+        }
     }
 
     /// Keeps a page, if something is covered there; writes some to the temporary file where memory is short. It is kept even where
     /// that fails.
     pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> Result<()> {
-        if page.touched.is_empty() {
-            return Ok(());
-        }
-        self.bytes += page.memory_bytes();
-        self.pages.insert(id, page);
+        self.keep(id, page);
         if self.bytes > budget_bytes / 2 {
             for page in self.pages.values_mut() {
                 self.bytes -= page.decoded_bytes();
@@ -160,6 +188,13 @@ impl StrokePages {
             self.bytes -= page.memory_bytes();
         }
         Ok(())
+    }
+
+    fn keep(&mut self, id: PageId, page: StrokePage) {
+        if !page.touched.is_empty() {
+            self.bytes += page.memory_bytes();
+            self.pages.insert(id, page);
+        }
     }
 
     /// Keeps pages, each of them even where there is no room for more in the temporary file.
@@ -207,14 +242,19 @@ impl StrokePages {
             Some(file) => file,
             none => none.insert(tempfile::tempfile()?),
         };
-        file.seek(SeekFrom::Start(self.end))?;
+        let bytes = page.stored_bytes() as u64;
+        let place = match self.vacated.get(&id) {
+            Some(&place) if place.bytes >= bytes => place,
+            _ => Place { offset: self.end, bytes },
+        };
+        file.seek(SeekFrom::Start(place.offset))?;
         let colors = page.colors.iter().flatten().flat_map(|c| c.to_array());
         let numbers = page.coverage.iter().copied().chain(colors).chain(page.stencil.iter().copied());
         let numbers: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
         file.write_all(&numbers)?;
         page.originals.iter().try_for_each(|bytes| file.write_all(bytes))?;
         let spilled = Spilled {
-            offset: self.end,
+            place,
             texels: page.coverage.len(),
             colored_channels: page.colors.len(),
             has_stencil: !page.stencil.is_empty(),
@@ -223,14 +263,22 @@ impl StrokePages {
             touched: page.touched,
             stale: page.stale,
         };
-        self.end += page.stored_bytes() as u64;
+        self.end = self.end.max(place.offset + place.bytes);
+        self.vacated.remove(&id);
         self.spilled.insert(id, spilled);
         Ok(())
     }
+
+    fn read_spilled(&self, id: PageId) -> Result<Option<StrokePage>> {
+        match (self.spilled.get(&id), &self.file) {
+            (Some(spilled), Some(file)) => read_back(file, spilled).map(Some).map_err(temporary),
+            _ => Ok(None),
+        }
+    }
 }
 
-fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
-    file.seek(SeekFrom::Start(spilled.offset))?;
+fn read_back(mut file: &File, spilled: &Spilled) -> io::Result<StrokePage> {
+    file.seek(SeekFrom::Start(spilled.place.offset))?;
     let numbers = 1 + 4 * spilled.colored_channels + usize::from(spilled.has_stencil);
     let mut bytes = vec![0; 4 * spilled.texels * numbers];
     file.read_exact(&mut bytes)?;
@@ -294,5 +342,45 @@ mod tests {
             assert_eq!(page.touched, Rect { low: [3, 0], high: [4, 1] });
         }
         assert!(pages.take(id(0)).unwrap().is_none());
+    }
+
+    #[test]
+    fn pages_that_come_and_go_take_no_more_of_the_file_and_unreadable_ones_stay() {
+        let id = |group| PageId { group, level: 0, page: [0, 0] };
+        let mut pages = StrokePages::default();
+        let page = |n: f32| {
+            let mut page = StrokePage::new(16);
+            page.coverage[0] = n;
+            page.touched.add([0, 0]);
+            page
+        };
+        for group in 0..9 {
+            pages.put(id(group), page(group as f32), 0).unwrap();
+        }
+        for round in 0..20 {
+            for group in 0..9 {
+                let mut page = pages.take(id(group)).unwrap().unwrap();
+                assert_eq!(page.coverage[0], (group + round) as f32);
+                page.coverage[0] += 1.0;
+                pages.put(id(group), page, 0).unwrap();
+            }
+        }
+        // The last page stays in memory.
+        assert_eq!(pages.end, 8 * 64);
+        // Pages that have grown go elsewhere, once.
+        for _ in 0..20 {
+            let mut page = pages.take(id(3)).unwrap().unwrap();
+            page.originals = vec![vec![5; 10]];
+            pages.put(id(3), page, 0).unwrap();
+            assert_eq!(pages.get(id(3)).unwrap().unwrap().originals, [[5; 10]]);
+            let page = pages.take(id(4)).unwrap().unwrap();
+            pages.put(id(4), page, 0).unwrap();
+        }
+        assert_eq!(pages.end, 8 * 64 + 74);
+
+        pages.file.as_ref().unwrap().set_len(64).unwrap();
+        let ids = pages.ids();
+        assert!(pages.take_or_new(ids.iter().map(|&id| (id, 16))).is_err());
+        assert_eq!(pages.ids(), ids);
     }
 }

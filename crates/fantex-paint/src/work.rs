@@ -31,7 +31,7 @@ use crate::history::Direction;
 use crate::kept_stroke::KeptStroke;
 use crate::layers::{Layers, ShownPage, find_folders, keep_folders};
 use crate::log::{self, logged_fill};
-use crate::painter::OpenStroke;
+use crate::painter::{OpenStroke, sizes};
 use crate::projection::see_through;
 use crate::steps::Changes;
 use crate::stroke_page::StrokePage;
@@ -550,10 +550,9 @@ impl Painter {
     /// All that can fail because of the asset comes before the first change: a page is painted once or not at all.
     fn fill_pages(&mut self, work: &mut FillWork, ids: &[PageId]) -> Result<()> {
         let maps = self.maps.get(&self.surface, ids, self.options.budget());
-        let mut pages = Vec::with_capacity(ids.len());
-        for (&id, map) in ids.iter().zip(maps) {
-            pages.push((id, work.stroke.pages.take_or_new(id, &map)?, map));
-        }
+        let pages = work.stroke.pages.take_or_new(sizes(ids, &maps))?;
+        let mut pages: Vec<(PageId, StrokePage, Arc<TexelPage>)> =
+            pages.into_iter().zip(maps).map(|((id, page), map)| (id, page, map)).collect();
         let (surface, area) = (&*self.surface, &work.area);
         let paint = &work.stroke.paint;
         pages.par_iter_mut().for_each(|(id, page, map)| {

@@ -88,7 +88,10 @@ impl AssetEditor {
         let file = Arc::new(OpenOptions::new().read(true).write(true).open(path).map_err(io)?);
         let output = Box::new(FileOutput(Arc::clone(&file)));
         let lock = Arc::new(self.lock.moved(path)?);
-        *self = Self::locked(path, self.options, lock, file, output)?;
+        let mut there = Self::locked(path, self.options, lock, file, output)?;
+        there.limit = self.limit;
+        there.replaced = self.replaced.take();
+        *self = there;
         Ok(())
     }
 }

@@ -580,6 +580,27 @@ fn compacting_keeps_everything_but_the_gaps() {
     assert_whole(&path);
 }
 
+#[test]
+fn the_file_may_not_grow_further_after_compacting_either() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let (mut editor, _) = recorded_editor(&path);
+    let bytes = editor.compact().unwrap().bytes;
+    editor.limit_file(Some(2 * bytes));
+    editor.take_replaced();
+    let page = PageId { group: 0, level: 0, page: [0, 0] };
+    let texels = editor.read_page_raw(0, page).unwrap();
+    editor.replace(page, 0, texels).unwrap();
+    editor.compact().unwrap();
+    assert_eq!(editor.take_replaced(), [page]);
+    let large: Vec<u8> = (0..4 * bytes as u32).flat_map(|n| n.wrapping_mul(0x9e37_79b9).to_le_bytes()).collect();
+    editor.attach("large", large).unwrap();
+    let error = editor.commit().unwrap_err();
+    assert!(is_disk_full(&error), "{error}");
+    editor.limit_file(None);
+    editor.commit().unwrap();
+}
+
 /// A link stays one, and leads to the copy.
 #[cfg(unix)]
 #[test]
