@@ -292,13 +292,26 @@ impl History {
                         Entry::Occupied(page) => page.into_mut(),
                         Entry::Vacant(place) => place.insert(editor.read_page_raw(channel, id)?),
                     };
+                    if page.len() != change.len() {
+                        return Err(damaged(editor.asset(), "history", "a step is of pages of another size"));
+                    }
                     page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
                 }
                 Record::Base(id) => bases.push(match direction {
                     Direction::Back => (id, None),
                     Direction::Forth => (id, Some(base_bytes(editor, id, None)?.concat())),
                 }),
-                other => others.push(other),
+                Record::Attachment { name, contents } => {
+                    let contents = attachment_after(&name, direction.chosen(contents), editor)?;
+                    others.push(Change::Attachment { name, contents });
+                }
+                Record::Mean { channel, group, values } => {
+                    let asset = editor.asset();
+                    if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
+                        return Err(damaged(asset, "history", "a step changes a group that does not exist"));
+                    }
+                    others.push(Change::Mean { channel, group, value: direction.chosen(values) });
+                }
             }
         }
         // What a step has changed more than once was at first as its first record says.
@@ -314,7 +327,14 @@ impl History {
         for ((id, channel), page) in pages {
             editor.replace(id, channel, page)?;
         }
-        others.into_iter().try_for_each(|record| apply(record, direction, editor))
+        for change in others {
+            match change {
+                Change::Attachment { name, contents } if contents.is_empty() => editor.detach(&name),
+                Change::Attachment { name, contents } => editor.attach(&name, contents)?,
+                Change::Mean { channel, group, value } => editor.set_mean(channel, group, value),
+            }
+        }
+        Ok(())
     }
 
     fn save(&self, editor: &mut AssetEditor) -> Result<()> {
@@ -336,33 +356,20 @@ impl OpenStep {
     }
 }
 
-/// Changes the asset by a record that is no page.
-fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<()> {
-    match record {
-        // They are put together before.
-        Record::Page { .. } | Record::Base(_) => {}
-        Record::Attachment { name, contents } => {
-            let contents = direction.chosen(contents);
-            if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
-                return Err(damaged(
-                    editor.asset(),
-                    "history",
-                    "a step changes what is neither layer nor log",
-                ));
-            }
-            // A step from before channels were added knows nothing of them.
-            let contents = with_added_channels(editor, &name, contents)?;
-            if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
-        }
-        Record::Mean { channel, group, values } => {
-            let asset = editor.asset();
-            if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
-                return Err(damaged(editor.asset(), "history", "a step changes a group that does not exist"));
-            }
-            editor.set_mean(channel, group, direction.chosen(values));
-        }
+/// What a step makes of what is no page.
+enum Change {
+    /// Without contents there is none any more.
+    Attachment { name: String, contents: Vec<u8> },
+    Mean { channel: usize, group: u32, value: [f32; 4] },
+}
+
+/// Contents of an attachment after a step.
+fn attachment_after(name: &str, contents: Vec<u8>, editor: &AssetEditor) -> Result<Vec<u8>> {
+    if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
+        return Err(damaged(editor.asset(), "history", "a step changes what is neither layer nor log"));
     }
-    Ok(())
+    // A step from before channels were added knows nothing of them.
+    with_added_channels(editor, name, contents)
 }
 
 fn part_name(id: u64, part: u32) -> String {

@@ -447,6 +447,41 @@ fn a_history_of_steps_that_cannot_be_is_damage() {
     }
 }
 
+/// It is taken back as a whole or not at all, whatever in it is damaged.
+#[test]
+fn a_step_that_is_damaged_changes_nothing() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let line = stroke(painter.surface(), 40.0, &arc());
+    paint_stroke(&mut painter, red(1.0), &line);
+    painter.commit().unwrap();
+    drop(painter);
+    let editor = || AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+    let names = editor().attachment_names();
+    let name = names.iter().find(|name| name.ends_with("/000000")).unwrap();
+    let whole = editor().attachment(name).unwrap().unwrap();
+    // The records of format.md: an attachment of a foreign name, the mean of a group that is not there, a short page.
+    let words = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
+    let foreign = [words(&[2, 3, 0, 1]), b"abcd".to_vec()].concat();
+    let mean = words(&[1, 1_000_000, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    let page = [words(&[0, 0, 0, 0, 0, 0, 4]), vec![255; 4]].concat();
+    for (record, sentence) in [
+        (foreign, "a step changes what is neither layer nor log"),
+        (mean, "a step changes a group that does not exist"),
+        (page, "a step is of pages of another size"),
+    ] {
+        let mut editor = editor();
+        editor.attach(name, [whole.clone(), record].concat()).unwrap();
+        editor.commit().unwrap();
+        drop(editor);
+        let mut painter = baked.painter();
+        let before = contents(&painter);
+        let error = painter.undo().unwrap_err().to_string();
+        assert!(error.contains(sentence), "{error}");
+        assert!(contents(&painter) == before, "{sentence}");
+    }
+}
+
 #[test]
 fn layers_with_numbers_that_cannot_go_on_are_damage() {
     let baked = ball(10_000, BakeFormat::Rgba8);
