@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rustc_hash::FxHashMap;
 
 use crate::ChannelMap;
-use crate::export::{ExportOptions, Map, scale_of, told};
+use crate::export::{ExportOptions, Map, brightest, scale_of, told};
 use crate::layout::{Page, Placed};
 use crate::surface::{Frames, Surface, TriangleFrames, lambda_steps};
 use crate::texels::{Region, Values};
@@ -24,6 +24,11 @@ pub(crate) struct AssetSurface {
 impl AssetSurface {
     pub(crate) fn new(asset: &Arc<Asset>, options: &ExportOptions<'_>) -> Self {
         Self { cache: PageCache::new(Arc::clone(asset), (options.memory_bytes / 2) as usize) }
+    }
+
+    /// The largest number of a map of light, at least 1.
+    pub(crate) fn brightest(&self, map: &Map, progress: &dyn Progress) -> f32 {
+        brightest(&self.cache, map, progress)
     }
 }
 

@@ -50,6 +50,8 @@ pub struct ExportSummary {
     pub vertices: usize,
     /// Channels that glTF has no place for.
     pub left_out: Vec<ChannelKind>,
+    /// Light that is brighter than 1 and cut off there, as PNG holds no more: what, and its largest number.
+    pub cut_off: Vec<(ChannelMap, f32)>,
     /// Pages of the asset that could not be read and were replaced by coarser ones; the first, with its reason.
     pub damage: Option<(u64, String)>,
 }
@@ -274,6 +276,12 @@ pub fn export_channels(
     }
     let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
     summary.check_damage(options.strict)?;
+    for (&(kind, output), map) in channels.iter().zip(&maps) {
+        let largest = if extension(output) == "png" { surface.brightest(map, progress) } else { 1.0 };
+        if largest > 1.0 {
+            summary.cut_off.push((kind, largest));
+        }
+    }
     summary.files = outputs.commit()?;
     Ok(summary)
 }
@@ -417,9 +425,15 @@ impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
 /// What values must be divided by to lie in 0..1: the largest number of a channel that holds floats of emitted light.
 /// Anything once `progress` is cancelled.
 pub(crate) fn scale_of(cache: &PageCache, map: &Map, progress: &dyn Progress) -> f32 {
+    if map.kind == ChannelMap::Emission { brightest(cache, map, progress) } else { 1.0 }
+}
+
+/// The largest number of a channel that holds floats of light, at least 1. Anything once `progress` is cancelled.
+pub(crate) fn brightest(cache: &PageCache, map: &Map, progress: &dyn Progress) -> f32 {
     let asset = cache.asset();
     let channel = &asset.channels()[map.channel];
-    if map.kind != ChannelMap::Emission || channel.format != TexelFormat::Rgba32F {
+    let is_light = matches!(map.kind, ChannelMap::Emission | ChannelMap::Light);
+    if !is_light || channel.format != TexelFormat::Rgba32F {
         return 1.0;
     }
     let brightest = |group: usize| {

@@ -1,6 +1,6 @@
 //! Fans in other programs' files: glTF with four sets of coordinates, USD and MaterialX with the texture function as a graph.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -120,11 +120,13 @@ impl<'a> FanFile<'a> {
                 "a shader is written for one asset's materials and blend band; export a single asset for it";
             return Err(Error::invalid(message).with_path(output));
         }
+        let outputs = Outputs::new(options.force);
+        outputs.check(output)?;
         Ok(Self {
             output,
             options,
             gltf,
-            outputs: Outputs::new(options.force),
+            outputs,
             root: root.map(|root| (root.to_owned(), Vec::new())),
             shaders: BTreeMap::new(),
         })
@@ -194,6 +196,7 @@ impl<'a> FanFile<'a> {
             texels,
             triangles: mesh.triangles.len() as u64,
             vertices: geometry.positions.len(),
+            cut_off: if kinds.contains(&SampleKind::Fixed) { packer.cut_off.clone() } else { Vec::new() },
             damage: told(&packer.cache.damage()),
             ..ExportSummary::default()
         })
@@ -308,16 +311,17 @@ fn shader_files(
     output: &Path,
     languages: &[ShaderLanguage],
 ) -> BTreeMap<PathBuf, String> {
-    let used: BTreeSet<usize> = geometry.looks().into_iter().map(|(material, _)| material).collect();
+    // As the materials of a glTF are numbered.
+    let looks = geometry.looks();
     let default_material = Material::default();
     let mut files = BTreeMap::new();
     for language in languages {
         let path = output.with_extension(language.extension());
-        let is_shared = *language != ShaderLanguage::Godot || used.len() < 2;
-        for &material in used.iter().take(if is_shared { 1 } else { used.len() }) {
+        let is_shared = *language != ShaderLanguage::Godot || looks.len() < 2;
+        for (number, &(material, _)) in (1..).zip(looks.iter().take(if is_shared { 1 } else { looks.len() })) {
             let text = sheets.shader(*language, materials.get(material).unwrap_or(&default_material));
             let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-            let numbered = format!("{stem}-material-{}.{}", material + 1, language.extension());
+            let numbered = format!("{stem}-material-{number}.{}", language.extension());
             files.insert(if is_shared { path.clone() } else { output.with_file_name(numbered) }, text);
         }
     }

@@ -22,7 +22,7 @@ use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSourc
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::export::{Components, Map, cancelled, scale_of};
+use crate::export::{Components, Map, brightest, cancelled, scale_of};
 use crate::pictures::{Depth, halves, samples};
 use crate::{ChannelMap, MAX_SIDE};
 
@@ -135,6 +135,8 @@ pub(crate) struct Packer<'a> {
     options: FanSheetOptions,
     plans: Vec<Plan>,
     pub(crate) maps: Vec<Map>,
+    /// Light that PNG cuts off at 1, with its largest number.
+    pub(crate) cut_off: Vec<(ChannelMap, f32)>,
     pub(crate) shapes: Shapes<'a>,
 }
 
@@ -159,10 +161,17 @@ impl<'a> Packer<'a> {
         let of_group = GroupTriangles::of(cover);
         let plans = plan(mesh, cover, &of_group, gutter, largest_side)?;
         let cache = PageCache::new(Arc::clone(asset), (memory_bytes / 8) as usize);
-        let maps = MAPS
+        let maps: Vec<Map> = MAPS
             .into_iter()
             .filter_map(|kind| Map::of(asset, kind))
             .map(|map| map.scaled(scale_of(&cache, &map, progress)))
+            .collect();
+        // Of a material's light a factor tells how bright it is; a light map has none.
+        let cut_off = maps
+            .iter()
+            .filter(|map| map.kind == ChannelMap::Light)
+            .map(|map| (map.kind, brightest(&cache, map, progress)))
+            .filter(|(_, largest)| *largest > 1.0)
             .collect();
         let shapes = Shapes {
             mesh,
@@ -171,7 +180,7 @@ impl<'a> Packer<'a> {
             normals: shading_normals(mesh),
             stored: cover.stored_blocks(mesh),
         };
-        Ok(Self { cache, options: *options, plans, maps, shapes })
+        Ok(Self { cache, options: *options, plans, maps, cut_off, shapes })
     }
 
     /// Numbers of sheet and map of all pictures, in the order in which they are made.

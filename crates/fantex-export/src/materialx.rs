@@ -1,6 +1,6 @@
 //! The texture function as a graph of standard nodes (Academy Software Foundation, "MaterialX Specification", version 1.39).
 
-use fantex_mesh::Material;
+use fantex_mesh::{AlphaMode, Material};
 use glam::Vec3;
 
 use crate::ChannelMap;
@@ -49,8 +49,9 @@ impl Node {
 #[derive(Default)]
 pub(crate) struct Graph {
     pub(crate) nodes: Vec<Node>,
-    /// Names and types of the nodes that a surface reads: `color`, `opacity`, `roughness`, `metallic`, `emission`, `normal`.
-    outputs: Vec<(&'static str, &'static str)>,
+    /// Names and types of the nodes that a surface reads: `color`, `opacity` and one for each threshold of cut-outs, `roughness`,
+    /// `metallic`, `emission`, `normal`.
+    outputs: Vec<(String, &'static str)>,
 }
 
 impl Graph {
@@ -118,11 +119,36 @@ impl Graph {
         self.add("divide", kind, name.to_owned(), inputs)
     }
 
+    /// Opacities that are 0 below a threshold and else 1, for the thresholds of all materials.
+    fn cut_outs(&mut self, materials: &[Material]) -> Vec<(String, &'static str)> {
+        let mut outputs = Vec::new();
+        for material in materials {
+            let AlphaMode::Mask(threshold) = material.alpha else { continue };
+            let output = (cut_out_name(threshold), "color3");
+            if outputs.contains(&output) {
+                continue;
+            }
+            let name = format!("{}_number", output.0);
+            let value = |text: &str| Input::Value(text.to_owned());
+            let inputs = vec![
+                ("value1", "float", Input::Node("alpha".to_owned())),
+                ("value2", "float", value(&threshold.to_string())),
+                ("in1", "float", value("1")),
+                ("in2", "float", value("0")),
+            ];
+            let number = self.add("ifgreatereq", "float", name, inputs);
+            self.add("convert", "color3", output.0.clone(), vec![("in", "float", number)]);
+            outputs.push(output);
+        }
+        outputs
+    }
+
     /// Everything that the materials of a sheet read.
-    pub(crate) fn of_sheet(pictures: &PictureFiles<'_>, sheet: usize) -> Self {
+    pub(crate) fn of_sheet(pictures: &PictureFiles<'_>, sheet: usize, materials: &[Material]) -> Self {
         let mut graph = Self::default();
         graph.weights(pictures.sheets.delta);
         let mut outputs = Vec::new();
+        let mut cut_outs = Vec::new();
         let node = |name: &str| Input::Node(name.to_owned());
         let value = |text: &str| Input::Value(text.to_owned());
         for map in &pictures.sheets.maps {
@@ -152,6 +178,7 @@ impl Graph {
                     }
                     graph.add("convert", "color3", "opacity", vec![("in", "float", node("alpha"))]);
                     outputs.extend([("color", "color3"), ("opacity", "color3")]);
+                    cut_outs = graph.cut_outs(materials);
                 }
                 ChannelMap::BaseColor => {
                     graph.blended("color", "color3", &file);
@@ -203,7 +230,8 @@ impl Graph {
                 _ => {}
             }
         }
-        Self { outputs, ..graph }
+        let outputs = outputs.into_iter().map(|(name, kind)| (name.to_owned(), kind));
+        Self { outputs: outputs.chain(cut_outs).collect(), ..graph }
     }
 
     /// The inputs of a material's `standard_surface`: nodes where a sheet has a picture, factors elsewhere.
@@ -220,12 +248,22 @@ impl Graph {
         ];
         let mut inputs = vec![("base", "float", value("1".into())), ("emission", "float", value("1".into()))];
         for (input, kind, output, factor) in factors {
+            let output = match (output, material.alpha) {
+                ("opacity", AlphaMode::Opaque) => continue,
+                ("opacity", AlphaMode::Mask(threshold)) => cut_out_name(threshold),
+                _ => output.to_owned(),
+            };
             let is_drawn = self.outputs.iter().any(|(name, _)| *name == output);
-            let from = if is_drawn { Some(Input::Node(output.to_owned())) } else { factor };
+            let from = if is_drawn { Some(Input::Node(output)) } else { factor };
             inputs.extend(from.map(|from| (input, kind, from)));
         }
         inputs
     }
+}
+
+/// The node of opacities that are cut off at a threshold.
+fn cut_out_name(threshold: f32) -> String {
+    format!("opacity_from_{threshold}").replace(['.', '-'], "_")
 }
 
 /// The name of a material on a sheet.
@@ -239,7 +277,7 @@ pub(crate) fn materialx(pictures: &PictureFiles<'_>, geometry: &Geometry, materi
         String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.38\" colorspace=\"lin_rec709\">\n");
     let mut line = |text_line: String| text.push_str(&(text_line + "\n"));
     let graphs: Vec<Graph> =
-        (0..pictures.sheets.sheets.len()).map(|sheet| Graph::of_sheet(pictures, sheet)).collect();
+        (0..pictures.sheets.sheets.len()).map(|sheet| Graph::of_sheet(pictures, sheet, materials)).collect();
     for (index, graph) in graphs.iter().enumerate() {
         line(format!("  <nodegraph name=\"fans_{index}\">"));
         for node in &graph.nodes {

@@ -36,7 +36,7 @@ pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
             "the model has no texture coordinates; leave --uv and --model out for an own packing",
         )
     })?;
-    let mut places = Places::new(mesh.world_from_mesh.scale.abs() * MATCH_SHARE);
+    let mut places = Places::new(mesh.world_from_mesh.scale.abs());
     let world = |mesh: &Mesh, v: u32| mesh.world_from_mesh.point(mesh.positions[v as usize]);
     let names: Vec<u32> = (0..model.positions.len() as u32).map(|v| places.name(world(model, v))).collect();
     // By its smallest name first, and which corner that is.
@@ -65,20 +65,27 @@ pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
     all.into_iter().collect()
 }
 
-/// Positions closer than this share of the model's half size count as equal.
+/// Corners of the asset have the model's nearest position within this share of the model's half size: files with few digits.
 const MATCH_SHARE: f64 = 1e-5;
 
-/// Points by their places: those closer than a length to a named one have its name.
+/// Positions of the model closer than this share count as one: roundings to single precision.
+const SAME_SHARE: f64 = 2.5e-7;
+
+/// Points by their places: those that lie together have one name.
 struct Places {
-    /// Side of a cell.
+    /// Side of a cell, and how far from a named point its name is found.
     length: f64,
+    /// How close points with one name lie.
+    same: f64,
     cells: FxHashMap<[i64; 3], Vec<u32>>,
     points: Vec<DVec3>,
 }
 
 impl Places {
-    fn new(length: f64) -> Self {
-        Self { length: length.max(f64::MIN_POSITIVE), cells: FxHashMap::default(), points: Vec::new() }
+    /// For a model of that half size.
+    fn new(half_size: f64) -> Self {
+        let [length, same] = [MATCH_SHARE, SAME_SHARE].map(|share| (share * half_size).max(f64::MIN_POSITIVE));
+        Self { length, same, cells: FxHashMap::default(), points: Vec::new() }
     }
 
     fn cell(&self, point: DVec3) -> [i64; 3] {
@@ -87,18 +94,22 @@ impl Places {
 
     /// The nearest named point's name.
     fn find(&self, point: DVec3) -> Option<u32> {
+        self.nearest(point, self.length)
+    }
+
+    fn nearest(&self, point: DVec3, within: f64) -> Option<u32> {
         let [x, y, z] = self.cell(point);
         let near = |c: i64| c.saturating_sub(1)..=c.saturating_add(1);
         let cells = near(x).flat_map(|x| near(y).flat_map(move |y| near(z).map(move |z| [x, y, z])));
         let names = cells.filter_map(|cell| self.cells.get(&cell)).flatten();
         let distances = names.map(|&name| (self.points[name as usize].distance_squared(point), name));
         let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        nearest.filter(|&(squared, _)| squared <= self.length * self.length).map(|(_, name)| name)
+        nearest.filter(|&(squared, _)| squared <= within * within).map(|(_, name)| name)
     }
 
     /// The point's name; a new one where no named point is near.
     fn name(&mut self, point: DVec3) -> u32 {
-        self.find(point).unwrap_or_else(|| {
+        self.nearest(point, self.same).unwrap_or_else(|| {
             let name = self.points.len() as u32;
             self.points.push(point);
             self.cells.entry(self.cell(point)).or_default().push(name);
@@ -216,7 +227,7 @@ mod tests {
     /// Rounding moves corners over the borders of any grid: names hold all the same.
     #[test]
     fn a_model_is_known_by_its_places_wherever_they_lie() {
-        let mut places = Places::new(1e-5);
+        let mut places = Places::new(1.0);
         let mut random = fantex_base::Random::new(4);
         // Every one lies where two cells meet.
         let points: Vec<DVec3> = (0..300)
@@ -224,9 +235,23 @@ mod tests {
             .collect();
         let names: Vec<u32> = points.iter().map(|&p| places.name(p)).collect();
         for (&p, &name) in points.iter().zip(&names) {
-            let moved = p + DVec3::from_array([0; 3].map(|_| (random.unit() - 0.5) * 1e-6));
+            let moved = p + DVec3::from_array([0; 3].map(|_| (random.unit() - 0.5) * 2e-7));
             assert_eq!((places.find(moved), places.name(moved)), (Some(name), name));
+            let moved = p + DVec3::from_array([0; 3].map(|_| (random.unit() - 0.5) * 8e-6));
+            assert_eq!(places.find(moved), Some(name));
         }
         assert_eq!(places.find(DVec3::splat(0.5)), None);
+    }
+
+    #[test]
+    fn small_details_are_told_apart() {
+        for spacing in [6e-7, 2e-6, 6e-6, 9.5e-6, 1e-4] {
+            let mut places = Places::new(1.0);
+            let points: Vec<DVec3> =
+                (0..81).map(|k| DVec3::new(f64::from(k % 9), f64::from(k / 9), 0.0) * spacing).collect();
+            let names: Vec<u32> = points.iter().map(|&p| places.name(p)).collect();
+            assert_eq!(names, (0..81).collect::<Vec<u32>>());
+            assert!(points.iter().zip(names).all(|(&p, name)| places.find(p) == Some(name)), "{spacing}");
+        }
     }
 }

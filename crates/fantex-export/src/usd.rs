@@ -35,7 +35,7 @@ pub(crate) fn write_usda(
     writeln!(out, "    def Scope \"Materials\"\n    {{")?;
     let default_material = Material::default();
     for (material, sheet) in geometry.looks() {
-        let graph = Graph::of_sheet(pictures, sheet);
+        let graph = Graph::of_sheet(pictures, sheet, &mesh.materials);
         let material =
             (mesh.materials.get(material).unwrap_or(&default_material), surface_name((material, sheet)));
         write_material(&mut out, &graph, material, pictures.color_space())?;
@@ -189,7 +189,7 @@ fn write_shader(
             Input::Value(value) => match *kind {
                 "filename" => writeln!(
                     out,
-                    " = @./{value}@ (\n                    colorSpace = \"{space}\"\n                )"
+                    " = @@@./{value}@@@ (\n                    colorSpace = \"{space}\"\n                )"
                 )?,
                 "string" => writeln!(out, " = \"{value}\"")?,
                 "color3" => writeln!(out, " = ({value})")?,

@@ -20,7 +20,7 @@ use crate::addresses::{is_object, watched};
 use crate::coarse::FinerSurface;
 use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node};
 use crate::preview::{CancelOnly, border_vertices};
-use crate::split::{left_behind, name_of_generation, numbered_name};
+use crate::split::{assets_of_others, left_behind, name_of_generation, numbered_name};
 use crate::staging::Staging;
 use crate::{PreviewOptions, World};
 
@@ -85,9 +85,14 @@ pub(crate) fn make_coarse(
 }
 
 impl MadeCoarse {
+    /// They stay, whatever becomes of the index.
+    pub(crate) fn keep(&mut self) {
+        self.files.written.clear();
+    }
+
     /// The index that names them is there: they stay, and those that they replace go. Returns what is to be known.
     pub(crate) fn stay(mut self) -> Vec<String> {
-        self.files.written.clear();
+        self.keep();
         let old = &self.files.old;
         for (number, place) in old.iter().enumerate() {
             if let Err(error) = remove(place) {
@@ -347,7 +352,7 @@ struct Files {
     generation: u32,
     next: usize,
     written: Vec<PathBuf>,
-    /// Places of those of earlier times.
+    /// Places of those of earlier times: neither an object of this world nor named by another index in the folder.
     old: Vec<PathBuf>,
 }
 
@@ -360,11 +365,16 @@ impl Files {
         let prefix = format!("{}-coarse-", stem.replace(['\\', ':'], "_"));
         let mut files = Self { prefix, generation: 1, next: 0, written: Vec::new(), old: Vec::new() };
         let mut names: Vec<String> = world.coarse.iter().map(|coarse| coarse.asset.clone()).collect();
+        let mut kept: HashSet<String> =
+            world.objects.iter().filter_map(|object| World::path_below(&object.asset)).collect();
         if !is_object(index) {
             let folder = folder_of(index);
             let entries = folder.read_dir().map_err(|error| Error::writing(folder, error))?;
-            let there =
-                entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
+            let there: Vec<String> = entries
+                .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
+                .collect();
+            let own = folder.join(index.file_name().unwrap_or_default());
+            kept.extend(assets_of_others(folder, &there, &own)?);
             names.extend(there);
         }
         names.sort_unstable();
@@ -372,7 +382,7 @@ impl Files {
         names.retain(|name| files.is_own(name));
         let taken: HashSet<u32> =
             names.iter().filter_map(|name| Some(numbered_name(name, &[files.prefix.as_str()])?.1)).collect();
-        files.old = names.iter().map(|name| World::place_of(index, name)).collect();
+        files.old = names.iter().filter(|name| !kept.contains(*name)).map(|name| World::place_of(index, name)).collect();
         for generation in (1u32..).filter(|generation| !taken.contains(generation)) {
             files.generation = generation;
             let first = World::place_of(index, &files.name(0));

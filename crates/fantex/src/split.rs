@@ -471,7 +471,7 @@ fn names_in(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// What other indexes than `index` name in a folder: their assets stay.
-fn assets_of_others(folder: &Path, names: &[String], index: &Path) -> Result<HashSet<String>> {
+pub(crate) fn assets_of_others(folder: &Path, names: &[String], index: &Path) -> Result<HashSet<String>> {
     let others = names.iter().map(|name| folder.join(name));
     let mut assets = HashSet::new();
     for other in others.filter(|other| World::is_named(other) && other != index) {

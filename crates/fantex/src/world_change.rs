@@ -1,16 +1,17 @@
 //! Changes to the index of a world.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::files::check_folder_of;
-use fantex_base::{Error, Result, counted, input};
+use fantex_base::{Error, ErrorKind, Result, counted, input};
 use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
 use crate::addresses::{Target, is_object};
-use crate::coarse_objects::make_coarse;
+use crate::coarse_objects::{MadeCoarse, make_coarse};
 use crate::preview::CancelOnly;
 use crate::split::lock_index;
 use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
@@ -22,7 +23,8 @@ pub struct WorldChange<'a> {
     pub put: &'a [PathBuf],
     /// Assets to take out, by their names in the index or by their places; their files stay.
     pub remove: &'a [PathBuf],
-    /// Makes previews, like this, of all assets of the index that have none; these are changed in place.
+    /// Makes previews, like this, of all assets of the index that have none; these are changed in place. A preview gets a quarter of its
+    /// asset's texels at most, or 16 384.
     pub previews: Option<PreviewOptions>,
     /// Makes coarse assets, about as large as this, of all that have previews and for which no coarse asset of a split stands, beside the index:
     /// `NAME-coarse-0001.fan`, ... They take the place of those that were made so before. What is open at borders between assets stays.
@@ -76,15 +78,21 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
         remove(&mut world, index, asset)?;
         changed.removed += 1;
     }
-    let known: Vec<PathBuf> = match &change.previews {
-        Some(_) => world.objects.iter().map(|object| World::asset_place(index, object)).collect(),
+    // What the index names keeps its name.
+    let known: Vec<(PathBuf, String)> = match &change.previews {
+        Some(_) => {
+            let objects = world.objects.iter();
+            objects.map(|object| (World::asset_place(index, object), object.asset.clone())).collect()
+        }
         None => Vec::new(),
     };
     let total = (change.put.len() + known.len()) as u64;
-    let places = change.put.iter().map(|asset| (asset, true)).chain(known.iter().map(|asset| (asset, false)));
-    for (done, (place, is_named)) in (1..).zip(places) {
+    let put = change.put.iter().map(|asset| (asset, None));
+    let places = put.chain(known.iter().map(|(place, name)| (place, Some(name))));
+    for (done, (place, name)) in (1..).zip(places) {
         check_cancelled(progress)?;
-        let name = World::name_of(index, place)?;
+        let is_named = name.is_none();
+        let name = name.map_or_else(|| World::name_of(index, place), |name| Ok(name.clone()))?;
         let mut asset = open(place)?;
         let is_made = match &change.previews {
             Some(options) => make_preview(place, &mut asset, options, progress, &mut changed.notes)?,
@@ -110,15 +118,48 @@ pub fn change_world(index: &Path, change: &WorldChange<'_>, progress: &dyn Progr
         ));
     }
     check_cancelled(progress)?;
-    let target = Target::new(index)?;
-    world.write(target.file())?;
-    target.finish(&replace, &CancelOnly(progress))?;
+    let mut made = made;
+    put_index(index, &world, &replace, made.as_mut(), progress)?;
     if let Some(mut made) = made {
         changed.coarse_made = made.count;
         changed.notes.append(&mut made.notes);
         changed.notes.extend(made.stay());
     }
     Ok(WorldChanged { world, ..changed })
+}
+
+/// Writes the index. Where it lies in a store and that fails, nothing is kept of it: it is made anew in no time.
+fn put_index(
+    index: &Path,
+    world: &World,
+    replace: &Replace,
+    made: Option<&mut MadeCoarse>,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let target = Target::new(index)?;
+    world.write(target.file())?;
+    let Some(object) = target.object() else { return Ok(()) };
+    let go_on = || if progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let Err(error) = object.put(target.file(), replace, &|_, _| go_on()) else { return Ok(()) };
+    if matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::Conflict) {
+        return Err(error);
+    }
+    match World::open_to_change(index) {
+        // The answer was lost.
+        Ok(there) if there == World::open_to_change(target.file())? => Ok(()),
+        Err(unknown) if unknown.kind() == ErrorKind::Io => {
+            let left = match made {
+                Some(made) if made.count > 0 => {
+                    made.keep();
+                    ", so the coarse assets that were made stay there"
+                }
+                _ => "",
+            };
+            let index = index.display();
+            Err(error.leaving(format!("whether {index} is changed the store does not say{left}")))
+        }
+        _ => Err(error.leaving(format!("{} is as it was: run the command again", index.display()))),
+    }
 }
 
 fn check_cancelled(progress: &dyn Progress) -> Result<()> {
@@ -171,6 +212,9 @@ fn open(place: &Path) -> Result<Arc<Asset>> {
     open_asset(place).map(Arc::new)
 }
 
+/// A preview of a small asset has as many texels as asked for, up to so many: there must be tiles for all its triangles.
+const MIN_PREVIEW_TEXELS: u64 = 16_384;
+
 /// Gives an asset a preview where it has none; the asset is opened again.
 fn make_preview(
     place: &Path,
@@ -187,7 +231,9 @@ fn make_preview(
         return Ok(false);
     }
     let progress: &dyn Progress = &CancelOnly(progress);
-    Preview::add_at(place, options, [progress; 2])?;
+    let most = asset.cover().stored_texels(asset.mesh()) / 4;
+    let texels = options.texels.min(most.max(MIN_PREVIEW_TEXELS));
+    Preview::add_at(place, &PreviewOptions { texels, ..*options }, [progress; 2])?;
     *asset = open(place)?;
     Ok(true)
 }
@@ -195,7 +241,6 @@ fn make_preview(
 #[cfg(test)]
 mod tests {
     use fantex_bake::NoProgress;
-    use fantex_base::ErrorKind;
     use fantex_store::WriterLock;
 
     use super::*;

@@ -187,6 +187,48 @@ fn a_town_from_afar_is_one_coarse_asset() {
 }
 
 /// Vertices at edges of a single triangle, world units.
+/// Whatever is called like coarse assets: what this index or another one names stays, and names stay as they are.
+#[test]
+fn only_own_coarse_assets_are_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let index = folder.path().join("t.fanworld");
+    let ball = || icosphere(2);
+    let first = bake(folder.path(), "t-coarse-0001.fan", ball(), false, 20_000);
+    let second = bake(folder.path(), "b.fan", ball(), false, 20_000);
+    changed(&index, &[first.clone(), second], true, Some(100));
+    let made = |index: &Path| World::open(index).unwrap().coarse[0].asset.clone();
+    let backup = folder.path().join("backup.fanworld");
+    std::fs::copy(&index, &backup).unwrap();
+    let text = std::fs::read_to_string(&index).unwrap().replace("\"b.fan\"", "\"./b.fan\"");
+    std::fs::write(&index, text).unwrap();
+    changed(&index, &[], true, Some(100));
+    assert!(first.exists() && folder.path().join(made(&backup)).exists());
+    assert!(folder.path().join(made(&index)).exists() && made(&index) != made(&backup));
+    assert_eq!(World::open(&index).unwrap().objects.len(), 2);
+    for index in [&index, &backup] {
+        assert!(verify_world(index, &VerifyOptions::default(), &NoProgress).unwrap().ok);
+    }
+    std::fs::remove_file(&backup).unwrap();
+    changed(&index, &[], false, Some(100));
+    assert_eq!(coarse_files(folder.path()), ["t-coarse-0001.fan".to_owned(), made(&index)]);
+}
+
+#[test]
+fn previews_of_small_assets_are_smaller_than_these() {
+    let folder = tempfile::tempdir().unwrap();
+    let index = folder.path().join("t.fanworld");
+    let path = bake(folder.path(), "house.fan", icosphere(3), false, 60_000);
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    let change = WorldChange {
+        put: std::slice::from_ref(&path),
+        previews: Some(PreviewOptions::default()),
+        ..WorldChange::default()
+    };
+    assert_eq!(change_world(&index, &change, &NoProgress).unwrap().previews_made, 1);
+    let with_preview = std::fs::metadata(&path).unwrap().len();
+    assert!(with_preview < bytes + bytes * 6 / 10, "{bytes} {with_preview}");
+}
+
 fn border(mesh: &Mesh) -> Vec<DVec3> {
     let edges = Edges::of(&mesh.triangles);
     let borders = edges.iter().filter(|edge| edge.triangle_count() == 1);

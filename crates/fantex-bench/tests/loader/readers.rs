@@ -266,6 +266,20 @@ fn a_file_that_is_not_there_is_named() {
 }
 
 #[test]
+fn what_a_server_sends_piece_by_piece_is_put_together() {
+    let bytes: Vec<u8> = (0..48_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let server = Server::start(bytes.clone(), Manner::Short);
+    let source = Arc::new(HttpSource::new(&server.url(), 2));
+    let mut read = vec![0; 50_000];
+    assert_eq!(source.read_at(&mut read[..], 0).unwrap(), 48_000);
+    assert!(read[..48_000] == bytes);
+    assert_eq!(source.read_at(&mut read[..7000], 40_000).unwrap(), 7000);
+    assert!(read[..7000] == bytes[40_000..47_000]);
+    assert_eq!(source.length().unwrap(), 48_000);
+    check_reader(&mut http_reader(source, 2).unwrap(), &bytes);
+}
+
+#[test]
 fn broken_connections_and_busy_servers_are_asked_again() {
     for manner in [Manner::Drops, Manner::Busy] {
         let (baked, server) = served(manner);
@@ -342,6 +356,8 @@ pub(crate) enum Manner {
     Redirects,
     /// Sends a byte now and then.
     Dribbles,
+    /// Sends 5000 bytes at most at once, and tells the file's length at its end only.
+    Short,
 }
 
 struct Site {
@@ -468,11 +484,14 @@ impl Site {
             )?;
             return Ok(true);
         }
-        let last = last.min(length - 1);
+        let most = if self.manner == Manner::Short { first + 4999 } else { last };
+        let last = last.min(length - 1).min(most);
+        let is_told = self.manner != Manner::Short || last + 1 == length;
+        let told = if is_told { length.to_string() } else { "*".to_owned() };
         let body = &self.bytes[first as usize..=last as usize];
         write!(
             output,
-            "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {first}-{last}/{length}\r\nContent-Length: {}\r\n",
+            "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {first}-{last}/{told}\r\nContent-Length: {}\r\n",
             body.len()
         )?;
         if self.manner == Manner::Changes {

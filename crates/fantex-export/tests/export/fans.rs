@@ -128,6 +128,13 @@ fn files_keep_parts_and_materials() {
         text.contains("\"ND_convert_float_color3\"")
             && text.contains("color3f inputs:emission_color = (3, 1.5, 0)")
     );
+    // The other material is opaque, and this one is cut out at its threshold.
+    assert_eq!(text.matches("inputs:opacity.connect").count(), 1);
+    assert!(
+        text.contains("/opacity_from_0_25.outputs:out>") && text.contains("float inputs:value2 = 0.25"),
+        "{text}"
+    );
+    assert!(text.contains("@@@./fans-fans-base-color.png@@@"));
     // A shader for each material, with what is its own.
     let path = waves.path("shaded.gltf");
     let shaders = vec![ShaderLanguage::Godot, ShaderLanguage::Glsl];

@@ -12,7 +12,7 @@ use ureq::http::{HeaderValue, Response, header};
 
 use super::file::start_threads;
 use super::object::{SignedRequest, StoredObject};
-use super::ranges::{Answered, RangeAnswer, ended_early, other_range, server_error};
+use super::ranges::{Answered, RangeAnswer, ended_early, server_error};
 use super::{LaneReader, MAX_READ_BYTES, ReadBuffer, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
 
 /// A file on a web server, or an object in an object store. Connections are kept and shared by threads.
@@ -183,8 +183,22 @@ impl HttpSource {
         self.read_once(bytes, offset)
     }
 
-    /// Reads, in one request, the bytes from `offset` on; returns how many there were.
+    /// Reads the bytes from `offset` on, in one request unless the server sends fewer at once; returns how many there were.
     fn read_once(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        let mut filled = 0;
+        loop {
+            let next = offset.saturating_add(filled as u64);
+            let got = self.read_answer(&mut bytes[filled..], next)?;
+            filled += got;
+            let is_end = |length: &u64| next.saturating_add(got as u64) >= *length;
+            if got == 0 || filled == bytes.len() || self.length.get().is_some_and(is_end) {
+                return Ok(filled);
+            }
+        }
+    }
+
+    /// Reads, in one request, bytes from `offset` on; returns how many came.
+    fn read_answer(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
         let Some(last) = (bytes.len() as u64).checked_sub(1) else { return Ok(0) };
         let range = format!("bytes={offset}-{}", offset.saturating_add(last));
         let mut response = self.request(&range)?;
@@ -254,7 +268,9 @@ impl ByteSource for HttpSource {
         if self.length.get().is_none() {
             self.read_at(&mut [0], 0)?;
         }
-        self.length.get().copied().ok_or_else(other_range)
+        self.length.get().copied().ok_or_else(|| {
+            server_error(io::ErrorKind::InvalidData, "the server does not tell how long the file is")
+        })
     }
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {

@@ -7,7 +7,7 @@ pub(crate) fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> i
     io::Error::new(kind, message.into())
 }
 
-pub(crate) fn other_range() -> io::Error {
+fn other_range() -> io::Error {
     let message = "the server answered a range request with a range that was not asked for";
     server_error(io::ErrorKind::InvalidData, message)
 }
@@ -54,7 +54,7 @@ pub struct RangeAnswer<'a> {
 /// What an answer that can be used brings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answered {
-    /// Bytes of the body: fewer than asked for where the file ends before.
+    /// Bytes of the body: fewer than asked for where the file ends before, and where the server sends no more at once.
     pub length: usize,
     /// Bytes of the whole file, where the answer tells.
     pub total: Option<u64>,
@@ -77,11 +77,11 @@ impl RangeAnswer<'_> {
                 if first == offset && last >= first =>
             {
                 let count = (last - first).saturating_add(1).min(length as u64);
-                Ok(Answered { length: count as usize, total: Some(total) })
+                Ok(Answered { length: count as usize, total })
             }
             (206, _) => Err(other_range()),
             // The range lies beyond the end.
-            (416, range) => Ok(Answered { length: 0, total: range.map(|range| range.total) }),
+            (416, range) => Ok(Answered { length: 0, total: range.and_then(|range| range.total) }),
             (200, _) => {
                 let message = "the server sends only whole files: it does not support range requests, which streaming needs";
                 Err(server_error(io::ErrorKind::Unsupported, message))
@@ -102,7 +102,8 @@ impl RangeAnswer<'_> {
 /// A `Content-Range` header: first and last byte (none where the request could not be met), and the file's length.
 struct ContentRange {
     first_last: Option<(u64, u64)>,
-    total: u64,
+    /// None where the server does not know it.
+    total: Option<u64>,
 }
 
 fn parsed_range(value: &str) -> Option<ContentRange> {
@@ -114,7 +115,11 @@ fn parsed_range(value: &str) -> Option<ContentRange> {
             Some((first.parse().ok()?, last.parse().ok()?))
         }
     };
-    Some(ContentRange { first_last, total: total.trim().parse().ok()? })
+    let total = match total.trim() {
+        "*" if first_last.is_some() => None,
+        total => Some(total.parse().ok()?),
+    };
+    Some(ContentRange { first_last, total })
 }
 
 #[cfg(test)]
@@ -124,9 +129,10 @@ mod tests {
     #[test]
     fn content_ranges_are_understood_or_refused() {
         let parsed = |value: &str| parsed_range(value).map(|range| (range.first_last, range.total));
-        assert_eq!(parsed("bytes 0-8191/100000"), Some((Some((0, 8191)), 100_000)));
-        assert_eq!(parsed("bytes */17"), Some((None, 17)));
-        for wrong in ["bytes 0-1/*", "bytes 5/7", "items 0-1/2", "bytes a-b/c", ""] {
+        assert_eq!(parsed("bytes 0-8191/100000"), Some((Some((0, 8191)), Some(100_000))));
+        assert_eq!(parsed("bytes */17"), Some((None, Some(17))));
+        assert_eq!(parsed("bytes 0-1/*"), Some((Some((0, 1)), None)));
+        for wrong in ["bytes */*", "bytes 5/7", "items 0-1/2", "bytes a-b/c", ""] {
             assert_eq!(parsed(wrong), None, "{wrong}");
         }
     }
@@ -139,6 +145,7 @@ mod tests {
         let part = |range| answer(206, Some(range), Some("v1"));
         assert_eq!(check(part("bytes 100-149/1000")).ok(), ok(50, Some(1000)));
         assert_eq!(check(part("bytes 100-119/120")).ok(), ok(20, Some(120)));
+        assert_eq!(check(part("bytes 100-149/*")).ok(), ok(50, None));
         assert_eq!(check(answer(416, Some("bytes */90"), None)).ok(), ok(0, Some(90)));
         let all = format!("bytes 0-{}/{0}", u64::MAX);
         let whole = answer(206, Some(&all), None).check(0, 50, None);

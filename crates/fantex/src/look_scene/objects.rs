@@ -100,7 +100,7 @@ impl MaterialResolver<'_> {
             (None, Some(shape)) => (cleaned(model_of(shape))?, PathBuf::from("shape")),
             (Some(name), None) => {
                 let path = self.file.file(name);
-                if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
+                if is_asset(&path) {
                     return self.asset(&path, table, &key);
                 }
                 let mesh = load(&path, &LoadOptions::default()).and_then(cleaned);
@@ -121,7 +121,11 @@ impl MaterialResolver<'_> {
             return Err(self.file.error(&key.name("material"), Error::malformed(sentence)));
         }
         let asset = self.accept(&key.name("model"), Asset::open(path))?;
-        let cache = PageCache::new(Arc::new(asset), self.options.memory_bytes as usize);
+        // All assets share the memory.
+        let names = self.file.look().object.iter().filter_map(|object| object.model.as_ref());
+        let assets = names.filter(|name| is_asset(Path::new(&name.0))).count();
+        let memory_bytes = self.options.memory_bytes as usize / assets.max(1);
+        let cache = PageCache::new(Arc::new(asset), memory_bytes);
         Ok(Object {
             shape: Shape::Asset(Box::new(cache)),
             name: table.name.clone(),
@@ -137,6 +141,10 @@ impl MaterialResolver<'_> {
             world_from_object: placement(table),
         })
     }
+}
+
+fn is_asset(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("fan"))
 }
 
 fn cleaned(model: fantex_mesh::Model) -> Result<Mesh> {
