@@ -45,6 +45,12 @@ impl Source for AssetSource {
         let footprint = Footprint { lambda_steps: point.lambda_steps };
         for (channel, value) in values.iter_mut().enumerate() {
             *value = self.sampler.sample_channel(channel, point.at.clamped(), footprint);
+            if self.channels[channel].has_alpha
+                && self.sampler.mesh().alpha_mode(point.at.index()) == AlphaMode::Opaque
+            {
+                // What is stored there has no meaning: it may have been scaled with cut-outs beside it.
+                value.w = 1.0;
+            }
         }
     }
 }

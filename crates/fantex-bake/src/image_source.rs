@@ -260,7 +260,9 @@ impl ImageSource<'_> {
                 *value = match kind {
                     ChannelKind::BaseColor => {
                         let vertex_color = vertex_color(self.mesh, triangle, lambda_on_triangle(point));
-                        base_color(material, vertex_color, or_white(&means.base_color, index))
+                        let color = base_color(material, vertex_color, or_white(&means.base_color, index));
+                        // Opaque materials ignore alpha.
+                        if material.alpha == AlphaMode::Opaque { color.with_w(1.0) } else { color }
                     }
                     ChannelKind::Normal => {
                         let bent = means.normal.as_ref().and_then(|bends| {

@@ -261,7 +261,8 @@ impl TextureSource<'_> {
                     let base = value(&material.base_color);
                     let alpha = match material.opacity {
                         Opacity::Mask { .. } => material.opacity_at(at, base.w),
-                        Opacity::Opaque | Opacity::Blend => base.w * value(&material.alpha).x,
+                        Opacity::Opaque => 1.0,
+                        Opacity::Blend => base.w * value(&material.alpha).x,
                     };
                     color(base).extend(alpha)
                 }
@@ -340,6 +341,21 @@ fn constant(slot: &Slot) -> Option<Vec4> {
     }
 }
 
+/// The largest red, green and blue of a slot whose textures do not exceed 1 before their factors. (How bright a texture is cannot be known
+/// before it is asked everywhere.)
+fn max_value(slot: &Slot) -> Vec3 {
+    fn of_texture(texture: &dyn Texture) -> Vec3 {
+        let Some(texture_use) = texture.as_use() else { return Vec3::ONE };
+        let most = of_texture(&*texture_use.texture);
+        let most = if texture_use.channel.is_some() { Vec3::splat(most.max_element()) } else { most };
+        (texture_use.factor.rgba().truncate() * most).max(Vec3::ZERO) + texture_use.offset
+    }
+    match slot {
+        Slot::Constant(value) => value.truncate(),
+        Slot::Texture(texture) => of_texture(&**texture),
+    }
+}
+
 /// Base colour always; the others where something varies them.
 fn channels(materials: &[Arc<LookMaterial>]) -> Vec<SourceChannel> {
     let any = |test: &dyn Fn(&LookMaterial) -> bool| materials.iter().any(|m| test(m));
@@ -359,8 +375,8 @@ fn channels(materials: &[Arc<LookMaterial>]) -> Vec<SourceChannel> {
         channels.push(channel(ChannelKind::OcclusionRoughnessMetallic));
     }
     if any(&|m| varies(&m.emission)) {
-        // How bright a texture is cannot be known before it is asked everywhere.
-        channels.push(channel(ChannelKind::Emission));
+        let exceeds_one = any(&|m| max_value(&m.emission).max_element() > 1.0);
+        channels.push(SourceChannel { exceeds_one, ..channel(ChannelKind::Emission) });
     }
     if any(&|m| m.anisotropy.is_some()) {
         channels.push(channel(ChannelKind::Anisotropy));

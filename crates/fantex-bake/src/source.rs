@@ -339,6 +339,8 @@ pub(crate) struct SurfaceColors<'a> {
     pub(crate) base_color: Option<usize>,
     pub(crate) emission: Option<usize>,
     pub(crate) has_alpha: bool,
+    /// Of the base colour or the emission.
+    exceeds_one: bool,
 }
 
 impl<'a> SurfaceColors<'a> {
@@ -347,7 +349,8 @@ impl<'a> SurfaceColors<'a> {
         let position = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind);
         let (base_color, emission) = (position(ChannelKind::BaseColor), position(ChannelKind::Emission));
         let has_alpha = base_color.is_some_and(|c| channels[c].has_alpha);
-        Self { source, channels: channels.len(), base_color, emission, has_alpha }
+        let exceeds_one = [base_color, emission].into_iter().flatten().any(|c| channels[c].exceeds_one);
+        Self { source, channels: channels.len(), base_color, emission, has_alpha, exceeds_one }
     }
 
     /// The values of all channels.
@@ -374,12 +377,22 @@ impl<'a> LitSource<'a> {
 
 impl Source for LitSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
-        let has_alpha = self.colors.as_ref().is_some_and(|colors| colors.has_alpha);
-        vec![SourceChannel { has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
+        let colors = self.colors.as_ref();
+        let has_alpha = colors.is_some_and(|colors| colors.has_alpha);
+        let exceeds_one = colors.is_some_and(|colors| colors.exceeds_one);
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha, exceeds_one }]
     }
 
     fn jumps_at_creases(&self) -> bool {
         true
+    }
+
+    fn has_shares(&self) -> bool {
+        self.colors.as_ref().is_some_and(|colors| colors.source.has_shares())
+    }
+
+    fn damage(&self) -> Damage {
+        self.colors.as_ref().map_or_else(Damage::default, |colors| colors.source.damage())
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {

@@ -319,6 +319,10 @@ impl Source for TransferSource<'_> {
         self.channels.iter().any(|channel| channel.kind == ChannelKind::Normal)
     }
 
+    fn has_shares(&self) -> bool {
+        self.detail.is_some_and(Source::has_shares)
+    }
+
     fn damage(&self) -> Damage {
         self.detail.map_or_else(Damage::default, Source::damage)
     }
@@ -334,20 +338,41 @@ impl Source for TransferSource<'_> {
             let at = self.projector.find(at);
             self.value_at(at, steps, values);
             for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
-                // Colours count in proportion to their coverage.
-                let weight = if channel.has_alpha { value.w } else { 1.0 };
-                *sum += (value.truncate() * weight).extend(value.w);
+                *sum += match channel.kind {
+                    ChannelKind::Anisotropy => doubled_angle(*value, point.normal),
+                    // Colours count in proportion to their coverage.
+                    _ if channel.has_alpha => (value.truncate() * value.w).extend(value.w),
+                    _ => *value,
+                };
             }
         }
         for ((value, sum), channel) in values.iter_mut().zip(sums).zip(&self.channels) {
             let mean = sum * (share * share);
             *value = match channel.kind {
                 ChannelKind::Normal => sum.truncate().try_normalize().unwrap_or(point.normal).extend(0.0),
+                ChannelKind::Anisotropy => from_doubled_angle(mean, point.normal),
                 _ if channel.has_alpha && mean.w > 0.0 => (mean.truncate() / mean.w).extend(mean.w),
                 _ => mean,
             };
         }
     }
+}
+
+// Directions of stretched highlights are lines: their sign is arbitrary. They are averaged as vectors of twice their angle.
+
+/// A direction (xyz) and its strength, as a vector of twice its angle around the normal, as long as it is strong.
+fn doubled_angle(direction: Vec4, normal: Vec3) -> Vec4 {
+    let (x, y) = normal.any_orthonormal_pair();
+    let along = Vec2::new(direction.truncate().dot(x), direction.truncate().dot(y)).normalize_or_zero();
+    (along.rotate(along) * direction.w).extend(0.0).extend(0.0)
+}
+
+/// The unit direction of that vector, and its strength.
+fn from_doubled_angle(doubled: Vec4, normal: Vec3) -> Vec4 {
+    let (x, y) = normal.any_orthonormal_pair();
+    let doubled = doubled.truncate().truncate();
+    let along = Vec2::from_angle(0.5 * doubled.to_angle());
+    (x * along.x + y * along.y).extend(doubled.length())
 }
 
 // An ordinary normal map: an image over the coarse mesh's texture coordinates.

@@ -573,28 +573,33 @@ impl Shape {
         self.steps.map(|steps| Vec3::X + steps[0] * d.x + steps[1] * d.y)
     }
 
-    /// The nearest point of the border, and its squared distance in texels.
+    /// See [`nearest_of_border`].
     fn nearest(&self, at: Vec2) -> (Vec3, f32) {
-        // A point shows the mean of its triangle.
-        let mut best = (Vec3::splat(1.0 / 3.0), self.corners[0].distance_squared(at));
-        if self.corners[1] == self.corners[0] && self.corners[2] == self.corners[0] {
-            return best;
-        }
-        best.1 = f32::INFINITY;
-        for k in 0..3 {
-            let (from, to) = (self.corners[k], self.corners[(k + 1) % 3]);
-            let along = to - from;
-            let share = ((at - from).dot(along) / along.length_squared().max(1e-20)).clamp(0.0, 1.0);
-            let distance = (from + along * share).distance_squared(at);
-            if distance < best.1 {
-                let mut lambda = Vec3::ZERO;
-                lambda[k] = 1.0 - share;
-                lambda[(k + 1) % 3] = share;
-                best = (lambda, distance);
-            }
-        }
-        best
+        nearest_of_border(&self.corners, at)
     }
+}
+
+/// The point of a triangle's border that is nearest to a place, and its squared distance.
+pub(crate) fn nearest_of_border(corners: &[Vec2; 3], at: Vec2) -> (Vec3, f32) {
+    // A point shows the mean of its triangle.
+    let mut best = (Vec3::splat(1.0 / 3.0), corners[0].distance_squared(at));
+    if corners[1] == corners[0] && corners[2] == corners[0] {
+        return best;
+    }
+    best.1 = f32::INFINITY;
+    for k in 0..3 {
+        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        let along = to - from;
+        let share = ((at - from).dot(along) / along.length_squared().max(1e-20)).clamp(0.0, 1.0);
+        let distance = (from + along * share).distance_squared(at);
+        if distance < best.1 {
+            let mut lambda = Vec3::ZERO;
+            lambda[k] = 1.0 - share;
+            lambda[(k + 1) % 3] = share;
+            best = (lambda, distance);
+        }
+    }
+    best
 }
 
 // ---- Texels that are right when they are read bilinearly.

@@ -437,7 +437,8 @@ impl Lamp {
     fn seen_from(&self, point: Vec3) -> Option<Appearance> {
         match *self {
             Self::Directional { to_light, color, cos_radius } => {
-                Some(Appearance { axis: to_light, cos_radius, color })
+                // Over the directions of the light, the mean cosine to its middle is (1 + cos_radius) / 2.
+                Some(Appearance { axis: to_light, cos_radius, color: color * (2.0 / (1.0 + cos_radius)) })
             }
             Self::Ball { position, color, radius, cone } => {
                 let to_centre = position - point;

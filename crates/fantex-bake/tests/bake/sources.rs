@@ -4,21 +4,24 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::{
-    Fit, LookSource, MappedImageSource, SolidSource, Source, TexelPoint, VertexColorSource, baked_materials,
+    Fit, LightMapOptions, LightMapSource, LightQuantity, LightScene, LitSource, LookSource,
+    MappedImageSource, Reflector, SolidSource, Source, SourceChannel, SourceReflector, TexelPoint,
+    VertexColorSource, baked_materials,
 };
 use fantex_base::ErrorKind;
 use fantex_mesh::{
-    AlphaMode, ImageSource, Material, Mesh, ObjectSpace, SurfacePoint, TextureRef, WrapMode, generate,
-    interpolate,
+    AlphaMode, ImageSource, Material, Mesh, Model, ObjectSpace, SurfacePoint, TextureRef, WrapMode, generate,
+    interpolate, lambda_step,
 };
-use fantex_store::{ChannelKind, PageCache};
+use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
+use fantex_texture::combine::{Factor, TextureUse};
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{
     Anisotropy, Difference, LookMaterial, NormalSpace, Opacity, Relief, Slot, TangentSpace,
 };
 use fantex_texture::{
-    ColorSpace, Image, ImageTexture, MappingKind, Marble, NoiseOptions, NoiseTexture, Samples, ShadingPoint,
-    SolidTexture, Texture, Wrap,
+    ColorSpace, Filter, FilterOptions, Image, ImageTexture, MappingKind, Marble, NoiseOptions, NoiseTexture,
+    Samples, ShadingPoint, SolidTexture, Texture, Wrap,
 };
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
@@ -193,6 +196,139 @@ fn cut_outs_beside_what_is_opaque_keep_their_coverage() {
     assert_coverage(mesh, 256);
 }
 
+/// Discs on a square lattice, cut out.
+fn discs(cells: f32) -> Vec<Arc<LookMaterial>> {
+    let cut_out = LookMaterial {
+        base_color: Slot::Texture(Arc::new(Discs { cells, radius: 0.3 })),
+        opacity: Opacity::Mask { threshold: 0.7 },
+        ..LookMaterial::default()
+    };
+    vec![Arc::new(cut_out)]
+}
+
+fn dim_sky(_: Vec3) -> Vec3 {
+    Vec3::splat(0.25)
+}
+
+/// A source in the same light everywhere.
+fn lit<'a>(mesh: &'a Mesh, source: &'a dyn Source, reflector: &'a dyn Reflector) -> LitSource<'a> {
+    let scene = LightScene { lights: Vec::new(), sky: &dim_sky, reflector };
+    let options =
+        LightMapOptions { quantity: LightQuantity::Direct, samples: 4, denoise: false, ..Default::default() };
+    LitSource::new(LightMapSource::new(mesh, &scene, options).unwrap(), Some(source))
+}
+
+/// Holes are finer than texels: their alpha is a share.
+#[test]
+fn light_keeps_the_coverage_of_cut_outs() {
+    let mut mesh = cleaned(generate::grid(4));
+    let materials = discs(500.0);
+    mesh.materials = baked_materials(&materials);
+    let source = LookSource::new(&mesh, materials, 0.0).unwrap();
+    let reflector = |_: SurfacePoint| Vec3::ONE;
+    let source = lit(&mesh, &source, &reflector);
+    let baked = baked(&mesh, &cover(&mesh, 128, 20_000), &source, &float_options(Fit::Sharp));
+    for level in 0..3 {
+        let (mut there, mut all) = (0.0, 0.0);
+        for triangle in 0..mesh.triangles.len() {
+            for lambda in barycentric_points(16) {
+                there += f32::from(u8::from(sample(&baked.cache, 0, level, triangle, lambda).w >= 0.5));
+                all += 1.0;
+            }
+        }
+        let covered = there / all;
+        assert!((covered - std::f32::consts::PI * 0.09).abs() < 0.06, "level {level}: {covered}");
+    }
+}
+
+/// Many cards beside each other, a tile for each, from so far that a card is a few pixels or less.
+#[test]
+fn cut_outs_are_as_dense_from_afar() {
+    const CARDS: u32 = 20;
+    let mut model = Model::default();
+    for card in 0..CARDS * CARDS {
+        let first = model.positions.len() as u32;
+        let corner = DVec3::new(f64::from(card % CARDS), 0.0, f64::from(card / CARDS));
+        let corners = [DVec3::ZERO, DVec3::Z, DVec3::new(1.0, 0.0, 1.0), DVec3::X];
+        model.positions.extend(corners.map(|offset| corner * 1.25 + offset));
+        model.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|t| t.map(|v| v + first)));
+    }
+    let mut mesh = cleaned(model);
+    let card = (1.0 / mesh.world_from_mesh.scale) as f32;
+    let materials = discs(100.0);
+    mesh.materials = baked_materials(&materials);
+    let source = LookSource::new(&mesh, materials, 0.0).unwrap();
+    let baked = baked(&mesh, &cover(&mesh, 64, 100_000), &source, &float_options(Fit::Sharp));
+    let filter = FilterOptions { filter: Filter::Trilinear, ..FilterOptions::default() };
+    let sampler = Sampler::of_cache(&baked.cache, filter);
+    for pixels in [16.0, 4.0, 2.0, 1.2, 0.9, 0.5, 0.1] {
+        let (mut there, mut all) = (0.0, 0.0);
+        for triangle in 0..mesh.triangles.len() {
+            let corners = mesh.triangle_positions(triangle);
+            let lambda_steps = [Vec3::X, Vec3::Z].map(|side| lambda_step(corners, side * (card / pixels)));
+            for lambda in barycentric_points(9) {
+                let at = SurfacePoint { triangle: triangle as u32, lambda };
+                let value = sampler.sample_channel(0, at, Footprint { lambda_steps });
+                there += f32::from(u8::from(value.w >= 0.5));
+                all += 1.0;
+                let color = value.truncate();
+                assert!(color.distance(Vec3::new(0.2, 0.6, 0.1)) < 0.01, "{pixels} pixels: {color}");
+            }
+        }
+        let covered = there / all;
+        eprintln!("{pixels} pixels: {covered}");
+        assert!((covered - std::f32::consts::PI * 0.09).abs() < 0.07, "{pixels} pixels: {covered}");
+    }
+}
+
+/// Materials that are opaque have no holes, also beside others that have.
+#[test]
+fn opaque_materials_ignore_alpha_beside_cut_outs() {
+    let opaque = Material { base_color: Vec4::new(0.7, 0.2, 0.3, 0.0), ..Material::default() };
+    let cut_out = Material { alpha: AlphaMode::Mask(0.5), ..opaque.clone() };
+    let mesh = two_materials([cut_out, opaque], Vec::new());
+    let look = |opacity| {
+        let (base_color, alpha) = (Slot::Constant(Vec4::new(0.7, 0.2, 0.3, 1.0)), Slot::number(0.0));
+        Arc::new(LookMaterial { base_color, alpha, opacity, ..LookMaterial::default() })
+    };
+    let looks = vec![look(Opacity::Mask { threshold: 0.5 }), look(Opacity::Opaque)];
+    let looks = LookSource::new(&mesh, looks, 0.0).unwrap();
+    for source in [LookSource::of_model(&mesh).unwrap(), looks] {
+        let reflector = SourceReflector::new(&mesh, &source);
+        for triangle in 0..mesh.triangles.len() {
+            let point = texels(&mesh, triangle)[75];
+            let mut values = vec![Vec4::NAN; source.channels().len()];
+            source.evaluate(&point, &mut values);
+            let is_there = is_right(&mesh, triangle);
+            assert_eq!(values[0], Vec4::new(0.7, 0.2, 0.3, f32::from(u8::from(is_there))));
+            assert_eq!(reflector.is_solid(point.at), is_there);
+        }
+    }
+}
+
+#[test]
+fn emission_may_exceed_one_where_factors_or_constants_do() {
+    let mesh = dressed();
+    let use_of = |factor: f32| -> Slot {
+        let factor = Factor::Number(factor);
+        Slot::Texture(Arc::new(TextureUse { factor, ..TextureUse::plain(image()) }))
+    };
+    let exceeds_one = |emissions: Vec<Slot>| {
+        let look = |emission| Arc::new(LookMaterial { emission, ..LookMaterial::default() });
+        let source = LookSource::new(&mesh, emissions.into_iter().map(look).collect(), 0.0).unwrap();
+        let emits = |channels: Vec<SourceChannel>| channels.last().unwrap().exceeds_one;
+        let reflector = |_: SurfacePoint| Vec3::ONE;
+        let of_lit = emits(lit(&mesh, &source, &reflector).channels());
+        assert_eq!(source.channels()[1].kind, ChannelKind::Emission);
+        assert_eq!(of_lit, emits(source.channels()));
+        of_lit
+    };
+    assert!(exceeds_one(vec![use_of(4.0)]));
+    assert!(exceeds_one(vec![use_of(0.5), Slot::number(4.0)]));
+    assert!(!exceeds_one(vec![use_of(1.0), Slot::number(0.5)]));
+    assert!(!exceeds_one(vec![use_of(0.25), Slot::Texture(image())]));
+}
+
 #[test]
 fn constant_images_are_constant_through_every_mapping() {
     let mesh = cleaned(generate::torus(16, 10));
@@ -311,7 +447,7 @@ fn two_materials_keep_to_their_triangles() {
 
     let baked = baked(&mesh, &cover(&mesh, 64, 60_000), &source, &float_options(Fit::Sharp));
     let at_white = Vec4::new(0.1, 0.5, 0.9, 0.2);
-    assert_gives(&baked.cache, 0, 0.01, by_side(at_white, Vec4::new(0.7, 0.2, 0.3, 0.5)));
+    assert_gives(&baked.cache, 0, 0.01, by_side(at_white, Vec4::new(0.7, 0.2, 0.3, 1.0)));
     assert_gives(
         &baked.cache,
         1,

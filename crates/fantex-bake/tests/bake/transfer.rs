@@ -6,7 +6,7 @@ use fantex_bake::{
 };
 use fantex_mesh::{
     CleanOptions, DisplaceOptions, LoadOptions, Material, Mesh, Refinement, SurfacePoint, TriangleBvh, clean,
-    corner_tangents, displace, generate, interpolate, load, shading_normals,
+    corner_tangents, displace, generate, interpolate, lambda_step, load, shading_normals,
 };
 use fantex_store::{ChannelKind, TileId, TileSource, TileTexels};
 use fantex_texture::Image;
@@ -330,6 +330,53 @@ impl Source for OfTriangle {
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = self.0[point.at.index()];
     }
+}
+
+/// Highlights that are stretched along x, all over a plane; their direction is to and fro by turns.
+struct ToAndFro;
+
+impl Source for ToAndFro {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel::new(ChannelKind::Anisotropy)]
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        values[0] = Vec3::new(1.0_f32.copysign(point.position.x), 0.0, 0.05).extend(0.8);
+    }
+}
+
+#[test]
+fn directions_that_differ_by_their_sign_do_not_cancel() {
+    let mesh = cleaned(generate::grid(3));
+    let options = TransferOptions { normals: false, ..TransferOptions::default() };
+    let source = TransferSource::new(&mesh, &mesh, Some(&ToAndFro), &options).unwrap();
+    let triangle = (0..mesh.triangles.len())
+        .find(|&t| {
+            mesh.triangle_positions(t).iter().any(|p| p.x < -0.01)
+                && at(&mesh, t, Vec3::splat(1.0 / 3.0)).x > 0.0
+        })
+        .unwrap();
+    let corners = mesh.triangle_positions(triangle);
+    let first = corners.iter().position(|p| p.x < -0.01).unwrap();
+    let other = corners.iter().position(|p| p.x > 0.01).unwrap();
+    // Where the side between them crosses the seam.
+    let share = corners[first].x / (corners[first].x - corners[other].x);
+    let mut lambda = Vec3::ZERO;
+    lambda[first] = 1.0 - share;
+    lambda[other] = share;
+    let lambda = lambda * 0.9 + Vec3::splat(0.1 / 3.0);
+    let steps = [Vec3::X * 0.3, Vec3::Z * 0.3];
+    let point = TexelPoint {
+        at: SurfacePoint { triangle: triangle as u32, lambda },
+        lambda_steps: steps.map(|step| lambda_step(corners, step)),
+        position: at(&mesh, triangle, lambda),
+        position_steps: steps,
+        normal: mesh.facet_normal(triangle).as_vec3(),
+    };
+    let mut values = [Vec4::ZERO];
+    source.evaluate(&point, &mut values);
+    let [x, _, z, strength] = values[0].to_array();
+    assert!(x.abs() > 0.99 && z.abs() < 0.1 && (strength - 0.8).abs() < 0.01, "{}", values[0]);
 }
 
 /// Smooth normals beside the upper edges of the inner box point at the lid of the outer one, which is nearer than its walls.
