@@ -144,6 +144,17 @@ pub(crate) fn vector(text: &str) -> Result<DVec3> {
     }
 }
 
+/// Parses a direction: `X,Y,Z`, not all zero in single precision.
+pub(crate) fn direction(text: &str) -> Result<DVec3> {
+    let direction = vector(text)?;
+    match direction.as_vec3() {
+        single if single.is_finite() && single != Vec3::ZERO => Ok(direction),
+        _ => Err(Error::invalid(
+            "expected a direction, such as 1,2,0.5; numbers this small or large give none",
+        )),
+    }
+}
+
 /// Parses a picture's size: `1280x720`.
 pub(crate) fn size(text: &str) -> Result<[u32; 2]> {
     let side = |s: &str| s.parse().ok().filter(|&n: &u32| n > 0);
@@ -234,15 +245,23 @@ pub(crate) fn known_extension(path: &Path) -> Option<&'static str> {
     KNOWN.into_iter().find(|known| extension.eq_ignore_ascii_case(known))
 }
 
-/// Refuses the name of a picture or a model for an asset.
-pub(crate) fn check_asset_name(path: &Path) -> Result<()> {
-    match known_extension(path) {
-        Some(extension) => Err(Error::invalid(format!(
-            "{} would be an asset, and .{extension} is the name of something else; give a name that ends in .fan",
+/// Refuses the name of an asset that ends in something else than `.fan`. `others`: what may be written there instead.
+pub(crate) fn check_asset_name(path: &Path, others: &str) -> Result<()> {
+    let Some(extension) = path.extension().filter(|e| !e.eq_ignore_ascii_case("fan")) else { return Ok(()) };
+    let (path, extension) = (path.display(), extension.display());
+    Err(Error::invalid(format!(
+        "{path} would be an asset, and .{extension} is the name of something else; give a name that ends in .fan{others}"
+    )))
+}
+
+/// Refuses the name of a picture or a model for `what`, whose names have no extension of their own but usually `usual`.
+pub(crate) fn check_is_no_model_name(path: &Path, what: &str, usual: &str) -> Result<()> {
+    known_extension(path).map_or(Ok(()), |extension| {
+        Err(Error::invalid(format!(
+            "{} would be {what}, and .{extension} is the name of something else; give a name such as {usual}",
             path.display()
-        ))),
-        None => Ok(()),
-    }
+        )))
+    })
 }
 
 /// True for files that are named `.toml`.

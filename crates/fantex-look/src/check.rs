@@ -209,14 +209,13 @@ impl<'s> Checker<'s> {
         let (least, most) = (limit("minItems").unwrap_or(0), limit("maxItems"));
         if list.len() < least || most.is_some_and(|most| list.len() > most) {
             let expected = match most {
-                Some(most) if most == least => format!("{least} entries"),
+                Some(most) if most == least => entries(least),
                 Some(most) => format!("{least} to {most} entries"),
-                None => format!("{least} or more entries"),
+                None => format!("at least {}", entries(least)),
             };
-            return Err(place.mistake(problem::unexpected(
-                &format!("a list of {expected}"),
-                &format!("{} entries", list.len()),
-            )));
+            return Err(
+                place.mistake(problem::unexpected(&format!("a list of {expected}"), &entries(list.len())))
+            );
         }
         let Some(items) = schema.get("items") else { return Ok(()) };
         list.iter().enumerate().try_for_each(|(index, entry)| self.value(items, &place.entry(index, entry)))
@@ -394,6 +393,10 @@ fn unexpected(expected: &str, found: &DeValue<'_>) -> Error {
     problem::unexpected(expected, &found)
 }
 
+fn entries(count: usize) -> String {
+    format!("{count} {}", if count == 1 { "entry" } else { "entries" })
+}
+
 fn phrase(schema: &Value) -> String {
     if let Some(title) = schema.get("title").and_then(Value::as_str) {
         return title.to_owned();
@@ -409,7 +412,9 @@ fn phrase(schema: &Value) -> String {
         .find(|name| has_type(schema, name));
     match name {
         Some("array") => match (schema.get("minItems"), schema.get("maxItems")) {
-            (Some(least), Some(most)) if least == most => format!("a list of {least} entries"),
+            (Some(least), Some(most)) if least == most => {
+                format!("a list of {}", entries(least.as_u64().unwrap_or(0) as usize))
+            }
             _ => "a list".into(),
         },
         Some("object") => "a table".into(),

@@ -13,8 +13,11 @@
 mod adjacency;
 mod angle;
 mod clean;
+mod counts;
 mod displace;
 mod fans;
+#[cfg(not(target_arch = "wasm32"))]
+mod fronts;
 pub mod generate;
 mod load;
 mod material;

@@ -5,18 +5,26 @@
 //! pieces go that are smaller than the error. Where that does not get near the number that is wanted, as on many non-manifold pieces,
 //! vertices are united within the cells of a grid (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering
 //! complex scenes", 1993).
+//!
+//! Of parts with triangles on both sides only the fronts collapse, so that their rims are borders; the backs follow.
 
-use fantex_base::{Error, Result, UnionFind, input};
+use fantex_base::{Error, Result, UnionFind, counted, input};
 use meshoptimizer_rs::{
     Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, VertexFlags, Workspace,
     simplify_sloppy, simplify_with_attributes,
 };
 
+use crate::fronts::Fronts;
 use crate::{Mesh, Model};
 
 /// Results with more triangles than so many times the number wanted are made coarser by a grid; with fewer than that part of it, loose
 /// pieces stay.
 const TOLERATED_EXCESS: usize = 2;
+
+/// Where some triangles have backs and others have none, so many of both are left only by trying: at most so often, or until the number
+/// is that near to the one that is wanted, as a part of it.
+const MAX_TRIES: usize = 3;
+const TOLERATED_MISS: f64 = 0.05;
 
 /// Triangles that a material keeps at least.
 const MIN_TRIANGLES: usize = 8;
@@ -107,39 +115,90 @@ impl Simplifier {
         if triangles.len() <= wanted {
             return Ok(triangles);
         }
-        let positions = Positions::from_packed(&self.positions);
-        let failed = |error| match error {
-            meshoptimizer_rs::Error::LimitExceeded | meshoptimizer_rs::Error::AllocationFailed => {
-                let count = triangles.len();
-                Error::too_large(format!(
-                    "making {count} triangles coarser takes more memory than is left of what is allowed; allow more"
-                ))
-            }
-            error => Error::unsupported(format!("the mesh cannot be made coarser: {error}")),
-        };
-        let none = Attributes::from_interleaved(&[], self.positions.len(), 0, 0, 0).map_err(failed)?;
-        let (flags, workspace) = (Some(self.flags.as_slice()), &mut self.workspace);
-        let mut collapsed = |options| {
-            // The error is in extents of the mesh: the number alone decides.
-            let settings = SimplifySettings { target_index_count: 3 * wanted, target_error: 1.0, options };
-            let indices = triangles.as_flattened();
-            simplify_with_attributes(indices, positions, none, &[], flags, settings, workspace)
-                .map(|fewer| fewer.indices)
-                .map_err(failed)
-        };
+        let fronts = Fronts::of(&triangles, self.positions.len());
+        let mut collapsed = |options| self.collapsed(&fronts, triangles.len(), wanted, options);
         if !may_lose_pieces {
-            return collapsed(SimplifyOptions::EMPTY).map(|left| left.as_chunks::<3>().0.to_vec());
+            return collapsed(SimplifyOptions::EMPTY);
         }
         let mut left = collapsed(SimplifyOptions::PRUNE)?;
         // Where no more edges can collapse, pieces go whatever their size; it may be the whole mesh.
-        if left.len() * TOLERATED_EXCESS < 3 * wanted {
+        if left.len() * TOLERATED_EXCESS < wanted {
             left = collapsed(SimplifyOptions::EMPTY)?;
         }
-        if left.len() > 3 * TOLERATED_EXCESS * wanted {
-            let rough = simplify_sloppy(&left, positions, None, 3 * wanted, 1.0, workspace);
-            left = rough.map_err(failed)?.indices;
+        if left.len() > TOLERATED_EXCESS * wanted {
+            let positions = Positions::from_packed(&self.positions);
+            let indices = left.as_flattened();
+            let rough = simplify_sloppy(indices, positions, None, 3 * wanted, 1.0, &mut self.workspace);
+            left = rough.map_err(|e| failed(e, triangles.len()))?.indices.as_chunks::<3>().0.to_vec();
         }
-        Ok(if left.is_empty() { triangles } else { left.as_chunks::<3>().0.to_vec() })
+        Ok(if left.is_empty() { triangles } else { left })
+    }
+
+    /// What is left of `count` triangles when edges between fronts have collapsed, with its backs.
+    fn collapsed(
+        &mut self,
+        fronts: &Fronts,
+        count: usize,
+        wanted: usize,
+        options: SimplifyOptions,
+    ) -> Result<Vec<[u32; 3]>> {
+        let vertex_count = self.positions.len();
+        for &vertex in &fronts.shared {
+            self.positions.push(self.positions[vertex as usize]);
+        }
+        let mut flags = self.flags.clone();
+        flags.resize(self.positions.len(), VertexFlags::LOCK);
+        fronts.shared.iter().for_each(|&vertex| flags[vertex as usize] = VertexFlags::LOCK);
+        let left = self.collapsed_fronts(fronts, &flags, count, wanted, options);
+        self.positions.truncate(vertex_count);
+        Ok(fronts.with_backs(&left?))
+    }
+
+    fn collapsed_fronts(
+        &mut self,
+        fronts: &Fronts,
+        flags: &[VertexFlags],
+        count: usize,
+        wanted: usize,
+        options: SimplifyOptions,
+    ) -> Result<Vec<[u32; 3]>> {
+        let positions = Positions::from_packed(&self.positions);
+        let failed = |error| failed(error, count);
+        let none = Attributes::from_interleaved(&[], self.positions.len(), 0, 0, 0).map_err(failed)?;
+        let indices = fronts.triangles.as_flattened();
+        let mut target = (wanted * fronts.triangles.len() / count).max(1);
+        let mut tries = 0;
+        loop {
+            // The error is in extents of the mesh: the number alone decides.
+            let settings = SimplifySettings { target_index_count: 3 * target, target_error: 1.0, options };
+            let workspace = &mut self.workspace;
+            let left =
+                simplify_with_attributes(indices, positions, none, &[], Some(flags), settings, workspace)
+                    .map_err(failed)?
+                    .indices;
+            let left = left.as_chunks::<3>().0;
+            tries += 1;
+            let left_count = fronts.count_with_backs(left);
+            let is_near = left_count.abs_diff(wanted) as f64 <= TOLERATED_MISS * wanted as f64;
+            // What keeps more than its target cannot have less.
+            let may_come_nearer = fronts.is_mixed() && !left.is_empty() && left.len() <= target;
+            if is_near || !may_come_nearer || tries == MAX_TRIES {
+                return Ok(left.to_vec());
+            }
+            target = (target * wanted / left_count).clamp(1, fronts.triangles.len());
+        }
+    }
+}
+
+fn failed(error: meshoptimizer_rs::Error, count: usize) -> Error {
+    match error {
+        meshoptimizer_rs::Error::LimitExceeded | meshoptimizer_rs::Error::AllocationFailed => {
+            let triangles = counted(count, "triangle");
+            Error::too_large(format!(
+                "making {triangles} coarser takes more memory than is left of what is allowed; allow more"
+            ))
+        }
+        error => Error::unsupported(format!("the mesh cannot be made coarser: {error}")),
     }
 }
 

@@ -8,10 +8,11 @@ use std::path::Path;
 
 use fantex_base::files::{exists, write_whole};
 use fantex_base::srgb::srgb_from_linear;
-use fantex_base::{Error, ErrorKind, Result};
+use fantex_base::{Error, ErrorKind, Result, counted};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::ModelFormat;
+use crate::counts::there_are;
 use crate::load::about;
 
 /// Geometry to write.
@@ -82,12 +83,14 @@ fn check(path: &Path, geometry: &WriteGeometry) -> Result<()> {
     let is_bad = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= count);
     if let Some(triangle) = geometry.triangles.iter().position(is_bad) {
         let index = geometry.triangles[triangle].into_iter().max().unwrap_or_default();
-        let sentence = format!("triangle {triangle} refers to position {index}, but there are {count}");
+        let there_are = there_are(count);
+        let sentence = format!("triangle {triangle} refers to position {index}, but {there_are}");
         return Err(invalid(sentence));
     }
     match geometry.colors {
         Some(colors) if colors.len() != count => {
-            Err(invalid(format!("there are {} colours for {count} positions", colors.len())))
+            let (colors, positions) = (counted(colors.len(), "colour"), counted(count, "position"));
+            Err(invalid(format!("it has {colors} for {positions}")))
         }
         _ => Ok(()),
     }

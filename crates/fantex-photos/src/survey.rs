@@ -1,14 +1,16 @@
 //! The survey: every photograph is read once, and asked what it sees.
 
+use std::path::Path;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, ReadLimits, Result};
+use fantex_base::{Error, ReadLimits, Result, input};
 use fantex_mesh::{Mesh, corner_normals, interpolate, morton};
 use fantex_texture::Image;
 use glam::{DVec2, Vec3};
 use half::f16;
+use image::{ColorType, ImageDecoder as _, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
 use crate::pyramid::{PageReader, PageStore, Pyramid, level_for_width};
@@ -19,10 +21,12 @@ use crate::{PhotoOptions, Photograph, scratch_error};
 
 /// Side of the patch around a probe whose colour is taken, mesh units: large beside errors of the cameras, small beside the model.
 const PATCH: f32 = 0.006;
-/// Bytes that reading a photograph takes per pixel: decoded, as its finest level, and the next one.
-const BYTES_PER_PIXEL: u64 = 9;
-/// The same with a mask.
-const MASKED_BYTES_PER_PIXEL: u64 = 12;
+/// Bytes per pixel of a photograph's finest level, and the next one: of images with 8 bits, and of others.
+const LEVEL_BYTES: [u64; 2] = [6, 10];
+/// Bytes per pixel of a mask.
+const MASK_BYTES: u64 = 3;
+/// Bytes that asking a photograph takes per probe: what it sees there, with which weight, resolution and colour.
+const PROBE_BYTES: u64 = 80;
 const BEST: usize = 4;
 /// Probes that see less of a mask than this are not seen.
 const MIN_ALPHA: f32 = 0.05;
@@ -130,7 +134,7 @@ pub(crate) fn survey(
     let total = photographs.iter().map(pixels).sum();
     let reading = Reading { mesh, probes: &probes, store, options, progress, done: AtomicU64::new(0), total };
     let limits = ReadLimits::current();
-    for (first, batch) in batches(photographs, options.memory_bytes / 2) {
+    for (first, batch) in batches(photographs, probes.spots.len(), options.memory_bytes / 2) {
         let read: Vec<Option<Surveyed>> = batch
             .par_iter()
             .enumerate()
@@ -159,11 +163,27 @@ fn pixels(photograph: &Photograph) -> u64 {
     photograph.camera.size.map(u64::from).iter().product()
 }
 
+/// Bytes that reading a photograph takes per pixel: decoded, and as levels. What the file's header does not tell is 8-bit RGB, as JPEG
+/// is, whose header is not worth reading the whole file.
+fn bytes_per_pixel(path: &Path) -> u64 {
+    let color = || {
+        let file = std::io::BufReader::new(input::open(path).ok()?);
+        let reader = ImageReader::new(file).with_guessed_format().ok()?;
+        match reader.format()? {
+            ImageFormat::Jpeg | ImageFormat::WebP => None,
+            _ => input::guarded(|| Some(reader.into_decoder().ok()?.color_type()))?,
+        }
+    };
+    let color = color().unwrap_or(ColorType::Rgb8);
+    let is_deep = color.bytes_per_pixel() > color.channel_count();
+    u64::from(color.bytes_per_pixel()) + LEVEL_BYTES[usize::from(is_deep)]
+}
+
 /// Runs of photographs that are read at the same time, with the index of the first.
-fn batches(photographs: &[Photograph], memory_bytes: u64) -> Vec<(usize, &[Photograph])> {
-    let bytes = |photograph: &Photograph| match photograph.mask {
-        Some(_) => pixels(photograph) * MASKED_BYTES_PER_PIXEL,
-        None => pixels(photograph) * BYTES_PER_PIXEL,
+fn batches(photographs: &[Photograph], probes: usize, memory_bytes: u64) -> Vec<(usize, &[Photograph])> {
+    let bytes = |photograph: &Photograph| {
+        let mask = photograph.mask.as_ref().map_or(0, |_| MASK_BYTES);
+        pixels(photograph) * (bytes_per_pixel(&photograph.path) + mask) + probes as u64 * PROBE_BYTES
     };
     let largest = photographs.iter().map(bytes).max().unwrap_or(1).max(1);
     let fitting = memory_bytes / largest;
@@ -585,13 +605,28 @@ mod tests {
         };
         let many = vec![photograph; 7];
         for memory in [0, 1 << 28, 1 << 40] {
-            let batches = batches(&many, memory);
+            let batches = batches(&many, 1000, memory);
             assert_eq!(batches.iter().map(|b| b.1.len()).sum::<usize>(), 7);
             assert!(batches.iter().all(|(first, batch)| first + batch.len() <= 7));
             if memory < 1 << 30 {
                 assert_eq!(batches.len(), 7, "one at a time");
             }
         }
+        // Pixels are not all: a mesh of many vertices takes more.
+        assert_eq!(batches(&many, 10_000_000, 1_500_000_000).len(), 7);
+    }
+
+    #[test]
+    fn the_header_tells_the_depth() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        image::RgbImage::new(4, 2).save(path("8.png")).unwrap();
+        image::RgbImage::new(4, 2).save(path("8.jpg")).unwrap();
+        image::ImageBuffer::<image::Rgb<u16>, _>::new(4, 2).save(path("16.png")).unwrap();
+        image::ImageBuffer::<image::Rgb<u16>, _>::new(4, 2).save(path("16.tif")).unwrap();
+        image::Rgb32FImage::new(4, 2).save(path("float.exr")).unwrap();
+        let names = ["8.png", "8.jpg", "16.png", "16.tif", "float.exr", "none.png"];
+        assert_eq!(names.map(|name| bytes_per_pixel(&path(name))), [9, 9, 16, 16, 22, 9]);
     }
 
     /// Points that each see three photographs of a ring, with known exposures and some highlights.

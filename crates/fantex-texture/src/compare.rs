@@ -2,7 +2,7 @@
 //!
 //! All measures look at what a display shows: sRGB-encoded colours, clamped to `[0,1]`; alpha is ignored.
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
@@ -38,7 +38,10 @@ pub fn compare_where(reference: &Image, test: &Image, counts: &[bool]) -> Result
     check_sizes(reference, test)?;
     let texels = reference.width as usize * reference.height as usize;
     if counts.len() != texels {
-        return Err(Error::invalid(format!("{} texels are to count or not, of {texels}", counts.len())));
+        return Err(Error::invalid(format!(
+            "what counts is said of {}, and the picture has {texels}",
+            counted(counts.len(), "texel")
+        )));
     }
     let all = every_texel(reference);
     let counts = if counts.contains(&true) { counts } else { &all };

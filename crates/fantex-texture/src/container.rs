@@ -9,7 +9,7 @@ use std::fmt;
 
 use fantex_base::input::Held;
 use fantex_base::srgb::{linear_from_srgb, srgb_from_linear, unorm8, unorm16};
-use fantex_base::{Error, Result, zstandard};
+use fantex_base::{Error, Result, counted, zstandard};
 
 use crate::image_file::{ImageLimits, check_sides, divide_floats_by_alpha, reserve};
 use crate::{ColorSpace, Image, Samples};
@@ -153,7 +153,7 @@ fn slice_at(bytes: &[u8], offset: u64, length: u64) -> Result<&[u8]> {
 }
 
 fn too_short(needed: u64, got: usize) -> Error {
-    Error::malformed(format!("the file ends after {got} bytes; {needed} are needed"))
+    Error::malformed(format!("the file ends after {}; it needs {needed}", counted(got, "byte")))
 }
 
 /// A number of the header that cannot be.

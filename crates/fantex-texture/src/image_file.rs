@@ -10,7 +10,7 @@ use std::io::{Cursor, Write};
 use std::path::Path;
 
 use fantex_base::files::write_whole;
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, counted, input};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::openexr::OpenExrEncoder;
@@ -210,8 +210,9 @@ impl Image {
         if format == ImageFormat::Hdr && self.channels == 1 {
             image = Cow::Owned(spread_grey(&image).into_owned());
         } else if !fits {
-            let (name, channels, path) = (name_of(format), self.channels, path.display());
-            let message = format!("{name} cannot hold {channels} channels ('{path}'); use .png or .exr");
+            let (name, channels) = (name_of(format), counted(self.channels, "channel"));
+            let path = path.display();
+            let message = format!("{name} cannot hold {channels} ('{path}'); use .png or .exr");
             return Err(Error::unsupported(message));
         }
         encode(&image, format).map_err(|source| {
@@ -299,8 +300,8 @@ fn check_exr(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<()> {
         }
         // Each has a place in a table of the file, and a header of its own.
         if header.chunk_count as u64 > bytes.len() as u64 / 16 {
-            let (chunks, length) = (header.chunk_count, bytes.len());
-            return Err(refused(format!("it claims {chunks} parts in {length} bytes")));
+            let (chunks, length) = (counted(header.chunk_count, "part"), counted(bytes.len(), "byte"));
+            return Err(refused(format!("it claims {chunks} in {length}")));
         }
         let pixel_bytes = header.channels.bytes_per_pixel as u64;
         let block = match header.blocks {
@@ -349,7 +350,8 @@ fn check_tiff(bytes: &[u8], label: &str) -> Result<()> {
             _ => 1,
         };
         if values.saturating_mul(value_bytes) > bytes.len() as u64 {
-            let cause = format!("its field {tag} claims {values} values in {} bytes", bytes.len());
+            let (values, length) = (counted(values, "value"), counted(bytes.len(), "byte"));
+            let cause = format!("its field {tag} claims {values} in {length}");
             return Err(not_readable(label, ImageFormat::Tiff, &cause));
         }
     }

@@ -11,7 +11,7 @@
 //!
 //! A [`SurfaceDetail`] lives in the plane of texture coordinates. As a texture among others it is a [`PolygonsTexture`].
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 use glam::{DVec2, UVec2, Vec2, Vec4};
 
 use crate::coordinates::{Coordinates, TextureMatrix};
@@ -211,9 +211,9 @@ fn touch(a: [DVec2; 2], b: [DVec2; 2]) -> bool {
 fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVec2>>> {
     for (outline, corners) in polygon.outlines.iter().enumerate() {
         if corners.len() < 3 {
-            let count = corners.len();
+            let count = counted(corners.len(), "corner");
             return Err(Error::invalid(format!(
-                "outline {outline} of detail polygon {index} has {count} corners, but at least 3 are needed"
+                "outline {outline} of detail polygon {index} has {count}, but at least 3 are needed"
             )));
         }
         let bad = corners.iter().position(|c| !(c.is_finite() && c.abs().max_element() <= FARTHEST));
@@ -432,13 +432,13 @@ impl Texture for PolygonsTexture {
 /// What footprints around points of the unit square reach, at most half a square beyond it.
 const REACH: [f32; 2] = [-0.5, 1.5];
 
-/// Most copies of a polygon that is repeated.
+/// Most copies of one polygon that is repeated.
 const MAX_COPIES: f32 = 10_000.0;
 
 /// Each polygon shifted by all integers that bring it within [`REACH`].
 ///
 /// # Errors
-/// Those would be more than [`MAX_COPIES`].
+/// Those of one polygon would be more than [`MAX_COPIES`].
 fn with_neighbours(polygons: &[DetailPolygon]) -> Result<Vec<DetailPolygon>> {
     let shifted = |polygon: &DetailPolygon, shift: Vec2| {
         let outlines = polygon.outlines.iter().map(|outline| outline.iter().map(|&corner| corner + shift));
@@ -453,7 +453,7 @@ fn with_neighbours(polygons: &[DetailPolygon]) -> Result<Vec<DetailPolygon>> {
         let [columns, rows] = ((REACH[1] - low).floor() - first + 1.0).to_array();
         if columns * rows > MAX_COPIES {
             return Err(Error::malformed(format!(
-                "detail polygon {index} reaches over {columns} x {rows} unit squares; repeated, it may reach over {MAX_COPIES}"
+                "detail polygon {index} is so long that {columns} x {rows} copies of it would repeat it; one polygon has at most {MAX_COPIES}"
             )));
         }
         let shifts = (0..rows as u32).flat_map(|y| (0..columns as u32).map(move |x| UVec2::new(x, y)));

@@ -1,6 +1,6 @@
 //! Tabulation: a function becomes a discrete texture, for a chosen domain and density of samples.
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, counted, input};
 use rayon::prelude::*;
 
 use crate::Image;
@@ -33,8 +33,9 @@ impl Tabulation {
         let Self { size, samples, memory_bytes: allowed } = *self;
         let [x, y, z] = size;
         if size.contains(&0) || samples == 0 {
+            let samples = counted(samples, "sample");
             let message = format!(
-                "a table of {x} x {y} x {z} texels with {samples} samples each has nothing in it; all must be at least 1"
+                "a table of {x} x {y} x {z} texels with {samples} each has nothing in it; all must be at least 1"
             );
             return Err(Error::invalid(message));
         }
@@ -42,7 +43,7 @@ impl Tabulation {
         let needed = count.saturating_mul(size_of::<[f32; 4]>() as u64);
         if needed > allowed {
             let message = format!(
-                "a table of {x} x {y} x {z} texels takes {needed} bytes and only {allowed} are allowed; make it smaller or \
+                "a table of {x} x {y} x {z} texels takes {needed} bytes, more than the {allowed} that are allowed; make it smaller or \
                  allow more memory"
             );
             return Err(Error::too_large(message));

@@ -17,7 +17,7 @@ use crate::commands::export::{ModelInfo, ModelKind, has_extension, model_notes};
 use crate::commands::info::{CoverArgs, LongestEdgeArg};
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
-use crate::scene::{check_asset_name, open_shape, report_damage, show_notes};
+use crate::scene::{check_asset_name, check_is_no_model_name, open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
@@ -215,7 +215,14 @@ pub(crate) fn bake(
     seed: u64,
     context: &Context,
 ) -> Result<BakeInfo> {
-    check_asset_name(output)?;
+    match goal {
+        Goal::Asset => {
+            check_asset_name(output, ", or in .glb or .gltf for a model with texture coordinates")?
+        }
+        Goal::Plan(_) => check_is_no_model_name(output, "a plan", "bottle.plan")?,
+        // Its name is checked before the plan is read.
+        Goal::Part(..) => {}
+    }
     with_job(args, output, goal, seed, context, |job| job.run(context))
 }
 

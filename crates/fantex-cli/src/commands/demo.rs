@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::base::numbered;
 use fantex::mesh::Mesh;
 use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::render::{Camera, FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
@@ -105,7 +106,11 @@ struct Subtask<'a> {
 impl Demo<'_> {
     fn landscape(&mut self, args: &DemoArgs) -> Result<()> {
         let model_path = self.target("landscape.ply")?;
-        self.context.note(format!("generating a landscape of {} triangles", args.triangles));
+        self.context.note(format!(
+            "generating a landscape of {} {}",
+            args.triangles,
+            numbered(args.triangles.0, "triangle")
+        ));
         let options = LandscapeOptions {
             triangles: args.triangles.0,
             seed: self.context.seed,

@@ -343,11 +343,24 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         _ => error,
     })?;
     model_notes(&args.output, &summary, &ModelKind::Exported { fans: args.fans }, context);
+    if let Some(note) = note_of_padding(args, &summary) {
+        context.note(note);
+    }
     if let Some((tiles, first)) = &summary.damage {
         context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
     }
     let seconds = started.elapsed().as_secs_f64();
     context.print(&info(args, &input, &summary, seconds), text)
+}
+
+/// Says that less padding was taken than was asked for, as in small pictures.
+fn note_of_padding(args: &ExportArgs, summary: &ExportSummary) -> Option<String> {
+    let asked = args.padding.filter(|&asked| summary.charts > 0 && summary.padding < asked)?;
+    Some(format!(
+        "{}: a padding of {} instead of the {asked} asked for: it is at most a quarter of the side; give a larger --size for more",
+        args.output.display(),
+        counted(u64::from(summary.padding), "texel")
+    ))
 }
 
 /// Refuses kinds of models that are written in another way, or by another command.
@@ -480,6 +493,12 @@ pub(crate) fn model_notes(output: &Path, summary: &ExportSummary, kind: &ModelKi
             "{output}: {} without area in the model's texture coordinates, each in one colour; without '--uv source' every triangle \
              has texels of its own",
             counted(summary.points as u64, "triangle")
+        ));
+    }
+    for (map, largest) in &summary.cut_off {
+        context.note(format!(
+            "{output}: {} of up to {largest:.3} is cut off at 1 in PNG; .exr and .ktx2 hold it",
+            map.name()
         ));
     }
     for channel in &summary.left_out {

@@ -76,7 +76,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let GalleryArgs { names, output, width } = args;
     let shipped = Shipped::open()?;
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
-    let entries = catalogue.select(names)?;
+    let entries = catalogue.select(names).map_err(|error| Error::invalid(error.to_string()))?;
     context.make_folder(output)?;
     let gallery = Gallery {
         shipped: &shipped,

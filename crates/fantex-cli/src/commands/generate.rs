@@ -119,9 +119,9 @@ pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
 
 fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    context.check_output(&args.output)?;
     if !args.writes_asset() {
-        check_model_name(&args.output)?;
+        check_model_name(&args.output)
+            .map_err(|error| Error::invalid(format!("{error}, or .fan for an asset")))?;
         if !args.cover.is_default() {
             return Err(Error::invalid(format!(
                 "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
@@ -129,6 +129,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
             )));
         }
     }
+    context.check_output(&args.output)?;
     let made = landscape(&LandscapeOptions {
         triangles: args.triangles.0,
         seed: context.seed,

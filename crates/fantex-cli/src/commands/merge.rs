@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::plan::{of_files, open_plan};
 use crate::context::Context;
+use crate::scene::check_asset_name;
 use crate::text::{counted, megabytes};
 
 /// Merge the parts of a planned bake into one asset.
@@ -49,6 +50,7 @@ struct MergeInfo {
 
 pub(crate) fn run(args: &MergeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
+    args.output.as_ref().map_or(Ok(()), |output| check_asset_name(output, ""))?;
     let plan = open_plan(&args.plan)?;
     if let Some(output) = &args.output {
         let inputs = args.parts.iter().chain([&args.plan]).map(PathBuf::as_path);

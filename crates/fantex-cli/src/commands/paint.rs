@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use super::view;
 use crate::context::Context;
-use crate::scene::{open_asset, report_damage, size};
+use crate::scene::{check_asset_name, open_asset, report_damage, size};
 use crate::text::{Choices, counted, megabytes, one_of};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
@@ -169,7 +169,7 @@ struct PaintInfo {
     unrecorded: usize,
     /// Characters of texts that their fonts lack.
     missing_characters: String,
-    /// Numbers and labels of strokes that change no texel.
+    /// Numbers, as messages about stroke files have them, and labels of strokes that change no texel.
     #[serde(skip)]
     untouching: Vec<(usize, String)>,
     generation: u64,
@@ -180,9 +180,11 @@ struct PaintInfo {
 pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let started = Instant::now();
     if let Some(output) = &args.export_log {
+        check_strokes_name(output)?;
         export(&args.asset, output, context)?;
         return Ok(ExitCode::SUCCESS);
     }
+    args.output.as_ref().map_or(Ok(()), |output| check_asset_name(output, ""))?;
     // Opening says what is wrong with files of other kinds.
     let opens = || {
         // What is changed in place is not protected as an input.
@@ -217,7 +219,7 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
     for (number, label) in &info.untouching {
-        context.note(format!("stroke '{label}' (number {number}) touches nothing"));
+        context.note(format!("stroke '{label}' (number {number}) touches nothing; numbers begin with 0"));
     }
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
@@ -232,6 +234,18 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         )
     })?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses the name of a stroke file that ends in something else than `.json`.
+fn check_strokes_name(path: &Path) -> Result<()> {
+    match path.extension().filter(|extension| !extension.eq_ignore_ascii_case("json")) {
+        None => Ok(()),
+        Some(extension) => Err(Error::invalid(format!(
+            "{} would be a stroke file, and .{} is the name of something else; give a name that ends in .json",
+            path.display(),
+            extension.display()
+        ))),
+    }
 }
 
 fn missing(unrecorded: usize) -> String {

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
 use crate::local_files::with_local_files;
+use crate::scene::check_is_no_model_name;
 use crate::text::megabytes;
 use crate::{Cli, Command};
 
@@ -93,6 +94,7 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
 
 /// Bakes a part with the arguments of its plan.
 pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Context) -> Result<()> {
+    check_is_no_model_name(output, "a part of a bake", "1.part")?;
     context.check_target_of(output, [path])?;
     let plan = open_plan(path)?;
     let damaged = || Error::damaged(format!("{} does not say how it was made; plan anew", path.display()));

@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, is_look, open_shape, portrait,
+    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape, portrait,
     report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
@@ -70,7 +70,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_parser = one_of(&FILTERS))]
     pub(crate) filter: Option<Filter>,
     /// Direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
     light: Option<DVec3>,
     #[command(flatten)]
     surroundings: SurroundingsArgs,
@@ -111,13 +111,13 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         }
         return render_look(args, &LookFile::read(path)?, context);
     }
+    let options = options(args)?;
+    check_picture_name(&args.output, options.background == Background::Transparent)?;
     if FileKind::of(&args.file)? == FileKind::World {
-        return render_world(args, context);
+        return render_world(args, &options, context);
     }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
-    let options = options(args)?;
-    check_picture_name(&args.output, options.background == Background::Transparent)?;
     let camera = camera(args, scene.mesh(), &options);
     let lights = lights(args, &camera)?;
     let filter = args.filter.unwrap_or(Filter::Anisotropic);
@@ -146,6 +146,10 @@ fn options(args: &RenderArgs) -> Result<RenderOptions> {
     [options.width, options.height] = args.size.unwrap_or([options.width, options.height]);
     options.samples = args.samples.unwrap_or(if args.gpu { 4 } else { options.samples });
     options.background = args.surroundings.background()?;
+    if args.gpu && !matches!(options.samples, 1 | 4) {
+        let samples = options.samples;
+        return Err(Error::invalid(format!("--samples {samples} is not possible with --gpu: give 1 or 4")));
+    }
     Ok(options)
 }
 
@@ -172,13 +176,12 @@ fn of_rendering(Rendering { picture, stats }: Rendering) -> (Picture, RenderInfo
 }
 
 /// Renders a world: what is near whole, what is far by its previews, as memory allows.
-fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
+fn render_world(args: &RenderArgs, options: &RenderOptions, context: &Context) -> Result<()> {
     let world = World::open(&args.file)?;
     let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
-    let (options, bounds) = (options(args)?, WorldScene::boxes(&world, space));
-    check_picture_name(&args.output, options.background == Background::Transparent)?;
-    let (size, camera) = ([options.width, options.height], camera(args, &bounds, &options));
+    let bounds = WorldScene::boxes(&world, space);
+    let (size, camera) = ([options.width, options.height], camera(args, &bounds, options));
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
     }
@@ -186,10 +189,10 @@ fn render_world(args: &RenderArgs, context: &Context) -> Result<()> {
     let filter =
         FilterOptions { filter: args.filter.unwrap_or(Filter::Anisotropic), ..FilterOptions::default() };
     let (picture, info) = if args.gpu {
-        draw_world(args, world, &camera, &lights, &options, filter, context)?
+        draw_world(args, world, &camera, &lights, options, filter, context)?
     } else {
         let scene = WorldScene::open(&args.file, &world, &camera, size, context.memory_bytes)?;
-        let rendering = render(scene.mesh(), &scene.surface(filter), &camera, &lights, &options)?;
+        let rendering = render(scene.mesh(), &scene.surface(filter), &camera, &lights, options)?;
         scene.damage().try_for_each(|damage| report_damage(&args.file, &damage, context))?;
         note_coarse(scene.coarse(), context);
         of_rendering(rendering)

@@ -47,8 +47,8 @@ struct SimplifyInfo {
 
 pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    context.check_output_of(&args.output, &args.model)?;
     check_model_name(&args.output)?;
+    context.check_output_of(&args.output, &args.model)?;
     let fine = open_shape(&args.model)?;
     show_notes(&fine, context);
     let coarse = fine.simplified(usize::try_from(args.triangles.0).unwrap_or(usize::MAX))?;

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::context::{Context, check_can_be_folder};
 use crate::scene::open_asset;
-use crate::text::{Count, counted, grouped, megabytes};
+use crate::text::{Count, counted, megabytes};
 
 /// Split a large asset into a world: many small assets that viewers show near the eye, and an index.
 #[derive(Args, Debug)]
@@ -123,18 +123,18 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
         let coarse = match info.coarse {
             0 => String::new(),
             count => {
-                let triangles = grouped(info.coarse_triangles);
-                format!("{} of {triangles} triangles, ", counted(count, "coarse asset"))
+                let triangles = counted(info.coarse_triangles, "triangle");
+                format!("{} of {triangles}, ", counted(count, "coarse asset"))
             }
         };
         format!(
-            "{}: {} of {} triangles, {} (the asset: {}), previews of {} triangles, {coarse}{:.1} s\n",
+            "{}: {} of {}, {} (the asset: {}), previews of {}, {coarse}{:.1} s\n",
             info.index.display(),
             counted(info.sectors, "sector"),
-            grouped(info.triangles),
+            counted(info.triangles, "triangle"),
             megabytes(info.bytes),
             megabytes(info.bytes_before),
-            grouped(info.preview_triangles),
+            counted(info.preview_triangles, "triangle"),
             info.seconds
         )
     })

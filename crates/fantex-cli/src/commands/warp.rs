@@ -208,7 +208,8 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
         (map, corners) => {
             let needed = if map == Map::Affine { "three" } else { "four" };
             let given = corners.len();
-            return Err(Error::invalid(format!("this map takes {needed} corners, and {given} are given")));
+            let are = if given == 1 { "is" } else { "are" };
+            return Err(Error::invalid(format!("this map takes {needed} corners, and {given} {are} given")));
         }
     };
     let size = args.size.unwrap_or([image.width, image.height]);

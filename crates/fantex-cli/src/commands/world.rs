@@ -130,22 +130,27 @@ impl WorldInfo {
         Self {
             kind: "world",
             objects: world.objects.len() as u64,
-            triangles: objects().map(|object| object.triangles).sum(),
-            texels: objects().map(|object| object.texels).sum(),
-            bytes: objects().map(|object| object.bytes).sum(),
+            triangles: total(objects().map(|object| object.triangles)),
+            texels: total(objects().map(|object| object.texels)),
+            bytes: total(objects().map(|object| object.bytes)),
             low: bounds.map(|[low, _]| low.into()),
             high: bounds.map(|[_, high]| high.into()),
             previews: previews().count() as u64,
-            preview_triangles: previews().map(|preview| preview.triangles).sum(),
-            preview_texels: previews().map(|preview| preview.texels).sum(),
+            preview_triangles: total(previews().map(|preview| preview.triangles)),
+            preview_texels: total(previews().map(|preview| preview.texels)),
             preview_detail: previews().map(|preview| preview.detail).reduce(f64::max),
             coarse: world.coarse.len() as u64,
-            coarse_triangles: coarse().map(|coarse| coarse.triangles).sum(),
-            coarse_texels: coarse().map(|coarse| coarse.texels).sum(),
-            coarse_bytes: coarse().map(|coarse| coarse.bytes).sum(),
+            coarse_triangles: total(coarse().map(|coarse| coarse.triangles)),
+            coarse_texels: total(coarse().map(|coarse| coarse.texels)),
+            coarse_bytes: total(coarse().map(|coarse| coarse.bytes)),
             assets: objects().map(|object| object.asset.clone()).collect(),
         }
     }
+}
+
+/// A sum of numbers that an index may say anything of.
+fn total(numbers: impl Iterator<Item = u64>) -> u64 {
+    numbers.fold(0, u64::saturating_add)
 }
 
 /// Prints what an index says; its assets are not opened.
@@ -162,10 +167,12 @@ pub(crate) fn print_world(world: &World, path: &Path, context: &Context) -> Resu
             let corner = |[x, y, z]: [f64; 3]| format!("{x} {y} {z}");
             table.row("box", format!("{} to {}", corner(low), corner(high)));
         }
-        table
-            .row("previews", grouped(info.previews))
-            .row("  triangles", grouped(info.preview_triangles))
-            .row("  texels", grouped(info.preview_texels));
+        table.row("previews", grouped(info.previews));
+        if info.previews > 0 {
+            table
+                .row("  triangles", grouped(info.preview_triangles))
+                .row("  texels", grouped(info.preview_texels));
+        }
         table.rows("  coarsest detail", info.preview_detail.map(|detail| format!("{detail:.4}")));
         if info.coarse > 0 {
             table

@@ -205,6 +205,48 @@ fn what_is_read_is_not_overwritten() {
     assert!(std::fs::read(&asset).unwrap() == before);
 }
 
+/// What is not written in a kind of its own is a fault of the command line, which is known before anything is read.
+#[test]
+fn names_of_unknown_kinds_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let at = |name: &str| folder.path().join(name);
+    let asset = at("cube.fan");
+    let (wood, texels) = (&"--source=solid=wood", &"--texels=1k");
+    succeeds(&[&"bake", &model, &"-o", &asset, wood, texels]);
+    let none = at("none");
+    let words = ["x.foo would be an asset", "ends in .fan, or in .glb or .gltf"];
+    fails(2, &words, &[&"bake", &model, &"-o", &at("x.foo"), wood, texels]);
+    let merged = ["x.foo would be an asset", "ends in .fan"];
+    fails(2, &merged, &[&"merge", &none, &none, &"-o", &at("x.foo")]);
+    fails(2, &merged, &[&"paint", &asset, &"--alpha", &"blend", &"-o", &at("x.foo")]);
+    fails(2, &["stroke file", "ends in .json"], &[&"paint", &asset, &"--export-log", &at("x.foo")]);
+    let plan = at("cube.plan");
+    succeeds(&[&"plan", &model, &"-o", &plan, wood, texels]);
+    let words = ["would be a part", "such as 1.part"];
+    fails(2, &words, &[&"bake", &plan, &"--shard=1/1", &"-o", &at("x.glb")]);
+    let written = ["use .ply, .obj or .glb"];
+    fails(2, &written, &[&"simplify", &none, &"-o", &at("x.foo"), &"--triangles=8"]);
+    let landscape = ["use .ply, .obj or .glb, or .fan for an asset"];
+    fails(2, &landscape, &[&"generate", &"landscape", &"-o", &at("x.foo")]);
+    fails(2, &["use .png"], &[&"render", &none, &"-o", &at("x.foo")]);
+    assert_eq!(files(folder.path()), ["cube.fan", "cube.obj", "cube.plan"]);
+}
+
+/// Numbers that the graphics card or a lamp cannot have are named with their option, before any device or file is opened.
+#[test]
+fn options_of_pictures_are_checked_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let (none, picture) = (folder.path().join("none.fan"), folder.path().join("x.png"));
+    let words = ["--samples 7", "--gpu", "1 or 4"];
+    fails(2, &words, &[&"render", &none, &"-o", &picture, &"--gpu", &"--samples=7"]);
+    for light in ["0,0,0", "1e-60,0,0", "1e60,0,0"] {
+        let words = ["--light", light, "expected a direction"];
+        fails(2, &words, &[&"render", &none, &"-o", &picture, &"--light", &light]);
+    }
+    fails(1, &["cannot read"], &[&"render", &none, &"-o", &picture, &"--light", &"1,2,3"]);
+}
+
 /// Each tile has at least 16 texels.
 #[test]
 fn more_texels_than_were_asked_for_are_said() {

@@ -73,6 +73,10 @@ fn what_is_an_assets_alone_is_refused() {
     }
     fails(2, &["cannot write s3://a/x.glb", "copy"], &[&"bake", &model, &"-o", &"s3://a/x.glb"]);
     fails(2, &["neither textures nor colours"], &[&"bake", &model, &"-o", &out]);
-    fails(2, &["ends in .fan"], &[&"plan", &model, &"-o", &out, &"--source", &"solid=marble"]);
+    fails(
+        2,
+        &["would be a plan", "such as bottle.plan"],
+        &[&"plan", &model, &"-o", &out, &"--source", &"solid=marble"],
+    );
     assert_eq!(files(folder.path()), ["cube.obj"]);
 }

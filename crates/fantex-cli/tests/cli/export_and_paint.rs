@@ -80,6 +80,23 @@ fn fans_are_written_for_other_programs() {
     refused(2, "cannot be used with", &command("b.glb", "--uv=source"));
 }
 
+/// Small pictures have no room for it.
+#[test]
+fn less_padding_than_was_asked_for_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = |name: &str| folder.path().join(name);
+    let (model, asset) = (crate::write(folder.path(), "cube.obj", crate::CUBE_OBJ), out("cube.fan"));
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--source=solid=wood", &"--texels=4k"]);
+    let padded = |padding: &str, name: &str| {
+        fails_not(&[&"export", &asset, &"-o", &out(name), &"--size", &"64", &"--padding", &padding])
+    };
+    let note =
+        "less.glb: a padding of 16 texels instead of the 64 asked for: it is at most a quarter of the side";
+    let told = padded("64", "less.glb");
+    assert!(told.contains(note), "{told}");
+    assert!(!padded("16", "as_asked.glb").contains("asked for"));
+}
+
 /// Runs the program, which must succeed, and returns its notes.
 fn fails_not(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> String {
     crate::stderr(&succeeds(arguments))
@@ -277,7 +294,7 @@ fn a_stroke_beside_the_model_is_told_of() {
     std::fs::write(at("strokes.json"), strokes).unwrap();
     json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
     let output = succeeds(&[&"paint", &at("a.fan"), &"--replay", &at("strokes.json")]);
-    let note = "stroke 'red' (number 0) touches nothing";
+    let note = "stroke 'red' (number 0) touches nothing; numbers begin with 0";
     assert!(stderr(&output).contains(note), "{}", stderr(&output));
 }
 

@@ -565,7 +565,7 @@ fn entries_are_drawn_by_name_and_by_row() {
         made,
         ["index.html", "sines-1.png", "wraps-1.png", "wraps-2.png", "wraps-3.png", "wraps-4.png"]
     );
-    fails(1, &["no picture 'nonsense'", "sines"], &[&"gallery", &"-o", &folder.path(), &"nonsense"]);
+    fails(2, &["no picture 'nonsense'", "sines"], &[&"gallery", &"-o", &folder.path(), &"nonsense"]);
 }
 
 #[test]

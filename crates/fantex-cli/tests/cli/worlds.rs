@@ -79,6 +79,9 @@ fn an_asset_is_split_and_verified() {
     succeeds(&[&split[..], &[&"--force", &"--no-previews"]].concat());
     assert!(files(&target).iter().all(|name| name == "land.fanworld" || name.ends_with("-2.fan")));
     assert_eq!(json(&[&"info", &index])["previews"], 0);
+    let told = succeeds(&[&"info", &index]).stdout;
+    let told = String::from_utf8_lossy(&told).into_owned();
+    assert!(told.contains("previews") && told.matches("triangles").count() == 1, "{told}");
     fails(1, &["--memory"], &[&"split", &asset, &"-o", &folder.path().join("no"), &"--memory", &"1M"]);
     assert!(!folder.path().join("no").exists());
     fails(1, &["it is a file"], &[&"split", &asset, &"-o", &asset]);

@@ -25,7 +25,7 @@ parameters! {
         pub alpha: Option<Input> = None,
         /// What alpha means; opaque where it is left out.
         pub opacity: Option<OpacityName> = None,
-        /// Least alpha that is seen in cut-outs; 0.5 where it is left out.
+        /// Least alpha that is seen in cut-outs; where it is left out that of the model's cut-out with `from = "model"`, else 0.5.
         #[schemars(range(min = 0, max = 1))]
         pub threshold: Option<f32> = None,
         /// 0 (dielectric) to 1 (metal); 0 where it is left out.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use fantex_base::{Aabb, Error, Result};
+use fantex_base::{Aabb, Error, Result, counted};
 use fantex_mesh::{ImageSource, Mesh};
 use fantex_texture::coordinates::{ImageLookup, InSpace, NormalAxes, SpaceMatrix, TextureMatrix};
 use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
@@ -107,9 +107,8 @@ impl Resolver<'_> {
             return self.refuse(key, Error::malformed(sentence));
         };
         let Some(source) = images.get(index as usize) else {
-            let count = images.len();
-            let sentence =
-                format!("the model has {count} images, so there is no image {index}; the first is 0");
+            let count = counted(images.len(), "image");
+            let sentence = format!("the model has {count}, so there is no image {index}; the first is 0");
             return self.refuse(key, Error::malformed(sentence));
         };
         let texture = self.accept(key, self.images.of_model(source, image_use))?;

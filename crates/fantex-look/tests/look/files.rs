@@ -140,6 +140,7 @@ fn wrong_types_are_named() {
         &["scene.toml:2: camera.fov: expected a number, found the text \"wide\""],
     );
     refused("[camera]\neye = 3\n", &["camera.eye: expected a list of 3 entries, found the number 3"]);
+    refused("[camera]\neye = [1]\n", &["camera.eye: expected a list of 3 entries, found 1 entry"]);
     refused("[camera]\neye = [1, 2]\n", &["camera.eye: expected a list of 3 entries, found 2"]);
     refused("[camera]\neye = [1, \"2\", 3]\n", &["camera.eye[2]: expected a number"]);
     refused("textures = 3\n", &["textures: expected a table"]);

@@ -16,11 +16,12 @@ mod topology;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
-use fantex_base::{Error, Result, counted};
+use fantex_base::{Error, Result, counted, numbered};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use repeats::Repeat;
 
+use crate::counts::there_are;
 use crate::{CornerAttributes, Material, Mesh, Model, VertexCorners, WorldFromMesh};
 
 pub use inward::inward_parts;
@@ -429,18 +430,18 @@ fn check(model: &Model) -> Result<()> {
         }
     }
     let corners = &model.corners;
-    let per_corner = [("normals", corners.normals.len()), ("colors", corners.colors.len())]
+    let per_corner = [("normal", corners.normals.len()), ("color", corners.colors.len())]
         .into_iter()
-        .chain([("tangents", corners.tangents.len())])
-        .chain(corners.uv_sets.iter().map(|set| ("texture coordinates", set.len())))
+        .chain([("tangent", corners.tangents.len())])
+        .chain(corners.uv_sets.iter().map(|set| ("texture coordinate", set.len())))
         .map(|(what, found)| (what, found, 3 * triangles));
     let per_triangle = [
-        ("material indices", model.triangle_materials.len(), triangles),
-        ("indices of parts", model.parts.of_triangle.len(), triangles),
+        ("material index", model.triangle_materials.len(), triangles),
+        ("part index", model.parts.of_triangle.len(), triangles),
     ];
     for (what, found, expected) in per_corner.chain(per_triangle) {
         if found != 0 && found != expected {
-            let triangles = counted(triangles, "triangle");
+            let (triangles, what) = (counted(triangles, "triangle"), numbered(found, what));
             return Err(Error::malformed(format!(
                 "{name} has {found} {what} for {triangles}; expected {expected} or none"
             )));
@@ -449,8 +450,9 @@ fn check(model: &Model) -> Result<()> {
     let out_of_range = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
     if let Some(triangle) = model.triangles.par_iter().with_min_len(1 << 14).position_first(out_of_range) {
         let index = model.triangles[triangle].into_iter().max().unwrap_or(0);
+        let there_are = there_are(vertices);
         return Err(Error::malformed(format!(
-            "triangle {triangle} of {name} refers to vertex {index}, but there are {vertices} (counting starts at 0)"
+            "triangle {triangle} of {name} refers to vertex {index}, but {there_are} (counting starts at 0)"
         )));
     }
     Ok(())

@@ -6,8 +6,13 @@
 //!
 //! Nothing in a file is trusted: every index, count, offset and length is checked before it is used and before
 //! anything is allocated for it, so that a damaged or hostile file ends in one clear error.
+//!
+//! A part without normals is shaded smooth with creases, as [`shading_normals`](crate::shading_normals) does for a whole mesh without:
+//! also where another part of the file has normals, and also in glTF, which asks for flat ones. Scans come without normals, and facets
+//! would show on them.
 
 mod gltf;
+mod missing;
 mod mtl;
 mod obj;
 mod ply;
@@ -16,10 +21,12 @@ mod stl;
 
 use std::fmt;
 use std::io::Read;
+use std::ops::Deref;
 use std::path::{Component, Path, PathBuf};
 
+use fantex_base::input::{self, Held};
 use fantex_base::srgb::linear_from_srgb;
-use fantex_base::{Error, ErrorKind, Result, counted, input};
+use fantex_base::{Error, ErrorKind, Result, counted};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -68,6 +75,10 @@ pub struct LoadOptions {
 /// Buffers and material files that the model names are read too; images are not opened (see
 /// [`ImageSource`](crate::ImageSource)). What was skipped or assumed stands in [`Model::notes`].
 ///
+/// Where the file has normals for some of its parts only, the others get those that they would be
+/// [shaded](crate::shading_normals) with alone: smooth ones with creases. So a part looks the same whatever else is in its file. Where
+/// only some parts have tangents, the others get those of their normal map's coordinates.
+///
 /// ```no_run
 /// use fantex_mesh::{LoadOptions, load};
 ///
@@ -103,6 +114,7 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Mo
         ModelFormat::Ply => ply::load(&file)?,
         ModelFormat::Stl => stl::load(&file)?,
     };
+    finish(&mut model).map_err(|error| error.in_file(path))?;
     if model.triangles.is_empty() {
         let positions = counted(model.positions.len(), "position");
         let notes = model.notes.join("; ");
@@ -147,30 +159,48 @@ pub(crate) fn about(path: &Path, kind: ErrorKind, rest: impl fmt::Display) -> Er
     Error::new(kind, format!("{} {rest}", path.display())).with_path(path)
 }
 
+/// Bytes that count against the budget of memory as long as they are there.
+struct HeldBytes {
+    bytes: Vec<u8>,
+    _held: Held,
+}
+
+impl Deref for HeldBytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
 /// Reads a whole regular file of at most `max_file_bytes`.
-fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
+fn read_file(path: &Path, limits: &LoadLimits) -> Result<HeldBytes> {
     let failed = |source| Error::reading(path, source);
     let file = input::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
-    let _held = input::reserve(path.display(), metadata.len()).map_err(|error| error.with_path(path))?;
+    let held = input::reserve(path.display(), metadata.len()).map_err(|error| error.with_path(path))?;
     let too_large = |bytes| {
         let limit = limits.max_file_bytes;
-        about(path, ErrorKind::TooLarge, format!("has {bytes} bytes, more than the limit of {limit}"))
+        about(
+            path,
+            ErrorKind::TooLarge,
+            format!("has {}, more than the limit of {limit}", counted(bytes, "byte")),
+        )
     };
     if metadata.len() > limits.max_file_bytes {
         return Err(too_large(metadata.len()));
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(metadata.len() as usize + 1).map_err(|_| {
-        let bytes = metadata.len();
-        about(path, ErrorKind::TooLarge, format!("has {bytes} bytes, more than there is memory for"))
+        let bytes = counted(metadata.len(), "byte");
+        about(path, ErrorKind::TooLarge, format!("has {bytes}, more than there is memory for"))
     })?;
     // A growing file may hold more than its metadata says, so the limit is enforced here as well.
     file.take(limits.max_file_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limits.max_file_bytes {
         return Err(too_large(bytes.len() as u64));
     }
-    Ok(bytes)
+    Ok(HeldBytes { bytes, _held: held })
 }
 
 // Which format a file is in.
@@ -427,10 +457,13 @@ pub(crate) fn pad<T: Clone>(values: &mut Vec<T>, corners: usize, fill: T) {
     }
 }
 
-/// Brings all attribute arrays to three entries per triangle (or none). Normals that are missing, zero or not finite
-/// become the triangle's own normal, or none where all are so; such tangents follow the first UV set. Colours become white,
-/// coordinates zero.
-pub(crate) fn finish(model: &mut Model) {
+/// Brings all attribute arrays to three entries per triangle (or none). Triangles without any normal, where others have some, get smooth
+/// ones; a single normal that is missing, zero or not finite becomes the triangle's own. Tangents that are missing follow the normal
+/// map's coordinates, those of triangles without a normal map the first UV set. Colours become white, coordinates zero.
+///
+/// # Errors
+/// There is not enough memory to make normals or tangents.
+fn finish(model: &mut Model) -> Result<()> {
     let corners = 3 * model.triangles.len();
     let attributes = &mut model.corners;
     // Programs that have worked out no normals write zeros.
@@ -449,8 +482,11 @@ pub(crate) fn finish(model: &mut Model) {
         model.materials.push(crate::Material::default());
     }
     drop_textures_without_coordinates(model);
+    missing::smooth_missing_normals(model)?;
     make_normals_unit(model);
+    missing::fill_missing_tangents(model)?;
     make_tangents_unit(model);
+    Ok(())
 }
 
 /// A texture needs coordinates to be looked up with; one that names a set the model lacks is left out.
@@ -530,6 +566,16 @@ fn tangent_from_uv(model: &Model, triangle: usize, k: usize) -> Vec4 {
     tangent.extend(handedness)
 }
 
+/// Colours of 0..1 do not reach this, even where some are overexposed; those of 0..255 do, unless the whole model is black.
+const BEYOND_SHARES: f32 = 8.0;
+
+/// Whether the colours of a file are numbers of 0..255.
+fn are_bytes(colors: impl Iterator<Item = Vec3>) -> bool {
+    let usable = colors.filter(|color| color.is_finite());
+    let largest = usable.fold(0.0, |largest: f32, color| largest.max(color.max_element()));
+    (BEYOND_SHARES..=255.0).contains(&largest)
+}
+
 /// Linear RGBA of an sRGB colour with linear alpha. A colour that is not a number becomes white, so that one broken
 /// vertex cannot spread through filters.
 pub(crate) fn linear_rgba(rgb_srgb: Vec3, alpha: f32) -> Vec4 {
@@ -562,7 +608,7 @@ mod tests {
     #[test]
     fn missing_normals_and_tangents_follow_the_triangle() {
         let mut model = half_square();
-        finish(&mut model);
+        finish(&mut model).unwrap();
         assert_eq!(model.corners.normals, [Vec3::Z; 3]);
         assert_eq!(model.corners.tangents, [Vec4::new(1., 0., 0., 1.); 3]);
         assert_eq!(model.materials.len(), 1);
@@ -573,7 +619,7 @@ mod tests {
     fn normals_that_are_all_zero_are_none() {
         let mut model = half_square();
         model.corners.normals = vec![Vec3::ZERO, Vec3::NAN, Vec3::ZERO];
-        finish(&mut model);
+        finish(&mut model).unwrap();
         assert!(model.corners.normals.is_empty());
     }
 
@@ -583,7 +629,7 @@ mod tests {
         for uv in &mut model.corners.uv_sets[0] {
             uv.x = 1.0 - uv.x;
         }
-        finish(&mut model);
+        finish(&mut model).unwrap();
         assert_eq!(model.corners.tangents, [Vec4::new(-1., 0., 0., -1.); 3]);
     }
 
@@ -591,7 +637,7 @@ mod tests {
     fn degenerate_triangles_get_finite_vectors() {
         let mut model = half_square();
         model.positions = vec![DVec3::splat(f64::NAN); 3];
-        finish(&mut model);
+        finish(&mut model).unwrap();
         assert!(model.corners.normals.iter().all(|n| n.is_normalized()));
         assert!(model.corners.tangents.iter().all(|t| t.truncate().is_normalized()));
     }

@@ -91,6 +91,8 @@ struct Pending {
     has_emission_factor: bool,
     /// `Pr` says it directly, `Ns` only approximates.
     has_roughness: bool,
+    /// `d` counts where both are given: some programs write `Tr` with the meaning of `d`.
+    has_dissolve: bool,
     skipped: Vec<&'static str>,
 }
 
@@ -151,8 +153,16 @@ impl<'a> Reader<'a> {
                 material.emission = color("Ke", arguments)?;
                 pending.has_emission_factor = true;
             }
-            b"d" => material.base_color.w = scalar("d", arguments)?,
-            b"tr" => material.base_color.w = 1.0 - scalar("Tr", arguments)?,
+            b"d" => {
+                material.base_color.w = scalar("d", arguments)?;
+                pending.has_dissolve = true;
+            }
+            b"tr" => {
+                let transparency = scalar("Tr", arguments)?;
+                if !pending.has_dissolve {
+                    material.base_color.w = 1.0 - transparency;
+                }
+            }
             b"pr" => {
                 material.roughness = scalar("Pr", arguments)?.clamp(0.0, 1.0);
                 pending.has_roughness = true;

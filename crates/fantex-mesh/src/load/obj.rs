@@ -13,9 +13,10 @@ use fantex_base::{Error, Place, Result, counted};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::counts::there_are;
 use crate::load::mtl::{Library, load_libraries};
 use crate::load::polygon::Triangulator;
-use crate::load::{SourceFile, finish, linear_rgba, pad, parsed, shown};
+use crate::load::{SourceFile, are_bytes, linear_rgba, pad, parsed, shown};
 use crate::{Material, Model, Parts};
 
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
@@ -53,6 +54,9 @@ pub(super) fn line_end(text: &[u8]) -> u8 {
 
 // Reading the lines of an OBJ file.
 
+/// Marks a position without a colour, which becomes white.
+const UNCOLORED: Vec3 = Vec3::NEG_INFINITY;
+
 /// Marks a corner without texture coordinate or normal.
 const NONE: u32 = u32::MAX;
 
@@ -77,7 +81,7 @@ struct Face {
 #[derive(Default)]
 struct ObjText {
     positions: Vec<DVec3>,
-    /// One per position, or empty. As written: sRGB.
+    /// One per position, or empty; what is missing at the end is [`UNCOLORED`]. As written: sRGB.
     colors_srgb: Vec<Vec3>,
     /// v upwards, as written.
     uvs: Vec<Vec2>,
@@ -159,10 +163,11 @@ fn parse(file: &SourceFile) -> Result<ObjText> {
     parser.finish()
 }
 
-/// Takes a line off `rest`, joined with those that a backslash at its end continues. Also says how many it took.
+/// Takes a line off `rest`, joined with those that a backslash at its end continues, unless it is a comment. Also says how many it took.
 fn take_line<'a>(rest: &mut &'a [u8], line_end: u8) -> (Cow<'a, [u8]>, usize) {
     let first = take_physical_line(rest, line_end);
-    let Some(start) = first.strip_suffix(b"\\") else {
+    let is_comment = first.trim_ascii_start().starts_with(b"#");
+    let Some(start) = first.strip_suffix(b"\\").filter(|_| !is_comment) else {
         return (Cow::Borrowed(first), 1);
     };
     let mut joined = start.to_vec();
@@ -272,7 +277,7 @@ impl<'a> Parser<'a> {
         self.text.positions.push(DVec3::new(x, y, z));
         if count >= 6 {
             let before = self.text.positions.len() - 1;
-            pad(&mut self.text.colors_srgb, before, Vec3::ONE);
+            pad(&mut self.text.colors_srgb, before, UNCOLORED);
             self.text.colors_srgb.push(DVec3::new(r, g, b).as_vec3());
         }
         Ok(())
@@ -404,8 +409,9 @@ impl<'a> Parser<'a> {
 }
 
 fn index_out_of_range(what: &str, index: i64, count: usize) -> Error {
+    let there_are = there_are(count);
     Error::malformed(format!(
-        "the face refers to {what} {index}, but there are {count} (counting starts at 1, or at -1 backwards)"
+        "the face refers to {what} {index}, but {there_are} (counting starts at 1, or at -1 backwards)"
     ))
 }
 
@@ -451,7 +457,6 @@ fn build(file: &SourceFile, mut text: ObjText, library: Library) -> Result<Model
     let sections = if text.objects.names.is_empty() { text.groups } else { text.objects };
     model.parts = sections.parts(&text.faces);
     assign_materials(&mut model, &text.material_names, triangle_materials, library);
-    finish(&mut model);
     Ok(model)
 }
 
@@ -492,18 +497,19 @@ fn spread_attributes(model: &mut Model, text: &ObjText, corners: &[Corner]) {
     }
 }
 
-/// Linear colours per position. Files whose colours exceed 1 hold bytes in decimal.
+/// Linear colours per position. Some files hold bytes in decimal.
 fn linear_colors(text: &ObjText, notes: &mut Vec<String>) -> Vec<Vec4> {
-    let broken = text.colors_srgb.iter().filter(|c| !c.is_finite()).count();
+    let broken = text.colors_srgb.iter().filter(|&&c| !c.is_finite() && c != UNCOLORED).count();
     if broken > 0 {
         notes.push(format!("made {} white that had no numbers", counted(broken, "vertex colour")));
     }
-    let is_bytes = text.colors_srgb.iter().any(|c| c.is_finite() && c.max_element() > 1.0);
+    let is_bytes = are_bytes(text.colors_srgb.iter().copied());
     if is_bytes {
-        notes.push("vertex colours exceed 1 and were read as 0..255".to_owned());
+        notes.push("vertex colours are numbers of 0..255, and taken as such".to_owned());
     }
     let scale = if is_bytes { 1.0 / 255.0 } else { 1.0 };
-    text.colors_srgb.par_iter().map(|&c| linear_rgba(c * scale, 1.0)).collect()
+    let linear = |&c: &Vec3| if c == UNCOLORED { Vec4::ONE } else { linear_rgba(c * scale, 1.0) };
+    text.colors_srgb.par_iter().map(linear).collect()
 }
 
 /// Replaces material names by indices; a name without a definition becomes a default material of that name.

@@ -15,8 +15,9 @@ use fantex_base::{Error, Result, counted};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::counts::there_are;
 use crate::load::polygon::Triangulator;
-use crate::load::{SourceFile, Words, finish, linear_rgba, locate, pad, parsed, relative_path, shown};
+use crate::load::{SourceFile, Words, are_bytes, linear_rgba, locate, pad, parsed, relative_path, shown};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
@@ -29,9 +30,8 @@ pub(super) fn load(file: &SourceFile) -> Result<Model> {
 }
 
 fn index_out_of_range(face: u64, index: i64, count: usize) -> Error {
-    Error::malformed(format!(
-        "face {face} refers to vertex {index}, but there are {count} (counting starts at 0)"
-    ))
+    let there_are = there_are(count);
+    Error::malformed(format!("face {face} refers to vertex {index}, but {there_are} (counting starts at 0)"))
 }
 
 fn no_positions() -> Error {
@@ -430,8 +430,9 @@ fn check_count(element: &Element, encoding: Encoding, left: u64) -> Result<()> {
         return Ok(());
     }
     let elements = counted(element.count, "element");
+    let (needed, follow) = (counted(needed, "byte"), if left == 1 { "follows" } else { "follow" });
     Err(Error::malformed(format!(
-        "its header announces {elements} {:?}, at least {needed} bytes, but only {left} follow; it is truncated or damaged",
+        "its header announces {elements} {:?}, at least {needed}, but only {left} {follow}; it is truncated or damaged",
         element.name
     )))
 }
@@ -726,15 +727,6 @@ impl<S: NumberSource> Rows<'_, S> {
 
 // From a PLY file's tables to a model.
 
-/// Floats of 0..1 do not reach this; those of 0..255 do, unless the whole model is black.
-const BEYOND_SHARES: f32 = 8.0;
-
-/// Whether colours are floats of 0..255.
-fn has_bytes_as_floats(colors: &[Vec4]) -> bool {
-    let most = colors.iter().fold(0.0, |most: f32, color| most.max(color.truncate().max_element()));
-    (BEYOND_SHARES..=255.0).contains(&most)
-}
-
 /// Colours of 0..255, of 0..1. Alpha may have either range, or none.
 fn bytes_as_shares(colors: &mut [Vec4]) {
     let has_bytes = colors.iter().any(|color| color.w > 1.0);
@@ -761,7 +753,7 @@ fn build(file: &SourceFile, header: &Header, mut content: Content) -> Result<Mod
         model.corners.uv_sets = vec![faces.corners.iter().map(uv).collect()];
     }
     for colors in [&mut content.colors_srgb, &mut faces.colors_srgb] {
-        if has_bytes_as_floats(colors) {
+        if are_bytes(colors.iter().map(|color| color.truncate())) {
             bytes_as_shares(colors);
             model.notes.push("colours are floats of 0..255, and taken as such".to_owned());
         }
@@ -785,11 +777,10 @@ fn build(file: &SourceFile, header: &Header, mut content: Content) -> Result<Mod
     }
     model.triangles = faces.corners.as_chunks::<3>().0.to_vec();
     model.positions = content.positions;
-    finish(&mut model);
     Ok(model)
 }
 
-/// One material per `TextureFile` comment; faces choose by `texnumber`.
+/// One material per `TextureFile` comment; faces choose by `texnumber`, where a negative number stands for no texture.
 fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces: &mut Faces) -> Result<()> {
     if header.texture_files.is_empty() || model.corners.uv_sets.is_empty() {
         return Ok(());
@@ -812,12 +803,17 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
         let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
         model.images.push(ImageSource::File(locate(file.path, &path)?));
     }
-    if header.texture_files.len() > 1 {
-        let last = header.texture_files.len() as i64 - 1;
+    let files = header.texture_files.len();
+    let has_plain = faces.textures.iter().any(|&texture| texture < 0);
+    if has_plain {
+        model.materials.push(Material { place: "a negative texnumber".to_owned(), ..Material::default() });
+    }
+    if files > 1 || has_plain {
         let count = faces.len();
         pad(&mut faces.textures, count, 0);
-        model.triangle_materials =
-            faces.textures.iter().map(|t| t.clamp(&0, &last)).map(|&t| t as u32).collect();
+        let material =
+            |&texture: &i64| usize::try_from(texture).map_or(files, |texture| texture.min(files - 1));
+        model.triangle_materials = faces.textures.iter().map(|texture| material(texture) as u32).collect();
     }
     Ok(())
 }

@@ -6,7 +6,7 @@
 use fantex_base::{Error, Place, Result, counted};
 use glam::DVec3;
 
-use super::{SourceFile, Words, finish, parsed, shown};
+use super::{SourceFile, Words, parsed, shown};
 use crate::Model;
 
 const HEADER_BYTES: usize = 84;
@@ -19,9 +19,7 @@ pub(super) fn looks_like_stl(bytes: &[u8]) -> bool {
 
 /// Loads an STL file. Every facet has its own three positions; nothing is welded here.
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
-    let mut model = read(file).map_err(|error| error.in_file(file.path))?;
-    finish(&mut model);
-    Ok(model)
+    read(file).map_err(|error| error.in_file(file.path))
 }
 
 fn read(file: &SourceFile) -> Result<Model> {

@@ -209,8 +209,8 @@ fn errors_name_the_line() {
     let refuse = |text: &str| message("a.obj", text.as_bytes());
     assert_mentions(&refuse("v 0 0 0\nv 1 x 0\n"), &["a.obj: line 2:", "number", "\"x\""]);
     assert_mentions(&refuse("v 0 0\n"), &["line 1:", "v needs at least 3 numbers", "has 2"]);
-    assert_mentions(&refuse("v 0 0 0\n\nf 1 1 0\n"), &["line 3:", "position 0", "there are 1"]);
-    assert_mentions(&refuse("v 0 0 0\nf 1 1 2\nf 1 1 1\n"), &["line 2:", "position 2", "there are 1"]);
+    assert_mentions(&refuse("v 0 0 0\n\nf 1 1 0\n"), &["line 3:", "position 0", "there is 1"]);
+    assert_mentions(&refuse("v 0 0 0\nf 1 1 2\nf 1 1 1\n"), &["line 2:", "position 2", "there is 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1 1 -2\n"), &["line 2:", "position -2"]);
     assert_mentions(&refuse("v 0 0 0\nf 1/1 1/1 1/1\n"), &["line 2:", "texture coordinate 1", "there are 0"]);
     assert_mentions(&refuse("v 0 0 0\nf 1//3 1 1\n"), &["line 2:", "normal 3"]);

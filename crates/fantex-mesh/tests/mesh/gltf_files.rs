@@ -273,9 +273,9 @@ fn wrong_references_are_named() {
         message("a.gltf", triangle_gltf(nodes, primitive, rest).as_bytes())
     };
     let node = r#"[{"mesh":0}]"#;
-    assert_mentions(&plain(r#"[{"mesh":4}]"#, "", ""), &["node 0 refers to mesh 4, but there are 1"]);
+    assert_mentions(&plain(r#"[{"mesh":4}]"#, "", ""), &["node 0 refers to mesh 4, but there is 1"]);
     assert_mentions(&plain(r#"[{"mesh":4294967296}]"#, "", ""), &["node 0 refers to mesh 4294967296"]);
-    assert_mentions(&plain(r#"[{"children":[9]}]"#, "", ""), &["node 9", "but there are 1"]);
+    assert_mentions(&plain(r#"[{"children":[9]}]"#, "", ""), &["node 9", "but there is 1"]);
     assert_mentions(&plain(node, r#","material":2"#, ""), &["primitive 0 of mesh 0 refers to material 2"]);
     assert_mentions(&plain(node, r#","indices":7"#, ""), &["primitive 0 of mesh 0 refers to accessor 7"]);
     assert_mentions(

@@ -11,5 +11,6 @@ mod generate;
 mod gltf_files;
 mod hostile;
 mod parts;
+mod readers;
 mod simplify;
 mod surface;

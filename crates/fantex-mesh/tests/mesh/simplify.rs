@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use fantex_base::{Random, Result};
 use fantex_mesh::generate::{book, grid, icosphere, torus};
-use fantex_mesh::{CleanOptions, Material, Mesh, Model, Topology, TriangleBvh, VertexCorners, clean};
+use fantex_mesh::{
+    CleanOptions, Material, Mesh, Model, OpposedTriangles, Topology, TriangleBvh, VertexCorners, clean,
+};
 use fantex_test::{cleaned, data_folder, loaded};
 use glam::{DVec3, Vec3};
 
@@ -57,6 +59,95 @@ fn flat_parts_need_few_triangles_and_keep_their_rim() {
     let fine = cleaned(grid(100));
     let scale = |mesh: &Mesh| mesh.area() * mesh.world_from_mesh.scale.powi(2);
     assert!((scale(&coarse) / scale(&fine) - 1.0).abs() < 1e-6);
+}
+
+/// World units squared.
+fn world_area(mesh: &Mesh) -> f64 {
+    mesh.area() * mesh.world_from_mesh.scale.powi(2)
+}
+
+fn opposed(mesh: &Mesh) -> usize {
+    let opposed = OpposedTriangles::of(&mesh.triangles);
+    (0..mesh.triangles.len()).filter(|&t| opposed.contains(t)).count()
+}
+
+/// A sheet over the unit square, waving by `bend`, with a back.
+fn flag(n: u32, bend: f64) -> Model {
+    let mut model = grid(n);
+    let low = model.positions.iter().copied().reduce(DVec3::min).unwrap();
+    let high = model.positions.iter().copied().reduce(DVec3::max).unwrap();
+    let (low, size) = (low, high - low);
+    let flat = if size.y < size.z { 1 } else { 2 };
+    for p in &mut model.positions {
+        let q = *p - low;
+        let (x, y) = (q.x / size.x, if flat == 1 { q.z / size.z } else { q.y / size.y });
+        *p = DVec3::new(x, y, bend * (TAU * x).sin() * (1.0 + y));
+    }
+    let backs: Vec<_> = model.triangles.iter().map(|&[a, b, c]| [b, a, c]).collect();
+    model.triangles.extend(backs);
+    model
+}
+
+#[test]
+fn sheets_with_backs_keep_their_rim() {
+    for (bend, wanted, max_loss, max_distance) in
+        [(0.0, 200, 1e-6, 1e-6), (0.05, 200, 0.003, 0.008), (0.05, 60, 0.02, 0.03)]
+    {
+        let fine = cleaned(flag(29, bend));
+        assert_eq!((fine.triangles.len(), opposed(&fine)), (3364, 3364));
+        let coarse = simplified(&fine, wanted).unwrap();
+        let count = coarse.triangles.len();
+        assert_eq!(opposed(&coarse), count, "fronts and backs differ");
+        assert!(count <= wanted && (bend == 0.0 || count * 10 > wanted * 9), "{count} of {wanted}");
+        let loss = 1.0 - world_area(&coarse) / world_area(&fine);
+        let [away, missing] = [farthest(&coarse, &fine), farthest(&fine, &coarse)];
+        println!(
+            "bend {bend}: {count} triangles, loss of area {loss:.6}, {away:.5} away, {missing:.5} missing"
+        );
+        assert!(loss.abs() <= max_loss, "bend {bend}: {loss}");
+        assert!(away.max(missing) <= max_distance, "bend {bend}: {away} {missing}");
+    }
+}
+
+/// Some triangles of a ball have backs, so that both kinds meet along a closed line; and a flag touches it.
+#[test]
+fn sheets_with_backs_go_on_meeting_what_has_none() {
+    let mut model = icosphere(5);
+    let middle_height = |t: &[u32; 3]| t.map(|v| model.positions[v as usize].y).iter().sum::<f64>() / 3.0;
+    let backs: Vec<_> =
+        model.triangles.iter().filter(|t| middle_height(t) > 0.5).map(|&[a, b, c]| [b, a, c]).collect();
+    let with_backs = backs.len();
+    model.triangles.extend(backs);
+    let fine = cleaned(model);
+    assert_eq!(opposed(&fine), 2 * with_backs);
+    let wanted = 3000;
+    let coarse = simplified(&fine, wanted).unwrap();
+    let count = coarse.triangles.len();
+    assert!(count.abs_diff(wanted) * 10 < wanted, "{count} of {wanted}");
+    let share = opposed(&coarse) as f64 / count as f64;
+    let loss = 1.0 - world_area(&coarse) / world_area(&fine);
+    println!("{count} triangles, {share:.3} opposed, loss of area {loss:.5}");
+    assert!((0.3..0.5).contains(&share), "{share}");
+    assert!(loss.abs() < 0.01, "{loss}");
+    // Without the backs it is a closed ball again.
+    let opposed = OpposedTriangles::of(&coarse.triangles);
+    let mut seen = std::collections::HashSet::new();
+    let outside = coarse.triangles.iter().enumerate().filter(|&(t, triangle)| {
+        let mut key = *triangle;
+        key.sort_unstable();
+        !opposed.contains(t) || seen.insert(key)
+    });
+    let outside: Vec<[u32; 3]> = outside.map(|(_, &triangle)| triangle).collect();
+    let mut edges = std::collections::HashMap::new();
+    for triangle in &outside {
+        for k in 0..3 {
+            let mut ends = [triangle[k], triangle[(k + 1) % 3]];
+            ends.sort_unstable();
+            *edges.entry(ends).or_insert(0) += 1;
+        }
+    }
+    assert!(edges.values().all(|&count| count == 2), "cracks where backs begin");
+    assert!(farthest(&fine, &coarse) < 0.02);
 }
 
 #[test]

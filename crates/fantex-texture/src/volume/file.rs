@@ -7,7 +7,7 @@ use std::io;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Place, Result, input};
+use fantex_base::{Error, Place, Result, counted, input};
 use glam::Vec3;
 
 use super::{Volume, bytes_with_levels, checked_samples, sample_bytes};
@@ -109,7 +109,8 @@ fn load(path: &Path, layout: RawLayout, is_at_end: bool, memory_bytes: u64) -> R
     let skip = if is_at_end { length.saturating_sub(layout.byte_len()) } else { layout.skip };
     let expected = layout.byte_len().saturating_add(skip);
     if expected > length {
-        let message = format!("'{}' ends after {length} bytes; the volume needs {expected}", path.display());
+        let length = counted(length, "byte");
+        let message = format!("'{}' ends after {length}; the volume needs {expected}", path.display());
         return Err(Error::malformed(message).with_path(path));
     }
     file.seek(SeekFrom::Start(skip)).map_err(read_error)?;

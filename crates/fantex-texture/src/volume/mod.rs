@@ -9,7 +9,7 @@ mod file;
 use std::sync::Arc;
 
 use fantex_base::input::{Held, hold};
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -45,8 +45,9 @@ impl Volume {
         let expected = checked_samples(size, channels)?;
         if samples.len() as u64 != expected {
             let ([x, y, z], got) = (size, samples.len());
+            let (channels, expected) = (counted(channels, "channel"), counted(expected, "number"));
             return Err(Error::invalid(format!(
-                "a volume of {x} x {y} x {z} voxels with {channels} channels takes {expected} numbers, not {got}"
+                "a volume of {x} x {y} x {z} voxels with {channels} takes {expected}, not {got}"
             )));
         }
         Ok(Self { size, channels, space, samples, spacing: Vec3::ONE })
@@ -150,9 +151,9 @@ fn sample_bytes(depth: Depth) -> u64 {
 /// Samples of a volume of this size.
 fn checked_samples(size: [u32; 3], channels: u8) -> Result<u64> {
     if size.iter().any(|side| !(1..=MAX_VOLUME_SIDE).contains(side)) || !(1..=4).contains(&channels) {
-        let [x, y, z] = size;
+        let ([x, y, z], channels) = (size, counted(channels, "channel"));
         return Err(Error::too_large(format!(
-            "a volume of {x} x {y} x {z} voxels with {channels} channels is not possible: each side must be 1 to \
+            "a volume of {x} x {y} x {z} voxels with {channels} is not possible: each side must be 1 to \
              {MAX_VOLUME_SIDE}, the channels 1 to 4"
         )));
     }

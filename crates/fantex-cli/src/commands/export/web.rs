@@ -20,7 +20,7 @@ use super::ExportArgs;
 use crate::commands::serve::{NO_VIEWER, file_name, path_below, ranges_ahead};
 use crate::context::Context;
 use crate::scene::{Scene, open_asset, photograph, portrait, report_damage};
-use crate::text::megabytes;
+use crate::text::{counted, megabytes};
 
 /// Of the preview, in pixels: what services that show links ask for.
 const PREVIEW_SIZE: [u32; 2] = [1200, 630];
@@ -108,9 +108,9 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     persist_all(files, context.force)?;
     context.print(&info, |info| {
         format!(
-            "{}: a page of {} files, {}\n",
+            "{}: a page of {}, {}\n",
             info.output.display(),
-            info.files.len(),
+            counted(info.files.len() as u64, "file"),
             megabytes(info.bytes)
         )
     })

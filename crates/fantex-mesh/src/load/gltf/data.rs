@@ -1,8 +1,9 @@
 //! The GLB container: a header, a chunk of JSON and an optional chunk of binary data.
 
-use std::borrow::Cow;
 use std::cell::OnceCell;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine as _, alphabet};
@@ -11,7 +12,7 @@ use fantex_base::{Error, Result, counted};
 
 use super::schema::{Accessor, Buffer, Root, Sparse};
 use super::{Document, get, meshopt};
-use crate::load::{SourceFile, locate, read_file};
+use crate::load::{HeldBytes, SourceFile, locate, read_file};
 
 /// Splits a GLB file into its JSON and its binary data. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
 pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>)> {
@@ -60,7 +61,7 @@ fn read_u32(bytes: &[u8], offset: usize) -> Option<u32> {
 // Bytes behind URIs: data URIs and relative paths.
 
 pub(super) enum Target {
-    Bytes(Vec<u8>),
+    Bytes(HeldBytes),
     File(PathBuf),
 }
 
@@ -94,13 +95,15 @@ pub(super) fn resolve(uri: &str, owner: &Path) -> Result<Target> {
 }
 
 /// `[media type][;base64],DATA`
-fn decode_data(data: &str) -> Result<Vec<u8>> {
+fn decode_data(data: &str) -> Result<HeldBytes> {
     let broken = |why| Error::malformed(format!("its data URI is broken: {why}"));
     let (media_type, content) = data.split_once(',').ok_or_else(|| broken("it has no comma"))?;
-    if !media_type.ends_with(";base64") {
-        return Ok(percent_encoding::percent_decode_str(content).collect());
-    }
-    BASE64.decode(content.trim_end()).map_err(|_| broken("it is not base64"))
+    let held = input::reserve("its data URI", content.len() as u64)?;
+    let bytes = match media_type.ends_with(";base64") {
+        true => BASE64.decode(content.trim_end()).map_err(|_| broken("it is not base64"))?,
+        false => percent_encoding::percent_decode_str(content).collect(),
+    };
+    Ok(HeldBytes { bytes, _held: held })
 }
 
 /// True for `http:`, `file:`, `C:` and the like.
@@ -121,7 +124,7 @@ pub(super) struct Buffers<'a> {
     root: &'a Root,
     limit: u64,
     /// None where a buffer names no data: an error only where it is read.
-    bytes: Vec<Option<Cow<'a, [u8]>>>,
+    contents: Vec<Option<Content<'a>>>,
     /// Of each buffer view that is compressed, once it was read.
     decompressed: Vec<OnceCell<(Vec<u8>, Held)>>,
 }
@@ -129,27 +132,26 @@ pub(super) struct Buffers<'a> {
 impl<'a> Buffers<'a> {
     /// Loads external and embedded buffers; `binary` is the binary chunk of a GLB file.
     pub(super) fn load(root: &'a Root, file: &SourceFile<'a>, binary: Option<&'a [u8]>) -> Result<Self> {
-        let mut total_bytes = 0;
+        let mut fetched = Fetched { file, total_bytes: 0, files: HashMap::new() };
         let load = |(index, buffer): (usize, &Buffer)| {
-            let is_fallback = buffer.extensions.meshopt.as_ref().is_some_and(|meshopt| meshopt.fallback);
             let bytes = match &buffer.uri {
-                _ if is_fallback => Ok(None),
-                Some(uri) => fetch(uri, file, &mut total_bytes).map(|bytes| Some(Cow::Owned(bytes))),
-                None => Ok(binary.filter(|_| index == 0).map(Cow::Borrowed)),
+                _ if buffer.extensions.is_fallback() => Ok(None),
+                Some(uri) => fetched.fetch(uri).map(|bytes| Some(ContentBytes::Fetched(bytes))),
+                None => Ok(binary.filter(|_| index == 0).map(ContentBytes::Binary)),
             };
             bytes
-                .and_then(|bytes| bytes.map(|bytes| shorten(bytes, buffer.byte_length)).transpose())
+                .and_then(|bytes| bytes.map(|bytes| Content::new(bytes, buffer.byte_length)).transpose())
                 .map_err(|error| error.context(format!("buffer {index}")))
         };
-        let bytes = root.buffers.iter().enumerate().map(load).collect::<Result<_, _>>()?;
+        let contents = root.buffers.iter().enumerate().map(load).collect::<Result<_, _>>()?;
         let decompressed = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
-        Ok(Self { root, limit: file.limits.max_file_bytes, bytes, decompressed })
+        Ok(Self { root, limit: file.limits.max_file_bytes, contents, decompressed })
     }
 
     /// The bytes of a buffer view; `from` names the referrer.
     pub(super) fn view(&self, index: usize, from: impl FnOnce() -> String) -> Result<&[u8]> {
         let view = get(&self.root.buffer_views, index, "buffer view", from)?;
-        let Some(meshopt) = &view.extensions.meshopt else {
+        let Some(meshopt) = view.extensions.meshopt() else {
             return self.range(index, [view.buffer, view.byte_offset, view.byte_length]);
         };
         let cell = &self.decompressed[index];
@@ -160,14 +162,15 @@ impl<'a> Buffers<'a> {
         let failed = |error: Error| error.context(format!("buffer view {index}"));
         let length = meshopt.count.checked_mul(meshopt.byte_stride);
         if length != Some(view.byte_length) {
-            let (length, count, stride) = (view.byte_length, meshopt.count, meshopt.byte_stride);
+            let [length, stride] = [view.byte_length, meshopt.byte_stride].map(|n| counted(n, "byte"));
+            let elements = counted(meshopt.count, "element");
             return Err(failed(Error::malformed(format!(
-                "it has {length} bytes, but {count} elements of {stride} bytes in compressed form"
+                "it has {length}, but {elements} of {stride} in compressed form"
             ))));
         }
         if view.byte_length as u64 > self.limit {
-            let sentence =
-                format!("its {} bytes are more than the limit of {}", view.byte_length, self.limit);
+            let bytes = counted(view.byte_length, "byte");
+            let sentence = format!("it has {bytes}, more than the limit of {}", self.limit);
             return Err(failed(Error::too_large(sentence)));
         }
         let held = input::reserve(format_args!("buffer view {index}"), view.byte_length as u64)?;
@@ -177,9 +180,8 @@ impl<'a> Buffers<'a> {
 
     /// So many bytes of a buffer from an offset on, for buffer view `index`.
     fn range(&self, index: usize, [buffer, offset, length]: [usize; 3]) -> Result<&[u8]> {
-        let bytes = get(&self.bytes, buffer, "buffer", || format!("buffer view {index}"))?;
-        let bytes =
-            bytes.as_deref().ok_or_else(|| Error::malformed(format!("buffer {buffer}: {NO_DATA}")))?;
+        let content = get(&self.contents, buffer, "buffer", || format!("buffer view {index}"))?.as_ref();
+        let bytes = content.ok_or_else(|| Error::malformed(format!("buffer {buffer}: {NO_DATA}")))?.bytes();
         let end = offset as u128 + length as u128;
         bytes.get(offset..usize::try_from(end).unwrap_or(usize::MAX)).ok_or_else(|| {
             Error::malformed(format!(
@@ -190,35 +192,74 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes behind a URI. `total_bytes` adds up over all buffers, because many may name one large file.
-fn fetch(uri: &str, file: &SourceFile, total_bytes: &mut u64) -> Result<Vec<u8>> {
-    let bytes = match resolve(uri, file.path)? {
-        Target::Bytes(bytes) => bytes,
-        Target::File(path) => read_file(&path, &file.limits)?,
-    };
-    *total_bytes += bytes.len() as u64;
-    let limit = file.limits.max_file_bytes;
-    if *total_bytes > limit {
-        return Err(Error::too_large(format!(
-            "the buffers up to this one have more than {limit} bytes, the limit for one file"
-        )));
-    }
-    Ok(bytes)
+/// The bytes of a buffer.
+struct Content<'a> {
+    bytes: ContentBytes<'a>,
+    /// What of them is the buffer's.
+    length: usize,
 }
 
-/// Binary chunks are padded, so data may be longer than a buffer says, but never shorter.
-fn shorten(bytes: Cow<'_, [u8]>, length: usize) -> Result<Cow<'_, [u8]>> {
-    if bytes.len() < length {
-        let (expected, found) = (counted(length, "byte"), bytes.len());
-        return Err(Error::malformed(format!("it should have {expected}, but there are {found}")));
-    }
-    Ok(match bytes {
-        Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..length]),
-        Cow::Owned(mut bytes) => {
-            bytes.truncate(length);
-            Cow::Owned(bytes)
+enum ContentBytes<'a> {
+    /// The binary chunk of a GLB file.
+    Binary(&'a [u8]),
+    Fetched(Rc<HeldBytes>),
+}
+
+impl<'a> Content<'a> {
+    /// Binary chunks are padded, so data may be longer than a buffer says, but never shorter.
+    fn new(bytes: ContentBytes<'a>, length: usize) -> Result<Self> {
+        let content = Self { bytes, length };
+        let found = content.all().len();
+        if found < length {
+            let expected = counted(length, "byte");
+            return Err(Error::malformed(format!("it should have {expected}, but there are {found}")));
         }
-    })
+        Ok(content)
+    }
+
+    fn all(&self) -> &[u8] {
+        match &self.bytes {
+            ContentBytes::Binary(bytes) => bytes,
+            ContentBytes::Fetched(bytes) => bytes,
+        }
+    }
+
+    fn bytes(&self) -> &[u8] {
+        &self.all()[..self.length]
+    }
+}
+
+/// What was read for buffers so far.
+struct Fetched<'a> {
+    file: &'a SourceFile<'a>,
+    /// Of all buffers, each file counted once.
+    total_bytes: u64,
+    /// Many buffers may name one large file, which is read once.
+    files: HashMap<PathBuf, Rc<HeldBytes>>,
+}
+
+impl Fetched<'_> {
+    /// The bytes behind a URI.
+    fn fetch(&mut self, uri: &str) -> Result<Rc<HeldBytes>> {
+        let (bytes, path) = match resolve(uri, self.file.path)? {
+            Target::Bytes(bytes) => (bytes, None),
+            Target::File(path) => match self.files.get(&path) {
+                Some(bytes) => return Ok(Rc::clone(bytes)),
+                None => (read_file(&path, &self.file.limits)?, Some(path)),
+            },
+        };
+        self.total_bytes += bytes.len() as u64;
+        let limit = self.file.limits.max_file_bytes;
+        if self.total_bytes > limit {
+            return Err(Error::too_large(format!(
+                "the buffers up to this one have more than {}, the limit for one file",
+                counted(limit, "byte")
+            )));
+        }
+        let bytes = Rc::new(bytes);
+        self.files.extend(path.map(|path| (path, Rc::clone(&bytes))));
+        Ok(bytes)
+    }
 }
 
 // Accessors: typed, strided, possibly sparse views of buffers. Every range is checked before it is read.
@@ -467,8 +508,9 @@ impl<'a> Reader<'a> {
         let available = bytes.get(offset..).unwrap_or_default();
         if needed > available.len() as u128 {
             let (elements, available) = (counted(count, "element"), available.len());
+            let needed = counted(needed, "byte");
             return Err(self.malformed(format!(
-                "it needs {needed} bytes for {elements}, but buffer view {view} has {available} from its offset on"
+                "it needs {needed} for {elements}, but buffer view {view} has {available} from its offset on"
             )));
         }
         Ok(Elements { bytes: &available[..needed as usize], stride, count })

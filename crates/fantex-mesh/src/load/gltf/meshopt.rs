@@ -4,7 +4,7 @@
 //! Written here rather than taken from a crate: the common one builds the C++ library, and the port to Rust, a mesh library of forty
 //! times this size, pins another crate to one version. Every byte is checked where it is read.
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 
 use super::schema::Meshopt;
 
@@ -27,9 +27,9 @@ pub(super) fn decode(view: &Meshopt, source: &[u8]) -> Result<Vec<u8>> {
         }
     };
     if !fits {
-        let mode = &view.mode;
+        let (mode, elements, stride) = (&view.mode, counted(count, "element"), counted(stride, "byte"));
         return Err(Error::malformed(format!(
-            "its {count} elements of {stride} bytes do not suit mode {mode:?} with filter {filter:?}"
+            "it has {elements} of {stride}, which does not suit mode {mode:?} with filter {filter:?}"
         )));
     }
     let mut source = Source(source);

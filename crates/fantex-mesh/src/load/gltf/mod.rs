@@ -18,15 +18,20 @@ mod pose;
 mod schema;
 
 use std::cell::OnceCell;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::Arc;
 
 use data::{Buffers, NO_DATA, Reader, Target, resolve};
 use draco::Unpacked;
+use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
 use pose::{Placement, morph, world_from_bind};
 use schema::{Instancing, Node, Primitive, Root};
 
-use crate::load::{SourceFile, finish, pad};
+use crate::counts::there_are;
+use crate::load::{SourceFile, pad};
 use crate::{AlphaMode, ImageSource, Material, Model, ModelFormat, TextureRef, WrapMode};
 
 /// Loads a glTF or GLB file: the default scene with all its nodes.
@@ -56,7 +61,6 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     load_materials(&document, &mut model)?;
     let (instances, world_from_node) = mesh_instances(&document, &mut model.notes)?;
     load_all(&document, &instances, &world_from_node, &mut model)?;
-    finish(&mut model);
     Ok(model)
 }
 
@@ -76,10 +80,8 @@ fn get<'a, T>(
     from: impl FnOnce() -> String,
 ) -> Result<&'a T> {
     items.get(index).ok_or_else(|| {
-        let (from, count) = (from(), items.len());
-        Error::malformed(format!(
-            "{from} refers to {what} {index}, but there are {count} (counting starts at 0)"
-        ))
+        let (from, there_are) = (from(), there_are(items.len()));
+        Error::malformed(format!("{from} refers to {what} {index}, but {there_are} (counting starts at 0)"))
     })
 }
 
@@ -520,7 +522,7 @@ impl Loader<'_, '_> {
                     let world = normal_transform(world_from_mesh);
                     normals.into_iter().map(|n| turned(&world, Vec3::from(n))).collect()
                 }
-                Placement::Skinned(of_vertex) => {
+                Placement::Skinned { of_vertex, .. } => {
                     let world = |(n, of): ([f32; 3], &DAffine3)| turned(&normal_transform(of), Vec3::from(n));
                     normals.into_iter().zip(of_vertex).map(world).collect()
                 }
@@ -636,9 +638,11 @@ fn turned(linear: &DMat3, direction: Vec3) -> Vec3 {
 // Materials, textures, samplers and images.
 
 fn load_materials(document: &Document, model: &mut Model) -> Result<()> {
+    let mut embedded = Embedded::new();
     let images = document.root.images.iter().enumerate();
-    model.images =
-        images.map(|(index, image)| load_image(document, index, image)).collect::<Result<_, _>>()?;
+    model.images = images
+        .map(|(index, image)| load_image(document, index, image, &mut embedded))
+        .collect::<Result<_, _>>()?;
     for (index, material) in document.root.materials.iter().enumerate() {
         let mut reader = MaterialReader { document, index, notes: &mut model.notes };
         model.materials.push(reader.read(material)?);
@@ -651,21 +655,34 @@ fn default_material() -> Material {
     Material { metallic: 1.0, roughness: 1.0, double_sided: false, ..Material::default() }
 }
 
-fn load_image(document: &Document, index: usize, image: &schema::Image) -> Result<ImageSource> {
+/// Images by where they lie in the buffers: many may name the same bytes, which are kept once.
+type Embedded = HashMap<Range<*const u8>, (Arc<[u8]>, Held)>;
+
+fn load_image(
+    document: &Document,
+    index: usize,
+    image: &schema::Image,
+    shared: &mut Embedded,
+) -> Result<ImageSource> {
     let file_name = document.file.path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
-    let embedded = |bytes: &[u8]| ImageSource::Embedded {
-        label: format!("image {index} of {file_name}"),
-        bytes: bytes.into(),
-    };
+    let label = format!("image {index} of {file_name}");
     if let Some(view) = image.buffer_view {
-        return Ok(embedded(document.buffers.view(view, || format!("image {index}"))?));
+        let found = document.buffers.view(view, || format!("image {index}"))?;
+        let place = found.as_ptr_range();
+        if let Some((bytes, _)) = shared.get(&place) {
+            return Ok(ImageSource::Embedded { label, bytes: Arc::clone(bytes) });
+        }
+        let held = input::reserve(format_args!("image {index}"), found.len() as u64)?;
+        let bytes: Arc<[u8]> = found.into();
+        shared.insert(place, (Arc::clone(&bytes), held));
+        return Ok(ImageSource::Embedded { label, bytes });
     }
     let target = match &image.uri {
         Some(uri) => resolve(uri, document.file.path),
         None => Err(Error::malformed(NO_DATA)),
     };
     match target.map_err(|error| error.context(format!("image {index}")))? {
-        Target::Bytes(bytes) => Ok(embedded(&bytes)),
+        Target::Bytes(bytes) => Ok(ImageSource::Embedded { label, bytes: bytes[..].into() }),
         Target::File(path) => Ok(ImageSource::File(path)),
     }
 }

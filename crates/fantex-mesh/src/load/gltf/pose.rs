@@ -1,5 +1,6 @@
 //! The pose in which a file shows its meshes: morph targets by their weights, skins by where their joints stand.
 
+use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DVec3, Mat4};
 
@@ -15,7 +16,7 @@ pub(super) enum Placement {
     /// World from mesh.
     Rigid(DAffine3),
     /// World from mesh, of each vertex.
-    Skinned(Vec<DAffine3>),
+    Skinned { of_vertex: Vec<DAffine3>, _held: Held },
 }
 
 impl Placement {
@@ -23,7 +24,7 @@ impl Placement {
     pub(super) fn at(&self, vertex: usize) -> &DAffine3 {
         match self {
             Self::Rigid(world_from_mesh) => world_from_mesh,
-            Self::Skinned(of_vertex) => &of_vertex[vertex],
+            Self::Skinned { of_vertex, .. } => &of_vertex[vertex],
         }
     }
 
@@ -36,6 +37,9 @@ impl Placement {
         count: usize,
     ) -> Result<Self> {
         const ZERO: DAffine3 = DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO };
+        // The sums, and four joints and weights at a time.
+        let bytes = size_of::<(DAffine3, f64)>() + 2 * size_of::<[f32; 4]>();
+        let held = input::reserve(label, (count as u64).saturating_mul(bytes as u64))?;
         let mut sums = vec![(ZERO, 0.0); count];
         for set in 0..2 {
             let names = [format!("JOINTS_{set}"), format!("WEIGHTS_{set}")];
@@ -69,7 +73,7 @@ impl Placement {
             true => DAffine3 { matrix3: sum.matrix3 * total.recip(), translation: sum.translation / total },
             false => first,
         };
-        Ok(Self::Skinned(sums.into_iter().map(mean).collect()))
+        Ok(Self::Skinned { of_vertex: sums.into_iter().map(mean).collect(), _held: held })
     }
 }
 

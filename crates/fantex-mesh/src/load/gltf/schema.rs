@@ -181,8 +181,17 @@ pub(super) struct BufferView {
 
 #[derive(Default, Deserialize)]
 pub(super) struct BufferViewExtensions {
-    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
-    pub(super) meshopt: Option<Meshopt>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    khr: Option<Meshopt>,
+    #[serde(rename = "EXT_meshopt_compression")]
+    ext: Option<Meshopt>,
+}
+
+impl BufferViewExtensions {
+    /// Under either name; a file may give both.
+    pub(super) fn meshopt(&self) -> Option<&Meshopt> {
+        self.khr.as_ref().or(self.ext.as_ref())
+    }
 }
 
 /// Where a view's bytes stand, compressed.
@@ -210,15 +219,23 @@ pub(super) struct Buffer {
 
 #[derive(Default, Deserialize)]
 pub(super) struct BufferExtensions {
-    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
-    pub(super) meshopt: Option<MeshoptBuffer>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    khr: Option<MeshoptBuffer>,
+    #[serde(rename = "EXT_meshopt_compression")]
+    ext: Option<MeshoptBuffer>,
+}
+
+impl BufferExtensions {
+    /// True where all views of the buffer are compressed, so that their bytes stand elsewhere; it may have none.
+    pub(super) fn is_fallback(&self) -> bool {
+        [&self.khr, &self.ext].into_iter().flatten().any(|meshopt| meshopt.fallback)
+    }
 }
 
 #[derive(Deserialize)]
-pub(super) struct MeshoptBuffer {
-    /// True where all its views are compressed, so that their bytes stand elsewhere; it may have none.
+struct MeshoptBuffer {
     #[serde(default)]
-    pub(super) fallback: bool,
+    fallback: bool,
 }
 
 #[derive(Default, Deserialize)]

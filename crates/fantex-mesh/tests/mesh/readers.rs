@@ -1,0 +1,233 @@
+//! What readers make of unusual and contradictory files, and how much memory they take for them.
+
+use std::sync::Arc;
+
+use crate::common::*;
+use fantex_base::{ReadLimits, ReadOptions};
+use fantex_mesh::{
+    AlphaMode, CleanOptions, ImageSource, LoadLimits, LoadOptions, Model, clean, shading_normals,
+};
+use glam::{Vec2, Vec3, Vec4};
+
+const FACE: &str = "f 1 2 3\n";
+
+#[test]
+fn overexposed_colours_are_no_bytes() {
+    let text = format!("v 0 0 0 1.001 0.5 0\nv 1 0 0 1 0.5 0\nv 0 1 0 0 1 0\n{FACE}");
+    let model = load_text("a.obj", &text).unwrap();
+    let colors = &model.corners.colors;
+    assert!((colors[0] - colors[1]).abs().max_element() < 0.01, "{colors:?}");
+    assert_eq!((colors[2], model.notes), (Vec4::new(0.0, 1.0, 0.0, 1.0), Vec::<String>::new()));
+}
+
+#[test]
+fn positions_without_colours_are_white_among_bytes_too() {
+    let text = format!("v 0 0 0\nv 1 0 0 255 0 0\nv 0 1 0\nv 0 0 1 0 255 0\n{FACE}f 1 2 4\n");
+    let model = load_text("a.obj", &text).unwrap();
+    let (red, green) = (Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 1.0, 0.0, 1.0));
+    assert_eq!(model.corners.colors, [Vec4::ONE, red, Vec4::ONE, Vec4::ONE, red, green]);
+    assert!(model.notes.len() == 1 && model.notes[0].contains("0..255"), "{:?}", model.notes);
+}
+
+#[test]
+fn comments_are_not_continued() {
+    let positions = "v 0 0 0\nv 1 0 0\n  # from C:\\models\\\nv 0 1 0\nv 9 9 \\\n9\n";
+    let model = load_text("a.obj", &format!("{positions}{FACE}")).unwrap();
+    assert_eq!((model.positions.len(), model.triangles), (4, vec![[0, 1, 2]]));
+}
+
+#[test]
+fn dissolve_counts_where_transparency_is_given_too() {
+    let alpha = |lines: &str| {
+        let obj = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\n{FACE}");
+        let mtl = format!("newmtl m\nKd 1 1 1\n{lines}");
+        let model = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())]).unwrap();
+        (model.materials[0].base_color.w, model.materials[0].alpha)
+    };
+    assert_eq!(alpha("d 1.0\nTr 1.0\n"), (1.0, AlphaMode::Opaque));
+    assert_eq!(alpha("Tr 1.0\nd 1.0\n"), (1.0, AlphaMode::Opaque));
+    assert_eq!(alpha("Tr 0.25\n"), (0.75, AlphaMode::Blend));
+}
+
+#[test]
+fn faces_may_have_no_texture() {
+    let model = |files: &str, numbers: [i32; 3]| {
+        let [a, b, c] = numbers;
+        let header = "ply\nformat ascii 1.0\n";
+        let elements = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 3\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
+        let face = |number: i32| format!("3 0 1 2 6 0 0 1 0 0 1 {number}\n");
+        load_text("a.ply", &format!("{header}{files}{elements}{}{}{}", face(a), face(b), face(c))).unwrap()
+    };
+    let one = "comment TextureFile one.png\n";
+    let textures = |model: &Model| -> Vec<bool> {
+        model.materials.iter().map(|material| material.base_color_texture.is_some()).collect()
+    };
+    let mixed = model(one, [0, -1, 7]);
+    assert_eq!((textures(&mixed), &mixed.triangle_materials[..]), (vec![true, false], &[0, 1, 0][..]));
+    assert_consistent(&mixed);
+    let two = format!("{one}comment TextureFile two.png\n");
+    let mixed = model(&two, [1, -1, 0]);
+    assert_eq!((textures(&mixed), &mixed.triangle_materials[..]), (vec![true, true, false], &[1, 2, 0][..]));
+    assert_eq!(model(one, [0, 0, 0]).triangle_materials, [0u32; 0]);
+}
+
+// glTF.
+
+/// A document with an accessor of floats, named by its type, for each list of numbers.
+fn document(accessors: &[(&str, &[f32])], rest: &str) -> String {
+    let (mut buffer, mut views, mut elements) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, (shape, numbers)) in accessors.iter().enumerate() {
+        let bytes = floats(numbers);
+        let (offset, length) = (buffer.len(), bytes.len());
+        views.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#));
+        let count = numbers.len() / shape.trim_start_matches("VEC").parse::<usize>().unwrap();
+        elements.push(format!(
+            r#"{{"bufferView":{index},"componentType":5126,"count":{count},"type":"{shape}"}}"#
+        ));
+        buffer.extend(bytes);
+    }
+    let (views, elements) = (views.join(","), elements.join(","));
+    gltf_with_buffer(&format!(r#""bufferViews":[{views}],"accessors":[{elements}],{rest}"#), &buffer)
+}
+
+/// Two triangles that bend by some 45 degrees at an edge, whose vertices are there twice.
+const BENT: [f32; 18] = [0., 0., 0., 1., 0., 0., 0., 1., 0., 1., 0., 0., 1., 1., -0.7, 0., 1., 0.];
+
+#[test]
+fn a_part_without_normals_has_those_that_it_has_alone() {
+    let other: Vec<f32> = BENT.iter().map(|x| x + 5.0).collect();
+    let up = [0.0f32, 0.0, 1.0].repeat(6);
+    let accessors = [("VEC3", &BENT[..]), ("VEC3", &other), ("VEC3", &up)];
+    let (bare, with_normals) =
+        (r#"{"attributes":{"POSITION":0}}"#, r#"{"attributes":{"POSITION":1,"NORMAL":2}}"#);
+    let model = |primitives: &str| {
+        let rest = format!(r#""nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{primitives}]}}]"#);
+        load_text("a.gltf", &document(&accessors, &rest)).unwrap()
+    };
+    let alone = model(bare);
+    assert!(alone.corners.normals.is_empty());
+    let expected = shading_normals(&clean(alone, &CleanOptions::default()).unwrap().0);
+    assert!(expected[0].dot(expected[1]) < 0.99 && expected[1].dot(expected[3]) > 0.9999, "{expected:?}");
+    for (primitives, first) in [(format!("{bare},{with_normals}"), 0), (format!("{with_normals},{bare}"), 6)]
+    {
+        let mixed = model(&primitives);
+        assert_consistent(&mixed);
+        let smooth = &mixed.corners.normals[first..first + 6];
+        let is_equal = smooth.iter().zip(&expected).all(|(a, b)| a.abs_diff_eq(*b, 1e-6));
+        assert!(is_equal, "{primitives}: {smooth:?} for {expected:?}");
+        assert_eq!(mixed.corners.normals[6 - first..12 - first], [Vec3::Z; 6]);
+    }
+}
+
+/// The first part's normal map lies in the second set of coordinates, turned by a quarter.
+#[test]
+fn a_part_without_tangents_has_those_of_its_normal_map() {
+    let plane = [0., 0., 0., 1., 0., 0., 0., 1., 0.];
+    let up = [0.0f32, 0.0, 1.0].repeat(3);
+    let first = [0.0f32, 1.0, 1.0, 1.0, 0.0, 0.0];
+    let second = [0.0f32, 0.0, 0.0, -1.0, 1.0, 0.0];
+    let own = [0.0f32, -1.0, 0.0, 1.0].repeat(3);
+    let rest = r#""nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2,"TEXCOORD_1":3},"material":0},{"attributes":{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2,"TANGENT":4},"material":0}]}],"materials":[{"normalTexture":{"index":0,"texCoord":1}}],"textures":[{"source":0}],"images":[{"uri":"normal.png"}]"#;
+    let accessors =
+        [("VEC3", &plane[..]), ("VEC3", &up), ("VEC2", &first), ("VEC2", &second), ("VEC4", &own)];
+    let model = load_text("a.gltf", &document(&accessors, rest)).unwrap();
+    assert_consistent(&model);
+    // In the second set, u grows along y; v grows along -x and is the image's down, so the image is not mirrored.
+    assert_eq!(model.corners.uv_sets[1][2], Vec2::X);
+    assert_eq!(model.corners.tangents[3..], [Vec4::new(0.0, -1.0, 0.0, 1.0); 3]);
+    for tangent in &model.corners.tangents[..3] {
+        assert!((tangent.truncate() - Vec3::Y).length() < 1e-5, "{tangent}");
+    }
+}
+
+#[test]
+fn compression_may_be_given_under_both_names() {
+    let file = include_bytes!("../data/torus_meshopt_khr.glb");
+    let length = u32::from_le_bytes(*file[12..].first_chunk().unwrap()) as usize;
+    let mut json: serde_json::Value = serde_json::from_slice(&file[20..20 + length]).unwrap();
+    let mut doubled = 0;
+    for list in ["bufferViews", "buffers"] {
+        for item in json[list].as_array_mut().unwrap() {
+            if let Some(extensions) = item.get_mut("extensions").and_then(|e| e.as_object_mut()) {
+                let khr = extensions["KHR_meshopt_compression"].clone();
+                extensions.insert("EXT_meshopt_compression".into(), khr);
+                doubled += 1;
+            }
+        }
+    }
+    assert!(doubled > 1);
+    let model = load_files(&[("a.glb", &glb(&json.to_string(), &file[28 + length..]))]).unwrap();
+    assert_eq!(model.triangles, load_files(&[("a.glb", file)]).unwrap().triangles);
+}
+
+// Memory.
+
+/// Loads with a budget of its own.
+fn load_within(memory_bytes: u64, files: &[(&str, &[u8])]) -> fantex_base::Result<Model> {
+    let options = ReadOptions { memory_bytes, ..ReadOptions::default() };
+    ReadLimits::new(options).run(|| load_files(files))
+}
+
+const TRIANGLE: &str = r#""nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}]"#;
+
+#[test]
+fn images_share_the_bytes_of_a_place() {
+    let views =
+        r#"{"buffer":0,"byteLength":36},{"buffer":0,"byteLength":4000},{"buffer":0,"byteLength":4000}"#;
+    let images = vec![r#"{"bufferView":1},{"bufferView":2}"#; 200].join(",");
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":4000}}],"bufferViews":[{views}],"images":[{images}],{TRIANGLE}}}"#
+    );
+    let file = glb(&json, &[0; 4000]);
+    let model = load_within(1 << 16, &[("a.glb", &file)]).unwrap();
+    assert_eq!(model.images.len(), 400);
+    let bytes: Vec<&Arc<[u8]>> = model
+        .images
+        .iter()
+        .map(|image| match image {
+            ImageSource::Embedded { bytes, .. } => bytes,
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert!(bytes.iter().all(|image| Arc::ptr_eq(image, bytes[0])));
+    assert_mentions(&load_within(3000, &[("a.glb", &file)]).unwrap_err().to_string(), &["a.glb", "image 0"]);
+}
+
+#[test]
+fn buffers_share_a_file_and_count_while_they_are_there() {
+    let json = |name: &dyn Fn(usize) -> String| {
+        let buffer = |index: usize| format!(r#"{{"uri":"{}","byteLength":4000}}"#, name(index));
+        let buffers = (0..4).map(buffer).collect::<Vec<_>>().join(",");
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"buffers":[{buffers}],"bufferViews":[{{"buffer":0,"byteLength":36}}],{TRIANGLE}}}"#
+        )
+    };
+    let data = [0; 4000];
+    let one = json(&|_| "0.bin".to_owned());
+    let files: [(&str, &[u8]); 2] = [("a.gltf", one.as_bytes()), ("0.bin", &data)];
+    load_within(6000, &files).unwrap();
+    let limits = LoadLimits { max_file_bytes: 6000, ..LoadLimits::default() };
+    load_files_with(&files, &LoadOptions { limits }).unwrap();
+
+    let four = json(&|index| format!("{index}.bin"));
+    let files: [(&str, &[u8]); 5] =
+        [("a.gltf", four.as_bytes()), ("0.bin", &data), ("1.bin", &data), ("2.bin", &data), ("3.bin", &data)];
+    load_within(20_000, &files).unwrap();
+    let message = load_within(12_000, &files).unwrap_err().to_string();
+    assert_mentions(&message, &["buffer 2", "2.bin", "memory"]);
+}
+
+#[test]
+fn skins_count_against_the_memory() {
+    let count = 1 << 18;
+    let accessors = [(5126, "VEC3"), (5121, "VEC4"), (5126, "VEC4")]
+        .map(|(kind, shape)| format!(r#"{{"componentType":{kind},"count":{count},"type":"{shape}"}}"#))
+        .join(",");
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0,"skin":0}}],"skins":[{{"joints":[0]}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"JOINTS_0":1,"WEIGHTS_0":2}},"indices":3}}]}}],"accessors":[{accessors},{{"componentType":5125,"count":3,"type":"SCALAR"}}]}}"#
+    );
+    let files: [(&str, &[u8]); 1] = [("a.gltf", json.as_bytes())];
+    load_within(64 << 20, &files).unwrap();
+    let message = load_within(16 << 20, &files).unwrap_err().to_string();
+    assert_mentions(&message, &["primitive 0 of mesh 0", "memory"]);
+}
