@@ -17,14 +17,14 @@ use fantex_cover::{
     BLOCK_MARGIN, BlockPart, Cover, Footprints, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TexelTriangle,
     TileBlock,
 };
-use fantex_mesh::{AlphaMode, Mesh};
+use fantex_mesh::Mesh;
 use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, PageTexels, Quality, TexelFormat, TexelSlice, encode_many,
     page_extent, page_grid, page_origin,
 };
 use fantex_texture::color::{srgb8_from_linear, unorm8};
-use fantex_texture::levels::{Covered, CutOuts, Raster};
-use glam::{DVec3, DVec4, Vec2, Vec3, Vec4};
+use fantex_texture::levels::{Covered, CutOuts, LargestCutOut, Raster, TexelMean};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::Meter;
@@ -87,7 +87,7 @@ impl TileBaker<'_> {
         }
         if let (Some(cut_out), Some(channel)) = (largest_cut_out, self.coverage_channel()) {
             let alpha = &mut tile.means[channel][3];
-            *alpha = mean_alpha(*alpha, cut_out.threshold, tile.covered.0.get(cut_out.number), group);
+            *alpha = cut_out.alpha_of_mean(*alpha, &tile.covered, group);
         }
         Ok(tile)
     }
@@ -408,27 +408,10 @@ impl TileBaker<'_> {
         CutOuts::of(modes, self.source.has_shares())
     }
 
-    /// The cut-out that takes most of the area; `None` where nothing is cut out, or what is blended takes more.
+    /// The cut-out that takes most of the area.
     fn largest_cut_out(&self, triangles: &[u32]) -> Option<LargestCutOut> {
-        let (mut cut_outs, mut blended): (Vec<(f32, f64)>, f64) = (Vec::new(), 0.0);
-        for &triangle in triangles {
-            let area = self.mesh.triangle_area(triangle as usize);
-            match self.mesh.alpha_mode(triangle as usize) {
-                AlphaMode::Opaque => {}
-                AlphaMode::Blend => blended += area,
-                AlphaMode::Mask(threshold) => {
-                    match cut_outs.iter_mut().find(|(known, _)| known.total_cmp(&threshold).is_eq()) {
-                        Some((_, sum)) => *sum += area,
-                        None => cut_outs.push((threshold, area)),
-                    }
-                }
-            }
-        }
-        let by_area = |a: &&(f32, f64), b: &&(f32, f64)| a.1.total_cmp(&b.1);
-        let &(threshold, area) = cut_outs.iter().max_by(by_area)?;
-        // They are numbered by their thresholds.
-        let number = cut_outs.iter().filter(|(other, _)| other.total_cmp(&threshold).is_lt()).count();
-        (area >= blended).then_some(LargestCutOut { threshold, number })
+        let mesh = self.mesh;
+        LargestCutOut::of(triangles.iter().map(|&t| (mesh.alpha_mode(t as usize), mesh.triangle_area(t as usize))))
     }
 
     fn overshoot(&self, channel: usize) -> Overshoot {
@@ -488,72 +471,20 @@ fn continue_over(raster: &mut Raster, hidden: &[u32]) {
 fn means(raster: &Raster) -> Vec<[f32; 4]> {
     (0..raster.channels)
         .map(|channel| {
-            let is_coverage = raster.coverage == Some(channel);
-            let (mut read, mut valid) = (WeightedMean::default(), WeightedMean::default());
+            let add = if raster.coverage == Some(channel) { TexelMean::add_covered } else { TexelMean::add };
+            let (mut read, mut valid) = (TexelMean::default(), TexelMean::default());
             for texel in 0..raster.valid.len() {
                 if raster.valid[texel] {
                     let value = raster.values[texel * raster.channels + channel];
-                    let weight = if is_coverage { value.w.max(0.0) + TRANSPARENT_WEIGHT } else { 1.0 };
-                    valid.add(value, weight);
+                    add(&mut valid, value);
                     if raster.read[texel] {
-                        read.add(value, weight);
+                        add(&mut read, value);
                     }
                 }
             }
             read.value().or(valid.value()).unwrap_or(Vec4::ZERO).to_array()
         })
         .collect()
-}
-
-/// What counts of the colour of a transparent texel, so that a tile without anything opaque has a mean, too.
-const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
-
-#[derive(Default)]
-struct WeightedMean {
-    /// Red, green and blue by their weights; alpha.
-    sum: DVec4,
-    weight: f64,
-    count: f64,
-}
-
-impl WeightedMean {
-    fn add(&mut self, value: Vec4, weight: f32) {
-        self.sum += (value.truncate() * weight).extend(value.w).as_dvec4();
-        self.weight += f64::from(weight);
-        self.count += 1.0;
-    }
-
-    fn value(&self) -> Option<Vec4> {
-        let mean = || self.sum / DVec3::splat(self.weight).extend(self.count);
-        (self.count > 0.0).then(|| mean().as_vec4())
-    }
-}
-
-/// A cut-out among the materials of a tile.
-struct LargestCutOut {
-    threshold: f32,
-    /// Among the thresholds of the tile, in ascending order.
-    number: usize,
-}
-
-/// How far the alpha of a mean lies from the threshold: half a step of 8 bits.
-const OVER_THRESHOLD: f32 = 1.0 / 512.0;
-
-/// The alpha that the mean of a tile with a cut-out is given, of which a share is there.
-///
-/// Look-ups blend from the last level to the mean as pixels grow from a quarter of the tile to all of it. With an alpha at the threshold, what
-/// passes on the last level passes until then. Of pixels larger than tiles, tiles are shown or not as wholes: as many of them as the share
-/// says, evenly spread over the groups (the additive recurrence by the golden ratio).
-fn mean_alpha(mean: f32, threshold: f32, covered: Option<&Option<f32>>, group: u32) -> f32 {
-    match covered {
-        Some(&Some(covered)) if covered > 0.0 && covered < 1.0 => {
-            let place = (1u32 << 31).wrapping_add(group.wrapping_mul(0x9e37_79b9));
-            let is_shown = f64::from(place) < f64::from(covered) * f64::from(u32::MAX);
-            let over = if is_shown { OVER_THRESHOLD } else { -OVER_THRESHOLD };
-            (threshold + over).clamp(0.0, 1.0)
-        }
-        _ => mean,
-    }
 }
 
 // From linear values to the numbers and bytes that a channel stores.

@@ -13,7 +13,7 @@ use fantex_base::Result;
 use fantex_cover::{BLOCK_MARGIN, BlockPart, Group, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TileBlock};
 use fantex_mesh::AlphaMode;
 use fantex_store::{Asset, ChannelKind, PageId, page_extent, page_origin};
-use fantex_texture::levels::{AlphaScales, Covered, CutOuts, Raster};
+use fantex_texture::levels::{AlphaScales, Covered, CutOuts, LargestCutOut, Raster, TexelMean};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -122,9 +122,16 @@ impl LevelJob<'_> {
             }
         }
         let valid = raster.values.iter().zip(&raster.valid).filter(|(_, valid)| **valid);
-        let known: Vec<Vec4> = valid.map(|(value, _)| *value).collect();
-        if !known.is_empty() {
-            let mean = known.iter().sum::<Vec4>() / known.len() as f32;
+        let mut mean = TexelMean::default();
+        valid.for_each(|(value, _)| mean.add_covered(*value));
+        if let Some(mut mean) = mean.value() {
+            let mesh = self.surface.mesh();
+            let triangles = self.surface.triangles_of_group(self.group).iter().map(|&t| t as usize);
+            if let Some(largest) =
+                LargestCutOut::of(triangles.map(|t| (mesh.alpha_mode(t), mesh.triangle_area(t))))
+            {
+                mean.w = largest.alpha_of_mean(mean.w, &covered, self.group);
+            }
             result.means.push((self.channel, mean.to_array()));
         }
         Ok(())

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use fantex_base::Result;
 use fantex_store::{Asset, AssetEditor, ChannelKind, PAGE, PageId, page_extent, page_grid, page_origin};
-use fantex_texture::levels::{CutOuts, Raster};
+use fantex_texture::levels::{CutOuts, Raster, TexelMean};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -139,11 +139,10 @@ impl LevelJob<'_> {
         }
         let last = PageId { group: self.group, level: shape.level_count() - 1, page: [0, 0] };
         self.load(last, &mut finer)?;
-        let known: Vec<Vec4> = finer[&last.page].iter().flatten().copied().collect();
-        if !known.is_empty() {
-            let mean = known.iter().sum::<Vec4>() / known.len() as f32;
-            result.means.push((self.channel, mean.to_array()));
-        }
+        let add = if self.is_color() { TexelMean::add_covered } else { TexelMean::add };
+        let mut mean = TexelMean::default();
+        finer[&last.page].iter().flatten().for_each(|value| add(&mut mean, *value));
+        result.means.extend(mean.value().map(|mean| (self.channel, mean.to_array())));
         Ok(())
     }
 
@@ -208,11 +207,14 @@ impl LevelJob<'_> {
         }
     }
 
+    /// Whether values count by their coverage.
+    fn is_color(&self) -> bool {
+        self.editor.asset().channels()[self.channel].kind == ChannelKind::BaseColor
+    }
+
     /// Values of a rectangle of the level below a page, where they are known.
     fn window(&self, id: PageId, extent: [u32; 2], rect: Rect, finer: &mut LevelPages) -> Result<Raster> {
-        let is_color = self.editor.asset().channels()[self.channel].kind == ChannelKind::BaseColor;
-        // Colours count by their coverage.
-        let mut window = Raster::empty(rect.extent(), 1, is_color.then_some(0));
+        let mut window = Raster::empty(rect.extent(), 1, self.is_color().then_some(0));
         for page in pages_of(rect) {
             self.load(PageId { level: id.level - 1, page, ..id }, finer)?;
             let values = &finer[&page];

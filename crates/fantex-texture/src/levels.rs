@@ -8,6 +8,7 @@ use glam::Vec4;
 
 use crate::filter::{Overlap, TRANSPARENT_WEIGHT};
 use crate::material::coverage_scale;
+pub use crate::tile_mean::{LargestCutOut, TexelMean};
 
 /// Texels with values and validity, row-major.
 #[derive(Clone, Debug, Default)]

@@ -28,6 +28,7 @@ mod solid;
 mod surface_detail;
 mod tabulate;
 mod texture;
+mod tile_mean;
 mod values;
 mod volume;
 pub mod warp;

@@ -105,6 +105,12 @@ fn painted_holes_keep_their_coverage_at_every_level() {
                 assert!((found - first).abs() < 0.06, "level {level}: {found} of {first}");
             }
         }
+        // As in a bake, the mean of a tile is about to pass.
+        let asset = painter.editor().asset();
+        let groups = 0..asset.cover().groups.len() as u32;
+        assert!(groups.clone().any(|group| asset.mean(0, group)[3] > threshold));
+        let near = groups.clone().filter(|&group| (asset.mean(0, group)[3] - threshold).abs() < 0.003);
+        assert!(2 * near.count() > groups.len(), "{threshold}");
         assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
         while painter.undo().unwrap() {}
         assert!(contents(&painter) == before);
