@@ -411,7 +411,8 @@ impl TileBaker<'_> {
     /// The cut-out that takes most of the area.
     fn largest_cut_out(&self, triangles: &[u32]) -> Option<LargestCutOut> {
         let mesh = self.mesh;
-        LargestCutOut::of(triangles.iter().map(|&t| (mesh.alpha_mode(t as usize), mesh.triangle_area(t as usize))))
+        let indices = triangles.iter().map(|&triangle| triangle as usize);
+        LargestCutOut::of(indices.map(|t| (mesh.alpha_mode(t), mesh.triangle_area(t))))
     }
 
     fn overshoot(&self, channel: usize) -> Overshoot {

@@ -267,15 +267,15 @@ fn a_file_that_is_not_there_is_named() {
 
 #[test]
 fn what_a_server_sends_piece_by_piece_is_put_together() {
-    let bytes: Vec<u8> = (0..48_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let bytes: Vec<u8> = (0..200_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let server = Server::start(bytes.clone(), Manner::Short);
     let source = Arc::new(HttpSource::new(&server.url(), 2));
-    let mut read = vec![0; 50_000];
-    assert_eq!(source.read_at(&mut read[..], 0).unwrap(), 48_000);
-    assert!(read[..48_000] == bytes);
+    let mut read = vec![0; 203_000];
+    assert_eq!(source.read_at(&mut read[..], 0).unwrap(), 200_000);
+    assert!(read[..200_000] == bytes);
     assert_eq!(source.read_at(&mut read[..7000], 40_000).unwrap(), 7000);
     assert!(read[..7000] == bytes[40_000..47_000]);
-    assert_eq!(source.length().unwrap(), 48_000);
+    assert_eq!(source.length().unwrap(), 200_000);
     check_reader(&mut http_reader(source, 2).unwrap(), &bytes);
 }
 
