@@ -50,10 +50,13 @@ struct MergeInfo {
 
 pub(crate) fn run(args: &MergeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    args.output.as_ref().map_or(Ok(()), |output| check_asset_name(output, ""))?;
+    let inputs = || args.parts.iter().chain([&args.plan]).map(PathBuf::as_path);
+    if let Some(output) = args.output.as_ref().filter(|output| !inputs().any(|input| input == **output)) {
+        check_asset_name(output, "")?;
+    }
     let plan = open_plan(&args.plan)?;
     if let Some(output) = &args.output {
-        let inputs = args.parts.iter().chain([&args.plan]).map(PathBuf::as_path);
+        let inputs = inputs();
         context.check_target_of(output, inputs)?;
     }
     let job = Merge { plan: &plan, parts: &args.parts, force: context.force };

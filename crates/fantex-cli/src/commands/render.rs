@@ -112,6 +112,8 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         return render_look(args, &LookFile::read(path)?, context);
     }
     let options = options(args)?;
+    // Folders and devices are told as such.
+    context.check_output(&args.output)?;
     check_picture_name(&args.output, options.background == Background::Transparent)?;
     if FileKind::of(&args.file)? == FileKind::World {
         return render_world(args, &options, context);
