@@ -318,7 +318,8 @@ fn shader_files(
     for language in languages {
         let path = output.with_extension(language.extension());
         let is_shared = *language != ShaderLanguage::Godot || looks.len() < 2;
-        for (number, &(material, _)) in (1..).zip(looks.iter().take(if is_shared { 1 } else { looks.len() })) {
+        for (number, &(material, _)) in (1..).zip(looks.iter().take(if is_shared { 1 } else { looks.len() }))
+        {
             let text = sheets.shader(*language, materials.get(material).unwrap_or(&default_material));
             let stem = output.file_stem().unwrap_or_default().to_string_lossy();
             let numbered = format!("{stem}-material-{number}.{}", language.extension());

@@ -84,7 +84,8 @@ struct Places {
 impl Places {
     /// For a model of that half size.
     fn new(half_size: f64) -> Self {
-        let [length, same] = [MATCH_SHARE, SAME_SHARE].map(|share| (share * half_size).max(f64::MIN_POSITIVE));
+        let [length, same] =
+            [MATCH_SHARE, SAME_SHARE].map(|share| (share * half_size).max(f64::MIN_POSITIVE));
         Self { length, same, cells: FxHashMap::default(), points: Vec::new() }
     }
 

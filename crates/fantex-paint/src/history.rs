@@ -359,8 +359,15 @@ impl OpenStep {
 /// What a step makes of what is no page.
 enum Change {
     /// Without contents there is none any more.
-    Attachment { name: String, contents: Vec<u8> },
-    Mean { channel: usize, group: u32, value: [f32; 4] },
+    Attachment {
+        name: String,
+        contents: Vec<u8>,
+    },
+    Mean {
+        channel: usize,
+        group: u32,
+        value: [f32; 4],
+    },
 }
 
 /// Contents of an attachment after a step.

@@ -382,7 +382,11 @@ impl Files {
         names.retain(|name| files.is_own(name));
         let taken: HashSet<u32> =
             names.iter().filter_map(|name| Some(numbered_name(name, &[files.prefix.as_str()])?.1)).collect();
-        files.old = names.iter().filter(|name| !kept.contains(*name)).map(|name| World::place_of(index, name)).collect();
+        files.old = names
+            .iter()
+            .filter(|name| !kept.contains(*name))
+            .map(|name| World::place_of(index, name))
+            .collect();
         for generation in (1u32..).filter(|generation| !taken.contains(generation)) {
             files.generation = generation;
             let first = World::place_of(index, &files.name(0));

@@ -83,7 +83,8 @@ pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progre
     let mut report = WorldReport::default();
     let mut seams = Seams { keeps_meetings: !world.coarse.is_empty(), ..Seams::default() };
     let of_coarse = world.coarse.iter().map(|coarse| coarse.texels);
-    let total = world.objects.iter().map(|object| object.texels).chain(of_coarse).fold(0, u64::saturating_add);
+    let total =
+        world.objects.iter().map(|object| object.texels).chain(of_coarse).fold(0, u64::saturating_add);
     let mut done = 0;
     for (number, object) in world.objects.iter().enumerate() {
         if progress.is_cancelled() {

@@ -593,7 +593,8 @@ fn the_file_may_not_grow_further_after_compacting_either() {
     editor.replace(page, 0, texels).unwrap();
     editor.compact().unwrap();
     assert_eq!(editor.take_replaced(), [page]);
-    let large: Vec<u8> = (0..4 * bytes as u32).flat_map(|n| n.wrapping_mul(0x9e37_79b9).to_le_bytes()).collect();
+    let large: Vec<u8> =
+        (0..4 * bytes as u32).flat_map(|n| n.wrapping_mul(0x9e37_79b9).to_le_bytes()).collect();
     editor.attach("large", large).unwrap();
     let error = editor.commit().unwrap_err();
     assert!(is_disk_full(&error), "{error}");

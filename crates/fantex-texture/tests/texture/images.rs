@@ -260,7 +260,7 @@ fn ktx2_files_are_read() {
         (ktx2(147, [2, 3], 1, 0, &texels), "format 147 (VkFormat)"),
         (ktx2(43, [2, 3], 5, 0, &texels), "5 for the number of faces"),
         (ktx2(43, [2, 3], 1, 2, &texels), "damaged"),
-        (ktx2(43, [4, 30], 1, 0, &texels), "480 are needed"),
+        (ktx2(43, [4, 30], 1, 0, &texels), "it needs 480"),
         (ktx2(43, [0, 3], 1, 0, &texels), "each side must be 1 to 4096"),
         (ktx2(43, [u32::MAX; 2], 1, 0, &texels), "each side must be 1 to 4096"),
         (ktx2(43, [4000, 4000], 1, 0, &texels), "would take 123 MiB of memory, 1 MiB are left"),
@@ -293,7 +293,7 @@ fn dds_files_are_read() {
     [99_u32, 3, 0, 1, 0].into_iter().for_each(|word| extended.extend_from_slice(&word.to_le_bytes()));
     extended.extend_from_slice(&[0; 15]);
     for (bytes, part) in [
-        (dds([4, 4, 0, 1], coded(b"DX10"), 0, &extended), "ends after 163 bytes; 164 are needed"),
+        (dds([4, 4, 0, 1], coded(b"DX10"), 0, &extended), "ends after 163 bytes; it needs 164"),
         (dds([4, 4, 0, 1], coded(b"WHAT"), 0, &texels), "format WHAT"),
         (dds([4, 4, 0, 77], coded(b"DXT1"), 0, &texels), "77 for the number of levels"),
         (dds([4, 4, 0, 1], [0x40, 0, 16, 0xf800, 0x7e0, 0x1f, 0], 0, &texels), "16 bits with masks f800"),
