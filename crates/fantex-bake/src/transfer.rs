@@ -151,16 +151,13 @@ impl<'a> Projector<'a> {
         normal: Vec3,
         accept: impl Fn(SurfacePoint) -> bool,
     ) -> Option<SurfacePoint> {
-        let mut nearest: Option<RayHit> = None;
-        for (direction, front) in [(normal, false), (-normal, true)] {
+        let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
             // From a little behind, since the surfaces may touch at the point itself.
             let origin = p - direction * SURFACE_OFFSET;
             let is_match = |hit: &RayHit| hit.front == front && accept(hit.point);
-            // What lies farther than the hit of the other way does not count.
-            let most = nearest.map_or(self.cage + SURFACE_OFFSET, |hit| hit.distance);
-            let hit = self.bvh.first_hit_where(origin, direction, most, is_match);
-            nearest = hit.filter(|hit| nearest.is_none_or(|other| hit.distance < other.distance)).or(nearest);
-        }
+            self.bvh.first_hit_where(origin, direction, self.cage + SURFACE_OFFSET, is_match)
+        });
+        let nearest = hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
         nearest.map(|hit| hit.point)
     }
 

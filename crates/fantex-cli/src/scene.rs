@@ -1,5 +1,6 @@
 //! Opening models, assets and looks, and rendering them.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -247,21 +248,32 @@ pub(crate) fn known_extension(path: &Path) -> Option<&'static str> {
 
 /// Refuses the name of an asset that ends in something else than `.fan`. `others`: what may be written there instead.
 pub(crate) fn check_asset_name(path: &Path, others: &str) -> Result<()> {
-    let Some(extension) = path.extension().filter(|e| !e.eq_ignore_ascii_case("fan")) else { return Ok(()) };
-    let (path, extension) = (path.display(), extension.display());
-    Err(Error::invalid(format!(
-        "{path} would be an asset, and .{extension} is the name of something else; give a name that ends in .fan{others}"
-    )))
+    check_extension(path, "an asset", "fan", others)
+}
+
+/// Refuses the name of `what` that ends in something else than an extension; names without any are allowed. `others`: what may be written
+/// there instead.
+pub(crate) fn check_extension(path: &Path, what: &str, expected: &str, others: &str) -> Result<()> {
+    match path.extension().filter(|extension| !extension.eq_ignore_ascii_case(expected)) {
+        None => Ok(()),
+        Some(extension) => {
+            let advice = format!("that ends in .{expected}{others}");
+            Err(named_otherwise(path, what, extension.display(), &advice))
+        }
+    }
+}
+
+fn named_otherwise(path: &Path, what: &str, extension: impl Display, advice: &str) -> Error {
+    let path = path.display();
+    Error::invalid(format!(
+        "{path} would be {what}, and .{extension} is the name of something else; give a name {advice}"
+    ))
 }
 
 /// Refuses the name of a picture or a model for `what`, whose names have no extension of their own but usually `usual`.
 pub(crate) fn check_is_no_model_name(path: &Path, what: &str, usual: &str) -> Result<()> {
-    known_extension(path).map_or(Ok(()), |extension| {
-        Err(Error::invalid(format!(
-            "{} would be {what}, and .{extension} is the name of something else; give a name such as {usual}",
-            path.display()
-        )))
-    })
+    known_extension(path)
+        .map_or(Ok(()), |extension| Err(named_otherwise(path, what, extension, &format!("such as {usual}"))))
 }
 
 /// True for files that are named `.toml`.

@@ -13,7 +13,7 @@ use rustc_hash::FxHashMap;
 use crate::ChannelMap;
 use crate::export::{ExportOptions, Map, brightest, scale_of, told};
 use crate::layout::{Page, Placed};
-use crate::surface::{Frames, Surface, TriangleFrames, lambda_steps};
+use crate::surface::{Frames, NO_AREA, Surface, TriangleFrames, lambda_steps};
 use crate::texels::{Region, Values, nearest_of_border};
 
 /// An asset whose pages are read as they are needed.
@@ -147,7 +147,7 @@ impl Footprint {
         (along[longest], along[next]) = (-1.0, 1.0);
         (across[longest], across[next], across[other]) = (share - 1.0, -share, 1.0);
         let axes = [along / length.max(1.0), across / height.max(1.0)];
-        Self { corners, steps, axes, is_flat: height * length < 1e-9 }
+        Self { corners, steps, axes, is_flat: height * length < NO_AREA }
     }
 
     /// How wide it is elsewhere, where the triangle has these corners.

@@ -80,11 +80,14 @@ impl TriangleFrames {
     }
 }
 
+/// Twice the area, in texels of a picture, below which a triangle has none.
+pub(crate) const NO_AREA: f32 = 1e-9;
+
 /// Change of the barycentric coordinates per texel to the right and downwards: over all of a triangle where it has no area, so that it shows
 /// its mean.
 pub(crate) fn lambda_steps([a, b, c]: [Vec2; 3]) -> [Vec3; 2] {
     let area = (b - a).perp_dot(c - a);
-    if area.abs() < 1e-9 {
+    if area.abs() < NO_AREA {
         return [Vec3::new(-1.0, 1.0, 0.0), Vec3::new(-1.0, 0.0, 1.0)];
     }
     [Vec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area, Vec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area]

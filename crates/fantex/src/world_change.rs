@@ -1,6 +1,5 @@
 //! Changes to the index of a world.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,7 +9,7 @@ use fantex_base::{Error, ErrorKind, Result, counted, input};
 use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
-use crate::addresses::{Target, is_object};
+use crate::addresses::{Target, is_object, watched};
 use crate::coarse_objects::{MadeCoarse, make_coarse};
 use crate::preview::CancelOnly;
 use crate::split::lock_index;
@@ -139,8 +138,8 @@ fn put_index(
     let target = Target::new(index)?;
     world.write(target.file())?;
     let Some(object) = target.object() else { return Ok(()) };
-    let go_on = || if progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-    let Err(error) = object.put(target.file(), replace, &|_, _| go_on()) else { return Ok(()) };
+    let put = object.put(target.file(), replace, &|done, total| watched(&CancelOnly(progress), done, total));
+    let Err(error) = put else { return Ok(()) };
     if matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::Conflict) {
         return Err(error);
     }

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use super::view;
 use crate::context::Context;
-use crate::scene::{check_asset_name, open_asset, report_damage, size};
+use crate::scene::{check_asset_name, check_extension, open_asset, report_damage, size};
 use crate::text::{Choices, counted, megabytes, one_of};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
@@ -180,7 +180,7 @@ struct PaintInfo {
 pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let started = Instant::now();
     if let Some(output) = &args.export_log {
-        check_strokes_name(output)?;
+        check_extension(output, "a stroke file", "json", "")?;
         export(&args.asset, output, context)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -234,18 +234,6 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         )
     })?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Refuses the name of a stroke file that ends in something else than `.json`.
-fn check_strokes_name(path: &Path) -> Result<()> {
-    match path.extension().filter(|extension| !extension.eq_ignore_ascii_case("json")) {
-        None => Ok(()),
-        Some(extension) => Err(Error::invalid(format!(
-            "{} would be a stroke file, and .{} is the name of something else; give a name that ends in .json",
-            path.display(),
-            extension.display()
-        ))),
-    }
 }
 
 fn missing(unrecorded: usize) -> String {
