@@ -6,16 +6,17 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 use crate::shell::{Failure, capture, cargo, data_folder, root, succeeds};
+use crate::test::target_folder;
 
 /// The peer: UV unwrapping by xatlas, from Python.
 const XATLAS: &str = "crates/fantex-bench/src/xatlas_peer.py";
 /// Landscapes for the speed of covering, in triangles.
 const LANDSCAPES: [&str; 3] = ["100k", "500k", "2M"];
 
-/// Runs all rows in release, prints them and writes `target/bench.json`.
+/// Runs all rows in release, prints them and writes `bench.json` where cargo builds.
 pub(crate) fn run() -> Result<(), Failure> {
     cargo(&["build", "--release", "--package", "fantex-cli", "--package", "fantex-bench"])?;
-    let program = |name: &str| Program { path: root().join("target/release").join(name) };
+    let program = |name: &str| Program { path: target_folder().join("release").join(name) };
     let (fantex, bench) = (program("fantex"), program("fantex-bench"));
     let mut rows = Vec::new();
     if let Some(bunny) = data("meshes/bunny/stanford_bunny.ply") {
@@ -33,7 +34,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     rows.extend(named(fantex.json(&["bench", "sample", "--quiet"])?, ""));
     rows.extend(named(bench.json(&[])?, ""));
     print(&rows);
-    let path = root().join("target/bench.json");
+    let path = target_folder().join("bench.json");
     let document = format!("{:#}\n", json!({ "rows": rows }));
     std::fs::write(&path, document).map_err(|e| Failure(format!("cannot write {}: {e}", path.display())))?;
     eprintln!("written to {}", path.display());

@@ -21,7 +21,7 @@ const EXAMPLES: [&str; 6] = [
 
 /// Runs unit, integration and documentation tests, and the examples. `slow` adds tests that are ignored because they take long.
 pub(crate) fn run(slow: bool) -> Result<(), Failure> {
-    let list = skipped_list();
+    let list = skipped_list()?;
     // What an earlier run has left.
     std::fs::remove_file(&list).unwrap_or_default();
     // Many tests wait for servers, browsers or windows: others run meanwhile.
@@ -59,12 +59,15 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
 
 /// Runs the tests of the Python package alone.
 pub(crate) fn run_python() -> Result<(), Failure> {
-    python::run(&skipped_list(), false)
+    python::run(&skipped_list()?, false)
 }
 
 /// Where tests say that they are left out, and why.
-fn skipped_list() -> PathBuf {
-    root().join("target/skipped-tests.txt")
+fn skipped_list() -> Result<PathBuf, Failure> {
+    let folder = target_folder();
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Failure(format!("cannot make {}: {error}", folder.display())))?;
+    Ok(folder.join("skipped-tests.txt"))
 }
 
 /// The attacks of `fantex-bench`, for so many seconds each, with the checks of builds for development.

@@ -2,8 +2,6 @@
 //!
 //! Coherent look-ups walk along slanted rows, a footprint at a time, as a picture does; random ones are spread over the
 //! image. Both are made one by one (`ImageTexture::sample`) and many at once (`ImageTexture::sample_all`). What a look-up cannot beat when it is random is the time of a random cache line, which is measured in the same run.
-//! The peer's figures are those of OpenImageIO's `TextureSystem` (2.4, same kind of texture and filter, one thread) on a
-//! machine with 2 cores at about 2.5 GHz: fixed numbers for orientation, not measured in this run.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -29,8 +27,7 @@ pub(crate) fn rows() -> Measured {
     let mut rows = vec![Row::new("random cache line of 128 MB", cache_line(seed), "ns")];
     let wide = footprint(1.5, 1.5);
     let long = footprint(12.0, 1.5);
-    let peers = [257.0, 1188.0, 2309.0];
-    let measured = |name: &str, filter, steps, is_random, peer: Option<f64>, is_many: bool| {
+    let measured = |name: &str, filter, steps, is_random, is_many: bool| {
         let options = SampleOptions { filter, ..SampleOptions::default() };
         let nanoseconds = if is_many {
             fastest_look_ups(seed, is_random, steps, |points, out| texture.sample_all(points, &options, out))
@@ -38,25 +35,24 @@ pub(crate) fn rows() -> Measured {
             fastest_look_up(seed, is_random, |uv| texture.sample(uv, steps, &options)[0])
         };
         let kind = if is_many { "look-ups, many at once" } else { "look-up" };
-        let note = if peer.is_some() && !is_many { " (peer: OpenImageIO elsewhere)" } else { "" };
-        Row::new(format!("{kind}, {name}{note}"), nanoseconds, "ns").beside(peer)
+        Row::new(format!("{kind}, {name}"), nanoseconds, "ns")
     };
-    for (name, filter, steps, is_random, peer, is_many) in [
-        ("nearest", Filter::Nearest, wide, false, None, false),
-        ("bilinear", Filter::Bilinear, wide, false, None, false),
-        ("bicubic", Filter::Bicubic, wide, false, None, false),
-        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0]), false),
-        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1]), false),
-        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2]), false),
-        ("EWA 8:1", Filter::Ewa, long, false, None, false),
-        ("bilinear", Filter::Bilinear, wide, false, None, true),
-        ("bilinear, random", Filter::Bilinear, wide, true, None, true),
-        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0]), true),
-        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1]), true),
-        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2]), true),
-        ("anisotropic 8:1, random", Filter::Anisotropic, long, true, None, true),
+    for (name, filter, steps, is_random, is_many) in [
+        ("nearest", Filter::Nearest, wide, false, false),
+        ("bilinear", Filter::Bilinear, wide, false, false),
+        ("bicubic", Filter::Bicubic, wide, false, false),
+        ("trilinear", Filter::Trilinear, wide, false, false),
+        ("trilinear, random", Filter::Trilinear, wide, true, false),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false, false),
+        ("EWA 8:1", Filter::Ewa, long, false, false),
+        ("bilinear", Filter::Bilinear, wide, false, true),
+        ("bilinear, random", Filter::Bilinear, wide, true, true),
+        ("trilinear", Filter::Trilinear, wide, false, true),
+        ("trilinear, random", Filter::Trilinear, wide, true, true),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false, true),
+        ("anisotropic 8:1, random", Filter::Anisotropic, long, true, true),
     ] {
-        rows.push(measured(name, filter, steps, is_random, peer, is_many));
+        rows.push(measured(name, filter, steps, is_random, is_many));
     }
     let options = SampleOptions { filter: Filter::Trilinear, ..SampleOptions::default() };
     let scalar = fastest_look_up(seed, false, |uv| texture.sample_by_reference(uv, wide, &options)[0]);

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::hash::{DefaultHasher, Hasher};
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,6 +24,11 @@ const MAX_CONNECTIONS: usize = 256;
 
 /// A connection that neither asks nor takes anything for so long is closed.
 const IDLE_TIME: Duration = Duration::from_secs(30);
+
+/// So much of a body that nobody wants is read before a connection ends, and for so long is it waited for: a client that is still sending
+/// would lose the answer.
+const UNREAD_BYTES: u64 = 64 << 10;
+const UNREAD_TIME: Duration = Duration::from_secs(1);
 
 /// Time after a connection that could not be taken.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(10);
@@ -101,11 +106,10 @@ impl Server {
             };
             let place = Place::take(&open);
             let site = Arc::clone(&self.site);
-            let serve = move || {
-                if place.is_some() {
-                    // Whoever closes the connection wants no more.
-                    serve(stream, &site).unwrap_or_default();
-                }
+            // Whoever closes the connection wants no more.
+            let serve = move || match place {
+                Some(_place) => serve(stream, &site).unwrap_or_default(),
+                None => refuse(stream).unwrap_or_default(),
             };
             // Without a thread the connection is closed.
             drop(std::thread::Builder::new().name("fan-serve".into()).stack_size(256 << 10).spawn(serve));
@@ -129,6 +133,23 @@ impl Drop for Place {
     }
 }
 
+/// Tells a client that all places are taken.
+fn refuse(stream: TcpStream) -> io::Result<()> {
+    let mut full = Answer::text(503, "too many connections are open: try again\n");
+    full.headers.push(("Retry-After", "1".into()));
+    full.closes = true;
+    stream.set_write_timeout(Some(UNREAD_TIME))?;
+    full.send(&mut BufWriter::new(&stream))?;
+    end(&stream)
+}
+
+/// Ends a connection whose client may still be sending.
+fn end(stream: &TcpStream) -> io::Result<()> {
+    stream.shutdown(Shutdown::Write)?;
+    stream.set_read_timeout(Some(UNREAD_TIME))?;
+    io::copy(&mut stream.take(UNREAD_BYTES), &mut io::sink()).map(drop)
+}
+
 /// Answers the requests of a connection, one after the other.
 fn serve(stream: TcpStream, site: &Site) -> io::Result<()> {
     stream.set_nodelay(true)?;
@@ -144,7 +165,7 @@ fn serve(stream: TcpStream, site: &Site) -> io::Result<()> {
         answer.send(&mut output)?;
         output.flush()?;
         if answer.closes {
-            return Ok(());
+            return end(output.get_ref());
         }
     }
 }
@@ -174,7 +195,8 @@ impl Request {
 /// The next request of a connection; none at its end.
 fn read_request(input: &mut impl BufRead) -> io::Result<Option<Request>> {
     let mut head = Vec::new();
-    while !head.ends_with(b"\r\n\r\n") {
+    // Lines may end without a carriage return.
+    while !(head.ends_with(b"\r\n\r\n") || head.ends_with(b"\n\n")) {
         if head.len() >= MAX_HEAD_BYTES {
             return Ok(Some(Request { defect: Some(431), closes: true, ..Request::default() }));
         }
@@ -196,6 +218,14 @@ fn parsed(head: &[u8]) -> Request {
     else {
         return bad();
     };
+    // As proxies are asked: the address with its host.
+    let (host, target) = match target.split_once("://") {
+        Some((_, rest)) => {
+            let (host, _) = rest.split_once('/').unwrap_or((rest, ""));
+            (Some(host), rest.strip_prefix(host).filter(|path| !path.is_empty()).unwrap_or("/"))
+        }
+        None => (None, target),
+    };
     let path = target.split(['?', '#']).next().unwrap_or_default();
     let name = percent_encoding::percent_decode_str(path).decode_utf8();
     let (Some(name), true) = (name.ok(), path.starts_with('/')) else { return bad() };
@@ -204,7 +234,13 @@ fn parsed(head: &[u8]) -> Request {
         (header.name.to_ascii_lowercase(), String::from_utf8_lossy(header.value).into_owned())
     };
     let is_old = request.version != Some(1);
-    let headers: BTreeMap<String, String> = request.headers.iter().map(text).collect();
+    if request.headers.iter().filter(|header| header.name.eq_ignore_ascii_case("host")).count() > 1 {
+        return bad();
+    }
+    let mut headers: BTreeMap<String, String> = request.headers.iter().map(text).collect();
+    if let Some(host) = host {
+        headers.insert("host".to_owned(), host.to_owned());
+    }
     // A body is not read, so nothing may follow it.
     let has_body = headers.contains_key("transfer-encoding")
         || headers.get("content-length").is_some_and(|length| length.trim() != "0");
@@ -244,6 +280,7 @@ struct Answer {
 fn reason(status: u16) -> &'static str {
     match status {
         200 => "OK",
+        204 => "No Content",
         206 => "Partial Content",
         304 => "Not Modified",
         400 => "Bad Request",
@@ -253,6 +290,7 @@ fn reason(status: u16) -> &'static str {
         412 => "Precondition Failed",
         416 => "Range Not Satisfiable",
         431 => "Request Header Fields Too Large",
+        503 => "Service Unavailable",
         _ => "Internal Server Error",
     }
 }
@@ -268,7 +306,7 @@ impl Answer {
         for (name, value) in &self.headers {
             write!(output, "{name}: {value}\r\n")?;
         }
-        if self.status != 304 {
+        if !matches!(self.status, 204 | 304) {
             write!(output, "Content-Length: {}\r\n", self.length)?;
         }
         let connection = if self.closes { "close" } else { "keep-alive" };
@@ -318,6 +356,9 @@ fn understood(site: &Site, request: &Request) -> Answer {
     if !request.header("host").is_some_and(names_this_machine) {
         return Answer::text(403, "this server is for this machine: ask for 127.0.0.1 or localhost\n");
     }
+    if site.is_shared && request.method == "OPTIONS" {
+        return preflight();
+    }
     if !matches!(request.method.as_str(), "GET" | "HEAD") {
         let mut refused = Answer::text(405, "this server is read only\n");
         refused.headers.push(("Allow", "GET, HEAD".into()));
@@ -333,6 +374,17 @@ fn understood(site: &Site, request: &Request) -> Answer {
         }
         Err(_) => Answer::text(500, "the file that is served here cannot be read\n"),
     }
+}
+
+/// What pages of other addresses may ask for (the Fetch standard's preflight).
+fn preflight() -> Answer {
+    let headers = [
+        ("Access-Control-Allow-Methods", "GET, HEAD"),
+        ("Access-Control-Allow-Headers", "Range, If-Range, If-Match, If-None-Match"),
+        ("Access-Control-Max-Age", "86400"),
+    ];
+    let headers = headers.map(|(name, value)| (name, value.to_owned())).into();
+    Answer { status: 204, headers, length: 0, body: Body::Nothing, closes: false }
 }
 
 /// A content, and what tells its versions apart.
@@ -403,7 +455,9 @@ fn found(opened: Opened<'_>, kind: &str, request: &Request) -> Answer {
     headers.push(("Content-Type", kind.to_owned()));
     // A range of another version is not asked for.
     let same_version = request.header("if-range").is_none_or(|version| version == tag);
-    let range = request.header("range").filter(|_| same_version).and_then(|range| asked(range, length));
+    // Ranges are for GET alone.
+    let is_asked = same_version && request.method == "GET";
+    let range = request.header("range").filter(|_| is_asked).and_then(|range| asked(range, length));
     let (status, range) = match range {
         None => (200, 0..length),
         Some(Some(range)) => {
@@ -489,8 +543,21 @@ mod tests {
         assert!(parsed(b"GET / HTTP/1.1\r\nConnection: Close\r\n\r\n").closes);
         assert!(parsed(b"GET / HTTP/1.0\r\n\r\n").closes);
         assert!(parsed(b"POST / HTTP/1.1\r\nContent-Length: 4\r\n\r\n").closes);
-        for wrong in ["GET\r\n\r\n", "GET /%ff HTTP/1.1\r\n\r\n", "GET x HTTP/1.1\r\n\r\n", "\0\r\n\r\n"] {
+        for wrong in [
+            "GET\r\n\r\n",
+            "GET /%ff HTTP/1.1\r\n\r\n",
+            "GET x HTTP/1.1\r\n\r\n",
+            "\0\r\n\r\n",
+            "GET / HTTP/1.1\r\nHost: localhost\r\nhost: example.org\r\n\r\n",
+        ] {
             assert_eq!(parsed(wrong.as_bytes()).defect, Some(400), "{wrong:?}");
+        }
+        // With the host in front, which then counts; lines without carriage returns.
+        for (line, name) in [("http://127.0.0.1:80/a.fan?x", "a.fan"), ("http://127.0.0.1:80", "")] {
+            let head = format!("GET {line} HTTP/1.1\nHost: example.org\n\n");
+            let request = read_request(&mut head.as_bytes()).unwrap().unwrap();
+            assert_eq!((request.defect, request.name.as_str()), (None, name), "{line}");
+            assert_eq!(request.header("host"), Some("127.0.0.1:80"), "{line}");
         }
         let long = format!("GET / HTTP/1.1\r\nX: {}\r\n\r\n", "x".repeat(MAX_HEAD_BYTES));
         assert_eq!(read_request(&mut long.as_bytes()).unwrap().unwrap().defect, Some(431));

@@ -615,7 +615,8 @@ pub(crate) const NARROW: u32 = 6;
 pub(crate) fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
     let [a, b, c] = corners;
     let area = (b - a).perp_dot(c - a);
-    if area.abs() < 1e-9 {
+    // No number where cells have no size.
+    if area.is_nan() || area.abs() < 1e-9 {
         return;
     }
     let sides =

@@ -54,6 +54,10 @@ const NO_STRAIN: f64 = 0.002;
 /// A union that failed is tried again once a piece has grown by this factor.
 const GROWTH: f64 = 1.3;
 
+/// Unions with all neighbours are planned anew once a piece has grown by this factor; until then, those with neighbours whose border with it
+/// has changed.
+const GROWTH_OF_ALL: f64 = 1.1;
+
 /// A piece with more strain per area may be better laid anew.
 const STRAINED: f64 = 0.01;
 
@@ -111,7 +115,9 @@ struct Piece {
     cells: FxHashMap<IVec2, u32>,
     /// Neighbours that it could not be joined with, and both areas then.
     refused: BTreeMap<u32, f64>,
-    /// Counts its changes; what was planned before is void.
+    /// When unions with all its neighbours were planned last.
+    known_area: f64,
+    /// Counts its changes; what was planned before is to be planned anew.
     version: u32,
 }
 
@@ -180,6 +186,40 @@ struct Union {
 struct Tried {
     versions: [u32; 2],
     union: Option<Union>,
+}
+
+/// Unions that are worth a try, the cheapest first; at most one that counts of every two pieces.
+#[derive(Default)]
+struct Plans {
+    heap: BinaryHeap<Plan>,
+    /// Of two pieces the versions of the plan that counts.
+    versions: FxHashMap<[u32; 2], [u32; 2]>,
+}
+
+impl Plans {
+    /// Adds plans, each in the place of an older one of the same pieces.
+    fn extend(&mut self, plans: impl IntoIterator<Item = Plan>) {
+        for plan in plans {
+            if self.versions.insert(plan.pieces, plan.versions) != Some(plan.versions) {
+                self.heap.push(plan);
+            }
+        }
+    }
+
+    /// The cheapest one, which stays the one that counts.
+    fn pop(&mut self) -> Option<Plan> {
+        std::iter::from_fn(|| self.heap.pop())
+            .find(|plan| self.versions.get(&plan.pieces) == Some(&plan.versions))
+    }
+
+    /// Puts plans back that were popped.
+    fn put_back(&mut self, plans: Vec<Plan>) {
+        self.heap.extend(plans);
+    }
+
+    fn forget(&mut self, pieces: [u32; 2]) {
+        self.versions.remove(&pieces);
+    }
 }
 
 /// By their pieces.
@@ -337,6 +377,7 @@ impl<'a> Uniter<'a> {
                 }
             }
             piece.first_strain = piece.strain;
+            piece.known_area = piece.area;
             piece.longest = longest.max(LENGTHENED * piece.extents.longer_side());
         };
         pieces.par_iter_mut().for_each(measure);
@@ -346,26 +387,31 @@ impl<'a> Uniter<'a> {
     fn run(&mut self, progress: &LayoutProgress<'_>) {
         let pieces = 0..self.pieces.len() as u32;
         let later = |a: u32| self.pieces[a as usize].borders.range(a + 1..).map(move |(&b, _)| [a, b]);
-        let mut plans: BinaryHeap<Plan> = self.plans(pieces.flat_map(later).collect()).into();
+        let mut plans = Plans::default();
+        plans.extend(self.plans(pieces.flat_map(later).collect()));
         let (count, [begin, end]) = (self.pieces.len(), [LayoutProgress::RELAXED, LayoutProgress::UNITED]);
         let mut left = count;
         let mut tried = AllTried::default();
-        while !plans.is_empty() && !progress.is_cancelled() {
+        while !progress.is_cancelled() {
             progress.reach(begin + (end - begin) * (1.0 - left as f64 / count as f64));
             let mut taken = FxHashSet::default();
             let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL), &mut taken);
+            if batch.is_empty() {
+                break;
+            }
             if !batch.iter().all(|plan| is_tried(plan, &tried)) {
                 let later = self.cheapest(&mut plans, AHEAD * rayon::current_num_threads(), &mut taken);
                 self.try_all(&batch, &later, &mut tried);
-                plans.extend(later);
+                plans.put_back(later);
             }
             let mut pairs = Vec::new();
             for Plan { pieces: [a, b], .. } in batch {
+                plans.forget([a, b]);
                 let union = tried.remove(&[a, b]).and_then(|tried| tried.union);
                 if let Some(union) = union {
                     left -= 1;
-                    let large = self.merge(union);
-                    pairs.extend(self.pieces[large as usize].borders.keys().map(|&n| [large, n]));
+                    let (large, changed) = self.merge(union);
+                    pairs.extend(changed.into_iter().map(|n| [large, n]));
                 } else {
                     let areas = self.pieces[a as usize].area + self.pieces[b as usize].area;
                     self.pieces[a as usize].refused.insert(b, areas);
@@ -381,27 +427,29 @@ impl<'a> Uniter<'a> {
         }
     }
 
-    /// The cheapest plans that have no piece in common, at most `most`, and none of those `taken`.
-    fn cheapest(&self, plans: &mut BinaryHeap<Plan>, most: usize, taken: &mut FxHashSet<u32>) -> Vec<Plan> {
+    /// The cheapest plans that have no piece in common, at most `most`, and none of those `taken`. Those of pieces that have changed are
+    /// made anew.
+    fn cheapest(&self, plans: &mut Plans, most: usize, taken: &mut FxHashSet<u32>) -> Vec<Plan> {
         let (mut batch, mut waiting) = (Vec::new(), Vec::new());
         while batch.len() < most
             && let Some(plan) = plans.pop()
         {
-            if plan.pieces.map(|i| self.pieces[i as usize].version) != plan.versions {
-                continue;
-            }
+            let [a, b] = plan.pieces;
             if plan.pieces.iter().any(|i| taken.contains(i)) {
                 waiting.push(plan);
                 // Not all plans for a few unions.
                 if waiting.len() > 2 * most {
                     break;
                 }
-            } else {
+            } else if plan.pieces.map(|i| self.pieces[i as usize].version) == plan.versions {
                 taken.extend(plan.pieces);
                 batch.push(plan);
+            } else {
+                plans.forget(plan.pieces);
+                plans.extend(self.plan(a, b));
             }
         }
-        plans.extend(waiting);
+        plans.put_back(waiting);
         batch
     }
 
@@ -596,8 +644,9 @@ impl<'a> Uniter<'a> {
         Some(changes.into_iter().collect())
     }
 
-    /// Makes two pieces one, and returns it.
-    fn merge(&mut self, union: Union) -> u32 {
+    /// Makes two pieces one. Returns it, and the neighbours to look at anew: those of the other one, and all of them where the piece has
+    /// [grown](GROWTH_OF_ALL) since they were.
+    fn merge(&mut self, union: Union) -> (u32, Vec<u32>) {
         let Union { large, small, fit, region, flat, cells, gained, extents } = union;
         for &half_edge in &fit.half_edges {
             self.planes.is_glued[half_edge as usize] = true;
@@ -635,7 +684,14 @@ impl<'a> Uniter<'a> {
         piece.extents = extents;
         piece.longest = piece.longest.max(gone.longest);
         piece.version += 1;
-        large
+        let changed = match piece.area > GROWTH_OF_ALL * piece.known_area {
+            true => {
+                piece.known_area = piece.area;
+                piece.borders.keys().copied().collect()
+            }
+            false => gone.borders.into_keys().filter(|&n| n != large).collect(),
+        };
+        (large, changed)
     }
 
     fn charts(self) -> Vec<Chart> {
@@ -851,6 +907,35 @@ mod tests {
             assert!(longest < most && shortest > most.recip(), "{around}: {longest}, {shortest}");
             assert!(charts.len() <= 2, "{around}: {} charts", charts.len());
         }
+    }
+
+    /// A round plate whose rim has so many flaps, folded down.
+    fn plate_with_flaps(count: u32) -> Model {
+        let mut model = Model { positions: vec![DVec3::ZERO], ..Model::default() };
+        let around = 2 * count;
+        let width = std::f64::consts::TAU / f64::from(around);
+        for z in [0.0, -width] {
+            let rim = |i: u32| DVec3::new((f64::from(i) * width).cos(), (f64::from(i) * width).sin(), z);
+            model.positions.extend((0..around).map(rim));
+        }
+        for i in 0..around {
+            let [a, b] = [1 + i, 1 + (i + 1) % around];
+            model.triangles.push([0, a, b]);
+            if i % 2 == 0 {
+                let [c, d] = [a, b].map(|v| v + around);
+                model.triangles.extend([[a, c, d], [a, d, b]]);
+            }
+        }
+        model
+    }
+
+    /// One piece has thousands of neighbours, all of which join it: the work grows with their number, not with its square.
+    #[test]
+    fn flaps_join_a_plate() {
+        let (mesh, charts) = charts_of(plate_with_flaps(4000));
+        let [longest, shortest] = ratios(&mesh, &charts);
+        assert!(longest < 1.1 && shortest > 0.9, "{longest}, {shortest}");
+        assert_eq!(charts.len(), 1);
     }
 
     /// Crumpled balls in many shapes: nothing overlaps, nothing is lost, and little is stretched.

@@ -244,7 +244,7 @@ fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Bilinear look-ups at random points, beside bilinear look-ups in one image of as many texels.
+/// Bilinear look-ups at random points, beside bilinear look-ups at random places of one image of as many texels.
 fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     const SAMPLES: u64 = 4_000_000;
     let bench = Bench::open(args, context)?;
@@ -264,10 +264,10 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     let sampler = Sampler::of_cache(&cache, bilinear);
     let triangles = bench.mesh.triangles.len() as u64;
     let points = |i: u64| {
-        let [r, s] = [2 * i, 2 * i + 1].map(|n| unit(context.seed, n));
+        let [r, s] = [3 * i, 3 * i + 1].map(|n| unit(context.seed, n));
         let lambda =
             if r + s < 1.0 { Vec3::new(r, s, 1.0 - r - s) } else { Vec3::new(1.0 - r, 1.0 - s, r + s - 1.0) };
-        ((i * triangles / SAMPLES) as usize, lambda)
+        ((nth_random(context.seed, 3 * i + 2) % triangles) as usize, lambda)
     };
     let fans = || {
         (0..SAMPLES as usize)
@@ -292,8 +292,8 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
             .into_par_iter()
             .with_min_len(1 << 14)
             .map(|i| {
-                let uv = Vec2::new(unit(context.seed, 2 * i as u64), i as f32 / SAMPLES as f32);
-                texture.sample(uv, [Vec2::ZERO; 2], &options)[0]
+                let [u, v] = [2 * i, 2 * i + 1].map(|n| unit(context.seed, n as u64));
+                texture.sample(Vec2::new(u, v), [Vec2::ZERO; 2], &options)[0]
             })
             .sum::<f32>()
     };
@@ -302,7 +302,8 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
         Ok(())
     })?;
     let rate = |seconds: f64| SAMPLES as f64 / seconds / 1e6;
-    Ok(vec![Row::new("sample, bilinear", rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
+    let name = format!("sample, bilinear, random, {}", crate::text::counted(rayon::current_num_threads() as u64, "thread"));
+    Ok(vec![Row::new(name, rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
 }
 
 /// Rendering an asset, beside rendering the model with its own textures.

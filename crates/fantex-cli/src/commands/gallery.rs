@@ -19,7 +19,7 @@ use std::time::Instant;
 use clap::Args;
 use fantex::base::files::{scratch_folder, write_whole};
 use fantex::look::LookFile;
-use fantex::look::{LookImages, ResolveOptions};
+use fantex::look::LookImages;
 use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
 use fantex::texture::Image;
 use fantex::{Error, Result};
@@ -168,6 +168,10 @@ impl Gallery<'_> {
         let mut run = Command::new(program);
         run.current_dir(folder).stdin(Stdio::null()).arg("--quiet");
         run.arg(format!("--memory={}", self.context.memory_bytes));
+        run.arg(format!("--threads={}", rayon::current_num_threads()));
+        if !command.split_whitespace().any(|word| word == "--seed") {
+            run.arg(format!("--seed={}", self.context.seed));
+        }
         let mut is_size = false;
         for word in command.split_whitespace() {
             run.arg(if is_size { self.narrowed(word) } else { self.shipped_path(word)? });
@@ -209,8 +213,7 @@ impl Gallery<'_> {
             [width, (u64::from(width) * u64::from(h)).div_ceil(u64::from(w)) as u32]
         });
         let images = LookImages::default();
-        let options = ResolveOptions { memory_bytes: self.context.memory_bytes, ..ResolveOptions::default() };
-        let resolver = MaterialResolver { file, images: &images, options };
+        let resolver = MaterialResolver { file, images: &images, options: self.context.resolve_options() };
         let scene = LookScene::new(resolver, None, PictureChanges { size, ..PictureChanges::default() })?;
         let times = scene.times();
         let mut frames = Vec::with_capacity(times.len());

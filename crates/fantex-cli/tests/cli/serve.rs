@@ -111,6 +111,10 @@ fn ranges_versions_and_refusals_are_those_of_the_standard() {
         (416, Some(format!("bytes */{length}").as_str()))
     );
 
+    // Ranges are for GET alone.
+    let (status, headers, _) = ask(port, "HEAD /a%20b.fan", "Range: bytes=0-9\r\n");
+    assert_eq!((status, header(&headers, "content-length")), (200, Some(length.to_string().as_str())));
+
     let if_range = |tag: &str| ask(port, get, &format!("Range: bytes=0-9\r\nIf-Range: {tag}\r\n"));
     assert_eq!((if_range(&tag).0, if_range("\"other\"").0), (206, 200));
     let (status, _, body) = ask(port, get, &format!("If-None-Match: W/{tag}\r\n"));
@@ -121,6 +125,7 @@ fn ranges_versions_and_refusals_are_those_of_the_standard() {
         ("GET /", "", 200),
         ("GET /?x=1", "", 200),
         ("POST /", "Content-Length: 3\r\n", 405),
+        ("OPTIONS /a%20b.fan", "Access-Control-Request-Headers: range\r\n", 405),
         ("GET /../etc/passwd", "", 404),
         ("GET /%2e%2e/%2e%2e/etc/passwd", "", 404),
         ("GET //etc/passwd", "", 404),
@@ -152,12 +157,42 @@ fn our_own_reader_reads_what_is_served() {
     assert_eq!(of_file["triangles"], of_url["triangles"]);
     assert!(of_url["triangles"].is_number(), "{of_url}");
     succeeds(&[&"verify", url]);
+    // Pages of other addresses ask first.
+    let (status, headers, _) =
+        ask(serving.port, "OPTIONS /a%20b.fan", "Access-Control-Request-Headers: range\r\n");
+    assert_eq!(status, 204);
+    assert!(header(&headers, "access-control-allow-headers").unwrap().contains("range"));
+    assert!(header(&headers, "access-control-allow-methods").unwrap().contains("get"));
+    assert_eq!(header(&headers, "access-control-allow-origin"), Some("*"));
     let curl = Command::new("curl").args(["-s", "-S", "-r", "0-7", "-D", "-", url]).output();
     let Ok(output) = curl else { return fantex_test::skip("no curl") };
     let text = String::from_utf8_lossy(&output.stdout).to_ascii_lowercase();
     assert!(text.starts_with("http/1.1 206 ") && output.stdout.ends_with(b"\x89FAN\r\n\x1a\n"), "{text}");
     assert!(text.contains("access-control-allow-origin: *"), "{text}");
     assert!(text.contains("timing-allow-origin: *"), "{text}");
+}
+
+/// Whoever comes when all places are taken hears that, and gets one once another is free.
+#[test]
+fn too_many_connections_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = small_asset(folder.path());
+    let serving = serve(&folder.path().join("a b.fan"), &[]);
+    let idle: Vec<TcpStream> =
+        (0..256).map(|_| TcpStream::connect(("127.0.0.1", serving.port)).unwrap()).collect();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let asked_until = |wanted: u16| loop {
+        let answer = ask(serving.port, "GET /a%20b.fan", "");
+        if answer.0 == wanted {
+            break answer;
+        }
+        assert!(Instant::now() < deadline, "{wanted} is not answered");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let (_, headers, _) = asked_until(503);
+    assert_eq!(header(&headers, "retry-after"), Some("1"));
+    drop(idle);
+    assert_eq!(asked_until(200).2, bytes);
 }
 
 #[test]
