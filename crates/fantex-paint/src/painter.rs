@@ -204,7 +204,7 @@ impl Painter {
     /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
     ///
     /// # Errors
-    /// There is no such layer or channel, or an open stroke cannot be ended.
+    /// There is no such layer, mask or channel, or an open stroke cannot be ended.
     pub fn begin_on(&mut self, target: Target, label: &str, mut paint: Paint) -> Result<()> {
         self.finish_work()?;
         if self.stroke.is_some() {
@@ -218,6 +218,11 @@ impl Painter {
                 let sentence =
                     format!("{name:?} is a group of layers: paint on a layer in it, or on its mask");
                 return Err(Error::invalid(sentence));
+            }
+            if target == Target::Mask(id) && layer.mask.is_none() {
+                let name = &layer.name;
+                let sentence = format!("the layer {name:?} has no mask to paint on: give it one first");
+                return Err(Error::not_found(sentence));
             }
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;

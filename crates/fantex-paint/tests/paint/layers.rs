@@ -493,6 +493,30 @@ fn measures_know_edges_and_hollows() {
 
 // The log of strokes: paint outlives resolution, cover and mesh.
 
+/// A layer without a mask gets one that shows it, whether the stroke on its mask is the first on the layer or not.
+#[test]
+fn strokes_on_masks_make_them() {
+    const PAINTED: &str = r#"{ "layer": { "name": "a" }, "fill": "whole",
+        "channels": [{ "kind": "base_color", "color": { "linear": [0.8, 0.3, 0.5] } }] }"#;
+    const HIDDEN: &str = r#"{ "layer": { "name": "a", "mask": true }, "fill": "whole",
+        "channels": [{ "kind": "base_color", "color": { "linear": [0, 0, 0] } }] }"#;
+    let looks = [&[PAINTED, HIDDEN][..], &[HIDDEN, PAINTED], &[]].map(|strokes| {
+        let baked = ball(20_000, BakeFormat::Rgba8);
+        let text = format!(r#"{{ "version": 1, "strokes": [{}] }}"#, strokes.join(","));
+        let file: StrokeFile = serde_json::from_str(&text).unwrap();
+        let mut painter = baked.painter();
+        replay(&mut painter, &file, baked.folder.path()).unwrap();
+        contents(&painter)
+    });
+    assert!(looks[0] == looks[2] && looks[1] == looks[2]);
+    // Those who paint in code add the mask themselves.
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let layer = painter.add_layer(Layer::painted("a")).unwrap();
+    let refused = painter.begin_on(Target::Mask(layer), "mask", white()).unwrap_err();
+    assert!(refused.to_string().contains("has no mask"), "{refused}");
+}
+
 const LOGGED_STROKES: &str = r##"{ "version": 1, "strokes": [
     { "label": "ground", "fill": "whole", "channels": [{ "kind": "base_color", "color": { "srgb": [0.8, 0.8, 0.7] } }],
       "samples": [{ "at": { "position": [0, 0, 1] } }] },
