@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Seamless textures on any mesh, without UV coordinates: bake, show, paint and export fans in Blender."""
 
+import atexit
 import os
 import shutil
 import subprocess
 import threading
+import time
 
 import bpy
 import fantex
+from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from . import fans, objects
+
+#: The asset that an object was baked to last, which its next bake may replace.
+BAKED_KEY = "fantex_baked"
 
 SOURCES = [
     ("MATERIALS", "Materials", "Its materials: textures, factors, normal maps"),
@@ -29,37 +35,91 @@ def load(path, name, y_up, context):
     return item
 
 
+def object_of(session_uid):
+    """The object with that number, however it is called by then; None where it is gone."""
+    return next((item for item in bpy.data.objects if item.session_uid == session_uid), None)
+
+
+def default_folder():
+    """Where assets go: beside the .blend file, or where the user has documents. Blender removes its own temporary folder at its end."""
+    if bpy.data.filepath:
+        return os.path.dirname(bpy.data.filepath)
+    home = os.path.expanduser("~")
+    documents = os.path.join(home, "Documents")
+    return documents if os.path.isdir(documents) else home
+
+
+def absolute(path):
+    """A path that a user has given. Raises ``ValueError``."""
+    if path.startswith("//") and not bpy.data.filepath:
+        raise ValueError(f"{path} lies beside the .blend file: save that first, or give a whole path")
+    return path if "://" in path else os.path.abspath(bpy.path.abspath(path))
+
+
+def owns(item, path):
+    """Whether an asset is of this object alone. Copies of an object have its properties."""
+    return [other for other in bpy.data.objects if other.get(BAKED_KEY) == path] == [item]
+
+
 class Cancelled(Exception):
     """The user has ended the bake."""
+
+
+#: Bakes whose threads run.
+RUNNING = set()
+
+#: How long the end of Blender may wait for bakes to notice that they are cancelled.
+CANCEL_SECONDS = 10
 
 
 class Bake:
     """A bake on a thread of its own."""
 
-    def __init__(self, mesh, path, texels, source):
+    def __init__(self, mesh, path, texels, source, overwrite):
         self.done, self.total = 0, 1
         self.is_cancelled = False
         self.error = None
         self.asset = None
-        self.thread = threading.Thread(target=self._run, args=(mesh, path, texels, source))
+        # Blender ends without waiting for such threads.
+        self.thread = threading.Thread(target=self._run, args=(mesh, path, texels, source, overwrite), daemon=True)
+        RUNNING.add(self)
         self.thread.start()
 
-    def _run(self, mesh, path, texels, source):
+    def _run(self, mesh, path, texels, source, overwrite):
         try:
             self.asset = fantex.bake(
-                mesh, path, texels=texels, source=source, overwrite=True, progress=self._progress
+                mesh, path, texels=texels, source=source, overwrite=overwrite, progress=self._progress
             )
         except Exception as error:  # Shown by whoever waits.
             self.error = error
+        finally:
+            RUNNING.discard(self)
 
     def _progress(self, done, total):
         self.done, self.total = done, max(total, 1)
-        if self.is_cancelled:
+        # At the end the file is written.
+        if self.is_cancelled and done < total:
             raise Cancelled
 
     @property
     def is_finished(self):
         return not self.thread.is_alive()
+
+
+def cancel_bakes():
+    """Ends all bakes, and waits until they leave their files alone."""
+    bakes = list(RUNNING)
+    for bake in bakes:
+        bake.is_cancelled = True
+    deadline = time.monotonic() + CANCEL_SECONDS
+    for bake in bakes:
+        bake.thread.join(max(deadline - time.monotonic(), 0))
+
+
+@persistent
+def before_load(*_):
+    """Another file has no operator that waits for the bake, and not its object."""
+    cancel_bakes()
 
 
 class FANTEX_OT_bake(bpy.types.Operator):
@@ -69,7 +129,13 @@ class FANTEX_OT_bake(bpy.types.Operator):
     bl_label = "Bake to Fans"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: StringProperty(name="Asset", subtype="FILE_PATH")
+    # Another object has another file.
+    filepath: StringProperty(name="Asset", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    overwrite: BoolProperty(
+        name="Overwrite",
+        description="Replace a file that is not this object's, with all that is painted on it",
+        options={"SKIP_SAVE"},
+    )
     source: EnumProperty(name="Source", items=SOURCES, default="MATERIALS")
     solid: EnumProperty(name="Solid", items=[(name, name.title(), "") for name in fantex.SOLIDS])
     look: StringProperty(name="Look", subtype="FILE_PATH")
@@ -81,22 +147,24 @@ class FANTEX_OT_bake(bpy.types.Operator):
 
     def invoke(self, context, event):
         if not self.filepath:
-            folder = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else bpy.app.tempdir
-            self.filepath = os.path.join(folder, bpy.path.clean_name(context.object.name) + ".fan")
+            self.filepath = os.path.join(default_folder(), bpy.path.clean_name(context.object.name) + ".fan")
         return context.window_manager.invoke_props_dialog(self)
 
     def start(self, context):
         item = context.object
+        path = absolute(self.filepath)
+        overwrite = self.overwrite or owns(item, path)
+        if os.path.exists(path) and not overwrite:
+            raise ValueError(f"{path} exists and is not {item.name}'s: give another path, or tick Overwrite")
         if self.source == "MATERIALS":
-            mesh, source = objects.mesh_with_materials(context, item), fantex.own_materials()
+            mesh, source = objects.full_mesh(context, item), fantex.own_materials()
+        elif self.source == "LOOK":
+            source = fantex.look(absolute(self.look))
+            mesh = objects.full_mesh(context, item, with_colors=True)
         else:
             mesh = objects.plain_mesh(item, context.evaluated_depsgraph_get())
-            source = {
-                "COLORS": fantex.vertex_colors,
-                "SOLID": lambda: fantex.solid(self.solid),
-                "LOOK": lambda: fantex.look(bpy.path.abspath(self.look)),
-            }[self.source]()
-        return Bake(mesh, bpy.path.abspath(self.filepath), self.million_texels * 1e6, source)
+            source = fantex.vertex_colors() if self.source == "COLORS" else fantex.solid(self.solid)
+        return Bake(mesh, path, self.million_texels * 1e6, source, overwrite)
 
     def execute(self, context):
         """Without a window: waits for the end."""
@@ -109,7 +177,7 @@ class FANTEX_OT_bake(bpy.types.Operator):
             bake.thread.join()
             return self.finish(context, bake, original)
         # Another object may be active when the bake ends, and this one be gone.
-        self._bake, self._name = bake, original.name
+        self._bake, self._original = bake, original.session_uid
         context.window_manager.progress_begin(0, 100)
         self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -127,17 +195,28 @@ class FANTEX_OT_bake(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-        return self.finish(context, bake, bpy.data.objects.get(self._name))
+        return self.finish(context, bake, object_of(self._original))
+
+    def cancel(self, context):
+        """Blender drops the operator."""
+        self._bake.is_cancelled = True
+        context.window_manager.progress_end()
 
     def finish(self, context, bake, original):
-        if bake.error is not None:
-            level = "WARNING" if isinstance(bake.error, Cancelled) else "ERROR"
-            self.report({level}, str(bake.error) or "The bake was ended; nothing was written")
+        if isinstance(bake.error, Cancelled):
+            self.report({"WARNING"}, "The bake was cancelled; its file is as it was before")
             return {"CANCELLED"}
+        if bake.error is not None:
+            self.report({"ERROR"}, str(bake.error))
+            return {"CANCELLED"}
+        for note in bake.asset.baked["notes"]:
+            self.report({"WARNING"}, note)
         name = original.name if original else os.path.splitext(os.path.basename(self.filepath))[0]
-        item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{name} fans", False)
+        item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{name} fans", True)
         context.collection.objects.link(item)
         if original:
+            if original.is_editable:
+                original[BAKED_KEY] = bake.asset.place
             item.matrix_world = original.matrix_world
             original.hide_set(True)
             original.select_set(False)
@@ -243,18 +322,47 @@ class FANTEX_OT_paint(bpy.types.Operator):
             self.report({"ERROR"}, "The program fantex was not found; say where it is in the add-on's preferences")
             return {"CANCELLED"}
         item = context.object
-        name = item.name
-        painter = subprocess.Popen([program, "paint", item[fans.ASSET_KEY]])
-
-        def look():
-            if painter.poll() is None:
-                return 0.5
-            if name in bpy.data.objects:
-                reload(bpy.data.objects[name])
-            return None
-
-        bpy.app.timers.register(look, first_interval=0.5)
+        try:
+            painter = subprocess.Popen([bpy.path.abspath(program), "paint", item[fans.ASSET_KEY]])
+        except OSError as error:
+            self.report({"ERROR"}, f"The program {program} does not start: {error}")
+            return {"CANCELLED"}
+        watch(painter, item.session_uid)
         return {"FINISHED"}
+
+
+#: Timers that wait for the windows of painters.
+WATCHES = set()
+
+
+def watch(painter, session_uid):
+    """Reloads an object when its painter's window is closed."""
+
+    def look():
+        if painter.poll() is None:
+            return 0.5
+        WATCHES.discard(look)
+        item = object_of(session_uid)
+        if item is not None and fans.ASSET_KEY in item:
+            try:
+                reload(item)
+            except (OSError, ValueError, fantex.Error) as error:
+                tell(f"{item.name} was not reloaded: {error}")
+        return None
+
+    WATCHES.add(look)
+    bpy.app.timers.register(look, first_interval=0.5)
+
+
+def tell(message):
+    """Shows a mistake outside operators, which alone have reports."""
+    print(f"fantex: {message}")
+    windows = bpy.context.window_manager.windows
+    if not bpy.app.background and windows:
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.context.window_manager.popup_menu(
+                lambda menu, _: menu.layout.label(text=message), title="Fantex", icon="ERROR"
+            )
 
 
 class FantexPreferences(bpy.types.AddonPreferences):
@@ -303,9 +411,19 @@ def register():
     for item in CLASSES:
         bpy.utils.register_class(item)
     bpy.types.TOPBAR_MT_file_import.append(menu_import)
+    bpy.app.handlers.load_pre.append(before_load)
+    atexit.register(cancel_bakes)
 
 
 def unregister():
+    cancel_bakes()
+    atexit.unregister(cancel_bakes)
+    if before_load in bpy.app.handlers.load_pre:
+        bpy.app.handlers.load_pre.remove(before_load)
+    for look in list(WATCHES):
+        if bpy.app.timers.is_registered(look):
+            bpy.app.timers.unregister(look)
+    WATCHES.clear()
     bpy.types.TOPBAR_MT_file_import.remove(menu_import)
     for item in reversed(CLASSES):
         bpy.utils.unregister_class(item)

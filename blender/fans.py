@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Assets as meshes of Blender: three texture coordinates per corner, sheets of tiles, and the node group that blends them."""
 
+import tomllib
+
 import bpy
+import fantex
 import numpy as np
 
 #: UV layers: the corner's places in the tiles of the fans at its triangle's corners, and its first two barycentric coordinates.
@@ -11,6 +14,16 @@ CORNER = "fan_corner"
 #: Where an object's asset is, and whether its y axis pointed upwards.
 ASSET_KEY = "fantex_asset"
 Y_UP_KEY = "fantex_y_up"
+
+#: Marks materials, node groups and images that are made here: a text that says how they are laid out. Others are the user's.
+MADE_KEY = "fantex_made"
+#: The number of a mesh's sheets. Their materials come first; further ones are the user's.
+SHEETS_KEY = "fantex_sheets"
+#: Which channel an image has.
+CHANNEL_KEY = "fantex_channel"
+
+#: How far apart the two sides of a leaf lie, as a share of the model's diagonal: what renderers tell apart and nobody sees.
+SIDE_DISTANCE = 1e-4
 
 
 def z_up(vectors):
@@ -31,17 +44,28 @@ def build_object(asset, fans, name, y_up, in_light=False):
 
 
 def rebuild(item, asset, fans, y_up):
-    """Gives an object another asset; its own name, place and modifiers stay."""
+    """Gives an object, and all others with its mesh, another asset. Names, places, modifiers and what the user has made of the
+    materials stay; materials whose sheets are laid out otherwise are made anew."""
     old = item.data
     name = old.name
     old_materials = list(old.materials)
-    item.data = build_mesh(asset, fans, name, y_up)
+    count = old.get(SHEETS_KEY, len(fans.sheets))
+    in_light = any(
+        image.is_float
+        for material in old_materials
+        for image in made_images(material)
+        if image[CHANNEL_KEY] == "base-color"
+    )
+    mesh = build_mesh(asset, fans, name, y_up, in_light, old_materials[:count])
+    for material in old_materials[count:]:
+        mesh.materials.append(material)
+    old.user_remap(mesh)
     mark(item, asset, y_up)
     if old.users == 0:
         bpy.data.meshes.remove(old)
     for material in old_materials:
         remove_unused(material)
-    item.data.name = name
+    mesh.name = name
 
 
 def mark(item, asset, y_up):
@@ -49,23 +73,64 @@ def mark(item, asset, y_up):
     item[Y_UP_KEY] = bool(y_up)
 
 
+def made_groups(material):
+    """The node groups of a material that are made here."""
+    tree = material.node_tree if material else None
+    groups = {node.node_tree for node in tree.nodes if node.type == "GROUP"} if tree else set()
+    return [group for group in groups if group and MADE_KEY in group]
+
+
+def made_images(material):
+    """The images of a material that are made here."""
+    nodes = [node for group in made_groups(material) for node in group.nodes if node.type == "TEX_IMAGE"]
+    return [image for image in {node.image for node in nodes} if image and MADE_KEY in image]
+
+
 def remove_unused(material):
-    """Removes a material that nothing uses, with its node group and pictures."""
-    if material is None or material.users > 0:
+    """Removes a material that is made here and that nothing uses, with its node group and pictures."""
+    if material is None or MADE_KEY not in material or material.users > 0:
         return
-    groups = [node.node_tree for node in material.node_tree.nodes if node.type == "GROUP"]
+    groups, images = made_groups(material), made_images(material)
     bpy.data.materials.remove(material)
     for group in groups:
-        images = {node.image for node in group.nodes if node.type == "TEX_IMAGE" and node.image}
         if group.users == 0:
             bpy.data.node_groups.remove(group)
-        for image in images:
-            if image.users == 0:
-                bpy.data.images.remove(image)
+    for image in images:
+        if image.users == 0:
+            bpy.data.images.remove(image)
 
 
-def build_mesh(asset, fans, name, y_up, in_light=False):
-    positions, faces = asset.positions, asset.faces
+def cut_out_threshold(asset):
+    """The least alpha that is seen where the asset's materials are cut-outs; None where one of them blends, or all are opaque."""
+    materials = tomllib.loads(fantex.Mesh.of(asset).look()).get("materials", {}).values()
+    if any(material.get("opacity") == "blend" for material in materials):
+        return None
+    thresholds = [material.get("threshold", 0.5) for material in materials if material.get("opacity") == "mask"]
+    return min(thresholds, default=None)
+
+
+def with_sides_apart(positions, faces):
+    """A mesh for Blender, whose faces may not have the same vertices: where two have, as on both sides of a leaf, the second one
+    gets vertices of its own, a little in front."""
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    second = np.setdiff1d(np.arange(len(faces)), first)
+    if len(second) == 0:
+        return positions, faces
+    used, corners = np.unique(faces[second], return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    a, b, c = positions[faces[second]].transpose(1, 0, 2)
+    normals = np.zeros((len(used), 3))
+    np.add.at(normals, corners, np.cross(b - a, c - a)[:, None])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    distance = SIDE_DISTANCE * np.linalg.norm(np.ptp(positions, axis=0))
+    faces = faces.astype(np.int64)
+    faces[second] = len(positions) + corners
+    return np.concatenate([positions, positions[used] + distance * normals]), faces
+
+
+def build_mesh(asset, fans, name, y_up, in_light=False, materials=()):
+    """A new mesh. Given materials of sheets are taken again: the user's as they are, others with new pictures where these fit."""
+    positions, faces = with_sides_apart(asset.positions, asset.faces)
     if y_up:
         positions = z_up(positions)
     mesh = bpy.data.meshes.new(name)
@@ -83,9 +148,16 @@ def build_mesh(asset, fans, name, y_up, in_light=False):
     corners = np.tile(np.array([1, 0, 0, 1, 0, 0], np.float32), len(faces))
     mesh.uv_layers.new(name=CORNER, do_init=False).uv.foreach_set("vector", corners)
     set_normals(mesh, asset, faces, y_up)
+    shows_through = any("base-color" in sheet and sheet["base-color"].shape[2] == 4 for sheet in fans.sheets)
+    threshold = cut_out_threshold(asset) if shows_through else None
     for index, sheet in enumerate(fans.sheets):
         title = name if len(fans.sheets) == 1 else f"{name} {index + 1}"
-        mesh.materials.append(build_material(title, sheet, fans, y_up, in_light))
+        material = materials[index] if index < len(materials) else None
+        is_users = material is not None and MADE_KEY not in material
+        if not is_users and not refill(material, sheet, fans, y_up, in_light, threshold):
+            material = build_material(title, sheet, fans, y_up, in_light, threshold)
+        mesh.materials.append(material)
+    mesh[SHEETS_KEY] = len(fans.sheets)
     mesh.validate(clean_customdata=False)
     return mesh
 
@@ -99,9 +171,8 @@ def set_normals(mesh, asset, faces, y_up):
     mesh.normals_split_custom_set(z_up(normals) if y_up else normals)
 
 
-def build_image(name, samples, is_color, in_light=False):
-    """A packed picture; row 0 of the array is on top. Bytes of colours are sRGB, 16 bits are numbers."""
-    is_float = samples.dtype == np.uint16 or (is_color and in_light)
+def pixels_of(samples, is_color, in_light=False):
+    """RGBA of a picture as Blender has it, from the bottom row upwards. Colours are sRGB unless ``in_light``."""
     height, width, components = samples.shape
     rgba = np.ones((height, width, 4), np.float32)
     scale = np.float32(255 if samples.dtype == np.uint8 else 65535)
@@ -111,29 +182,75 @@ def build_image(name, samples, is_color, in_light=False):
     if is_color and in_light:
         encoded = rgba[..., :3]
         rgba[..., :3] = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return rgba
+
+
+def fill(image, pixels):
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()
+
+
+def build_image(name, samples, is_color, in_light=False):
+    """A packed picture; row 0 of the array is on top. Bytes of colours are sRGB, 16 bits are numbers."""
+    is_float = samples.dtype == np.uint16 or (is_color and in_light)
+    height, width, components = samples.shape
     image = bpy.data.images.new(name, width, height, alpha=components == 4, float_buffer=is_float)
     image.colorspace_settings.name = "sRGB" if is_color and not in_light else "Non-Color"
     image.alpha_mode = "CHANNEL_PACKED" if components == 4 else "NONE"
-    image.pixels.foreach_set(rgba.ravel())
-    image.pack()
+    fill(image, pixels_of(samples, is_color, in_light))
     return image
 
 
-def build_material(name, sheet, fans, y_up, in_light=False):
+#: Channels that materials show, and those whose pictures are colours.
+SHOWN = ("base-color", "orm", "normal", "emission")
+COLORS = ("base-color", "emission")
+
+
+def samples_of(sheet, channel, y_up):
+    """The picture of a channel, with normals in Blender's axes."""
+    samples = sheet[channel]
+    if channel == "normal" and y_up:
+        top = np.iinfo(samples.dtype).max
+        samples = np.stack([samples[..., 0], top - samples[..., 2], samples[..., 1]], -1)
+    return samples
+
+
+def layout_of(sheet, fans, y_up, in_light, threshold):
+    """Everything that a material depends on but the pixels of its pictures, as a text."""
+    pictures = sorted((channel, samples.shape, samples.dtype.name) for channel, samples in sheet.items())
+    scales = sorted(fans.scales.items())
+    return repr((pictures, scales, float(fans.delta), bool(y_up), bool(in_light), threshold))
+
+
+def refill(material, sheet, fans, y_up, in_light, threshold):
+    """Gives the pictures of a material new pixels. False, and nothing is done, where the sheet is laid out otherwise."""
+    if material is None or material.get(MADE_KEY) != layout_of(sheet, fans, y_up, in_light, threshold):
+        return False
+    images = {image[CHANNEL_KEY]: image for image in made_images(material)}
+    shown = [channel for channel in SHOWN if channel in sheet]
+    # Nodes and images may be changed by the user.
+    if any(channel not in images or tuple(images[channel].size) != sheet[channel].shape[1::-1] for channel in shown):
+        return False
+    for channel in shown:
+        image = images[channel]
+        fill(image, pixels_of(samples_of(sheet, channel, y_up), channel in COLORS, in_light))
+    return True
+
+
+def build_material(name, sheet, fans, y_up, in_light=False, threshold=None):
+    """A new material for a sheet. With a threshold, its alpha is that of cut-outs."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
+    material[MADE_KEY] = layout_of(sheet, fans, y_up, in_light, threshold)
     tree = material.node_tree
     surface = tree.nodes["Principled BSDF"]
     group = tree.nodes.new("ShaderNodeGroup")
-    group.node_tree = build_group(name, sheet, fans, y_up, in_light)
+    group.node_tree = build_group(name, sheet, fans, y_up, in_light, threshold)
     group.location = (-300, 300)
     for output in group.outputs:
         if output.name in surface.inputs:
             tree.links.new(output, surface.inputs[output.name])
-    if "base-color" in sheet and sheet["base-color"].shape[2] < 4:
-        # Opaque: no need to ask for transparency.
-        for link in list(surface.inputs["Alpha"].links):
-            tree.links.remove(link)
     if "emission" in sheet:
         surface.inputs["Emission Strength"].default_value = fans.scales["emission"]
     if "orm" not in sheet:
@@ -196,9 +313,10 @@ def weights(build, delta):
     return [build.math("DIVIDE", a, total) for a in raised]
 
 
-def build_group(name, sheet, fans, y_up, in_light=False):
+def build_group(name, sheet, fans, y_up, in_light=False, threshold=None):
     """The node group: the texture function of all channels of a sheet."""
     tree = bpy.data.node_groups.new(f"Fan Texture {name}", "ShaderNodeTree")
+    tree[MADE_KEY] = layout_of(sheet, fans, y_up, in_light, threshold)
     build = _Builder(tree)
     shares = weights(build, float(fans.delta))
     places = [build.node("ShaderNodeUVMap", uv_map=layer).outputs[0] for layer in PLACES]
@@ -208,12 +326,10 @@ def build_group(name, sheet, fans, y_up, in_light=False):
         tree.interface.new_socket(title, in_out="OUTPUT", socket_type=kind)
         tree.links.new(socket, result.inputs[title])
 
-    def blended(channel, is_color):
-        samples = sheet[channel]
-        if channel == "normal" and y_up:
-            top = np.iinfo(samples.dtype).max
-            samples = np.stack([samples[..., 0], top - samples[..., 2], samples[..., 1]], -1)
-        image = build_image(f"{name} {channel}", samples, is_color, in_light)
+    def blended(channel):
+        samples = samples_of(sheet, channel, y_up)
+        image = build_image(f"{name} {channel}", samples, channel in COLORS, in_light)
+        image[MADE_KEY], image[CHANNEL_KEY] = tree[MADE_KEY], channel
         color = alpha = None
         for place, share in zip(places, shares):
             texture = build.node("ShaderNodeTexImage", image=image, interpolation="Linear", extension="EXTEND")
@@ -226,20 +342,23 @@ def build_group(name, sheet, fans, y_up, in_light=False):
         return color, alpha
 
     if "base-color" in sheet:
-        color, alpha = blended("base-color", True)
+        color, alpha = blended("base-color")
         output("Base Color", "NodeSocketColor", color)
+        if alpha is not None and threshold is not None:
+            # Seen from the threshold on, itself included.
+            alpha = build.math("SUBTRACT", 1.0, build.math("LESS_THAN", alpha, threshold))
         if alpha is not None:
             output("Alpha", "NodeSocketFloat", alpha)
     if "orm" in sheet:
         parts = build.node("ShaderNodeSeparateXYZ")
-        build.connect(parts, [(0, blended("orm", False)[0])])
+        build.connect(parts, [(0, blended("orm")[0])])
         output("Occlusion", "NodeSocketFloat", parts.outputs[0])
         output("Roughness", "NodeSocketFloat", parts.outputs[1])
         output("Metallic", "NodeSocketFloat", parts.outputs[2])
     if "normal" in sheet:
         turned = build.node("ShaderNodeNormalMap", space="OBJECT")
-        build.connect(turned, [("Color", blended("normal", False)[0])])
+        build.connect(turned, [("Color", blended("normal")[0])])
         output("Normal", "NodeSocketVector", turned.outputs[0])
     if "emission" in sheet:
-        output("Emission Color", "NodeSocketColor", blended("emission", True)[0])
+        output("Emission Color", "NodeSocketColor", blended("emission")[0])
     return tree

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Objects of Blender as meshes and sources of fantex."""
 
+import contextlib
 import os
 import tempfile
 
@@ -32,40 +33,89 @@ def triangles(item, depsgraph):
         evaluated.to_mesh_clear()
 
 
+def y_up(vectors):
+    """Vectors of Blender as files have them whose y axis points upwards."""
+    return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], -1)
+
+
 def plain_mesh(item, depsgraph):
-    """The object's triangles with its active colours, in its own space."""
+    """The object's triangles with its active colours, in its own space, y upwards."""
     positions, faces, colors = triangles(item, depsgraph)
     if len(faces) == 0:
         raise ValueError(f"{item.name} has no faces")
-    return fantex.Mesh(positions, faces, colors=colors)
+    return fantex.Mesh(y_up(positions), faces, colors=colors)
 
 
-def mesh_with_materials(context, item):
-    """The object with its materials, by way of glTF: textures, factors, normal maps."""
-    with tempfile.TemporaryDirectory() as folder:
+def evaluated_mesh(item, depsgraph):
+    """A new mesh: the object's with modifiers and shape keys applied, with all layers and the materials that the object shows."""
+    mesh = bpy.data.meshes.new_from_object(
+        item.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
+    )
+    own = item.data.materials
+    for index, slot in enumerate(item.material_slots):
+        # Modifiers may give the mesh other materials.
+        if slot.link == "OBJECT" and index < len(mesh.materials) and mesh.materials[index] == own[index]:
+            mesh.materials[index] = slot.material
+    return mesh
+
+
+@contextlib.contextmanager
+def evaluated_copy(context, item):
+    """An object without transforms, the only selected one, that has the item's evaluated mesh."""
+    item.update_from_editmode()
+    mesh = evaluated_mesh(item, context.evaluated_depsgraph_get())
+    objects = context.view_layer.objects
+    selected, active = list(objects.selected), objects.active
+    copy = bpy.data.objects.new(item.name, mesh)
+    try:
+        if len(mesh.polygons) == 0:
+            raise ValueError(f"{item.name} has no faces")
+        # Hidden collections do not hide the scene's own.
+        context.scene.collection.objects.link(copy)
+        for other in selected:
+            other.select_set(False)
+        copy.select_set(True)
+        objects.active = copy
+        yield copy
+    finally:
+        bpy.data.objects.remove(copy)
+        bpy.data.meshes.remove(mesh)
+        for other in selected:
+            other.select_set(True)
+        objects.active = active
+
+
+def write_gltf(path, **options):
+    """Writes what is selected. Raises ``ValueError``."""
+    if "gltf" not in dir(bpy.ops.export_scene):
+        raise ValueError("Blender's add-on glTF 2.0 is off; switch it on in the preferences, or take another source")
+    # Versions of the exporter differ in their options.
+    known = bpy.ops.export_scene.gltf.get_rna_type().properties.keys()
+    options = {name: value for name, value in options.items() if name in known}
+    try:
+        bpy.ops.export_scene.gltf(
+            filepath=path,
+            use_selection=True,
+            export_yup=True,
+            export_animations=False,
+            export_skins=False,
+            export_morph=False,
+            **options,
+        )
+    except (AttributeError, RuntimeError) as error:
+        raise ValueError(f"Blender's glTF exporter has failed: {error}") from error
+
+
+def full_mesh(context, item, with_colors=False):
+    """The object with its materials and texture coordinates, by way of glTF: textures, factors, normal maps; y upwards.
+
+    Colours multiply those of the material in glTF. They come along where the material uses them, or ``with_colors``.
+    """
+    with tempfile.TemporaryDirectory() as folder, evaluated_copy(context, item):
         path = os.path.join(folder, "object.glb")
-        selected, active = list(context.selected_objects), context.view_layer.objects.active
-        matrix = item.matrix_world.copy()
-        try:
-            for other in selected:
-                other.select_set(False)
-            item.select_set(True)
-            context.view_layer.objects.active = item
-            # In its own space.
-            item.matrix_world.identity()
-            bpy.ops.export_scene.gltf(
-                filepath=path,
-                use_selection=True,
-                export_yup=False,
-                export_apply=True,
-                export_animations=False,
-                export_skins=False,
-                export_morph=False,
-            )
-        finally:
-            item.matrix_world = matrix
-            item.select_set(False)
-            for other in selected:
-                other.select_set(True)
-            context.view_layer.objects.active = active
+        write_gltf(
+            path,
+            export_vertex_color="ACTIVE" if with_colors else "MATERIAL",
+            export_active_vertex_color_when_no_material=with_colors,
+        )
         return fantex.Mesh.load(path)

@@ -3,7 +3,10 @@
 
 import importlib.util
 import math
+import re
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +18,7 @@ fantex = pytest.importorskip("fantex")
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture(scope="session")
-def extension():
+def load_extension():
     """The folder as a package, as Blender loads it."""
     folder = ROOT / "blender"
     spec = importlib.util.spec_from_file_location(
@@ -26,6 +28,12 @@ def extension():
     sys.modules["fantex_extension"] = module
     spec.loader.exec_module(module)
     module.register()
+    return module
+
+
+@pytest.fixture(scope="session")
+def extension():
+    module = load_extension()
     yield module
     module.unregister()
 
@@ -232,7 +240,7 @@ def test_baking_the_active_object(tmp_path, extension):
     asset.paint([{
         "brush": {"size": {"texels": 200}},
         "channels": [{"kind": "base_color", "color": {"srgb": [0, 0, 1]}}],
-        "samples": [{"at": {"position": [0, -0.8, 0.3]}}],
+        "samples": [{"at": {"position": [0, 0.3, 0.8]}}],
     }])
     before = shown.data
     assert bpy.ops.fantex.reload() == {"FINISHED"}
@@ -259,8 +267,8 @@ def test_materials_come_along(tmp_path, extension):
     result = bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(path), source="MATERIALS", million_texels=0.02)
     assert result == {"FINISHED"}
     asset = fantex.open(path)
-    # In the object's own space, z upwards.
-    above, beside = asset.sample([[0, 0, 1], [1, 0, 0]])
+    # In the object's own space, y upwards.
+    above, beside = asset.sample([[0, 1, 0], [1, 0, 0]])
     np.testing.assert_allclose(above[:3], (0, 1, 0), atol=0.03)
     np.testing.assert_allclose(beside[:3], (1, 0, 0), atol=0.03)
     assert tuple(bpy.context.object.location) == (3, 4, 5)
@@ -273,3 +281,468 @@ def test_mistakes_are_told(tmp_path, extension):
     with pytest.raises(RuntimeError, match="no vertex colours"):
         bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(tmp_path / "a.fan"), source="COLORS")
     assert not (tmp_path / "a.fan").exists()
+
+
+def colored(name, color):
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
+    return material
+
+
+def red_cube(**settings):
+    bpy.ops.mesh.primitive_cube_add(**settings)
+    item = bpy.context.object
+    item.data.materials.append(colored("red", (1, 0, 0, 1)))
+    return item
+
+
+def bake(path, **settings):
+    settings = {"source": "SOLID", "million_texels": 0.01, **settings}
+    assert bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(path), **settings) == {"FINISHED"}
+    return bpy.context.object
+
+
+def cut(item):
+    """A cube with a hole, made by another object."""
+    item.location = (10, 0, 0)
+    bpy.ops.mesh.primitive_cube_add(location=(10, 0, 1), scale=(0.5, 0.5, 1))
+    modifier = item.modifiers.new("cut", "BOOLEAN")
+    modifier.object, modifier.operation, modifier.solver = bpy.context.object, "DIFFERENCE", "EXACT"
+
+
+def mirrored(item):
+    item.location = (12, 0, 0)
+    bpy.ops.object.empty_add(location=(10, 0, 0))
+    item.modifiers.new("mirror", "MIRROR").mirror_object = bpy.context.object
+
+
+def keyed(item):
+    item.location = (4, 0, 0)
+    item.keyframe_insert("location", frame=1)
+
+
+def constrained(item):
+    bpy.ops.object.empty_add(location=(5, 0, 0), rotation=(0.5, 0.3, 0))
+    item.constraints.new("COPY_TRANSFORMS").target = bpy.context.object
+
+
+def turned(item):
+    item.scale, item.rotation_euler = (-1, 2, 1), (7, 0, 0)
+
+
+def reshaped(item):
+    item.shape_key_add(name="Basis")
+    key = item.shape_key_add(name="Twice")
+    for point in key.data:
+        point.co *= 2
+    key.value = 1
+
+
+def edited(item):
+    bpy.context.view_layer.objects.active = item
+    bpy.ops.object.mode_set(mode="EDIT")
+    import bmesh
+
+    mesh = bmesh.from_edit_mesh(item.data)
+    mesh.verts.ensure_lookup_table()
+    mesh.verts[0].co.x = -7
+    bmesh.update_edit_mesh(item.data)
+
+
+def hidden(item):
+    item.hide_set(True)
+
+
+CHANGES = [cut, mirrored, keyed, constrained, turned, reshaped, edited, hidden]
+
+
+@pytest.mark.parametrize("change", CHANGES, ids=[change.__name__ for change in CHANGES])
+def test_materials_come_along_with_the_shape(extension, change):
+    """By way of glTF an object has the same shape as without, and stays as it is."""
+    item = red_cube()
+    change(item)
+    context = bpy.context
+    context.view_layer.objects.active = item
+    context.view_layer.update()
+
+    def state():
+        context.view_layer.update()
+        values = [item.matrix_world, item.matrix_basis, item.scale, item.location]
+        selected = [other.name for other in context.view_layer.objects.selected]
+        counts = len(bpy.data.objects), len(bpy.data.meshes)
+        angles = tuple(item.rotation_euler)
+        return repr((values, angles, selected, context.view_layer.objects.active.name, item.mode, counts))
+
+    before = state()
+    full = extension.objects.full_mesh(context, item)
+    assert state() == before
+    plain = extension.objects.plain_mesh(item, context.evaluated_depsgraph_get())
+    assert full.info["triangles"] == plain.info["triangles"]
+    assert full.info["materials"] == 1
+    np.testing.assert_allclose(full.bounds, plain.bounds, atol=1e-5)
+
+
+def test_materials_of_the_object_itself_come_along(tmp_path, extension):
+    bpy.ops.mesh.primitive_cube_add()
+    item = bpy.context.object
+    item.data.materials.append(colored("red", (1, 0, 0, 1)))
+    item.material_slots[0].link = "OBJECT"
+    item.material_slots[0].material = colored("blue", (0, 0, 1, 1))
+    bake(tmp_path / "a.fan", source="MATERIALS")
+    sampled = fantex.open(tmp_path / "a.fan").sample([1, 0, 0])
+    np.testing.assert_allclose(sampled[:3], (0, 0, 1), atol=0.03)
+
+
+def test_the_exporter_may_be_off(tmp_path, extension):
+    import addon_utils
+
+    red_cube()
+    addon_utils.disable("io_scene_gltf2")
+    try:
+        with pytest.raises(RuntimeError, match="^Error: Blender's add-on glTF 2.0 is off"):
+            bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(tmp_path / "a.fan"), source="MATERIALS")
+    finally:
+        addon_utils.enable("io_scene_gltf2")
+
+
+def test_looks_see_names_and_coordinates(tmp_path, extension):
+    from PIL import Image
+
+    halves = np.zeros((64, 64, 3), np.uint8)
+    halves[:32] = 255
+    Image.fromarray(halves).save(tmp_path / "halves.png")
+    look = tmp_path / "look.toml"
+    look.write_text(
+        """
+[textures.halves]
+kind = "image"
+image = "halves.png"
+[materials.picture]
+base_color = "halves"
+[materials.blue]
+base_color = [0.0, 0.0, 1.0]
+"""
+    )
+    bpy.ops.mesh.primitive_cube_add()
+    item = bpy.context.object
+    item.data.materials.append(colored("blue", (1, 1, 1, 1)))
+    item.data.materials.append(colored("picture", (1, 1, 1, 1)))
+    top = max(item.data.polygons, key=lambda face: face.center.z)
+    top.material_index = 1
+    for loop in top.loop_indices:
+        x, y, _ = item.data.vertices[item.data.loops[loop].vertex_index].co
+        item.data.uv_layers[0].uv[loop].vector = (x + 1) / 2, (y + 1) / 2
+    bake(tmp_path / "a.fan", source="LOOK", look=str(look))
+    # v goes with Blender's y, which is -z in the file.
+    upper, lower, beside = fantex.open(tmp_path / "a.fan").sample([[0, 1, -0.5], [0, 1, 0.5], [1, 0, 0]])
+    np.testing.assert_allclose([upper[:3], lower[:3], beside[:3]], [(1, 1, 1), (0, 0, 0), (0, 0, 1)], atol=0.03)
+
+
+def test_notes_of_bakes_are_told(tmp_path, extension, capfd):
+    bpy.ops.mesh.primitive_plane_add()
+    bake(tmp_path / "a.fan")
+    assert "Warning: 4 edges on the boundary" in capfd.readouterr().out
+
+
+def test_looks_see_colors(tmp_path, extension):
+    look = tmp_path / "look.toml"
+    look.write_text('[textures.own]\nkind = "vertex_color"\n[materials.all]\nbase_color = "own"\n')
+    item = red_cube()
+    colors = item.data.color_attributes.new("Color", "FLOAT_COLOR", "CORNER")
+    colors.data.foreach_set("color", np.tile(np.array([0.8, 0.2, 0.1, 1], np.float32), len(colors.data)))
+    bake(tmp_path / "a.fan", source="LOOK", look=str(look))
+    sampled = fantex.open(tmp_path / "a.fan").sample([1, 0, 0])
+    np.testing.assert_allclose(sampled[:3], (0.8, 0.2, 0.1), atol=0.02)
+
+
+#: Another extent along each axis.
+CORNERS = [(0, 0, -1), (1, 0, -1), (0, 2, -1), (0, 0, 5)]
+
+
+def box(item):
+    bpy.context.view_layer.update()
+    corners = np.array([item.matrix_world @ vertex.co for vertex in item.data.vertices])
+    return np.stack([corners.min(0), corners.max(0)])
+
+
+@pytest.mark.parametrize("source", ["SOLID", "MATERIALS"])
+def test_models_stand_everywhere(tmp_path, extension, source):
+    """What was baked, shown, exported and read by others stands as the object does."""
+    mesh = bpy.data.meshes.new("model")
+    mesh.from_pydata(CORNERS, [], [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
+    item = bpy.data.objects.new("model", mesh)
+    bpy.context.scene.collection.objects.link(item)
+    bpy.context.view_layer.objects.active = item
+    item.data.materials.append(colored("red", (1, 0, 0, 1)))
+    expected = box(item)
+    shown = bake(tmp_path / "a.fan", source=source)
+    np.testing.assert_allclose(box(shown), expected, atol=1e-5)
+    assert bpy.ops.fantex.export_atlas(filepath=str(tmp_path / "a.glb"), resolution=64) == {"FINISHED"}
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "a.glb"))
+    np.testing.assert_allclose(box(bpy.context.object), expected, atol=1e-5)
+    bpy.ops.fantex.import_fan(filepath=str(tmp_path / "a.fan"))
+    np.testing.assert_allclose(box(bpy.context.object), expected, atol=1e-5)
+
+
+def test_both_sides_of_a_leaf_are_seen(tmp_path, extension):
+    positions, faces = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]
+
+    def sides(points, normals):
+        return np.where(normals[:, 2:] > 0, [[1.0, 0, 0]], [[0, 0, 1.0]])
+
+    asset = fantex.bake((positions, faces), tmp_path / "leaf.fan", texels=5000, source=sides)
+    item = extension.fans.build_object(asset, asset.fan_attributes(), "leaf", False)
+    assert len(item.data.polygons) == len(asset.faces) == 4
+    bpy.context.scene.collection.objects.link(item)
+    bpy.context.view_layer.update()
+    for height in (1, -1):
+        hit, _, normal, face = item.ray_cast((0.6, 0.3, height), (0, 0, -height))
+        assert hit and normal.z * height > 0
+        color = asset.sample(face=[face], barycentric=[[1 / 3] * 3])[0, :3]
+        np.testing.assert_allclose(color, (1, 0, 0) if height > 0 else (0, 0, 1), atol=0.03)
+
+
+def test_files_of_others_are_not_replaced(tmp_path, extension):
+    path = tmp_path / "a.fan"
+    properties = bpy.ops.fantex.bake.get_rna_type().properties
+    assert properties["filepath"].is_skip_save and properties["overwrite"].is_skip_save
+    item = red_cube()
+    bake(path)
+    before = path.read_bytes()
+    item.hide_set(False)
+    bpy.ops.mesh.primitive_cone_add()
+    other = bpy.context.object
+    copy = item.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    for active in (other, copy, item):
+        # The copy says that the file is its own, too.
+        bpy.context.view_layer.objects.active = active
+        with pytest.raises(RuntimeError, match="exists and is not"):
+            bake(path)
+    assert path.read_bytes() == before
+    bpy.data.objects.remove(copy)
+    bpy.context.view_layer.objects.active = item
+    bake(path, million_texels=0.02)
+    assert path.read_bytes() != before
+    bpy.context.view_layer.objects.active = other
+    bake(path, overwrite=True)
+
+
+def test_assets_outlive_blender(tmp_path, extension, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert extension.default_folder() == str(tmp_path)
+    (tmp_path / "Documents").mkdir()
+    assert extension.default_folder() == str(tmp_path / "Documents")
+    red_cube()
+    with pytest.raises(RuntimeError, match="save that first"):
+        bake("//x.fan")
+    (tmp_path / "scene").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene" / "a.blend"))
+    assert extension.default_folder() == str(tmp_path / "scene")
+    item = bake("//x.fan")
+    assert item["fantex_asset"] == str(tmp_path / "scene" / "x.fan")
+
+
+def paint_blue(path, size=200):
+    fantex.open(path).paint([{
+        "brush": {"size": {"texels": size}},
+        "channels": [{"kind": "base_color", "color": {"srgb": [0, 0, 1]}}],
+        "samples": [{"at": {"position": [0, 1, 0]}}],
+    }])
+
+
+def pixels(image):
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values
+
+
+def test_reload_leaves_what_is_the_users(tmp_path, extension):
+    red_cube()
+    item = bake(tmp_path / "a.fan")
+    material = item.data.materials[0]
+    surface = material.node_tree.nodes["Principled BSDF"]
+    surface.inputs["Roughness"].default_value = 0.123
+    gold, empty, plain = colored("gold", (1, 0.8, 0, 1)), bpy.data.materials.new("empty"), bpy.data.materials.new("plain")
+    empty.use_nodes = True
+    empty.node_tree.nodes.new("ShaderNodeGroup")
+    for further in (gold, empty, plain):
+        item.data.materials.append(further)
+    twin = item.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    image = extension.fans.made_images(material)[0]
+    before, old_mesh = pixels(image), item.data.name
+    paint_blue(tmp_path / "a.fan")
+    assert bpy.ops.fantex.reload() == {"FINISHED"}
+    assert list(item.data.materials) == [material, gold, empty, plain]
+    assert surface.inputs["Roughness"].default_value == pytest.approx(0.123)
+    assert twin.data == item.data and item.data.name == old_mesh
+    assert len([mesh for mesh in bpy.data.meshes if "fantex_sheets" in mesh]) == 1
+    image, = extension.fans.made_images(material)
+    assert (pixels(image) != before).any()
+    # Packed again: the file has the new pixels.
+    image.reload()
+    assert (pixels(image) != before).any()
+
+    # In the place of the material made here.
+    item.data.materials[0] = gold
+    assert bpy.ops.fantex.reload() == {"FINISHED"}
+    assert list(item.data.materials) == [gold, gold, empty, plain]
+    assert {"gold", "empty", "plain"} <= set(bpy.data.materials.keys())
+
+
+def test_reload_of_another_layout_makes_materials_anew(tmp_path, extension):
+    item = red_cube()
+    shown = bake(tmp_path / "a.fan")
+    old = shown.data.materials[0].name
+    gold = colored("gold", (1, 0.8, 0, 1))
+    shown.data.materials.append(gold)
+    counts = [len(data) for data in (bpy.data.materials, bpy.data.node_groups, bpy.data.images)]
+    mesh = extension.objects.plain_mesh(item, bpy.context.evaluated_depsgraph_get())
+    fantex.bake(mesh, tmp_path / "a.fan", texels=100_000, source=fantex.solid("wood"), overwrite=True)
+    assert bpy.ops.fantex.reload() == {"FINISHED"}
+    assert shown.data.materials[1] == gold and shown.data.materials[0].name.startswith(old)
+    assert [len(data) for data in (bpy.data.materials, bpy.data.node_groups, bpy.data.images)] == counts
+
+
+def slow(points, normals):
+    time.sleep(0.01)
+    return np.full((len(points), 3), 0.5)
+
+
+def slow_bake(extension, path):
+    """A bake that takes minutes."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)
+    mesh = extension.objects.plain_mesh(bpy.context.object, bpy.context.evaluated_depsgraph_get())
+    running = extension.Bake(mesh, str(path), 4e6, slow, False)
+    while running.total == 1 and not running.is_finished:
+        time.sleep(0.01)
+    assert running in extension.RUNNING
+    return running
+
+
+@pytest.mark.parametrize("end", ["load", "unregister"])
+def test_bakes_end_with_their_file(tmp_path, extension, end):
+    running = slow_bake(extension, tmp_path / "a.fan")
+    if end == "load":
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+    else:
+        extension.unregister()
+        extension.register()
+    assert running.is_finished and isinstance(running.error, extension.Cancelled)
+    assert not extension.RUNNING
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_blender_does_not_wait_for_bakes(tmp_path, extension):
+    program = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import test_extension as tests
+extension = tests.load_extension()
+tests.slow_bake(extension, {str(tmp_path / "a.fan")!r})
+print("baking")
+"""
+    done = subprocess.run([sys.executable, "-B", "-c", program], timeout=60, capture_output=True, text=True)
+    assert done.returncode == 0 and "baking" in done.stdout, done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_escape_at_the_very_end_is_too_late(tmp_path, extension, monkeypatch):
+    """A file that is written is not said to be as it was."""
+    def escape(self, done, total, progress=extension.Bake._progress):
+        self.is_cancelled = done >= total
+        progress(self, done, total)
+
+    monkeypatch.setattr(extension.Bake, "_progress", escape)
+    red_cube()
+    bake(tmp_path / "a.fan")
+    assert (tmp_path / "a.fan").exists()
+
+
+def test_cut_outs_have_an_edge(tmp_path, extension):
+    positions, faces = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), [[0, 1, 2], [0, 2, 3]]
+    # Alpha is x.
+    colors = np.stack([np.ones(4), np.zeros(4), np.zeros(4), positions[:, 0]], 1)
+    mesh = fantex.Mesh(positions, faces, colors=colors)
+    look = tmp_path / "look.toml"
+    look.write_text('[textures.own]\nkind = "vertex_color"\n[materials.all]\nbase_color = "own"\nopacity = "blend"\n')
+    asset = fantex.bake(mesh, tmp_path / "a.fan", texels=20000, source=fantex.look(look))
+    for alpha, expected in (("blend", [0.25, 0.75]), ("cut-out", [0.0, 1.0])):
+        asset.paint(alpha=alpha)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        item = extension.fans.build_object(asset, asset.fan_attributes(), "model", False)
+        bpy.context.scene.collection.objects.link(item)
+        surface = item.data.materials[0].node_tree.nodes["Principled BSDF"]
+        assert surface.inputs["Alpha"].is_linked
+        emission_only(item, "Alpha")
+        picture, faces_hit, places = cycles_picture(tmp_path, item, 64)
+        for x, value in zip((0.25, 0.75), expected):
+            at = (faces_hit >= 0) & (np.abs(places[..., 0] - x) < 0.05)
+            assert at.sum() > 20
+            np.testing.assert_allclose(picture[at][:, 0], value, atol=0.07)
+    asset.paint(alpha="opaque")
+    item = extension.fans.build_object(asset, asset.fan_attributes(), "model", False)
+    assert not item.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Alpha"].is_linked
+
+
+class Painter:
+    """A window that is closed."""
+
+    def poll(self):
+        return 0
+
+
+def test_painted_objects_are_found_by_whatever_name(tmp_path, extension, monkeypatch, capfd):
+    red_cube()
+    item = bake(tmp_path / "a.fan")
+    looks = []
+    monkeypatch.setattr(bpy.app.timers, "register", lambda look, **_: looks.append(look), raising=False)
+    extension.watch(Painter(), item.session_uid)
+    item.name = "Other"
+    mesh = item.data.session_uid
+    assert looks[0]() is None and item.data.session_uid != mesh
+    # Without the file.
+    extension.watch(Painter(), item.session_uid)
+    (tmp_path / "a.fan").unlink()
+    assert looks[1]() is None
+    assert "Other was not reloaded" in capfd.readouterr().out
+    # Without the object.
+    extension.watch(Painter(), item.session_uid)
+    bpy.data.objects.remove(item)
+    assert looks[2]() is None
+    assert not extension.WATCHES
+
+
+def test_painters_may_not_start(tmp_path, extension, monkeypatch):
+    red_cube()
+    bake(tmp_path / "a.fan")
+    monkeypatch.setattr(extension.shutil, "which", lambda _: str(tmp_path))
+    with pytest.raises(RuntimeError, match="does not start"):
+        bpy.ops.fantex.paint()
+
+
+def test_timers_end_with_the_extension(tmp_path, extension):
+    class Open:
+        def poll(self):
+            return None
+
+    extension.watch(Open(), 0)
+    look, = extension.WATCHES
+    assert bpy.app.timers.is_registered(look)
+    extension.unregister()
+    try:
+        assert not bpy.app.timers.is_registered(look) and not extension.WATCHES
+    finally:
+        extension.register()
+
+
+def test_the_manifest_names_the_wheel_of_the_recipe():
+    import tomllib
+
+    manifest = tomllib.loads((ROOT / "blender" / "blender_manifest.toml").read_text())
+    wheel, = manifest["wheels"]
+    tag = re.search(r"--compatibility (\w+)", (ROOT / "blender" / "README.md").read_text())[1]
+    assert wheel == f"./wheels/fantex-{manifest['version']}-cp310-abi3-{tag}_x86_64.whl"
+    assert manifest["platforms"] == ["linux-x64"]
