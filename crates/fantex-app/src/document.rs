@@ -309,7 +309,7 @@ impl Document {
         };
         let options = PaintOptions { memory_bytes, history: true };
         progress.enter(if change.is_some() { Stage::Channels } else { Stage::Preparing })?;
-        let painter = match change {
+        let mut painter = match change {
             None => Painter::open_with_progress(&path, &options, &progress.part(0.0, PAINTER_SHARE))?,
             Some(change) => {
                 let (painter, made) = change.open(&path, &options, progress)?;
@@ -319,6 +319,10 @@ impl Document {
                 painter
             }
         };
+        if painter.editor().has_changes() {
+            // Of a step that an earlier painter has left. Where it cannot be written, the painter tries again, and tells.
+            painter.commit().ok();
+        }
         let asset = painter.editor().asset().clone();
         let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
         Ok(ForPainting::Ready(Box::new((document, painter))))

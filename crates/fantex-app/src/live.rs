@@ -86,6 +86,8 @@ pub struct LiveLook {
     pub originals: Vec<f64>,
     /// What is wrong with the text, with its line and key.
     pub error: Option<String>,
+    /// The file has become another one while something was changed here, which is still to be told.
+    pub is_overtaken: bool,
     /// The look's own camera.
     pub camera: Option<Camera>,
     pub scale: SceneScale,
@@ -132,6 +134,7 @@ impl LiveLook {
             numbers: Vec::new(),
             originals: Vec::new(),
             error: None,
+            is_overtaken: false,
             camera: None,
             scale: SceneScale::default(),
             picture: None,
@@ -214,8 +217,15 @@ impl LiveLook {
         match input::read_text(&self.path) {
             Ok(text) => {
                 self.reading += 1;
-                (self.text, self.saved) = (text.as_str().into(), text.as_str().into());
-                self.take_text();
+                let is_kept = self.is_changed();
+                self.saved = text.into();
+                if is_kept {
+                    // What was changed here stays until it is saved or discarded.
+                    self.is_overtaken = self.is_changed();
+                } else {
+                    self.text = self.saved.clone();
+                    self.take_text();
+                }
             }
             Err(error) => self.error = Some(error.to_string()),
         }
@@ -253,7 +263,7 @@ impl LiveLook {
     /// As it is in the file.
     pub fn discard(&mut self) {
         self.text = self.saved.clone();
-        self.read_numbers();
+        self.take_text();
     }
 
     /// Writes what was changed into the file.

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// Most messages that are shown at a time.
+/// Most messages that are shown at a time. Errors go last.
 const SHOWN: usize = 4;
 
 /// Most messages that are kept for those who ask later.
@@ -12,7 +12,7 @@ const KEPT: usize = 200;
 pub enum Severity {
     Info,
     Warning,
-    /// Something failed. Stays until it is dismissed.
+    /// Something failed. Stays until it is dismissed, or four later errors have come.
     Error,
 }
 
@@ -47,7 +47,10 @@ impl Notices {
         }
         self.shown.push_back(Notice { severity, text, since: self.now });
         while self.shown.len() > SHOWN {
-            self.shown.pop_front();
+            let is_passing = |notice: &Notice| notice.severity != Severity::Error;
+            // The newest is shown in any case.
+            let oldest = self.shown.iter().take(SHOWN).position(is_passing);
+            self.shown.remove(oldest.unwrap_or(0));
         }
     }
 

@@ -213,6 +213,8 @@ impl Settings {
         self.camera.eye_height = self.camera.eye_height.filter(|h| h.is_finite() && *h > 0.0);
         let [least, most] = StreamingSettings::POOL_MIB;
         self.streaming.pool_mib = self.streaming.pool_mib.clamp(least, most);
+        let [least, most] = StreamingSettings::GEOMETRY_MIB;
+        self.streaming.geometry_mib = self.streaming.geometry_mib.clamp(least, most);
         let [least, most] = StreamingSettings::UPLOAD_KIB;
         self.streaming.upload_kib = self.streaming.upload_kib.clamp(least, most);
         self.light = self.light.sanitized();

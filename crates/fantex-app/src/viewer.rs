@@ -19,7 +19,7 @@ use crate::camera::{
 };
 use crate::command::Command;
 use crate::display::{DisplaySettings, ShadingView};
-use crate::document::{ChannelChange, Content, Document};
+use crate::document::{Content, Document};
 use crate::export::Preset;
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
@@ -186,8 +186,10 @@ pub struct Viewer {
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
-    /// What becomes of the channels of what is opened next.
-    channel_change: Option<ChannelChange>,
+    /// What waits until what is painted on is saved.
+    departure: Option<leaving::Departure>,
+    /// What was given up while it was opened, until its thread has ended.
+    given_up: Vec<Opening>,
     /// A channel that is removed if the user says so.
     pub removal: Option<ChannelKind>,
     /// Memory for pages while painting, bytes.
@@ -212,8 +214,8 @@ pub struct Viewer {
     brush_drag: Option<keys::BrushDrag>,
     /// All is shown when the brush's key is let go.
     frames_on_release: bool,
-    /// The user was told that closing loses something.
-    was_warned: bool,
+    /// The user was told what is lost by this.
+    warned: Option<leaving::Departure>,
     /// The shading to go back to when nothing is seen instead of the base colour any more.
     shading_before_alone: Option<ShadingView>,
     /// What was opened has not been framed yet with the panels that it brings.
@@ -259,6 +261,13 @@ impl Viewer {
     /// What the shell has to do, once each.
     pub fn take_requests(&mut self) -> Vec<Request> {
         std::mem::take(&mut self.requests)
+    }
+
+    /// Whether the window is to close, once: hidden windows ask for nothing else.
+    pub fn take_quit(&mut self) -> bool {
+        let count = self.requests.len();
+        self.requests.retain(|request| *request != Request::Quit);
+        self.requests.len() < count
     }
 
     pub fn request(&mut self, request: Request) {
@@ -322,8 +331,9 @@ impl Viewer {
         move || wake.iter().for_each(|wake| wake())
     }
 
-    /// Shows nothing.
+    /// Shows nothing, whatever is lost by it but what can be saved.
     pub fn close(&mut self) {
+        self.departure = None;
         self.cancel_opening();
         self.asked = None;
         self.removal = None;
@@ -359,6 +369,14 @@ impl Viewer {
         if let Some(camera) = self.live.as_mut().and_then(|live| live.poll(now)) {
             self.set_camera(&camera);
         }
+        if let Some(live) = &mut self.live
+            && std::mem::take(&mut live.is_overtaken)
+        {
+            let name = live.path().file_name().unwrap_or_default().to_string_lossy();
+            self.notices.warning(format!(
+                "{name} was changed by another program, and here: Save writes over it, Discard takes it."
+            ));
+        }
         if let Some(painting) = &mut self.painting {
             painting.poll(&mut self.settings.paint, &mut self.notices);
             if let (Some(asset), Some(document)) = (painting.newer.take(), &mut self.document) {
@@ -366,6 +384,7 @@ impl Viewer {
             }
         }
         self.light_alone();
+        self.poll_leaving();
     }
 
     /// Starts the tree of triangles where it is wanted and not there.
@@ -464,12 +483,12 @@ impl Viewer {
                     self.begin_opening(place, true);
                 }
             }
-            Command::Close => self.close(),
+            Command::Close => self.ask_close(),
             Command::Cancel => self.cancel(),
             Command::Quit => self.request(Request::Quit),
             Command::Export => self.ask_export(),
             Command::SaveCopy => {
-                if self.document.as_ref().is_some_and(|document| document.asset().is_some()) {
+                if self.can_export() {
                     self.request(Request::Dialog(FileDialog::SaveCopy));
                 }
             }
@@ -535,6 +554,8 @@ impl Viewer {
     fn cancel(&mut self) {
         if self.has_help {
             self.has_help = false;
+        } else if self.departure.is_some() {
+            self.cancel_leaving();
         } else if self.opening.is_some() {
             self.cancel_opening();
         } else if self.exporting.is_some() {
@@ -542,7 +563,7 @@ impl Viewer {
         } else if self.removal.is_some() {
             self.removal = None;
         } else if self.asked.is_some() {
-            self.asked = None;
+            self.answer(None);
         } else if !matches!(self.path_state, PathState::Still) {
             self.path_state = PathState::Still;
         } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work.is_some()) {
@@ -848,5 +869,6 @@ fn toggle(switch: &mut bool) {
 mod channels;
 mod exporting;
 mod keys;
+mod leaving;
 mod opening;
 mod pointing;

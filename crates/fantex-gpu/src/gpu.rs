@@ -259,19 +259,33 @@ impl Gpu {
         Error::too_large(format!("{what} needs {needed} {unit}, the GPU \"{adapter}\" allows {allowed}"))
     }
 
+    /// Makes something on the device.
+    ///
+    /// # Errors
+    /// The device has no memory for it, or refuses it. (In browsers that is told later, by [`Gpu::check`].)
+    pub(crate) fn make<T>(&self, make: impl FnOnce() -> T) -> Result<T> {
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+            let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+            let made = make();
+            let refused = pollster::block_on(validation.pop());
+            // What there was no memory for is refused where it is used, too.
+            match pollster::block_on(memory.pop()).or(refused) {
+                Some(error) => Err(device_error(error)),
+                None => Ok(made),
+            }
+        }
+        #[cfg(target_arch = "wasm32")]
+        Ok(make())
+    }
+
     /// Has [`Gpu::check`] return errors that nobody asks for, such as a lack of memory; otherwise they end the program. Devices
     /// opened by [`Gpu::headless`] do so already. A handler that was set before is replaced.
     pub fn record_errors(&self) {
         let told = Arc::clone(&self.state);
         self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            let error = match error {
-                wgpu::Error::OutOfMemory { source } => Error::too_large(format!(
-                    "the GPU has no memory left for {source}: choose smaller pictures, textures or shadow maps"
-                )),
-                wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
-                    refused(&description)
-                }
-            };
+            let error = device_error(error);
             told.lock().unwrap_or_else(PoisonError::into_inner).error.get_or_insert(error);
         }));
     }
@@ -280,6 +294,17 @@ impl Gpu {
 /// The device has gone: a driver was updated, a card unplugged, a frame took too long.
 pub fn device_lost(reason: &str) -> Error {
     Error::unavailable(format!("the GPU device was lost ({reason}): open it again"))
+}
+
+fn device_error(error: wgpu::Error) -> Error {
+    match error {
+        wgpu::Error::OutOfMemory { source } => Error::too_large(format!(
+            "the GPU has no memory left for {source}: choose smaller pictures, textures or shadow maps"
+        )),
+        wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+            refused(&description)
+        }
+    }
 }
 
 pub(crate) fn refused(reason: &dyn std::fmt::Display) -> Error {
@@ -324,3 +349,18 @@ pub(crate) const fn texture_type(
 
 /// Floats that samplers filter.
 pub(crate) const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_device_refuses_is_told_to_whoever_makes_it() {
+        let Ok(gpu) = Gpu::headless(&GpuOptions { software: true }) else { return };
+        let side = gpu.limits().max_texture_dimension_2d + 1;
+        let texture = || gpu.texture("too large", [side, 1, 1], 1, wgpu::TextureFormat::Rgba8Unorm, SAMPLED);
+        assert!(gpu.make(texture).is_err());
+        gpu.check().unwrap();
+        gpu.make(|| gpu.buffer("sixteen bytes", &[0; 16], wgpu::BufferUsages::UNIFORM)).unwrap();
+    }
+}

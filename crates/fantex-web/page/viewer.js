@@ -17,6 +17,12 @@ const KEY_STEP = 0.05;
 /** Time for one request, as the viewer's own have it. */
 const MAX_REQUEST_MILLISECONDS = 60_000;
 
+/** Bytes of one request: the viewer asks for long ranges piece by piece. */
+const MAX_REQUEST_BYTES = 2_097_152;
+
+/** Time between two looks at whether the device is still there, while nothing is drawn. */
+const CHECK_MILLISECONDS = 2000;
+
 /** Time without anything new after which the page says that it waits. */
 const SLOW_MILLISECONDS = 8000;
 
@@ -50,13 +56,19 @@ function say(text, kind = "", ...actions) {
     }
 }
 
-/** Requests for ranges of the asset, by these, before the viewer is there to make them. Answers without ranges keep their bodies: none is wanted. */
+/** What the viewer asks for first of a range. */
+function firstPiece(range) {
+    const [first, last] = range.split("-").map(Number);
+    return `${first}-${Math.min(last, first + MAX_REQUEST_BYTES - 1)}`;
+}
+
+/** Requests for the starts of ranges of the asset, by these, before the viewer is there to make them. Answers without ranges keep their bodies: none is wanted. */
 function fetchAhead(asset, ranges) {
     const controller = new AbortController();
     const timedOut = () => controller.abort(new DOMException("no answer", "TimeoutError"));
     const timeout = setTimeout(timedOut, MAX_REQUEST_MILLISECONDS);
     const answers = new Map();
-    for (const range of ranges) {
+    for (const range of ranges.map(firstPiece)) {
         const request = { headers: { range: `bytes=${range}` }, signal: controller.signal };
         const answer = fetch(asset, request).then(async (response) => {
             if (response.status !== 206) return response;
@@ -132,6 +144,7 @@ function frame(now) {
         if (progress.is_settled || progress.uploaded_bytes !== uploadedBytes) cameNew(!progress.is_settled);
         uploadedBytes = progress.uploaded_bytes;
         enter(progress.is_preview ? "preview" : progress.is_settled ? "sharp" : "sharpening");
+        bar.hidden = progress.is_settled;
         if (!hasPicture && viewer.has_picture()) {
             hasPicture = true;
             performance.mark("fantex picture");
@@ -249,7 +262,15 @@ document.body.addEventListener("keydown", (event) => {
     if (event.target === document.body) press(event);
 });
 
-document.addEventListener("visibilitychange", () => cameNew());
+document.addEventListener("visibilitychange", () => {
+    cameNew();
+    schedule();
+});
+
+// A page that rests asks for no frames, and only a frame finds out that the device is lost.
+setInterval(() => {
+    if (viewer?.is_lost()) schedule();
+}, CHECK_MILLISECONDS);
 
 async function main() {
     enter("loading");

@@ -104,13 +104,15 @@ mod tests {
 
     /// The page asks for what the viewer would ask for.
     #[test]
-    fn requests_of_the_page_last_as_long_as_those_of_the_viewer() {
-        let milliseconds = |source: &str| {
-            let (_, declaration) = source.split_once("const MAX_REQUEST_MILLISECONDS").unwrap();
+    fn requests_of_the_page_last_as_long_and_are_as_large_as_those_of_the_viewer() {
+        let constant = |source: &str, name: &str| {
+            let (_, declaration) = source.split_once(&format!("const {name}")).unwrap();
             declaration.split(['=', ';']).nth(1).unwrap().trim().to_owned()
         };
         let [page, viewer] =
             [include_str!("../page/viewer.js"), include_str!("../../fantex-stream/src/read/browser.rs")];
-        assert_eq!(milliseconds(page), milliseconds(viewer));
+        for name in ["MAX_REQUEST_MILLISECONDS", "MAX_REQUEST_BYTES"] {
+            assert_eq!(constant(page, name), constant(viewer, name));
+        }
     }
 }

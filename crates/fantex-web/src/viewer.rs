@@ -66,6 +66,8 @@ pub struct Viewer {
     shown: Shown,
     /// Where the asset arrives, while its preview is shown.
     coming: Option<Coming>,
+    /// Why it does not come.
+    failed: Option<fantex_base::Error>,
     file: Rc<RemoteFile>,
     pool_bytes: u64,
     rig: CameraRig,
@@ -83,6 +85,17 @@ pub struct Viewer {
 
 /// Where a task leaves an asset, or why there is none.
 type Coming = Rc<RefCell<Option<fantex_base::Result<Arc<Asset>>>>>;
+
+/// Fetches an asset beside what else is done.
+fn coming(asset: impl Future<Output = fantex_base::Result<Asset>> + 'static) -> Coming {
+    let coming = Coming::default();
+    let place = Rc::clone(&coming);
+    spawn(async move {
+        let asset = asset.await;
+        *place.borrow_mut() = Some(asset.map(Arc::new));
+    });
+    coming
+}
 
 /// What is on the device.
 #[derive(Debug)]
@@ -186,7 +199,7 @@ pub struct Progress {
     pub is_settled: bool,
     /// Bytes of texels uploaded so far.
     pub uploaded_bytes: f64,
-    /// Parts that cannot be read; coarser ones stand in for them.
+    /// Parts that cannot be read, or the whole asset; coarser ones or the preview stand in for them.
     pub damaged: u32,
 }
 
@@ -234,12 +247,7 @@ impl Viewer {
         let (shown, coming) = match started {
             Started::World(world) => (Shown::world(file.url(), world, pool_bytes, &options)?, None),
             Started::Asset { start, preview: Some(preview) } => {
-                let coming = Coming::default();
-                let place = Rc::clone(&coming);
-                spawn(async move {
-                    let asset = start.asset().await;
-                    *place.borrow_mut() = Some(asset.map(Arc::new));
-                });
+                let coming = coming(start.asset());
                 let reader = memory_reader(&preview);
                 (Shown::asset(&gpu, Arc::new(preview), reader, PREVIEW_POOL_BYTES, &options)?, Some(coming))
             }
@@ -259,6 +267,7 @@ impl Viewer {
             configuration,
             shown,
             coming,
+            failed: None,
             file,
             pool_bytes,
             options,
@@ -358,6 +367,11 @@ impl Viewer {
         self.has_picture.load(Ordering::Relaxed)
     }
 
+    /// Whether the device is lost, which the next [`frame`](Self::frame) tells.
+    pub fn is_lost(&self) -> bool {
+        self.gpu.lost().is_some()
+    }
+
     /// How far streaming is.
     pub fn progress(&self) -> Progress {
         let streamed = match &self.shown {
@@ -373,18 +387,22 @@ impl Viewer {
             }
         };
         let figures = streamed.streamer.statistics();
-        let is_preview = self.coming.is_some();
+        let is_coming = self.coming.is_some();
+        let is_preview = is_coming || self.failed.is_some();
         Progress {
             is_preview,
             share: if is_preview { 0.0 } else { figures.complete_share() },
-            is_settled: !is_preview && streamed.streamer.is_settled() && !self.is_stale,
+            is_settled: !is_coming && streamed.streamer.is_settled() && !self.is_stale,
             uploaded_bytes: figures.uploaded_bytes as f64,
-            damaged: figures.damaged as u32,
+            damaged: figures.damaged as u32 + u32::from(self.failed.is_some()),
         }
     }
 
     /// Why the first part that cannot be read cannot be, if there is one.
     pub fn damage(&self) -> Option<String> {
+        if let Some(error) = &self.failed {
+            return Some(error.to_string());
+        }
         match &self.shown {
             Shown::Asset(streamed) => streamed.streamer.damaged().next().map(|(_, error)| error.to_string()),
             Shown::World(world) => world.damage().1,
@@ -393,6 +411,10 @@ impl Viewer {
 
     /// Asks once more for what could not be read.
     pub fn retry(&mut self) {
+        if self.failed.take().is_some() {
+            let file = Rc::clone(&self.file);
+            self.coming = Some(coming(async move { file.start().await?.asset().await }));
+        }
         match &mut self.shown {
             Shown::Asset(streamed) => streamed.streamer.retry_damaged(),
             Shown::World(world) => world.retry(),
@@ -406,7 +428,14 @@ impl Viewer {
         let Some(asset) = self.coming.as_ref().and_then(|coming| coming.borrow_mut().take()) else {
             return Ok(());
         };
-        let asset = asset.map_err(said)?;
+        let asset = match asset {
+            Ok(asset) => asset,
+            Err(error) => {
+                // The preview stays, and it can be tried again.
+                (self.coming, self.failed) = (None, Some(error));
+                return Ok(());
+            }
+        };
         let reader = self.file.reader(BROWSER_CONNECTIONS);
         self.shown = Shown::asset(&self.gpu, asset, reader, self.pool_bytes, &self.options)?;
         self.scale = self.shown.scale();

@@ -75,11 +75,6 @@ pub fn model_texels(mesh: &Mesh) -> Result<(Vec<ChannelKind>, Option<u64>)> {
 pub fn bake_model(mesh: &Mesh, new: &NewAsset, output: &Path, progress: &dyn Progress) -> Result<()> {
     let total = TexelBudget::Total(new.texels.unwrap_or(TEXELS));
     let write = |budget, source: &dyn Source| write(mesh, budget, source, new, output, progress);
-    if !mesh.corners.colors.is_empty()
-        && let Ok(source) = VertexColorSource::new(mesh)
-    {
-        return write(total, &source);
-    }
     let says_something = |m: &fantex::mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
     let source = LookSource::of_model(mesh)?;
     if source.has_textures() {
@@ -89,6 +84,12 @@ pub fn bake_model(mesh: &Mesh, new: &NewAsset, output: &Path, progress: &dyn Pro
         );
     }
     if mesh.materials.iter().any(says_something) {
+        return write(total, &source);
+    }
+    // Materials that say something have taken these in.
+    if !mesh.corners.colors.is_empty()
+        && let Ok(source) = VertexColorSource::new(mesh)
+    {
         return write(total, &source);
     }
     write(total, &Plain)
@@ -189,5 +190,23 @@ mod tests {
         assert!((asset.mean(4, 0)[0] - 0.5).abs() < 0.02);
         let mean = Vec4::from(asset.mean(1, 0));
         assert!((mean - PLAIN_MATERIAL).abs().max_element() < 0.02, "{mean}");
+    }
+
+    /// Red materials take vertex colours in; white ones say nothing.
+    #[test]
+    fn materials_come_before_vertex_colours() {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+        mesh.corners.colors = vec![Vec4::new(1.0, 1.0, 0.0, 1.0); 3 * mesh.triangles.len()];
+        let new = NewAsset { texels: Some(20_000), ..NewAsset::default() };
+        let red = Vec4::new(1.0, 0.0, 0.0, 1.0);
+        for (color, green) in [(red, 0.0), (Vec4::ONE, 1.0)] {
+            mesh.materials =
+                vec![fantex::mesh::Material { base_color: color, ..fantex::mesh::Material::default() }];
+            let path = folder.path().join(format!("{green}.fan"));
+            bake_model(&mesh, &new, &path, &NoProgress).unwrap();
+            let mean = Asset::open(&path).unwrap().mean(0, 0);
+            assert!((mean[0] - 1.0).abs() < 0.02 && (mean[1] - green).abs() < 0.02, "{mean:?}");
+        }
     }
 }

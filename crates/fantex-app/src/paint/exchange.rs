@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fantex::base::{Error, Result};
 use fantex::cover::Cover;
@@ -22,12 +22,12 @@ pub struct Exchange {
     /// Tells the parcels of pages.
     cover: Arc<Cover>,
     orders: Sender<Order>,
-    /// In which formats the atlas takes texels; unset until there is one.
-    formats: OnceLock<Vec<AtlasFormat>>,
 }
 
 #[derive(Default)]
 struct State {
+    /// In which formats the atlas takes texels; none until there is one.
+    formats: Option<Arc<[AtlasFormat]>>,
     /// Parcels with pages that differ from the file as the loader knows it.
     edited: BTreeSet<Parcel>,
     /// Parcels that the painter is asked for, with their urgency.
@@ -61,7 +61,7 @@ impl std::fmt::Debug for Exchange {
 impl Exchange {
     /// Nothing has changed. `cover`: of the asset that is painted on.
     pub fn new(orders: Sender<Order>, cover: Arc<Cover>) -> Self {
-        Self { state: Mutex::default(), cover, orders, formats: OnceLock::new() }
+        Self { state: Mutex::default(), cover, orders }
     }
 
     fn parcel_of(&self, page: PageId) -> Parcel {
@@ -72,14 +72,27 @@ impl Exchange {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Says in which formats texels are wanted; what was said first counts.
+    /// Says in which formats texels are wanted. Where another device wants others, what waits in the former ones is asked for anew.
     pub fn set_formats(&self, formats: &[AtlasFormat]) {
-        self.formats.get_or_init(|| formats.to_vec());
+        let mut state = self.lock();
+        if state.formats.as_deref() == Some(formats) {
+            return;
+        }
+        state.formats = Some(formats.into());
+        state.forget_texels();
+        let ready = std::mem::take(&mut state.ready);
+        state.wanted.extend(ready.into_iter().map(|(parcel, (urgency, _))| (parcel, urgency)));
+        let newer = state.newer.take();
+        drop(state);
+        if let Some(newer) = newer {
+            // Its threads may be reading: the painter waits for them.
+            self.orders.send(Order::Release(newer.loader)).ok();
+        }
     }
 
     /// In which formats texels are wanted, once that is known.
-    pub fn formats(&self) -> Option<&[AtlasFormat]> {
-        self.formats.get().map(Vec::as_slice)
+    pub fn formats(&self) -> Option<Arc<[AtlasFormat]>> {
+        self.lock().formats.clone()
     }
 
     /// Lets the painter look once more at what is wanted.
@@ -112,8 +125,16 @@ impl Exchange {
     /// The painter's: these pages are not any more as the file says, and have to be asked for.
     pub fn outdate(&self, pages: &[PageId]) {
         let mut state = self.lock();
-        pages.iter().for_each(|&page| state.note(self.parcel_of(page)));
+        for &page in pages {
+            state.note(self.parcel_of(page));
+            state.fresh.remove(&page);
+        }
         state.stale.extend(pages);
+    }
+
+    /// The painter's: what it has published may be in formats that are not wanted any more.
+    pub(crate) fn forget_texels(&self) {
+        self.lock().forget_texels();
     }
 
     /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept.
@@ -177,6 +198,12 @@ impl State {
         if let Some(newer) = &mut self.newer {
             newer.edited.insert(parcel);
         }
+    }
+
+    /// Pages that have changed have to be asked for.
+    fn forget_texels(&mut self) {
+        let fresh = std::mem::take(&mut self.fresh);
+        self.stale.extend(fresh.into_keys());
     }
 
     /// Takes a page as it is now. An answer that waits is older: true if the painter has to be asked once more.

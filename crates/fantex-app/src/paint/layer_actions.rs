@@ -225,7 +225,9 @@ impl Painting {
         let thread = &self.thread;
         let place = self.place_of_new();
         match action.clone() {
-            LayerAction::Select(target) => self.target = valid_target(&self.snapshot, target),
+            LayerAction::Select(target) => {
+                (self.target, self.wanted_target) = (valid_target(&self.snapshot, target), None);
+            }
             LayerAction::Add => {
                 let layer = Layer::painted(&free_name(&self.snapshot, "Layer"));
                 thread.order(Order::AddLayer(Box::new(layer), place));

@@ -79,6 +79,8 @@ pub enum Order {
     /// Drop a loader, which may take a while.
     Release(Box<dyn ParcelLoader>),
     Commit,
+    /// Commit all but what is not applied, and tell [`Report::MayLeave`] where nothing is left to write.
+    Leave,
     /// Commit and end.
     Close,
 }
@@ -97,6 +99,8 @@ pub enum Report {
     /// How far something is that takes long; none where nothing does.
     Work(Option<WorkProgress>),
     Save(SaveState),
+    /// All is in the file that was done before [`Order::Leave`].
+    MayLeave,
     /// A newer state of the file.
     Newer(Arc<Asset>),
     Failed(String),
@@ -124,4 +128,15 @@ pub enum SaveState {
     Saving,
     /// It cannot be written; painting goes on in memory.
     Failed(String),
+}
+
+/// What becomes of what is painted where it is left.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Leave {
+    /// Nothing is lost.
+    Free,
+    /// It is being saved for that.
+    Waits,
+    /// It cannot be saved: one sentence.
+    Loses(String),
 }

@@ -34,7 +34,7 @@ pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
 pub use layer_actions::{Alone, LayerAction, LayerDrag};
 pub use layer_list::{LayerRow, drop_place, layer_rows};
-pub use messages::{LayerChange, Order, Report, SaveState, Snapshot, StrokeStart};
+pub use messages::{LayerChange, Leave, Order, Report, SaveState, Snapshot, StrokeStart};
 pub use painting::Painting;
 pub use placing::PlacingOutline;
 pub use settings::{

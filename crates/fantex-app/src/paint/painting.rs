@@ -18,7 +18,7 @@ use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
 use crate::paint::{
-    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Order, PaintCommand,
+    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Leave, Order, PaintCommand,
     PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot,
     StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
@@ -40,6 +40,17 @@ pub(super) enum Hand {
     Wait,
     /// Turning the view by `Alt`. As long as it has not moved from this place in the scene, letting go picks the point that it touched.
     AltTurn(Option<(SurfacePoint, DVec2)>),
+}
+
+/// Whether it may be left, while something was not in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Leaving {
+    #[default]
+    Stays,
+    /// The worker was asked to save for that.
+    Asked,
+    /// It has.
+    Saved,
 }
 
 /// The file of a stamp's picture, and a tip that is made.
@@ -95,6 +106,8 @@ pub struct Painting {
     pub moving: Option<LayerDrag>,
     /// What is seen instead of the base colour.
     pub seen_alone: Option<Alone>,
+    /// What is known of whether it may be left.
+    leaving: Leaving,
     /// To be painted on as soon as there is such a thing.
     pub(super) wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
@@ -141,6 +154,7 @@ impl Painting {
             shaping: None,
             moving: None,
             seen_alone: None,
+            leaving: Leaving::default(),
             wanted_target: None,
             thumbnails: BTreeMap::new(),
         })
@@ -181,6 +195,32 @@ impl Painting {
     /// Whether what was asked for is not all done yet.
     pub fn is_busy(&self) -> bool {
         self.thread.is_busy()
+    }
+
+    /// What is lost where it is dropped. Where that is not known yet, it is saved, which [`stay`](Self::stay) forgets.
+    pub fn leave(&mut self) -> Leave {
+        match &self.save {
+            SaveState::Failed(reason) => Leave::Loses(reason.clone()),
+            SaveState::Saved if !self.is_busy() => Leave::Free,
+            // Nobody is left who could save it.
+            _ if self.thread.is_gone() => Leave::Free,
+            // What takes long goes on changing it, and is left to whoever opens it next.
+            save if self.leaving == Leaving::Saved && (*save == SaveState::Saved || self.work.is_some()) => {
+                Leave::Free
+            }
+            _ => {
+                if self.leaving != Leaving::Asked {
+                    self.leaving = Leaving::Asked;
+                    self.thread.order(Order::Leave);
+                }
+                Leave::Waits
+            }
+        }
+    }
+
+    /// It is not left after all.
+    pub fn stay(&mut self) {
+        self.leaving = Leaving::Stays;
     }
 
     pub fn give_up_work(&self) {
@@ -228,6 +268,16 @@ impl Painting {
 
     pub fn is_drawing(&self) -> bool {
         matches!(self.hand, Hand::Stroke(_))
+    }
+
+    /// Whether a stroke goes on, or begins as soon as the surface is met.
+    pub fn has_stroke_begun(&self) -> bool {
+        matches!(self.hand, Hand::Stroke(_) | Hand::Wait)
+    }
+
+    /// Whether the pen has begun something that ends when it is lifted.
+    pub fn has_hand_down(&self) -> bool {
+        self.hand != Hand::Idle
     }
 
     pub fn is_turning(&self) -> bool {
@@ -293,8 +343,10 @@ impl Painting {
                     if !std::mem::replace(&mut self.has_target, true) {
                         self.target = self.snapshot.layers.last().map_or(Target::Base, own_target);
                     }
-                    if let Some(wanted) = self.wanted_target.take() {
-                        self.target = wanted;
+                    // Other states may be told before that of the step that makes it.
+                    let is_there = |target: &Target| valid_target(&self.snapshot, *target) == *target;
+                    if let Some(wanted) = self.wanted_target.filter(is_there) {
+                        (self.target, self.wanted_target) = (wanted, None);
                     }
                     self.target = valid_target(&self.snapshot, self.target);
                     let has_mask =
@@ -306,7 +358,7 @@ impl Painting {
                 Report::Thumbnail(target, thumbnail) => {
                     self.thumbnails.insert(target, thumbnail);
                 }
-                Report::Added(id) => self.target = Target::Layer(id),
+                Report::Added(id) => (self.target, self.wanted_target) = (Target::Layer(id), None),
                 Report::Picked(values) => self.take_picked(&values, settings),
                 Report::Probed(point, channels) => {
                     self.is_probing = false;
@@ -327,8 +379,13 @@ impl Painting {
                     if matches!((&self.save, &state), (SaveState::Failed(_), SaveState::Saved)) {
                         notices.info("Saved: all that was painted is on the disk.");
                     }
+                    if matches!(state, SaveState::Failed(_)) {
+                        self.leaving = Leaving::Stays;
+                    }
                     self.save = state;
                 }
+                Report::MayLeave if self.leaving == Leaving::Asked => self.leaving = Leaving::Saved,
+                Report::MayLeave => {}
                 Report::Newer(asset) => self.newer = Some(asset),
                 Report::Failed(reason) => notices.error(reason),
             }

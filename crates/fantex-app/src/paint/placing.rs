@@ -30,8 +30,9 @@ pub(super) struct Placing {
     /// Distance of a text's lines, or length of a picture's longer side, mesh units.
     line: f32,
     shape: StickerShape,
-    /// With what it was shown last.
+    /// With what, and from where, it is to be shown.
     settings: PaintSettings,
+    view: Viewpoint,
     target: Target,
     grip: Option<Grip>,
     /// It has changed since it was shown last.
@@ -130,10 +131,21 @@ impl Painting {
 
     /// Applies a text or a picture that lies there. False where there is none.
     pub fn apply_placing(&mut self) -> bool {
+        self.show_as_seen();
         let Some(placing) = self.placing.take() else { return false };
         self.last = Some(placing.decal.center);
         self.thread.order(Order::Apply);
         true
+    }
+
+    /// Lets the painter show what lies there as the window does, where it is behind.
+    fn show_as_seen(&mut self) {
+        let Some(placing) = self.placing.as_ref().filter(|placing| placing.is_stale) else { return };
+        let (mut settings, view) = (placing.settings.clone(), placing.view);
+        let target = std::mem::replace(&mut self.target, placing.target);
+        // What it would say was said when it was laid.
+        self.show_placing(&mut settings, &view, &mut Notices::default());
+        self.target = target;
     }
 
     /// Takes a text or a picture away that is not applied yet. False where there is none.
@@ -152,6 +164,7 @@ impl Painting {
             self.apply_placing();
             return;
         }
+        placing.view = *view;
         let before = &placing.settings;
         if *before != *settings {
             if before.brush.unit == settings.brush.unit && before.brush.size > 0.0 {
@@ -203,11 +216,14 @@ impl Painting {
         let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
         let middle = view.project(world_position(&self.surface, point)).unwrap_or(at);
         let decal = self.decal_at(point, line, &shape, settings, view);
+        // One that is partly behind the camera cannot be moved.
+        self.apply_placing();
         self.placing = Some(Placing {
             decal,
             line,
             shape,
             settings: settings.clone(),
+            view: *view,
             target: self.target,
             grip: Some(Grip::Move(middle - at)),
             is_stale: true,

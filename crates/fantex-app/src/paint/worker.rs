@@ -77,7 +77,8 @@ impl PaintThread {
         let (told, reports) = channel();
         let exchange = Arc::new(Exchange::new(orders.clone(), painter.editor().asset().shared_cover()));
         let done = Arc::new(AtomicU64::new(0));
-        painter.take_replaced();
+        // What was changed when it was opened is not in the file as it is loaded.
+        exchange.outdate(&painter.take_replaced());
         let worker = Worker {
             painter,
             orders: received,
@@ -128,6 +129,11 @@ impl PaintThread {
     /// Whether orders have not been carried out yet.
     pub fn is_busy(&self) -> bool {
         self.done.load(Relaxed) < self.sent.load(Relaxed)
+    }
+
+    /// Whether it has ended before its time, by a fault of the program.
+    pub fn is_gone(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 }
 
@@ -424,6 +430,16 @@ impl Worker {
                 self.tell(Report::Probed(point, values));
             }
             Order::Commit => self.save(),
+            Order::Leave => {
+                // What is not applied is not saved; all else was, before it was shown.
+                if !self.is_placing {
+                    self.save();
+                }
+                let is_saved = self.is_placing || !self.painter.editor().has_changes();
+                if is_saved && self.saving.failed.is_none() {
+                    self.tell(Report::MayLeave);
+                }
+            }
             Order::Release(loader) => drop(loader),
             Order::Pages | Order::Close => {}
         }
@@ -519,32 +535,43 @@ impl Worker {
     fn publish(&mut self) -> Result<()> {
         let shown = self.painter.show()?;
         let replaced = self.painter.take_replaced();
-        let Some(formats) = self.exchange.formats() else { return Ok(()) };
-        if self.is_working() {
-            // Most of it is not seen: what is wanted is asked for.
-            self.exchange.outdate(&replaced);
-            return Ok(());
+        let formats = match self.exchange.formats() {
+            Some(formats) if !self.is_working() => formats,
+            // Nothing shows it yet, or most of it is not seen: what is wanted is asked for.
+            _ => {
+                self.exchange.outdate(&replaced);
+                return Ok(());
+            }
+        };
+        let published = self.publish_in(&formats, &shown, &replaced);
+        if self.exchange.formats().as_ref() != Some(&formats) {
+            // Another device has taken over meanwhile.
+            self.exchange.forget_texels();
         }
-        let (formats, exchange) = (formats.to_vec(), Arc::clone(&self.exchange));
-        exchange.publish(&replaced, |page| {
+        published
+    }
+
+    fn publish_in(&mut self, formats: &[AtlasFormat], shown: &[PageId], replaced: &[PageId]) -> Result<()> {
+        let exchange = Arc::clone(&self.exchange);
+        exchange.publish(replaced, |page| {
             let alone = self.alone(page, &BTreeMap::new())?.into_iter().collect();
-            page_texels(&self.painter, page, &formats, &alone)
+            page_texels(&self.painter, page, formats, &alone)
         })?;
         if shown.is_empty() || (self.stroke.is_none() && !self.is_placing) {
-            return self.publish_outdated(&formats, &BTreeSet::new());
+            return self.publish_outdated(formats, &BTreeSet::new());
         }
         let mut coarser: BTreeMap<PageId, BTreeMap<usize, Vec<u8>>> = BTreeMap::new();
-        for page in self.painter.preview(&shown)? {
+        for page in self.painter.preview(shown)? {
             coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
         }
         let previewed: BTreeSet<PageId> = coarser.keys().copied().collect();
-        self.publish_outdated(&formats, &previewed)?;
+        self.publish_outdated(formats, &previewed)?;
         if self.is_placing {
             self.previewed = previewed;
         }
         for (page, mut bytes) in coarser {
             bytes.extend(self.alone(page, &bytes)?);
-            exchange.publish_preview(page, page_texels(&self.painter, page, &formats, &bytes)?);
+            exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
         }
         Ok(())
     }
@@ -559,7 +586,7 @@ impl Worker {
     }
 
     fn answer_pages(&mut self) {
-        let Some(formats) = self.exchange.formats().map(<[_]>::to_vec) else { return };
+        let Some(formats) = self.exchange.formats() else { return };
         let wanted = self.exchange.wanted(MAX_PAGES_PER_TURN);
         for &parcel in &wanted {
             let cover = self.painter.editor().asset().shared_cover();
@@ -572,6 +599,10 @@ impl Worker {
                     .collect(),
             };
             let texels = shown.and_then(|shown| parcel_texels(&self.painter, parcel, &formats, &shown));
+            if self.exchange.formats().as_ref() != Some(&formats) {
+                // They are for another device: it is asked once more.
+                return self.exchange.ask_again();
+            }
             self.exchange.answer(parcel, texels);
         }
         if wanted.len() == MAX_PAGES_PER_TURN {
@@ -637,9 +668,11 @@ impl Worker {
         let Some(formats) = self.exchange.formats() else { return };
         let asset = self.painter.editor().asset().clone();
         let stored = asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, true));
-        let block_compressed = stored.zip(formats).all(|(stored, &format)| stored == format);
+        let block_compressed = stored.zip(&*formats).all(|(stored, &format)| stored == format);
         let options = ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() };
         match ClusterLoader::open(asset.clone(), &options) {
+            // For another device that has taken over meanwhile there is another one later.
+            Ok(_) if self.exchange.formats().as_ref() != Some(&formats) => {}
             Ok(loader) => {
                 self.saving.commits = 0;
                 self.exchange.offer(Box::new(loader), asset.clone());
@@ -791,6 +824,7 @@ fn ends_placing(order: &Order) -> bool {
             | Order::Probe(_)
             | Order::SeeAlone(_)
             | Order::Collapse(..)
+            | Order::Leave
             | Order::Close
     )
 }
@@ -804,6 +838,7 @@ fn must_wait(order: &Order) -> bool {
             | Order::Look(_)
             | Order::GiveUp
             | Order::Commit
+            | Order::Leave
             | Order::Pick(_)
             | Order::Probe(_)
             | Order::SeeAlone(_)

@@ -164,7 +164,7 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         item(ui, (has_document, is_painting), "Open again", Command::Reload, commands);
         item(ui, (has_document, is_painting), "Close", Command::Close, commands);
         ui.separator();
-        let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
+        let is_asset = viewer.asset_path().is_some();
         item(ui, (is_asset, is_painting), "Save a copy…", Command::SaveCopy, commands);
         item(ui, (is_asset, is_painting), "Export…", Command::Export, commands);
         ui.separator();

@@ -209,7 +209,7 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
                 ui.set_width(320.0);
                 ui.horizontal(|ui| {
                     ui.add(Spinner::new().size(18.0));
-                    ui.label(RichText::new(short_place(&opening.place.name())).color(theme::STRONG));
+                    ui.label(RichText::new(short_place(&opening.place().name())).color(theme::STRONG));
                 });
                 ui.horizontal(|ui| {
                     let share =

@@ -64,6 +64,13 @@ impl Capturing {
         lost_picture(&self.path)
     }
 
+    /// The error where something else is shown before it was taken.
+    pub(super) fn into_left(self) -> Error {
+        let path = self.path;
+        let message = format!("the picture for {} was not taken: its scene was left before", path.display());
+        Error::new(ErrorKind::Unavailable, message).with_path(path)
+    }
+
     /// The picture, without alpha.
     pub(super) fn finish(self) -> Captured {
         let mut samples = Vec::new();

@@ -81,12 +81,13 @@ impl SceneView {
         &self.gpu
     }
 
-    /// Shows another document, or none.
-    pub fn set_model(&mut self, model: Option<SceneModel>) {
+    /// Shows another document, or none. Pictures for files that still wait are given up: one error for each.
+    pub fn set_model(&mut self, model: Option<SceneModel>) -> Vec<Error> {
         self.model = model;
         self.picture = None;
         self.kept = None;
         self.last_stream_seconds = None;
+        self.awaited.drain(..).map(|awaited| awaited.capturing.into_left()).collect()
     }
 
     /// Lets streaming go on, and draws a picture where one is due. Returns whether one was begun.

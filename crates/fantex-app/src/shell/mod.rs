@@ -14,7 +14,7 @@ use std::time::Duration;
 use clap::Parser;
 use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
-use fantex::base::Result;
+use fantex::base::{Error, Result};
 use fantex::gpu::Gpu;
 use fantex::texture::Image;
 use workspace::{Start, Workspace};
@@ -198,7 +198,7 @@ impl<'a> Shell<'a> {
         })
     }
 
-    /// PictureState whether the device is lost; then nothing more is drawn, and the window ends.
+    /// Checks whether the device is lost; then nothing more is drawn, and the window ends.
     fn check_device(&mut self, ctx: &egui::Context) -> bool {
         if self.workspace.lost.is_none()
             && let Some(reason) = self.scene.gpu().lost()
@@ -249,11 +249,9 @@ impl<'a> Shell<'a> {
                     self.render_state.device.poll(wgpu::PollType::wait_indefinitely()).ok();
                 }
                 Request::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
-                Request::Picture { path, .. } if self.workspace.viewer.live.is_some() => {
-                    let picture = self.workspace.viewer.live.as_ref().and_then(|live| live.picture.clone());
-                    if let Some(picture) = picture {
-                        self.workspace.pictures.save(path, Ok(Image::clone(&picture)));
-                    }
+                Request::Picture { path, size } if self.workspace.viewer.live.is_some() => {
+                    self.save_look(path, size);
+                    ctx.request_repaint();
                 }
                 Request::Picture { path, size } => {
                     let size = match size {
@@ -262,13 +260,34 @@ impl<'a> Shell<'a> {
                             self.workspace.viewer.scene_pixels.map(|n| n.saturating_mul(times))
                         }
                     };
-                    if let Err(error) = self.scene.capture(&self.workspace.viewer, size, path) {
-                        self.workspace.viewer.notices.error(error.to_string());
+                    if let Err(error) = self.scene.capture(&self.workspace.viewer, size, path.clone()) {
+                        self.workspace.pictures.refuse(path, error);
+                        ctx.request_repaint();
                     }
                 }
                 Request::WindowPicture(path) => self.workspace.pictures.take_window(ctx, path),
                 Request::Dialog(dialog) => self.workspace.dialogs.ask(dialog, &self.workspace.viewer.stem()),
             }
+        }
+    }
+
+    /// Writes the picture of a look, which there is as large as on the screen only.
+    fn save_look(&mut self, path: PathBuf, size: PictureSize) {
+        let Workspace { viewer, pictures, .. } = &mut *self.workspace;
+        let Some(picture) = viewer.live.as_ref().and_then(|live| live.picture.clone()) else {
+            let error = Error::unavailable("there is no picture of the look yet");
+            return pictures.refuse(path, error);
+        };
+        let is_shown = match size {
+            PictureSize::Times(times) => times == 1,
+            PictureSize::Pixels(size) => size == [picture.width, picture.height],
+        };
+        if is_shown {
+            pictures.save(path, Ok(Image::clone(&picture)));
+        } else {
+            let words =
+                "the picture of a look is as large as on the screen: 'fantex render' draws larger ones";
+            pictures.refuse(path, Error::unsupported(words));
         }
     }
 
@@ -286,7 +305,10 @@ impl<'a> Shell<'a> {
     /// Streams and draws the scene.
     fn draw(&mut self) {
         if let Some(model) = self.workspace.viewer.new_model.take() {
-            self.scene.set_model(model);
+            for error in self.scene.set_model(model) {
+                let path = error.path().map(PathBuf::from).unwrap_or_default();
+                self.workspace.pictures.refuse(path, error);
+            }
             self.workspace.viewer.kept = None;
             self.workspace.viewer.pacing.lost();
         }
@@ -375,14 +397,15 @@ impl<'a> Shell<'a> {
         }
     }
 
-    /// Pictures that have become ready are written.
-    fn save_pictures(&mut self) {
+    /// Pictures that have become ready are written. Sessions fail where one cannot be.
+    fn save_pictures(&mut self, ctx: &egui::Context) {
         for captured in self.scene.poll_captures() {
             self.workspace.pictures.save(captured.path, captured.image);
         }
         for (path, result) in self.workspace.pictures.poll() {
             match result {
                 Ok(()) => self.workspace.viewer.notices.info(format!("Saved {}", path.display())),
+                Err(error) if self.workspace.driver.is_some() => self.fail(ctx, error.to_string()),
                 Err(error) => self.workspace.viewer.notices.error(error.to_string()),
             }
         }
@@ -400,6 +423,7 @@ impl<'a> Shell<'a> {
             Ok(true) => {}
             Ok(false) => {
                 self.workspace.driver = None;
+                self.workspace.is_ending = true;
                 ctx.send_viewport_cmd(ViewportCommand::Close);
             }
             Err(error) => {
@@ -412,6 +436,7 @@ impl<'a> Shell<'a> {
     fn fail(&mut self, ctx: &egui::Context, failure: String) {
         self.workspace.failure = Some(failure);
         self.workspace.driver = None;
+        self.workspace.is_ending = true;
         ctx.send_viewport_cmd(ViewportCommand::Close);
     }
 }
@@ -426,11 +451,15 @@ impl eframe::App for Shell<'_> {
         if let Some(failure) = self.workspace.viewer.failure.take() {
             self.fail(ctx, failure);
         }
-        if ctx.input(|i| i.viewport().close_requested()) && !self.workspace.viewer.may_close() {
+        if self.workspace.viewer.take_quit() {
+            ctx.send_viewport_cmd(ViewportCommand::Close);
+        }
+        let is_closing = ctx.input(|i| i.viewport().close_requested()) && !self.workspace.is_ending;
+        if is_closing && !self.workspace.viewer.may_close() {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
         }
         self.answers();
-        self.save_pictures();
+        self.save_pictures(ctx);
         self.drive(ctx);
         if self.workspace.driver.is_some() {
             ctx.request_repaint();

@@ -42,6 +42,8 @@ pub(super) struct Workspace {
     pub(super) driver: Option<Driver>,
     /// Why the program ends, where it has failed.
     pub(super) failure: Option<String>,
+    /// The program ends, whatever the user is still to be told.
+    pub(super) is_ending: bool,
     pub(super) settings_file: Option<PathBuf>,
     /// To be opened with the first window.
     pub(super) to_open: Option<String>,
@@ -98,6 +100,7 @@ impl Workspace {
             pictures: PictureFiles::new(wake),
             driver: start.session.map(|session| Driver::new(SessionRunner::new(session))),
             failure: None,
+            is_ending: false,
             settings_file: start.settings_file,
             to_open: start.arguments.file,
             lost: None,
@@ -162,7 +165,7 @@ impl Dialogs {
             FileDialog::Surroundings => ("Choose surroundings", "Pictures", PICTURES),
             FileDialog::Sticker => ("Choose a picture", "Pictures", PICTURES),
             FileDialog::Stencil => ("Choose a picture over the view", "Pictures", PICTURES),
-            FileDialog::Look => ("Choose a look", "PictureState", &["toml"][..]),
+            FileDialog::Look => ("Choose a look", "Looks", &["toml"][..]),
             FileDialog::Stamp => ("Choose a stamp", "Pictures", PICTURES),
             FileDialog::LoadPath => ("Load a camera path", "Camera paths", &["json"][..]),
             FileDialog::SavePath => ("Save the camera path", "Camera paths", &["json"][..]),
@@ -260,6 +263,11 @@ impl PictureFiles {
             Ok(job) => self.jobs.push((path, job)),
             Err(_) => self.done.push((path.clone(), Err(lost_picture(&path)))),
         }
+    }
+
+    /// There is no such picture.
+    pub(super) fn refuse(&mut self, path: PathBuf, error: Error) {
+        self.done.push((path, Err(error)));
     }
 
     /// What has been written since the last call, or why not.

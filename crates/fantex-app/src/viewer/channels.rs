@@ -83,8 +83,7 @@ impl Viewer {
             return false;
         }
         let place = document.place.clone();
-        self.channel_change = Some(change);
-        self.begin_opening(place, true);
+        self.begin_change(place, change);
         true
     }
 }

@@ -51,29 +51,60 @@ impl Exporting {
 
 impl Viewer {
     pub(super) fn ask_export(&mut self) {
-        if self.asset_path().is_some() && self.exporting.is_none() {
-            self.exporting = Some(Exporting::default());
+        if self.can_export() && !self.is_writing() {
+            self.exporting.get_or_insert_default();
         }
+    }
+
+    /// Whether there is an asset that can be exported or copied; of one at an address it is told why not.
+    pub(super) fn can_export(&mut self) -> bool {
+        let is_there = self.asset_path().is_some();
+        if !is_there && self.document.as_ref().is_some_and(|document| document.asset().is_some()) {
+            self.notices.warning("What lies at an address can only be looked at: download it first.");
+        }
+        is_there
+    }
+
+    /// Whether something is being written, which is told: one thing at a time is.
+    fn is_writing(&mut self) -> bool {
+        let is_writing = self.exporting.as_ref().is_some_and(|exporting| !exporting.is_asked());
+        if is_writing {
+            self.notices.warning("Something else is being written: wait for it, or cancel it.");
+        }
+        is_writing
     }
 
     /// Asks where to.
     pub fn choose_export(&mut self, settings: ExportSettings) {
+        if self.is_writing() {
+            return;
+        }
         self.request(Request::Dialog(FileDialog::Export(settings.preset)));
         self.exporting = Some(Exporting { settings, work: Work::Asked });
     }
 
     /// Writes what was chosen.
     pub fn export_to(&mut self, path: PathBuf) {
+        if self.is_writing() {
+            return;
+        }
         let settings = self.exporting.take().unwrap_or_default().settings;
         self.begin_export(Exporting { settings, work: Work::Waiting(path, What::Export) });
     }
 
     /// Writes the asset as it is to another file.
     pub fn copy_to(&mut self, path: PathBuf) {
+        if self.is_writing() {
+            return;
+        }
         self.begin_export(Exporting { work: Work::Waiting(path, What::Copy), ..Exporting::default() });
     }
 
     fn begin_export(&mut self, exporting: Exporting) {
+        if !self.can_export() {
+            self.exporting = None;
+            return;
+        }
         self.paint_command(&PaintCommand::Save);
         self.exporting = Some(exporting);
         self.poll_export();
@@ -86,7 +117,7 @@ impl Viewer {
     }
 
     /// The asset's file; none of addresses.
-    fn asset_path(&self) -> Option<PathBuf> {
+    pub fn asset_path(&self) -> Option<PathBuf> {
         let document = self.document.as_ref().filter(|document| document.asset().is_some())?;
         match &document.place {
             Place::File(path) => Some(path.clone()),

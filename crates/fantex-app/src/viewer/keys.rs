@@ -5,7 +5,7 @@ use eframe::egui::{Context, Event, FocusDirection, Key, Modifiers};
 use fantex::glam::DVec2;
 
 use crate::command::{Command, command_of};
-use crate::paint::{PenEvent, PenPhase};
+use crate::paint::{PaintCommand, PenEvent, PenPhase};
 use crate::viewer::{SceneInput, Viewer};
 
 /// Held in a drag it changes the brush.
@@ -59,7 +59,7 @@ impl Viewer {
         }
     }
 
-    /// Does what a key asks for. While something is typed it is not meant, but with Ctrl.
+    /// Does what a key asks for. While something is typed it is meant for the text, but for saving, opening, exporting and quitting.
     pub fn key(&mut self, key: Key, modifiers: Modifiers, phase: KeyPhase, is_typing: bool) {
         if phase == KeyPhase::Released {
             if key == BRUSH_KEY && std::mem::take(&mut self.frames_on_release) {
@@ -69,7 +69,7 @@ impl Viewer {
         }
         let Some(command) = command_of(self.painting.is_some(), modifiers, key) else { return };
         let repeats = matches!(&command, Command::Paint(command) if command.repeats());
-        if (is_typing && !modifiers.command) || (phase == KeyPhase::Repeated && !repeats) {
+        if (is_typing && !is_beside_text(&command)) || (phase == KeyPhase::Repeated && !repeats) {
             return;
         }
         if key == BRUSH_KEY && command == Command::FrameAll && self.painting.is_some() {
@@ -87,7 +87,7 @@ impl Viewer {
     /// Changes the brush by drags with its key held; what is left is for the pen.
     pub(super) fn drag_brush(&mut self, input: &SceneInput) -> Vec<PenEvent> {
         let aspect = self.aspect();
-        let is_free = self.painting.as_ref().is_some_and(|p| !p.is_drawing() && !p.is_turning());
+        let is_free = self.painting.as_ref().is_some_and(|painting| !painting.has_hand_down());
         let mut left = Vec::new();
         for event in &input.pen {
             if matches!(event.phase, PenPhase::Down | PenPhase::Turn) {
@@ -115,4 +115,19 @@ impl Viewer {
         brush.change_size((BRUSH_STEPS * by.x) as f32);
         brush.change_hardness((-BRUSH_TENTHS * by.y) as f32);
     }
+}
+
+/// Whether a command has nothing to do with a text that is being typed.
+fn is_beside_text(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::OpenDialog
+            | Command::Quit
+            | Command::Export
+            | Command::SaveCopy
+            | Command::Screenshot
+            | Command::LargeScreenshot(_)
+            | Command::WindowScreenshot
+            | Command::Paint(PaintCommand::Save)
+    )
 }

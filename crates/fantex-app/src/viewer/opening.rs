@@ -9,28 +9,47 @@ use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::display::ShadingView;
-use crate::document::{Answer, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage};
+use crate::document::{
+    Answer, ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage,
+};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
 use crate::paint::{
-    Alone, LayerAction, NewAsset, PaintCommand, Painting, SaveState, Viewpoint, asset_beside,
+    Alone, LayerAction, NewAsset, PaintCommand, Painting, PenEvent, PenPhase, Viewpoint, asset_beside,
 };
 use crate::scene_view::{PrepareScene, SceneModel};
+use crate::viewer::leaving::Departure;
 use crate::viewer::{SceneInput, Viewer};
 
-#[derive(Debug)]
-pub struct Opening {
-    pub place: Place,
-    progress: Arc<OpenProgress>,
-    job: Job<Result<Loaded>>,
+/// What is to be opened, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Wanted {
+    place: Place,
+    /// Whether it is to be painted on.
+    paints: bool,
     answer: Option<Answer>,
+    /// What becomes of its channels.
+    change: Option<ChannelChange>,
     /// Whether the camera stays where it is.
     keeps_camera: bool,
     /// Whether there is nothing else to show: where it fails, the program does.
     is_all: bool,
 }
 
+#[derive(Debug)]
+pub struct Opening {
+    wanted: Wanted,
+    progress: Arc<OpenProgress>,
+    job: Job<Result<Loaded>>,
+    /// The job's result, until it may take the place of what is open.
+    loaded: Option<Result<Loaded>>,
+}
+
 impl Opening {
+    pub fn place(&self) -> &Place {
+        &self.wanted.place
+    }
+
     pub fn stage(&self) -> Stage {
         self.progress.stage()
     }
@@ -58,8 +77,7 @@ pub struct Asked {
     pub question: Question,
     /// What is chosen so far.
     pub new: NewAsset,
-    keeps_camera: bool,
-    is_all: bool,
+    wanted: Wanted,
 }
 
 impl Viewer {
@@ -69,10 +87,9 @@ impl Viewer {
         self.prepare = Some(prepare.clone());
         self.new_model = None;
         self.pacing.lost();
-        if let Some(Opening { place, keeps_camera, is_all, answer, .. }) = &self.opening {
-            let (place, keeps_camera, is_all) = (place.clone(), *keeps_camera, *is_all);
-            self.begin_answered(place, keeps_camera, answer.clone());
-            self.opening.iter_mut().for_each(|opening| opening.is_all = is_all);
+        if let Some(opening) = &self.opening {
+            let wanted = opening.wanted.clone();
+            self.begin_at_once(wanted);
         }
         let Some(document) = self.document.clone() else { return };
         let streaming = self.settings.streaming;
@@ -84,7 +101,7 @@ impl Viewer {
 
     /// Whether something is on its way to the screen.
     pub fn is_opening(&self) -> bool {
-        self.opening.is_some() || self.moving.is_some()
+        self.opening.is_some() || self.departure.is_some() || self.moving.is_some()
     }
 
     /// Begins to open a file or address. What is being opened is given up.
@@ -94,20 +111,38 @@ impl Viewer {
 
     /// The same for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
     pub fn open_or_fail(&mut self, text: &str) {
-        self.open(text);
-        self.opening.iter_mut().for_each(|opening| opening.is_all = true);
+        let wanted = self.wanted(Place::parse(text), false);
+        self.begin(Wanted { is_all: true, ..wanted });
     }
 
     pub(super) fn begin_opening(&mut self, place: Place, keeps_camera: bool) {
+        let wanted = self.wanted(place, keeps_camera);
+        self.begin(wanted);
+    }
+
+    /// Opens what is painted on once more, with other channels.
+    pub(super) fn begin_change(&mut self, place: Place, change: ChannelChange) {
+        let wanted = self.wanted(place, true);
+        self.begin(Wanted { change: Some(change), ..wanted });
+    }
+
+    fn wanted(&self, place: Place, keeps_camera: bool) -> Wanted {
         let answer = (!self.asks).then(|| Answer::New(NewAsset::default()));
-        self.begin_answered(place, keeps_camera, answer);
+        Wanted { place, paints: self.paints, answer, change: None, keeps_camera, is_all: false }
     }
 
     /// Goes on with what was asked; without an answer nothing is opened.
     pub fn answer(&mut self, answer: Option<Answer>) {
-        if let (Some(asked), Some(answer)) = (self.asked.take(), answer) {
-            self.begin_answered(asked.place, asked.keeps_camera, Some(answer));
-            self.opening.iter_mut().for_each(|opening| opening.is_all = asked.is_all);
+        match (&self.asked, answer) {
+            (Some(asked), Some(answer)) => {
+                let wanted = Wanted { answer: Some(answer), ..asked.wanted.clone() };
+                self.begin(wanted);
+            }
+            (Some(_), None) => {
+                self.asked = None;
+                self.stay();
+            }
+            (None, _) => {}
         }
     }
 
@@ -124,19 +159,30 @@ impl Viewer {
         }
     }
 
-    fn begin_answered(&mut self, place: Place, keeps_camera: bool, answer: Option<Answer>) {
+    /// Begins to open something, once that loses nothing.
+    pub(super) fn begin(&mut self, wanted: Wanted) {
+        if self.may_leave(Departure::Open(Box::new(wanted.clone()))) {
+            self.begin_at_once(wanted);
+        }
+    }
+
+    fn begin_at_once(&mut self, wanted: Wanted) {
         self.asked = None;
+        self.departure = None;
+        self.paints = wanted.paints;
+        if let Some(painting) = &mut self.painting {
+            painting.stay();
+        }
+        let place = wanted.place.clone();
         if let Place::File(path) = &place
-            && !self.paints
+            && !wanted.paints
             && matches!(FileKind::of(path), Ok(FileKind::Look))
         {
-            return self.open_look(&path.clone(), false);
+            return self.open_look(path, wanted.is_all);
         }
-        // One that is given up may still keep the file for itself.
-        let before = self.opening.take();
-        if let Some(opening) = &before {
-            opening.progress.cancel();
-        }
+        // Those that are given up may still keep the file for themselves.
+        let before: Vec<Opening> = self.given_up.drain(..).chain(self.opening.take()).collect();
+        before.iter().for_each(|opening| opening.progress.cancel());
         let progress = Arc::new(OpenProgress::default());
         let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
         let streaming = self.settings.streaming;
@@ -148,18 +194,17 @@ impl Viewer {
             };
             document.place == place || document.place == beside
         });
-        let leaving = if is_same || !self.paints { self.painting.take() } else { None };
-        let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.waker());
-        let change = self.channel_change.take();
-        let (memory, answered) = (self.paint_memory_bytes, answer.clone());
+        let leaving = if is_same || !wanted.paints { self.painting.take() } else { None };
+        let (brushes_file, wake) = (self.brushes_file.clone(), self.waker());
+        let (memory, Wanted { paints, answer, change, .. }) = (self.paint_memory_bytes, wanted.clone());
         let work = move || {
             drop(leaving);
-            drop(before.and_then(|opening| opening.job.wait()));
+            before.into_iter().for_each(|opening| drop(opening.job.wait()));
             let (document, painting) = if paints {
                 let (mut document, painter) = match Document::open_for_painting(
                     &from,
                     memory,
-                    answered.as_ref(),
+                    answer.as_ref(),
                     change.as_ref(),
                     &for_thread,
                 )? {
@@ -184,10 +229,11 @@ impl Viewer {
             Ok(Loaded::Document(Box::new(document), model, painting))
         };
         match Job::spawn("open", self.waker(), work) {
-            Ok(job) => {
-                self.opening = Some(Opening { place, progress, job, answer, keeps_camera, is_all: false })
+            Ok(job) => self.opening = Some(Opening { wanted, progress, job, loaded: None }),
+            Err(error) => {
+                self.notices.error(format!("cannot start a thread to open {place}: {error}"));
+                self.stay();
             }
-            Err(error) => self.notices.error(format!("cannot start a thread to open {place}: {error}")),
         }
     }
 
@@ -195,6 +241,17 @@ impl Viewer {
     pub fn cancel_opening(&mut self) {
         if let Some(opening) = self.opening.take() {
             opening.progress.cancel();
+            // Until it ends it may keep its file for itself.
+            self.given_up.push(opening);
+            self.stay();
+        }
+    }
+
+    /// Nothing was opened: what is shown is painted on or not, as it was.
+    fn stay(&mut self) {
+        self.leave_lost_painting();
+        if self.document.is_some() {
+            self.paints = self.painting.is_some();
         }
     }
 
@@ -214,27 +271,33 @@ impl Viewer {
     }
 
     pub(super) fn poll_opening(&mut self) {
-        let Some(opening) = &self.opening else { return };
-        let (place, keeps_camera, is_all) = (opening.place.clone(), opening.keeps_camera, opening.is_all);
-        let result = match opening.job.poll() {
-            JobState::Running => return,
-            JobState::Done(result) => result,
-            JobState::Lost => {
-                self.opening = None;
-                let text =
-                    format!("{place} could not be opened: the program failed on it; please report the file");
-                return self.fail_opening(text, is_all);
-            }
-        };
-        self.opening = None;
+        self.given_up.retain(|opening| matches!(opening.job.poll(), JobState::Running));
+        let Some(opening) = &mut self.opening else { return };
+        if opening.loaded.is_none() {
+            opening.loaded = match opening.job.poll() {
+                JobState::Running => return,
+                JobState::Done(result) => Some(result),
+                JobState::Lost => Some(Err(Error::unavailable(format!(
+                    "{} could not be opened: the program failed on it; please report the file",
+                    opening.wanted.place
+                )))),
+            };
+        }
+        let (replaces, wanted) =
+            (matches!(&opening.loaded, Some(Ok(Loaded::Document(..)))), opening.wanted.clone());
+        if replaces && !self.may_be_replaced(wanted) {
+            return;
+        }
+        let Some(Opening { wanted, loaded: Some(result), .. }) = self.opening.take() else { return };
+        let (keeps_camera, is_all) = (wanted.keeps_camera, wanted.is_all);
         match result {
             Ok(Loaded::Question(question)) => {
-                let new = NewAsset::default();
-                self.asked = Some(Asked { place, question, new, keeps_camera, is_all });
+                let (place, new) = (wanted.place.clone(), NewAsset::default());
+                self.asked = Some(Asked { place, question, new, wanted });
                 self.leave_lost_painting();
             }
             Ok(Loaded::Document(document, model, painting)) => {
-                self.settings.remember(&absolute(&place));
+                self.settings.remember(&absolute(&wanted.place));
                 for note in document.notes.iter().filter(|_| painting.is_some()) {
                     self.notices.info(note.clone());
                 }
@@ -256,10 +319,11 @@ impl Viewer {
                 }
                 self.want_ground();
             }
-            Err(error) if error.is_cancelled() => {}
             Err(error) => {
-                self.fail_opening(error.to_string(), is_all);
-                self.leave_lost_painting();
+                if !error.is_cancelled() {
+                    self.fail_opening(error.to_string(), is_all);
+                }
+                self.stay();
             }
         }
     }
@@ -286,9 +350,13 @@ fn absolute(place: &Place) -> String {
 impl Viewer {
     /// Paints on what is open, or goes back to looking at it.
     pub(super) fn toggle_painting(&mut self) {
-        self.paints = !self.paints;
-        if let Some(place) = self.document.as_ref().map(|document| document.place.clone()) {
-            self.begin_opening(place, true);
+        let paints = !self.paints;
+        match self.document.as_ref().map(|document| document.place.clone()) {
+            Some(place) => {
+                let wanted = self.wanted(place, true);
+                self.begin(Wanted { paints, ..wanted });
+            }
+            None => self.paints = paints,
         }
     }
 
@@ -353,18 +421,6 @@ impl Viewer {
         Viewpoint { rig: self.rig, pixels: self.scene_pixels, pixels_per_point: self.pixels_per_point }
     }
 
-    /// Whether the window may close: not while something painted is not in the file, unless that is asked for again.
-    pub fn may_close(&mut self) -> bool {
-        let Some(painting) = &self.painting else { return true };
-        let SaveState::Failed(reason) = &painting.save else { return true };
-        if std::mem::replace(&mut self.was_warned, true) {
-            return true;
-        }
-        let text = format!("{reason} Close again to lose what is not saved.");
-        self.notices.error(text);
-        false
-    }
-
     /// Where another file could not be opened, what was painted on is not open any more either.
     pub(super) fn leave_lost_painting(&mut self) {
         if self.painting.is_none()
@@ -384,9 +440,11 @@ impl Viewer {
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
         painting.follow_placing(settings, &view, &mut self.notices);
-        if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
-            painting.pen(&pen, settings, &view, input.modifiers, &mut self.notices);
-        }
+        let is_for_pen = !input.turns_sun || painting.has_hand_down();
+        // A button that is let go ends what it began, whatever is held.
+        let pen: Vec<PenEvent> =
+            pen.into_iter().filter(|event| is_for_pen || event.phase == PenPhase::Up).collect();
+        painting.pen(&pen, settings, &view, input.modifiers, &mut self.notices);
         // With Ctrl wheel and right button are for the brush.
         if input.turns_sun && !painting.is_drawing() {
             settings.brush.change_size(input.wheel as f32);
@@ -395,7 +453,7 @@ impl Viewer {
         }
         let Some(painting) = &self.painting else { return left };
         let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };
-        let sun = if input.turns_sun && !painting.is_drawing() { input.drag } else { DVec2::ZERO };
+        let sun = if input.turns_sun && !painting.has_stroke_begun() { input.drag } else { DVec2::ZERO };
         let (mut side, middle) = (input.side_drag - input.middle_drag, input.middle_drag);
         if input.turns_sun {
             side = DVec2::ZERO;

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use fantex::cover::{Cover, Frame, Group, GroupKind};
 use fantex::glam::{Vec2, Vec3};
 use fantex::store::{Asset, PageId};
-use fantex::stream::{LoadedParcel, Outline, Parcel, ParcelLoader, ParcelTexels};
+use fantex::stream::{AtlasFormat, LoadedParcel, Outline, Parcel, ParcelLoader, ParcelTexels};
 use fantex_app::paint::{Exchange, Order, PaintLoader};
 
 /// Has every parcel at once: zeros.
@@ -151,4 +151,28 @@ fn many_pages_are_asked_for_instead() {
     exchange.publish(&pages, |_| -> Result<_, ()> { panic!("not read at once") }).unwrap();
     let (fresh, stale) = exchange.take_fresh();
     assert_eq!((fresh.len(), stale.len()), (0, 2000));
+}
+
+/// Texels for one device are noise on another.
+#[test]
+fn what_waits_in_other_formats_is_asked_for_anew() {
+    let (mut loader, exchange, orders) = loader();
+    exchange.set_formats(&[AtlasFormat::Bc7]);
+    exchange.publish(&[id(1), id(2)], |_| Ok::<_, ()>(texels(7))).unwrap();
+    loader.request(own(1), 1.0);
+    exchange.answer(own(1), Ok(texels(7)));
+    let folder = tempfile::tempdir().unwrap();
+    let asset = crate::painting::small_asset(folder.path());
+    exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
+    exchange.set_formats(&[AtlasFormat::Bc7]);
+    assert!(!exchange.is_empty(), "the same formats change nothing");
+    exchange.set_formats(&[AtlasFormat::Rgba8]);
+    assert_eq!(exchange.formats().as_deref(), Some(&[AtlasFormat::Rgba8][..]));
+    let (fresh, mut stale) = exchange.take_fresh();
+    stale.sort();
+    assert_eq!((fresh.len(), stale), (0, vec![id(1), id(2)]));
+    assert!(loader.poll(1000).is_empty());
+    assert_eq!(exchange.wanted(9), [own(1)]);
+    assert!(orders.try_iter().any(|order| matches!(order, Order::Release(_))));
+    assert!(exchange.take_asset().is_none());
 }

@@ -103,3 +103,19 @@ fn what_cannot_be_shown_says_where() {
     let error = live.error.clone().unwrap();
     assert!(error.contains("none.toml:") && error.contains("none.png"), "{error}");
 }
+
+/// Another program writes the file while something is changed here: that stays until it is saved or discarded.
+#[test]
+fn what_is_changed_here_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut live, mut seconds) = open(folder.path());
+    live.set(1, 0.125);
+    let other = LOOK.replace("roughness = 0.25", "roughness = 0.75");
+    std::fs::write(folder.path().join("ball.toml"), &other).unwrap();
+    settle(&mut live, &mut seconds);
+    assert!(live.is_overtaken && live.is_changed());
+    assert_eq!((live.numbers[1].value, live.numbers[2].value), (0.125, 0.25));
+    live.discard();
+    assert!(!live.is_changed());
+    assert_eq!((live.numbers[1].value, live.numbers[2].value), (0.5, 0.75));
+}

@@ -12,6 +12,7 @@ mod figures;
 mod gizmo;
 mod glyphs;
 mod layer_groups;
+mod leaving;
 mod live;
 mod narrow;
 mod painting;

@@ -58,13 +58,27 @@ impl Studio {
         Self::open_at(folder, path, None)
     }
 
+    /// Without a picture.
+    fn unseen() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = small_asset(folder.path());
+        Self::of(folder, path, None, &[])
+    }
+
     /// `limit`: bytes that the file may have.
     pub(crate) fn open_at(folder: tempfile::TempDir, path: PathBuf, limit: Option<u64>) -> Self {
+        Self::of(folder, path, limit, &[AtlasFormat::Bc7])
+    }
+
+    /// `formats`: none where there is no picture.
+    fn of(folder: tempfile::TempDir, path: PathBuf, limit: Option<u64>, formats: &[AtlasFormat]) -> Self {
         let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
         painter.limit_file(limit);
         let rig = ViewPreset::Top.rig(painter.surface().mesh(), 1.0);
         let painting = Painting::new(painter, None, Arc::new(|| {})).unwrap();
-        painting.exchange().set_formats(&[AtlasFormat::Bc7]);
+        if !formats.is_empty() {
+            painting.exchange().set_formats(formats);
+        }
         let mut studio = Self {
             path,
             painting,
@@ -734,4 +748,26 @@ fn opacity_is_painted_alone() {
     assert!(painted.w < 0.1 && plain.w > 0.99, "{painted} {plain}");
     assert!((painted - plain).truncate().abs().max_element() < 0.05, "{painted} {plain}");
     assert!((painted - again).abs().max_element() < 0.05, "{painted} {again}");
+}
+
+/// While the picture is still being prepared nobody says in which formats pages are wanted.
+#[test]
+fn what_changes_before_there_is_a_picture_is_asked_for() {
+    let mut studio = Studio::unseen();
+    studio.stroke();
+    let (fresh, stale) = studio.painting.exchange().take_fresh();
+    assert!(fresh.is_empty() && stale.iter().any(|page| page.level == 0));
+}
+
+/// A state that is told in between has no mask yet.
+#[test]
+fn a_new_mask_is_chosen_once_it_is_there() {
+    let mut studio = Studio::open();
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
+    studio.wait();
+    let Target::Layer(id) = studio.painting.target else { panic!("the new layer is painted on") };
+    studio.painting.layer_action(&LayerAction::Rename(id, "Dirt".into()), &studio.settings).unwrap();
+    studio.painting.layer_action(&LayerAction::AddMask(id, true), &studio.settings).unwrap();
+    studio.wait();
+    assert_eq!(studio.painting.target, Target::Mask(id));
 }

@@ -477,7 +477,7 @@ fn layers_are_dragged_with_the_mouse_into_groups_and_out_of_them() {
 /// Opened again with other channels.
 fn wait_opened(harness: &mut Harness<'static, Viewer>) {
     let started = std::time::Instant::now();
-    while harness.state().opening.is_some() {
+    while harness.state().is_opening() {
         assert!(started.elapsed().as_secs() < 60, "it does not open");
         std::thread::sleep(std::time::Duration::from_millis(5));
         harness.state_mut().poll();

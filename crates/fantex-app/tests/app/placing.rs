@@ -236,3 +236,24 @@ fn undo_takes_it_away_and_strokes_of_layers_apply_it() {
     assert!(!studio.painting.is_placing());
     assert!(studio.notices.shown().any(|notice| notice.text.contains("There is no text")));
 }
+
+/// The painter shows it when it is ready; what is applied is where the window shows it.
+#[test]
+fn what_is_applied_lies_where_it_is_seen() {
+    let mut studio = with_sticker();
+    studio.settings.text = "I".into();
+    studio.settings.colors.foreground = [20, 200, 40];
+    click(&mut studio, 0.5, 0.85);
+    let way = [(PenPhase::Down, 0.5), (PenPhase::Move, 0.54), (PenPhase::Move, 0.58), (PenPhase::Move, 0.62)];
+    way.into_iter().for_each(|(phase, x)| studio.pen(phase, x, 0.84, FREE));
+    let seen = studio.painting.placing_outline(&studio.view).unwrap().middle;
+    studio.pen(PenPhase::Up, 0.62, 0.84, FREE);
+    studio.painting.command(&PaintCommand::Apply, &mut studio.settings);
+    studio.wait();
+    let at = studio.view.hit(&studio.painting.surface, seen).unwrap();
+    let path = studio.path.clone();
+    let _folder = studio.close();
+    let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+    let color: Vec4 = painter.pick(0, at).unwrap();
+    assert!(color.y > 2.0 * color.x && color.y > 2.0 * color.z, "{color}");
+}

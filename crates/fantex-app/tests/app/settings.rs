@@ -226,3 +226,23 @@ fn the_viewer_s_keys_stay_where_painting_needs_none() {
     assert_eq!(help, Some(Command::ToggleHelp));
     assert_eq!(command_of(false, Modifiers::NONE, Key::X), Some(Command::ToggleShadows));
 }
+
+#[test]
+fn memory_for_geometry_is_brought_into_range() {
+    let (_folder, path) = file(r#"{"streaming":{"geometry_mib":0}}"#);
+    assert_eq!(Settings::load(&path).0.streaming.geometry_mib, 16);
+}
+
+/// What comes later does not hide what failed.
+#[test]
+fn errors_outlast_other_messages() {
+    let mut notices = fantex_app::notices::Notices::default();
+    notices.error("The disk is full.");
+    (0..9).for_each(|n| notices.info(format!("Saved {n}")));
+    let shown: Vec<String> = notices.shown().map(|notice| notice.text.clone()).collect();
+    assert_eq!(shown, ["The disk is full.", "Saved 6", "Saved 7", "Saved 8"]);
+    (0..4).for_each(|n| notices.error(format!("Error {n}")));
+    notices.info("Saved");
+    let shown: Vec<String> = notices.shown().map(|notice| notice.text.clone()).collect();
+    assert_eq!(shown, ["Error 1", "Error 2", "Error 3", "Saved"]);
+}

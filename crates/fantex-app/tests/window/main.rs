@@ -302,6 +302,10 @@ fn failed_sessions_say_why() {
     assert_eq!(output.status.code(), Some(1));
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(told.contains("step 1") && told.contains("good morning"), "{told}");
+    let output = display.run(folder.path(), &[], r#"{"screenshot":{"path":"none.png"}}"#);
+    assert_eq!(output.status.code(), Some(1));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("nothing to take a picture of"), "{told}");
     let output = display.run(folder.path(), &[], r#"{"leap":1}"#);
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("leap"));
@@ -344,7 +348,7 @@ roughness = 0.3
     let model = save_model(at);
     let steps = r#"{"wait_frames":5},{"wait_sharp":120},{"window_screenshot":{"path":"first.png"}},{"screenshot":{"path":"scene.png"}},
         {"look_number":["textures.stone.place.scale",0.15]},{"wait_sharp":120},{"window_screenshot":{"path":"number.png"}},
-        {"copy":{"from":"rough.toml","to":"look.toml"}},{"wait_frames":60},{"wait_sharp":120},{"window_screenshot":{"path":"file.png"}},
+        {"look_number":["textures.stone.place.scale",0.5]},{"copy":{"from":"rough.toml","to":"look.toml"}},{"wait_frames":60},{"wait_sharp":120},{"window_screenshot":{"path":"file.png"}},
         {"copy":{"from":"wrong.toml","to":"look.toml"}},{"wait_frames":60},{"window_screenshot":{"path":"wrong.png"}},
         {"drag":{"x":0.2,"y":0.0}},{"copy":{"from":"rough.toml","to":"look.toml"}},{"wait_frames":60},{"wait_sharp":120},{"window_screenshot":{"path":"turned.png"}},"quit""#;
     check_success(&display.run(at, &["look.toml", "--on", &model.to_string_lossy()], steps));

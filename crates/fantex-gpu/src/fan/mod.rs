@@ -253,7 +253,7 @@ impl FanModel {
     /// `pages` is the numbering that the model was made with.
     ///
     /// # Errors
-    /// The device cannot hold it.
+    /// The device cannot hold it; then everything is as it was.
     pub fn begin_atlas(
         &mut self,
         gpu: &Gpu,
@@ -262,9 +262,8 @@ impl FanModel {
         shape: AtlasShape,
     ) -> Result<()> {
         let grid = checked_grid(gpu, shape)?;
-        // One that is being filled goes first.
-        self.next = None;
-        let bindings = self.bindings.with_atlas(gpu, grid, &self.formats);
+        // One that is being filled stays until there is another: the streamer counts on it.
+        let bindings = gpu.make(|| self.bindings.with_atlas(gpu, grid, &self.formats))?;
         let uploader = Uploader::new(&gpu.device, grid, PageWords::new(cover, pages));
         self.next = Some((bindings, uploader));
         self.shape = shape;

@@ -148,7 +148,7 @@ impl Model for UvModel {
     fn prepare(
         &mut self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        _encoder: &mut wgpu::CommandEncoder,
         frame: &FrameContext<'_>,
     ) -> Result<()> {
         if self.filter != frame.options.filter {
@@ -169,9 +169,8 @@ impl Model for UvModel {
         if let Some(indices) = &self.buffers.sorted
             && let Some((corners, runs)) = self.sorted.sort(frame.view)
         {
-            let corners = bytemuck::cast_slice(&corners);
-            let staged = gpu.buffer("sorted triangles", corners, wgpu::BufferUsages::COPY_SRC);
-            encoder.copy_buffer_to_buffer(&staged, 0, indices, 0, corners.len() as u64);
+            // Not by the frame's commands: these are dropped where the frame fails, and the order is not found again.
+            gpu.queue.write_buffer(indices, 0, bytemuck::cast_slice(&corners));
             self.runs = runs;
         }
         Ok(())

@@ -5,15 +5,17 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 use std::rc::Rc;
+use std::time::Duration;
 
 use js_sys::{Map, Promise, Uint8Array};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortSignal, Request, RequestInit, Response, Window};
 
+use super::fetched::in_pieces;
 use super::{
     Answered, Fetched, FetchedFile, LaneReader, RangeAnswer, ReadRequest, ReaderInfo, ReaderKind,
-    ended_early, task_reader, too_long,
+    RetryPolicy, ended_early, is_transient, task_reader, too_long,
 };
 
 /// Lets the page, or the worker, run a task beside others.
@@ -23,6 +25,12 @@ pub fn spawn(task: impl Future<Output = ()> + 'static) {
 
 /// Time for one request.
 const MAX_REQUEST_MILLISECONDS: u32 = 60_000;
+
+/// Bytes of one request: on slow connections, too, they come within its time.
+const MAX_REQUEST_BYTES: u64 = 2_097_152;
+
+/// Times that a piece of a range is asked for.
+const MAX_ATTEMPTS: u32 = 3;
 
 /// Requests at a time: what browsers allow one server by HTTP/1.1.
 pub const BROWSER_CONNECTIONS: usize = 6;
@@ -43,7 +51,7 @@ impl RemoteFile {
     }
 
     /// Some ranges are being fetched: `answers` is a `Map` of promises of `Response`s by "FIRST-LAST", the numbers of their bytes. Each is taken
-    /// once.
+    /// once. Of long ranges these are the first 2 MiB.
     pub fn with_answers(url: String, answers: JsValue) -> Self {
         Self { url, version: RefCell::new(None), answers: answers.unchecked_into() }
     }
@@ -60,7 +68,8 @@ impl RemoteFile {
         task_reader(info, wasm_bindgen_futures::spawn_local, move |request: ReadRequest| {
             let file = Rc::clone(&file);
             let range = request.offset..request.offset + request.length as u64;
-            async move { file.fetch(range).await.map(|fetched| fetched.bytes) }
+            // Its owner asks again.
+            async move { file.fetch_times(range, 1).await.map(|fetched| fetched.bytes) }
         })
     }
 
@@ -88,13 +97,35 @@ impl RemoteFile {
         }
     }
 
-    /// The bytes of a range, or those up to the file's end.
+    /// The bytes of a range, or those up to the file's end. Long ranges are asked for piece by piece, and pieces that break off again.
     ///
     /// # Errors
     /// No connection, no permission, no time left; the server refuses, has no ranges, or has another version of the file.
     pub async fn fetch(&self, range: Range<u64>) -> io::Result<Fetched> {
+        self.fetch_times(range, MAX_ATTEMPTS).await
+    }
+
+    async fn fetch_times(&self, range: Range<u64>, attempts: u32) -> io::Result<Fetched> {
+        in_pieces(range, MAX_REQUEST_BYTES, async |piece| self.fetch_piece(piece, attempts).await).await
+    }
+
+    async fn fetch_piece(&self, range: Range<u64>, attempts: u32) -> io::Result<Fetched> {
+        for attempt in 1..attempts {
+            match self.fetch_once(&range).await {
+                // A server that does not answer at all has had its time.
+                Err(error) if is_transient(&error) && error.kind() != io::ErrorKind::TimedOut => {
+                    pause(RetryPolicy::NETWORK.pause(attempt - 1)).await;
+                }
+                result => return result,
+            }
+        }
+        self.fetch_once(&range).await
+    }
+
+    /// What one request brings of a range.
+    async fn fetch_once(&self, range: &Range<u64>) -> io::Result<Fetched> {
         let length = (range.end - range.start) as usize;
-        let response = self.ask(&range).await?;
+        let response = self.ask(range).await?;
         let header = |name| response.headers().get(name).ok().flatten();
         let version = header("etag").or_else(|| header("last-modified"));
         let content_range = header("content-range");
@@ -120,7 +151,8 @@ impl RemoteFile {
             return Ok(Fetched { bytes: Vec::new(), total });
         }
         let body = JsFuture::from(response.array_buffer().map_err(|error| broken(&error))?).await;
-        let bytes = Uint8Array::new(&body.map_err(|error| broken(&error))?).to_vec();
+        let mut bytes = Uint8Array::new(&body.map_err(|error| broken_off(&error))?).to_vec();
+        bytes.truncate(length);
         if !is_hidden && bytes.len() < expected {
             return Err(ended_early(bytes.len(), expected));
         }
@@ -158,6 +190,35 @@ fn broken(error: &JsValue) -> io::Error {
         return io::Error::new(io::ErrorKind::TimedOut, text);
     }
     io::Error::new(io::ErrorKind::ConnectionAborted, text_of(error))
+}
+
+/// The same of a body, some of which may have come.
+fn broken_off(error: &JsValue) -> io::Error {
+    let error = broken(error);
+    match error.kind() {
+        io::ErrorKind::TimedOut => {
+            let seconds = MAX_REQUEST_MILLISECONDS / 1000;
+            let text = format!(
+                "the connection is too slow: a part of the file did not come within {seconds} seconds"
+            );
+            io::Error::new(io::ErrorKind::ConnectionAborted, text)
+        }
+        _ => error,
+    }
+}
+
+/// Lets time go by.
+async fn pause(duration: Duration) {
+    let promise = Promise::new(&mut |resolve, _| {
+        // Workers have the same function, and no window.
+        let window: Window = js_sys::global().unchecked_into();
+        let milliseconds = duration.as_millis() as i32;
+        // Where there are no timers there is no pause.
+        if window.set_timeout_with_callback_and_timeout_and_arguments_0(&resolve, milliseconds).is_err() {
+            resolve.call0(&JsValue::NULL).unwrap_or_default();
+        }
+    });
+    JsFuture::from(promise).await.unwrap_or_default();
 }
 
 /// What a thrown value says.

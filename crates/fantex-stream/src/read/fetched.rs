@@ -17,6 +17,32 @@ pub struct Fetched {
     pub total: Option<u64>,
 }
 
+/// Bytes of a range, or those up to the file's end: fetched in pieces of at most `piece` bytes, of which `fetch` may bring fewer than asked for.
+#[cfg(any(test, target_arch = "wasm32"))]
+pub(crate) async fn in_pieces(
+    range: Range<u64>,
+    piece: u64,
+    fetch: impl AsyncFn(Range<u64>) -> io::Result<Fetched>,
+) -> io::Result<Fetched> {
+    let mut all = Fetched { bytes: Vec::new(), total: None };
+    let mut next = range.start;
+    while next < range.end {
+        let Fetched { bytes, total } = fetch(next..range.end.min(next.saturating_add(piece))).await?;
+        all.total = all.total.or(total);
+        next += bytes.len() as u64;
+        let is_end = bytes.is_empty() || all.total.is_some_and(|total| next >= total);
+        if all.bytes.is_empty() {
+            all.bytes = bytes;
+        } else {
+            all.bytes.extend(bytes);
+        }
+        if is_end {
+            break;
+        }
+    }
+    Ok(all)
+}
+
 /// What is fetched first: the header, and all that small assets have before their texels.
 const FIRST_BYTES: u64 = 64 << 10;
 
@@ -191,5 +217,44 @@ impl ByteSource for FetchedSource {
         }
         state.missing = Some(offset..end);
         Err(io::Error::new(io::ErrorKind::WouldBlock, "these bytes have not been fetched"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::pin::pin;
+    use std::task::{Context, Poll, Waker};
+
+    use super::*;
+
+    /// What a future gives that never waits.
+    fn ready<T>(future: impl Future<Output = T>) -> T {
+        match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(value) => value,
+            Poll::Pending => panic!("it waits"),
+        }
+    }
+
+    #[test]
+    fn long_ranges_are_fetched_piece_by_piece_and_short_answers_asked_on() {
+        let file: Vec<u8> = (0..100).collect();
+        for (told, most) in [(true, 8), (true, 3), (false, 8), (false, 3)] {
+            let asked = RefCell::new(Vec::new());
+            // Like a server that sends at most so many bytes at once, and tells how long the file is or not.
+            let fetch = async |range: Range<u64>| {
+                asked.borrow_mut().push(range.clone());
+                let end = range.end.min(range.start + most).min(100) as usize;
+                let bytes = file[(range.start as usize).min(end)..end].to_vec();
+                Ok(Fetched { bytes, total: told.then_some(100) })
+            };
+            let whole = ready(in_pieces(10..120, 8, fetch)).unwrap();
+            assert_eq!(whole.bytes, file[10..]);
+            let part = ready(in_pieces(10..30, 8, fetch)).unwrap();
+            assert_eq!(part.bytes, file[10..30]);
+            assert!(asked.borrow().iter().all(|range| range.end - range.start <= 8));
+        }
+        let failing = async |_| Err(io::Error::other("no"));
+        assert!(ready(in_pieces(0..9, 8, failing)).is_err());
     }
 }

@@ -11,8 +11,8 @@ use fantex::glam::{DVec2, DVec3};
 
 use crate::command::Command;
 use crate::paint::{
-    Cursor, PaintCommand, PaintTool, PlacingOutline, Ring, SaveState, StencilPicture, StencilSettings,
-    StencilUse, SymmetryKind, plane_outline,
+    Cursor, PaintCommand, PaintTool, PenPhase, PlacingOutline, Ring, SaveState, StencilPicture,
+    StencilSettings, StencilUse, SymmetryKind, plane_outline,
 };
 use crate::panels::paint::brush::percent;
 use crate::panels::widgets::{file_button, gauge, heading, number, row, segments};
@@ -382,7 +382,8 @@ pub(in crate::panels) fn adjust(
     }
     let Some(painting) = &mut viewer.painting else { return };
     let Ok(Some(picture)) = painting.stencil(settings) else { return };
-    input.pen.clear();
+    // What was begun before ends all the same.
+    input.pen.retain(|event| event.phase == PenPhase::Up);
     input.drag = DVec2::ZERO;
     let id = Id::unique("stencil grip");
     let near = |at: Pos2, place: Pos2| at.distance(place) <= 2.0 * HANDLE;

@@ -1,0 +1,119 @@
+//! What is open is left: not before it is saved, and not while something of it is in no file, unless that is asked for again.
+
+use crate::paint::{Leave, Painting, SaveState};
+use crate::viewer::opening::Wanted;
+use crate::viewer::{Request, Viewer};
+
+/// What waits until what is painted on is saved.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Departure {
+    Quit,
+    Close,
+    Open(Box<Wanted>),
+}
+
+impl Departure {
+    /// What loses something all the same.
+    fn again(&self) -> &'static str {
+        match self {
+            Self::Quit | Self::Close => "Close again",
+            Self::Open(_) => "Do that again",
+        }
+    }
+}
+
+impl Viewer {
+    /// Whether the window may close. Where something is being saved, closing is asked for ([`Request::Quit`]) once it is.
+    pub fn may_close(&mut self) -> bool {
+        self.may_leave(Departure::Quit)
+    }
+
+    /// Asks for the window to close, once that loses nothing.
+    fn ask_quit(&mut self) {
+        if self.may_close() {
+            self.request(Request::Quit);
+        }
+    }
+
+    /// Closes what is open, once that loses nothing.
+    pub(super) fn ask_close(&mut self) {
+        if self.may_leave(Departure::Close) {
+            self.close();
+        }
+    }
+
+    /// Whether what is open may be left at once. Else the departure is told why, or comes by itself once all is saved.
+    pub(super) fn may_leave(&mut self, departure: Departure) -> bool {
+        self.departure = None;
+        match self.loss() {
+            Leave::Free => true,
+            Leave::Waits => {
+                self.departure = Some(departure);
+                false
+            }
+            Leave::Loses(reason) => self.may_lose(&reason, departure),
+        }
+    }
+
+    /// Whether what was opened may take the place of what is open. Else it waits, or is given up, which is told.
+    pub(super) fn may_be_replaced(&mut self, wanted: Wanted) -> bool {
+        match self.loss() {
+            Leave::Free => true,
+            Leave::Waits => false,
+            Leave::Loses(reason) => {
+                let may = self.may_lose(&reason, Departure::Open(Box::new(wanted)));
+                if !may {
+                    self.cancel_opening();
+                }
+                may
+            }
+        }
+    }
+
+    /// Goes on with what has waited for being saved.
+    pub(super) fn poll_leaving(&mut self) {
+        let is_failed = |painting: &Painting| matches!(painting.save, SaveState::Failed(_));
+        if !self.painting.as_ref().is_some_and(is_failed) && self.changed_look().is_none() {
+            self.warned = None;
+        }
+        match self.departure.take() {
+            None => {}
+            Some(Departure::Quit) => self.ask_quit(),
+            Some(Departure::Close) => self.ask_close(),
+            Some(Departure::Open(wanted)) => self.begin(*wanted),
+        }
+    }
+
+    /// What is open stays.
+    pub(super) fn cancel_leaving(&mut self) {
+        self.departure = None;
+        if let Some(painting) = &mut self.painting {
+            painting.stay();
+        }
+    }
+
+    fn loss(&mut self) -> Leave {
+        match self.painting.as_mut().map(Painting::leave) {
+            None | Some(Leave::Free) => self.changed_look().map_or(Leave::Free, Leave::Loses),
+            Some(leave) => leave,
+        }
+    }
+
+    /// What of a look is not in its file.
+    fn changed_look(&self) -> Option<String> {
+        let live = self.live.as_ref().filter(|live| live.is_changed())?;
+        let name = live.path().file_name().unwrap_or_default().to_string_lossy();
+        Some(format!("What was changed of {name} is not saved."))
+    }
+
+    /// Tells what a departure loses; true where that was told before.
+    fn may_lose(&mut self, reason: &str, departure: Departure) -> bool {
+        if self.warned.as_ref() == Some(&departure) {
+            return true;
+        }
+        let (reason, again) = (reason.trim_end_matches('.'), departure.again());
+        self.notices.error(format!("{reason}. {again} to lose what is not saved."));
+        self.warned = Some(departure);
+        false
+    }
+}
