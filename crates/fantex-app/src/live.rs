@@ -11,6 +11,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
+use fantex::base::random::{DEFAULT_SEED, folded_seed};
 use fantex::base::{Error, Result, input};
 use fantex::look::{LookFile, LookImages, LookNumber, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
@@ -337,7 +338,9 @@ impl Painter {
             let (mesh, _) = clean(load(path, &LoadOptions::default())?, &CleanOptions::default())?;
             *given = Some(GivenModel { path: path.clone(), mesh });
         }
-        let resolver = MaterialResolver { file: &file, images, options: ResolveOptions::default() };
+        // As the command line draws it.
+        let options = ResolveOptions { seed: folded_seed(DEFAULT_SEED), ..ResolveOptions::default() };
+        let resolver = MaterialResolver { file: &file, images, options };
         let scene = LookScene::new(resolver, given.as_ref(), PictureChanges::default())?;
         let time = scene.times()[0];
         let (camera, bounds) = scene.view(first.size)?;

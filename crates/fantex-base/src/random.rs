@@ -55,6 +55,9 @@ pub fn mix64(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
+/// The seed of everything that is random, where none is given: what one program bakes, another one shows alike.
+pub const DEFAULT_SEED: u64 = 1;
+
 /// A seed of 32 bits, for which both halves of one of 64 bits count; a seed that fits stays as it is.
 pub fn folded_seed(seed: u64) -> u32 {
     (seed ^ (seed >> 32)) as u32

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use fantex::base::random::DEFAULT_SEED;
 use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
@@ -138,7 +139,7 @@ pub(crate) struct CommonArgs {
     #[arg(long, global = true)]
     pub(crate) force: bool,
     /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = whole::<u64>)]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = DEFAULT_SEED, value_parser = whole::<u64>)]
     pub(crate) seed: u64,
 }
 

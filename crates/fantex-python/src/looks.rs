@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fantex::bake::{NormalMapOptions, NormalSpace, bake_normal_map_until};
 use fantex::base::counted;
-use fantex::base::random::folded_seed;
+use fantex::base::random::{DEFAULT_SEED, folded_seed};
 use fantex::look::{LookFile, LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::scene::Background;
@@ -105,7 +105,7 @@ pub(crate) fn table<'py>(
         time: optional(options, "time")?.unwrap_or(defaults.time),
         memory_bytes: optional(options, "memory")?.unwrap_or(defaults.memory_bytes),
     };
-    let seed: u64 = optional(options, "seed")?.unwrap_or(1);
+    let seed: u64 = optional(options, "seed")?.unwrap_or(DEFAULT_SEED);
     let [width, height, slices] = size;
     let texels = watched(py, progress.as_ref(), |watch| {
         let file = LookFile::read(&look)?;

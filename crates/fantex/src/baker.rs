@@ -16,7 +16,7 @@ use fantex_bake::{
     Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
     bake_part, plan_bake,
 };
-use fantex_base::random::folded_seed;
+use fantex_base::random::{DEFAULT_SEED, folded_seed};
 use fantex_base::{Error, ErrorKind, Result, counted, grouped};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
@@ -260,7 +260,7 @@ impl<'a> Baker<'a> {
             budget: Budget::Default,
             tile: CoverOptions::default().tile,
             longest_edge: None,
-            seed: 1,
+            seed: DEFAULT_SEED,
             options: BakeOptions::default(),
             progress: Observer(&NoProgress),
         }

@@ -302,7 +302,10 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
         Ok(())
     })?;
     let rate = |seconds: f64| SAMPLES as f64 / seconds / 1e6;
-    let name = format!("sample, bilinear, random, {}", crate::text::counted(rayon::current_num_threads() as u64, "thread"));
+    let name = format!(
+        "sample, bilinear, random, {}",
+        crate::text::counted(rayon::current_num_threads() as u64, "thread")
+    );
     Ok(vec![Row::new(name, rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
 }
 
