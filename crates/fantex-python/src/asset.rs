@@ -9,7 +9,7 @@ use fantex::export::{
     export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
-use fantex::mesh::lambda_step;
+use fantex::mesh::{AlphaMode, Material, lambda_step};
 use fantex::render::FanSurface;
 use fantex::scene::FilterOptions;
 use fantex::store::{JUMP_BOUND, PREVIEW, PageCache, VerifyOptions, verify_asset};
@@ -61,6 +61,9 @@ pub(crate) struct Asset {
     sampler: fantex::Sampler,
 }
 
+/// Name, what it makes of opacity, threshold.
+type MaterialParts = (String, &'static str, Option<f32>);
+
 type Nearest<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f64>>);
 type AtlasArrays<'py> = (
     Bound<'py, PyArray1<u32>>,
@@ -103,6 +106,31 @@ impl Asset {
     #[getter]
     fn channels(&self) -> Vec<&'static str> {
         self.asset.channels().iter().map(|channel| name_of(channel.kind)).collect()
+    }
+
+    /// Names of the materials, what each makes of opacity, and the thresholds of those that are cut out.
+    #[getter]
+    fn materials(&self) -> Vec<MaterialParts> {
+        let parts = |material: &Material| {
+            let (alpha, threshold) = match material.alpha {
+                AlphaMode::Opaque => ("opaque", None),
+                AlphaMode::Mask(threshold) => ("cut-out", Some(threshold)),
+                AlphaMode::Blend => ("blend", None),
+            };
+            (material.name.clone(), alpha, threshold)
+        };
+        match &self.asset.mesh().materials[..] {
+            [] => vec![parts(&Material::default())],
+            materials => materials.iter().map(parts).collect(),
+        }
+    }
+
+    /// The material of each face.
+    #[getter]
+    fn face_materials<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let mesh = self.asset.mesh();
+        let materials: Vec<u32> = (0..mesh.triangles.len()).map(|t| mesh.material_of(t) as u32).collect();
+        materials.to_pyarray(py)
     }
 
     /// Numbers of what is in it, bytes of the file and of its preview, formats of its channels.
@@ -361,8 +389,9 @@ impl Asset {
         barycentric: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let points = self.points(&faces, &barycentric)?;
-        let normals: Vec<[f32; 3]> =
-            points.into_iter().map(|point| self.sampler.vertex_normal(point).to_array()).collect();
+        let normals: Vec<[f32; 3]> = watched(py, None, |_| {
+            Ok(points.par_iter().map(|&point| self.sampler.vertex_normal(point).to_array()).collect())
+        })?;
         array(py, &normals)
     }
 }

@@ -22,7 +22,7 @@ use crate::asset::{Asset, name_of};
 use crate::export::AtlasFiles;
 use crate::mesh::Mesh;
 use crate::options::{choice, optional};
-use crate::watch::{Watch, watched};
+use crate::watch::{Watch, in_python, watched};
 
 /// What a source is made of; the Python side makes nothing else.
 #[derive(FromPyObject)]
@@ -118,7 +118,8 @@ impl Job {
                 figures.set_item("used_share", used_share)?;
             }
         }
-        figures.set_item("notes", [mesh.notes(), &baked.notes[..]].concat())?;
+        let notes = mesh.notes().iter().chain(&baked.notes).map(|note| in_python(note, None));
+        figures.set_item("notes", notes.collect::<Vec<_>>())?;
         if let Some(report) = &baked.photos {
             figures.set_item("photos", report.photographs)?;
             figures.set_item("photos_used", report.used)?;

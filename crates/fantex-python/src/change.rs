@@ -1,11 +1,11 @@
 //! Changes to assets: strokes, channels, previews.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use fantex::addresses::{self, check_is_path};
+use fantex::addresses::{change, change_copy, check_is_path};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
-use fantex::{ChannelKind, Preview, PreviewOptions};
+use fantex::{ChannelKind, Error, Preview, PreviewOptions, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -19,8 +19,9 @@ fn kinds(options: &Bound<'_, PyDict>, key: &str) -> PyResult<Vec<ChannelKind>> {
     names.iter().map(|name| named("channel", name, &CHANNELS)).collect()
 }
 
-/// Takes out channels, adds others, applies strokes to an asset at a path or in a store, and commits: strokes, dabs, changed pages, strokes that
-/// a log could not record. `strokes`: a stroke file and the folder that its paths are relative to; `log`: an asset whose strokes are applied.
+/// Takes out channels, adds others, applies strokes to an asset at a path or in a store, and commits, all of it or nothing: strokes, dabs,
+/// changed pages, strokes that a log could not record. `strokes`: a stroke file and the folder that its paths are relative to; `log`: an asset
+/// whose strokes are applied.
 #[pyfunction]
 pub(crate) fn paint(
     py: Python<'_>,
@@ -33,7 +34,7 @@ pub(crate) fn paint(
     let alphas =
         [("opaque", AlphaMode::Opaque), ("cut-out", AlphaMode::Mask(0.5)), ("blend", AlphaMode::Blend)];
     let alpha = word(options, "alpha", &alphas)?;
-    let paint = PaintOptions {
+    let options = PaintOptions {
         memory_bytes: optional(options, "memory")?.unwrap_or(256 << 20),
         history: optional(options, "history")?.unwrap_or(true),
     };
@@ -43,8 +44,8 @@ pub(crate) fn paint(
             Some((path, folder)) => Some((StrokeFile::load(path)?, folder)),
             None => None,
         };
-        let summary = addresses::change(&asset, [watch, watch], |path| {
-            let mut painter = Painter::open(path, &paint)?;
+        let paint = |path: &Path| {
+            let mut painter = Painter::open(path, &options)?;
             if let Some(alpha) = alpha {
                 painter.set_alpha_mode(alpha)?;
             }
@@ -55,9 +56,21 @@ pub(crate) fn paint(
                 (None, Some(log)) => log.replay(&mut painter)?,
                 (None, None) => ReplaySummary::default(),
             };
+            if watch.is_cancelled() {
+                return Err(Error::cancelled("painting was ended; nothing was painted"));
+            }
             painter.commit()?;
             Ok(summary)
-        })?;
+        };
+        let strokes = file.as_ref().map(|(file, _)| file).or(log.as_ref().map(|log| &log.strokes));
+        let commits_between = !added.is_empty()
+            || !removed.is_empty()
+            || alpha.is_some()
+            || strokes.is_some_and(StrokeFile::commits_between);
+        let summary = match commits_between {
+            true => change_copy(&asset, [watch, watch], paint)?,
+            false => change(&asset, [watch, watch], paint)?,
+        };
         Ok((summary.strokes, summary.dabs, summary.pages, summary.unrecorded))
     })
 }

@@ -24,8 +24,12 @@ pyo3::create_exception!(
     "What cannot be done: a damaged or unsupported file, a limit, a missing channel. `path` is the file, or None."
 );
 
-/// Flags in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 17] = [
+/// Flags and commands in the library's sentences, and what stands for them in Python; what is longer comes first.
+const ARGUMENTS: [(&str, &str); 21] = [
+    ("'fantex world --make-coarse'", "fantex.make_world(..., make_coarse=True)"),
+    ("'fantex split'", "fantex.split"),
+    ("--make-previews", "make_previews=True"),
+    ("--make-coarse", "make_coarse=True"),
     ("use --force", "give overwrite=True"),
     ("with --force", "with overwrite=True"),
     ("allow more (--memory)", "allow more by fantex.set_read_limits(memory=...)"),
@@ -45,10 +49,52 @@ const ARGUMENTS: [(&str, &str); 17] = [
     ("--look", "look="),
 ];
 
+/// A sentence of the library with arguments where that names flags. What `path`, the file that it is about, has in its name stays as it is.
+pub(crate) fn in_python(sentence: &str, path: Option<&Path>) -> String {
+    let name = path.map(|path| path.display().to_string()).filter(|name| name.contains("--"));
+    match name {
+        Some(name) => sentence.split(&name).map(with_arguments).collect::<Vec<_>>().join(&name),
+        None => with_arguments(sentence),
+    }
+}
+
+fn with_arguments(text: &str) -> String {
+    let mut said = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(first) = rest.chars().next() {
+        let found = ARGUMENTS.iter().find_map(|(flag, argument)| {
+            let behind = rest.strip_prefix(flag)?;
+            stands_alone(&said, behind).then_some((*argument, behind))
+        });
+        match found {
+            Some((argument, behind)) => {
+                said.push_str(argument);
+                rest = behind;
+            }
+            None => {
+                said.push(first);
+                rest = &rest[first.len_utf8()..];
+            }
+        }
+    }
+    said
+}
+
+/// Whether what stands between two pieces of text is a word, and no part of a path.
+fn stands_alone(before: &str, behind: &str) -> bool {
+    let is_begun = before.chars().next_back().is_none_or(|c| c.is_whitespace() || "('\"`".contains(c));
+    let mut next = behind.chars();
+    let is_ended = match next.next() {
+        Some('.') => !next.next().is_some_and(char::is_alphanumeric),
+        Some(c) => !c.is_alphanumeric() && !"-_/\\=".contains(c),
+        None => true,
+    };
+    is_begun && is_ended
+}
+
 /// The exception that stands for an error. Its text is the command line's, with an argument where that names a flag.
 pub(crate) fn exception(error: fantex::Error) -> PyErr {
-    let text =
-        ARGUMENTS.iter().fold(error.to_string(), |text, (flag, argument)| text.replace(flag, argument));
+    let text = in_python(&error.to_string(), error.path());
     match error.kind() {
         ErrorKind::NotFound if error.path().is_some() => {
             numbered(PyFileNotFoundError::new_err(text), io_source(&error))
@@ -190,7 +236,7 @@ fn running(pool: Option<Pool>, builder: ThreadPoolBuilder) -> PyResult<Pool> {
 }
 
 /// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then and at the
-/// end, and ends the work on Ctrl-C or when that raises.
+/// end, and ends the work on Ctrl-C or when that raises. What the call at the end raises is raised although the work is done.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,

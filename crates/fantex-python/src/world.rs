@@ -1,6 +1,7 @@
 //! Worlds: their index, pictures, exports and checks; splits and changes.
 
-use std::path::{Path, PathBuf};
+use std::ffi::OsString;
+use std::path::PathBuf;
 
 use fantex::addresses::{check_is_path, is_address};
 use fantex::base::counted;
@@ -15,16 +16,16 @@ use pyo3::types::PyDict;
 use crate::asset::Asset;
 use crate::export::{AtlasFiles, Exported, exported, fan_files};
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::watched;
+use crate::watch::{in_python, watched};
 
 /// Triangles, texels, length of the finest detail.
 type PreviewParts = (u64, u64, f64);
 
 /// Name, place, bytes, triangles, texels, corners of the box, preview.
-type ObjectParts = (String, String, u64, u64, u64, [f64; 3], [f64; 3], Option<PreviewParts>);
+type ObjectParts = (String, OsString, u64, u64, u64, [f64; 3], [f64; 3], Option<PreviewParts>);
 
 /// Name, place, bytes, triangles, texels, corners of the box, length of the finest detail, names of the parts.
-type CoarseParts = (String, String, u64, u64, u64, [f64; 3], [f64; 3], f64, Vec<String>);
+type CoarseParts = (String, OsString, u64, u64, u64, [f64; 3], [f64; 3], f64, Vec<String>);
 
 /// The index of a world, and where it was read.
 #[pyclass(frozen, module = "fantex")]
@@ -35,8 +36,8 @@ pub(crate) struct World {
 
 impl World {
     /// Where an asset of the index is: a path or an address.
-    fn place_of(&self, asset: &str) -> String {
-        fantex::World::place_of(&self.place, asset).to_string_lossy().into_owned()
+    fn place_of(&self, asset: &str) -> OsString {
+        fantex::World::place_of(&self.place, asset).into_os_string()
     }
 }
 
@@ -151,7 +152,7 @@ pub(crate) fn verify_index<'py>(
     dict.set_item("seam_edges", report.seam_edges)?;
     dict.set_item("largest_jump", report.largest_jump)?;
     dict.set_item("bound", JUMP_BOUND)?;
-    dict.set_item("faults", report.faults())?;
+    dict.set_item("faults", said(report.faults()))?;
     Ok(dict)
 }
 
@@ -179,11 +180,12 @@ pub(crate) fn split<'py>(
         false => fantex::split(asset, &folder, &options, watch),
     })?;
     let figures = PyDict::new(py);
-    figures.set_item("index", shown(&written.index))?;
+    // As text: Python's paths have one slash where addresses have two.
+    figures.set_item("index", written.index.into_os_string())?;
     figures.set_item("sectors", written.world.objects.len())?;
     figures.set_item("coarse", written.world.coarse.len())?;
     figures.set_item("repeated_texels", written.repeated_texels)?;
-    figures.set_item("notes", written.notes)?;
+    figures.set_item("notes", said(written.notes))?;
     Ok(figures)
 }
 
@@ -209,18 +211,18 @@ pub(crate) fn change_world<'py>(
     };
     let changed = watched(py, progress.as_ref(), |watch| fantex::change_world(&index, &change, watch))?;
     let figures = PyDict::new(py);
-    figures.set_item("index", shown(&index))?;
+    figures.set_item("index", index.into_os_string())?;
     figures.set_item("added", changed.added)?;
     figures.set_item("updated", changed.updated)?;
     figures.set_item("removed", changed.removed)?;
     figures.set_item("coarse_removed", changed.coarse_removed)?;
     figures.set_item("previews_made", changed.previews_made)?;
     figures.set_item("coarse_made", changed.coarse_made)?;
-    figures.set_item("notes", changed.notes)?;
+    figures.set_item("notes", said(changed.notes))?;
     Ok(figures)
 }
 
-/// A path or an address as text: Python's paths have one slash where addresses have two.
-fn shown(place: &Path) -> String {
-    place.to_string_lossy().into_owned()
+/// Sentences with arguments where these name flags.
+fn said(notes: Vec<String>) -> Vec<String> {
+    notes.iter().map(|note| in_python(note, None)).collect()
 }

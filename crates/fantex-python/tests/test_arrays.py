@@ -156,3 +156,33 @@ def test_fewer_faces_keep_the_shape(sphere):
     np.testing.assert_allclose(radii, np.linalg.norm(positions - positions.mean(axis=0), axis=1).mean(), rtol=0.02)
     with pytest.raises(ValueError, match="faces is -1; it cannot be negative"):
         fine.simplified(-1)
+
+
+def square_of_trimesh(material):
+    trimesh = pytest.importorskip("trimesh")
+    positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    visual = trimesh.visual.TextureVisuals(uv=positions[:, :2], material=material)
+    return trimesh.Trimesh(positions, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+
+
+def test_colors_of_materials_of_trimesh(tmp_path):
+    """Factors of glTF are linear, colours of OBJ sRGB; both scale the picture where there is one."""
+    pytest.importorskip("trimesh")
+    image = pytest.importorskip("PIL.Image")
+    from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+    grey = image.fromarray(np.full((8, 8, 3), 128, np.uint8))
+    half = fantex._native.LINEAR_FROM_SRGB8[128]
+    for material, expected in [
+        (PBRMaterial(baseColorTexture=grey, baseColorFactor=[255, 128, 0, 255]), (half, half * 128 / 255, 0)),
+        (PBRMaterial(baseColorTexture=grey.convert("L"), baseColorFactor=[255, 0, 0, 255]), (half, 0, 0)),
+        (PBRMaterial(baseColorTexture=grey), (half, half, half)),
+        (PBRMaterial(baseColorFactor=[255, 128, 0, 255]), (1, 128 / 255, 0)),
+        (SimpleMaterial(diffuse=[255, 128, 0, 255]), (1, half, 0)),
+        (SimpleMaterial(image=grey, diffuse=[255, 0, 128, 255]), (half, 0, half * half)),
+        (SimpleMaterial(image=grey), (half, half, half)),
+    ]:
+        asset = fantex.bake(square_of_trimesh(material), tmp_path / "a.fan", texels=4000, format="float", overwrite=True)
+        np.testing.assert_allclose(asset.sample([0.5, 0.5, 0])[:3], expected, atol=0.01)
+    with pytest.raises(ValueError, match="neither textures nor colours"):
+        fantex.bake(square_of_trimesh(PBRMaterial(roughnessFactor=0.5)), tmp_path / "b.fan")

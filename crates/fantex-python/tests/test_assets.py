@@ -85,6 +85,28 @@ def test_functions_in_python(tmp_path, sphere):
         fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=pattern)
 
 
+def test_large_triangles_are_cut_for_functions_that_ask_for_it(tmp_path):
+    bent = [[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]
+    settings = {"texels": 1e5, "source": lambda points, normals: points, "format": "float"}
+    whole = fantex.bake(bent, tmp_path / "whole.fan", **settings)
+    cut = fantex.bake(bent, tmp_path / "cut.fan", longest_edge=16, **settings)
+    assert whole.baked["triangles"] == 2 and cut.baked["triangles"] > 100
+    points = cut.positions[cut.faces].mean(1)
+    assert np.abs(cut.sample(points)[:, :3] - points).max() < 0.02
+    plan = fantex.plan(bent, tmp_path / "a.plan", longest_edge=16, **settings)
+    fantex.bake_part(plan, (1, 1), tmp_path / "1.part", mesh=bent, source=settings["source"])
+    fantex.merge(plan, [tmp_path / "1.part"], tmp_path / "merged.fan")
+    assert (tmp_path / "merged.fan").read_bytes() == (tmp_path / "cut.fan").read_bytes()
+
+
+def test_the_light_of_a_model_does_not_cover_a_function(tmp_path, bottle):
+    """A factor that scales a texture of emission says nothing without it."""
+    black = lambda points, normals: np.zeros_like(points)
+    asset = fantex.bake(bottle, tmp_path / "a.fan", texels=20_000, source=black)
+    picture = asset.render((60, 40), samples=1, transparent=True)
+    assert picture[picture[..., 3] == 255][:, :3].mean() < 60
+
+
 def test_progress_may_end_a_bake(tmp_path, sphere):
     seen = []
 
@@ -98,6 +120,48 @@ def test_progress_may_end_a_bake(tmp_path, sphere):
         fantex.bake(sphere, tmp_path / "a.fan", texels=30_000_000, source=slow, progress=progress)
     assert not os.listdir(tmp_path)
     assert seen[0][1] > 0
+
+
+def test_what_the_last_call_raises_comes_after_the_file(tmp_path, sphere):
+    def progress(done, total):
+        if done == total:
+            raise RuntimeError("too late")
+
+    with pytest.raises(RuntimeError, match="too late"):
+        fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=fantex.solid("marble"), progress=progress)
+    assert fantex.open(tmp_path / "a.fan").verify()["ok"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize("tool", ["paint", "blur"])
+def test_ctrl_c_leaves_an_asset_as_it_was(tmp_path, tool):
+    """Tools that read the surface make what was painted before them durable."""
+    asset = fantex.bake(grid_sphere(), tmp_path / "a.fan", texels=2_000_000, source=pattern, tile=256)
+    asset.close()
+    content = (tmp_path / "a.fan").read_bytes()
+    script = (
+        "import fantex, math, os, signal, sys, threading\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "samples = [{'at': {'position': [math.cos(t / 10), math.sin(t / 10), 0]}} for t in range(60)]\n"
+        "stroke = {'brush': {'size': {'texels': 600}, 'hardness': 0.5}, 'samples': samples,\n"
+        "    'channels': [{'kind': 'base_color', 'color': {'srgb': [1, 0, 0]}}]}\n"
+        "blur = {**stroke, 'tool': {'blur': {'radius': {'texels': 4}}}}\n"
+        "strokes = [stroke, blur if sys.argv[2] == 'blur' else stroke, stroke]\n"
+        "asset = fantex.open(sys.argv[1])\n"
+        "timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))\n"
+        "timer.start()\n"
+        "try:\n"
+        "    asset.paint(strokes)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', flush=True)\n"
+    )
+    command = [sys.executable, "-c", script, str(tmp_path / "a.fan"), tool]
+    assert subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=300).stdout == "interrupted\n"
+    assert os.listdir(tmp_path) == ["a.fan"]
+    points = np.random.default_rng(8).normal(size=(2000, 3))
+    after = fantex.open(tmp_path / "a.fan").sample(points)
+    (tmp_path / "a.fan").write_bytes(content)
+    np.testing.assert_array_equal(after, fantex.open(tmp_path / "a.fan").sample(points))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
@@ -243,6 +307,48 @@ def test_to_trimesh(tmp_path, bottle):
     assert np.median(np.abs(difference)) < 0.03
 
 
+def test_light_and_opacity_go_to_trimesh(tmp_path, bottle, sphere):
+    pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    glowing = fantex.bake(bottle, tmp_path / "bottle.fan", texels=60_000)
+    material = glowing.to_trimesh(128).visual.material
+    assert material.emissiveTexture.size == (128, 128) and material.emissiveFactor.tolist() == [1, 1, 1]
+    assert material.alphaMode is None and glowing.materials[0].alpha == "opaque"
+    asset = fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=lambda p, n: np.ones((len(p), 4)) / 2)
+    for alpha, mode, threshold in (("blend", "BLEND", None), ("cut-out", "MASK", 0.5), ("opaque", None, None)):
+        asset.paint(alpha=alpha)
+        assert asset.materials == [fantex.Material("", alpha, threshold)]
+        material = asset.to_trimesh(64).visual.material
+        assert (material.alphaMode, material.alphaCutoff) == (mode, threshold)
+
+
+def test_materials_of_faces(tmp_path):
+    """Two triangles of two materials, one of which is cut out."""
+    model = tmp_path / "a.gltf"
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], "<f4")
+    (tmp_path / "a.bin").write_bytes(points.tobytes())
+    views = [{"buffer": 0, "byteOffset": offset, "byteLength": 36} for offset in (0, 36)]
+    accessor = {"componentType": 5126, "count": 3, "type": "VEC3"}
+    parts = [{"attributes": {"POSITION": number}, "material": number} for number in (0, 1)]
+    materials = [{"name": "wall"}, {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25}]
+    gltf = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": parts}],
+        "materials": materials,
+        "buffers": [{"uri": "a.bin", "byteLength": 72}],
+        "bufferViews": views,
+        "accessors": [{"bufferView": number, **accessor} for number in (0, 1)],
+    }
+    model.write_text(json.dumps(gltf))
+    asset = fantex.bake(model, tmp_path / "a.fan", texels=4000, source=fantex.solid("marble"), longest_edge=0)
+    assert asset.materials == [fantex.Material("wall", "opaque", None), fantex.Material("leaf", "cut-out", 0.25)]
+    heights = asset.positions[asset.faces].mean(1)[:, 2]
+    assert asset.face_materials.dtype == np.uint32 and asset.face_materials.tolist() == heights.round().tolist()
+
+
 def test_a_mesh_onto_another(tmp_path, sphere):
     fine = grid_sphere(80, 160)
     colors = pattern(fine[0])
@@ -275,6 +381,15 @@ def test_strokes(tmp_path, sphere):
     assert asset.paint(path)["strokes"] == 1
     with pytest.raises((ValueError, fantex.Error), match="sampels"):
         asset.paint([{**stroke, "sampels": []}])
+
+
+def test_strokes_that_fail_leave_no_channels(tmp_path, sphere):
+    asset = fantex.bake(sphere, tmp_path / "a.fan", texels=30_000, source=pattern)
+    stroke = {"tool": {"blur": {"radius": {"texels": -1}}}, "samples": [{"at": {"position": [0, 0, 1]}}]}
+    with pytest.raises(fantex.Error, match="radius"):
+        asset.paint([stroke], add_channels="emission", alpha="blend")
+    assert asset.channels == ["base-color"] and asset.materials[0].alpha == "opaque"
+    assert os.listdir(tmp_path) == ["a.fan"]
 
 
 def test_wrong_words(tmp_path, sphere):

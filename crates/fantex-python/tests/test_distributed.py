@@ -173,11 +173,13 @@ class Flaky:
         return np.full((len(points), 3), 0.5)
 
 
-def test_failures_are_tried_again(tmp_path, client, sphere):
+@pytest.mark.parametrize("error", [RuntimeError, ValueError])
+def test_failures_are_tried_again(tmp_path, client, sphere, error):
     attempts = tmp_path / "attempts"
     attempts.mkdir()
+    source = Flaky(attempts, 1, error("the disk hiccups"))
     asset = fantex.distributed.bake(
-        client, sphere, tmp_path / "a.fan", texels=5_000, source=Flaky(attempts, 1), shards=1, retries=3
+        client, sphere, tmp_path / "a.fan", texels=5_000, source=source, shards=1, retries=3
     )
     assert asset.verify()["ok"] and len(os.listdir(attempts)) >= 1
 

@@ -231,3 +231,50 @@ def test_tables_of_nothing(tmp_path):
             fantex.table(look, **{"size": (4, 4), **given})
     with pytest.raises(ValueError, match="all must be finite"):
         fantex.table(look, size=(4, 4), start=(np.nan, 0, 0))
+
+
+def test_masks_that_do_not_fit_pictures():
+    black, slope = np.zeros((4, 8, 3)), np.ones((4, 8, 3)) * np.arange(8)[None, :, None] / 8
+    counts = np.ones((4, 8), bool)
+    assert fantex.compare_pictures(black, slope, counts=counts.tolist()) == fantex.compare_pictures(black, slope, counts=counts)
+    with pytest.raises(ValueError, match=r"counts has the shape \(8, 4\); expected that of the pictures, \(4, 8\)"):
+        fantex.compare_pictures(black, slope, counts=counts.T)
+    with pytest.raises(TypeError, match="counts holds float64; expected bool"):
+        fantex.compare_pictures(black, slope, counts=counts * 0.3)
+
+
+def test_greys_of_few_points(tmp_path):
+    """Three greys are no colour, and a colour is no three greys, however many points are asked for at once."""
+    colors_of = fantex._bake._colors_of
+    for count in (1, 2, 3, 4, 5):
+        points = np.linspace(0.1, 0.9, count)[:, None] * np.ones(3)
+        greys = colors_of(lambda points, normals: points[:, 0])(points, points)
+        np.testing.assert_allclose(greys, np.c_[points, np.ones(count)], rtol=1e-6)
+        for color in ([0.1, 0.2, 0.3], [0.1, 0.2, 0.3, 0.4]):
+            one = colors_of(lambda points, normals: np.array(color))(points, points)
+            np.testing.assert_allclose(one[:, : len(color)], np.tile(color, (count, 1)), rtol=1e-6)
+
+
+def test_an_error_that_a_user_makes_has_a_path():
+    assert fantex.Error("mine").path is None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of folders")
+def test_names_of_files_stay_as_they_are(tmp_path):
+    for name in ("a --look b", "--size"):
+        with pytest.raises(FileNotFoundError) as error:
+            fantex.open(tmp_path / name / "x.fan")
+        assert f"{tmp_path}/{name}/x.fan" in str(error.value)
+
+
+def test_numbers_of_an_environment_need_one(waves):
+    for given in ({"environment_strength": 5}, {"environment_rotation": 90.0}):
+        for render in (waves.render, fantex.Mesh.of(waves).render):
+            with pytest.raises(ValueError, match="are those of an environment; give environment="):
+                render((6, 4), **given)
+    assert waves.render((6, 4), environment_strength=np.float32(1), samples=1).shape == (4, 6, 4)
+
+
+def test_paths_of_bytes_are_uploaded(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nowhere.fan"):
+        fantex.upload(os.fsencode(tmp_path / "nowhere.fan"), b"s3://scans/a.fan")

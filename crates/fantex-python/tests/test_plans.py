@@ -1,5 +1,6 @@
 """Bakes in parts, in one process."""
 
+import json
 import os
 import pickle
 
@@ -104,3 +105,31 @@ def test_sources_travel(tmp_path, sphere):
     assert pickle.loads(pickle.dumps(fantex.look("a.toml")))._parts == {"path": os.path.abspath("a.toml")}
     source = pickle.loads(pickle.dumps(fantex.mesh(sphere, cage=0.1)))
     assert source._parts["cage"] == 0.1 and len(source._parts["mesh"].faces) > 1000
+
+
+def test_numbers_of_numpy(tmp_path, sphere):
+    """A plan notes what a bake takes."""
+    settings = {"density": np.float32(20), "match": np.bool_(False), "source": fantex.mesh(sphere, cage=np.float32(0.1))}
+    fantex.plan(sphere, tmp_path / "a.plan", **settings)
+    assert fantex.bake(sphere, tmp_path / "a.fan", **settings).info["texels"] > 1000
+    note = fantex._plan._noted_source(fantex.photos("scan", unseen=np.ones(3, np.float32), keep_exposure=np.bool_(True)))
+    assert json.loads(json.dumps(note)) == {**note, "parts": {**note["parts"], "unseen": [1.0, 1.0, 1.0]}}
+    with pytest.raises(TypeError, match="density is of type str; expected a number"):
+        fantex.plan(sphere, tmp_path / "b.plan", density="20", source=fantex.solid("marble"))
+
+
+@pytest.mark.parametrize("error", [ValueError, TypeError, FileNotFoundError, fantex.Error])
+def test_workers_try_again_whatever_a_function_raises(tmp_path, sphere, error):
+    """A task of a cluster raises what is worth another attempt, and returns what is not."""
+    from fantex.distributed import _part
+
+    def flaky(points, normals):
+        raise error("the disk hiccups")
+
+    plan = fantex.plan(sphere, tmp_path / "a.plan", texels=5_000, source=pattern)
+    with pytest.raises(error, match="the disk hiccups"):
+        _part(plan.path, (1, 1), str(tmp_path / "1.part"), sphere, flaky, 1 << 30)
+    shapeless = lambda points, normals: np.zeros((7, 3))
+    lasting = _part(plan.path, (1, 1), str(tmp_path / "1.part"), sphere, shapeless, 1 << 30)
+    assert isinstance(lasting, ValueError) and "the source's result has the shape" in str(lasting)
+    assert _part(plan.path, (1, 1), str(tmp_path / "1.part"), sphere, pattern, 1 << 30) is None

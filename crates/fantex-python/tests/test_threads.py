@@ -3,6 +3,7 @@
 import sys
 import sysconfig
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -101,3 +102,27 @@ def test_mistakes_stay_in_their_thread(tmp_path, sphere):
 def test_the_global_lock_stays_off():
     """A module that did not declare itself safe would have turned it on."""
     assert not sys._is_gil_enabled()
+
+
+def test_the_lock_is_released_for_normals(waves):
+    random = np.random.default_rng(6)
+    face = random.integers(0, len(waves.faces), 1_000_000)
+    barycentric = random.dirichlet((1, 1, 1), len(face)).astype(np.float32)
+    ticks, done = [0], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks[0] += 1
+            time.sleep(0.001)
+
+    native = waves._native
+    with ThreadPoolExecutor(1) as threads:
+        ticking = threads.submit(tick)
+        try:
+            time.sleep(0.05)
+            before = ticks[0]
+            native.normals(face, barycentric)
+            assert ticks[0] - before > 5
+        finally:
+            done.set()
+            ticking.result()

@@ -1,7 +1,9 @@
 """Worlds: splits, indexes, pictures, exports, checks."""
 
 import json
+import os
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +81,8 @@ def test_many_sectors_get_coarse_assets(tmp_path, globe):
     # Without a sector, what shows it goes.
     changed = fantex.make_world((), world.place, remove=world.objects[0].name)
     assert changed.made["removed"] == 1 and changed.made["coarse_removed"] == 2
-    assert any("coarse assets showed what has changed" in note for note in changed.made["notes"])
+    (note,) = [note for note in changed.made["notes"] if "coarse assets showed what has changed" in note]
+    assert "fantex.split of the whole asset" in note and "make_coarse=True those of" in note and "--" not in note
     assert len(changed) == len(world) - 1
 
 
@@ -183,3 +186,20 @@ def test_what_is_wrong_is_said(tmp_path, globe):
     assert len(empty) == 0 and empty.bounds is None and empty.info["low"] is None
     with pytest.raises(fantex.Error, match="nothing to show"):
         empty.render((80, 60))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
+def test_folders_whose_names_are_no_text(tmp_path, globe):
+    folder = os.fsencode(tmp_path) + b"/\xff"
+    world = fantex.split(globe, folder, triangles=6000, previews=False)
+    assert world.place == os.fsdecode(folder + b"/globe.fanworld")
+    assert world.objects[0].open().channels == ["base-color"] and world.verify()["ok"]
+
+
+def test_notes_name_arguments(tmp_path, sphere):
+    positions, faces = sphere
+    places = [tmp_path / f"{name}.fan" for name in "ab"]
+    for number, place in enumerate(places):
+        fantex.bake((positions + (3 * number, 0, 0), faces), place, texels=20_000, source=pattern)
+    town = fantex.make_world(places, tmp_path / "town.fanworld", make_coarse=True)
+    assert any("make_previews=True gives them some" in note for note in town.made["notes"]), town.made["notes"]

@@ -1,12 +1,15 @@
 //! Places that are addresses: results that go to object stores, and assets there that are changed.
 
-use std::fs::File;
-use std::io::Write as _;
+use std::error::Error as _;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write as _};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use fantex_bake::Progress;
-use fantex_base::{Error, Result};
+use fantex_base::files::{persist, temporary_file};
+use fantex_base::{Error, ErrorKind, Result, input};
+use fantex_store::WriterLock;
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 
 use crate::staging::{SendTarget, Staging};
@@ -153,6 +156,45 @@ pub fn change<T>(
     fetch(place, target.file(), fetching)?;
     let changed = change(target.file())?;
     target.finish(&Replace::Version(version), sending)?;
+    Ok(changed)
+}
+
+/// As [`change`], but a file is changed as an object is: by a copy, which takes its place at the end. What a change that fails has made durable goes
+/// with the copy. Other hard links keep what was there.
+///
+/// # Errors
+/// As [`change`]; there is no room for the copy; somebody else changes the file.
+pub fn change_copy<T>(
+    place: &Path,
+    transfers: [&dyn Progress; 2],
+    change: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
+    if is_address(place) {
+        return self::change(place, transfers, change);
+    }
+    let reading = |error| Error::reading(place, error);
+    let writing = |error| Error::writing(place, error);
+    // Where a symbolic link leads.
+    let target = place.canonicalize().map_err(reading)?;
+    let _lock = WriterLock::acquire(place)?;
+    // What must not be written is not replaced either.
+    OpenOptions::new().write(true).open(&target).map_err(writing)?;
+    let mut copy = temporary_file(&target, ".tmp").map_err(writing)?;
+    let mut original = input::open(&target).map_err(reading)?;
+    io::copy(&mut original, copy.as_file_mut()).map_err(writing)?;
+    let copy = copy.into_temp_path();
+    let changed = change(&copy).map_err(|error| match (error.kind(), error.path() == Some(&*copy)) {
+        // Nobody knows the copy.
+        (ErrorKind::Io, true) => {
+            let why = error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
+            let sentence = format!("cannot write {}: {why}; nothing was written", place.display());
+            Error::new(ErrorKind::Io, sentence).with_path(place)
+        }
+        _ => error,
+    })?;
+    let permissions = original.metadata().map_err(reading)?.permissions();
+    fs::set_permissions(&copy, permissions).map_err(writing)?;
+    persist(copy, &target, true)?;
     Ok(changed)
 }
 

@@ -291,8 +291,8 @@ impl<'a> Baker<'a> {
         Self { tile: texels, ..self }
     }
 
-    /// How large triangles are cut first; by default [automatically](LongestEdge::Automatic). They stay whole for [closures](Source::function)
-    /// and looks with baked light unless this is called, and for [custom](Source::custom) sources, which may know the triangles, in any case.
+    /// How large triangles are cut first; by default [automatically](LongestEdge::Automatic). They stay whole for [closures](Source::function),
+    /// [custom](Source::custom) sources, which are asked for points of the cut triangles then, and looks with baked light unless this is called.
     pub fn longest_edge(self, longest_edge: LongestEdge) -> Self {
         Self { longest_edge: Some(longest_edge), ..self }
     }
@@ -370,12 +370,13 @@ impl<'a> Baker<'a> {
     ///
     /// # Errors
     /// As [`write`](Self::write) and [`export_source`](fantex_export::export_source). [`overwrite`](Self::overwrite) and
-    /// [`memory`](Self::memory) are those of the options.
+    /// [`memory`](Self::memory) are those of the options; [`strict`](Self::strict) is what either of the two says.
     #[cfg(feature = "export")]
     pub fn write_model(self, path: impl AsRef<Path>, options: &ExportOptions<'_>) -> Result<Baked> {
         fantex_export::check_export(path.as_ref(), options)?;
-        let baker = self.overwrite(options.force).strict(options.strict).memory(options.memory_bytes);
-        baker.reach(&Goal::Model(path.as_ref(), options))
+        let strict = options.strict || self.options.strict;
+        let baker = self.overwrite(options.force).strict(strict).memory(options.memory_bytes);
+        baker.reach(&Goal::Model(path.as_ref(), &ExportOptions { strict, ..options.clone() }))
     }
 
     fn reach(self, goal: &Goal<'_>) -> Result<Baked> {
@@ -426,7 +427,7 @@ impl<'a> Baker<'a> {
                 let look = LookBake::new(&resolver, &mut mesh, model.path())?;
                 // Light starts from the smooth surface that large triangles stand for; pieces of them say less of it.
                 let cuts = match look.has_light() {
-                    true => self.longest_edge.unwrap_or(LongestEdge::Texels(0)),
+                    true => self.asked_cuts(),
                     false => self.cuts(goal),
                 };
                 let mesh = self.refined(&mesh, cuts, None);
@@ -446,11 +447,14 @@ impl<'a> Baker<'a> {
                 let mesh = self.refined(model, self.cuts(goal), None);
                 self.photographs(mesh.into_owned(), photos, goal)
             }
-            // Whoever wrote such a source knows the triangles.
-            Kind::Custom(source) => self.bake(model, *source, None, goal),
+            // Such a source may know the triangles.
+            Kind::Custom(source) => {
+                let mesh = self.refined(model, self.asked_cuts(), None);
+                self.bake(&without_textures(&mesh), *source, None, goal)
+            }
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
                 let cuts = match kind {
-                    Kind::Function(_) => self.longest_edge.unwrap_or(LongestEdge::Texels(0)),
+                    Kind::Function(_) => self.asked_cuts(),
                     _ => self.cuts(goal),
                 };
                 let mesh = self.refined(model, cuts, None);
@@ -640,6 +644,11 @@ impl<'a> Baker<'a> {
     /// How large triangles are cut, where the source has no wish of its own.
     fn cuts(&self, goal: &Goal<'_>) -> LongestEdge {
         self.longest_edge.unwrap_or(goal.default_cuts())
+    }
+
+    /// How large triangles are cut, where they stay whole by default.
+    fn asked_cuts(&self) -> LongestEdge {
+        self.longest_edge.unwrap_or(LongestEdge::Texels(0))
     }
 
     /// A mesh with its triangles cut. `own_density` as in [`bake`](Self::bake).

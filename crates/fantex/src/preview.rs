@@ -117,6 +117,9 @@ impl Preview {
     fn add_to_watched(path: &Path, options: &PreviewOptions, progress: &dyn Progress) -> Result<Self> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let preview = Self::of_watched(editor.asset(), options, progress)?;
+        if progress.is_cancelled() {
+            return Err(Error::cancelled("the preview was cancelled"));
+        }
         preview.attach(&mut editor)?;
         Ok(preview)
     }

@@ -2,12 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
-use fantex::LongestEdge;
+use fantex::bake::{Prefilter, Source as BakeSource, TexelPoint};
+use fantex::{Baker, LongestEdge, Source};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_mesh::generate::{cube, grid, icosphere, torus, uv_sphere};
 use fantex_mesh::{Mesh, Model};
 use fantex_test::cleaned;
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 
 const TEXELS: u64 = 1_000_000;
 
@@ -136,4 +137,28 @@ fn nothing_is_cut_where_there_is_one_fan_per_tile_or_where_that_was_asked_for() 
     }
     let cut = LongestEdge::Texels(64).refined(&mesh, &TexelBudget::Total(TEXELS), 1024).into_owned();
     assert!(cut.triangles.len() > 100);
+}
+
+struct Grey;
+
+impl BakeSource for Grey {
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        values[0] = point.position.abs().extend(1.0);
+    }
+}
+
+#[test]
+fn custom_sources_keep_the_triangles_unless_cuts_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = fantex::Mesh::from_model(cube(1), "cube").unwrap();
+    let baker = || Baker::new(&mesh).texels(100_000).source(Source::custom(&Grey)).overwrite(true);
+    let path = folder.path().join("cube.fan");
+    let whole = baker().write(&path).unwrap();
+    assert_eq!(whole.triangles, mesh.triangles.len() as u64);
+    let cut = baker().longest_edge(LongestEdge::Texels(32)).write(&path).unwrap();
+    assert!(cut.triangles > 100, "{}", cut.triangles);
 }

@@ -53,6 +53,18 @@ class Fans(NamedTuple):
     scales: Dict[str, float]
 
 
+class Material(NamedTuple):
+    """What an asset says of a material beside its texels."""
+
+    #: Its name in the model, or empty.
+    name: str
+    #: What it makes of the opacity of the base colour: ``"opaque"``, nothing; ``"cut-out"``, what has less than the threshold is not there;
+    #: ``"blend"``, what lies behind is seen through it.
+    alpha: str
+    #: Of cut-outs, usually 0..1; None for others.
+    threshold: Optional[float]
+
+
 class Asset:
     """A baked asset, open for reading: until :meth:`close`, the end of a ``with`` block, or as long as there is a reference. Any
     number of threads may use it. Sent to another process, it is opened there again, under the same path.
@@ -142,6 +154,16 @@ class Asset:
     def channels(self) -> List[str]:
         """Names of the channels, such as ``base-color``."""
         return self._native.channels
+
+    @property
+    def materials(self) -> List[Material]:
+        """The materials, at least one; :attr:`face_materials` counts in them."""
+        return [Material(*parts) for parts in self._native.materials]
+
+    @property
+    def face_materials(self) -> np.ndarray:
+        """``(m,)`` uint32: which of :attr:`materials` each face has."""
+        return self._native.face_materials
 
     @property
     def info(self) -> dict:
@@ -383,16 +405,29 @@ class Asset:
         return _written(self._native.export_fans(os.fsdecode(path), options, progress))
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
-        """A ``trimesh.Trimesh`` with an atlas; needs trimesh and Pillow."""
+        """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow. Where some of the asset's :attr:`materials` blend, that
+        one does, else it is cut out where some are."""
         import trimesh
         from PIL import Image
 
         vmapping, faces, uvs, images = self.atlas(resolution)
-        maps = {"base-color": "baseColorTexture", "orm": "metallicRoughnessTexture", "normal": "normalTexture"}
+        maps = {
+            "base-color": "baseColorTexture",
+            "orm": "metallicRoughnessTexture",
+            "normal": "normalTexture",
+            "emission": "emissiveTexture",
+        }
         textures = {maps[name]: Image.fromarray(np.asarray(image)) for name, image in images.items() if name in maps}
         material = trimesh.visual.material.PBRMaterial(**textures)
         if "metallicRoughnessTexture" not in textures:
             material.metallicFactor, material.roughnessFactor = 0.0, 1.0
+        if "emissiveTexture" in textures:
+            material.emissiveFactor = (1.0, 1.0, 1.0)
+        cut_outs = [used.threshold for used in self.materials if used.alpha == "cut-out"]
+        if any(used.alpha == "blend" for used in self.materials):
+            material.alphaMode = "BLEND"
+        elif cut_outs:
+            material.alphaMode, material.alphaCutoff = "MASK", cut_outs[0]
         visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
         return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
 
@@ -460,6 +495,9 @@ class Asset:
 
         Returns:
             Numbers of ``strokes``, ``dabs`` and changed ``pages``, and of strokes of another asset that were ``unrecorded`` and are missing.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C, when all strokes are painted; none of them is kept.
         """
         options = {
             "history": history,

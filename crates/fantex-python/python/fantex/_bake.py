@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _native
 from ._asset import Asset, _atlas_options
-from ._given import PATHS, Path, absolute, amount, whole
+from ._given import PATHS, Path, absolute, amount, number, vector, whole
 from ._mesh import Mesh, Progress, _linear_rgba, _plain
 
 Function = Callable[[np.ndarray, np.ndarray], Any]
@@ -71,6 +71,7 @@ def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
     """Another, more detailed mesh: its materials or colours, and its normals. An :class:`Asset`, or the path or URL of one, gives all
     its channels. ``cage``: how far its surface is looked for, world units; measured where it is not given."""
     is_path = isinstance(other, PATHS)
+    cage = None if cage is None else number(cage, "cage")
     if is_path and _native.kind(os.fsdecode(other)) == "asset":
         other = Asset(other)
     if isinstance(other, Asset):
@@ -101,9 +102,9 @@ def photos(
         "photos",
         path=os.fsdecode(path),
         images=None if images is None else os.fsdecode(images),
-        original_frame=original_frame,
-        keep_exposure=keep_exposure,
-        unseen=unseen,
+        original_frame=bool(original_frame),
+        keep_exposure=bool(keep_exposure),
+        unseen=None if unseen is None else tuple(vector(unseen, "unseen")),
     )
 
 
@@ -140,8 +141,8 @@ def bake(
         density: texels per world unit of length, instead.
         match: every triangle gets the density of its texture or photograph, instead.
         source: one of this package's sources, or a function of ``points`` ``(n, 3)`` float64 in the world and ``normals``
-            ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``: linear floats or sRGB ``uint8``. It is called from
-            several threads, with blocks of points. By default the model's own materials or colours.
+            ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``, greys ``(n,)``, or one colour for all: linear floats or
+            sRGB ``uint8``. It is called from several threads, with blocks of points. By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
             textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
@@ -251,8 +252,11 @@ def _options(**given: Any) -> Dict[str, Any]:
     if len(asked) > 1:
         raise ValueError(f"{asked[0]} and {asked[1]} both say how many texels there are; give one of them")
     texels, tile, edge = given["texels"], given["tile"], given["longest_edge"]
+    density = given["density"]
     return {
         **given,
+        "density": None if density is None else number(density, "density"),
+        "match": bool(given["match"]),
         "texels": None if texels is None else amount(texels, "texels"),
         "tile": None if tile is None else whole(tile, "tile"),
         "longest_edge": edge if edge is None or isinstance(edge, str) else whole(edge, "longest_edge"),
@@ -271,8 +275,20 @@ def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> An
             parts[key] = parts[key]._native
         return source._name, parts
     if callable(source):
-        function = source
-        return lambda points, normals: _linear_rgba(
-            _plain(function(points, normals)), len(points), "the source's result"
-        )
+        return _colors_of(source)
     raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
+
+
+def _colors_of(function: Function) -> Function:
+    """A function that gives linear RGBA, a row per point."""
+
+    def colors(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        count = len(points)
+        given = _plain(function(points, normals))
+        if given.ndim == 1 and len(given) == count and count in (3, 4):
+            # Greys, or one colour for all: more points tell.
+            more = _plain(function(np.tile(points, (2, 1)), np.tile(normals, (2, 1))))
+            given = given[None, :] if len(more) == count else given[:, None]
+        return _linear_rgba(given, count, "the source's result")
+
+    return colors

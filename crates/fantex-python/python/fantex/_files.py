@@ -165,7 +165,7 @@ def upload(file: Path, address: Path, *, overwrite: bool = False, progress: Opti
         Error: the world's assets are not named as those of a split.
         KeyboardInterrupt: Ctrl-C; nothing is there that was not there before.
     """
-    _, _, notes = _native.upload(os.fspath(file), os.fspath(address), overwrite, progress)
+    _, _, notes = _native.upload(os.fsdecode(file), os.fsdecode(address), overwrite, progress)
     _warn(notes, 3)
 
 

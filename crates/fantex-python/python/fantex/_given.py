@@ -17,11 +17,20 @@ Path = Union[str, bytes, os.PathLike]
 PATHS = (str, bytes, os.PathLike)
 
 
+class _ErrorPath:
+    """The file, or None."""
+
+    def __get__(self, error: Any, kind: Any = None) -> Any:
+        # Errors that are about a file have an attribute of their own, which comes first.
+        return self if error is None else None
+
+
+_native.Error.path = _ErrorPath()
+
+
 def failed(sentence: str) -> _native.Error:
     """An error that is about no file."""
-    error = _native.Error(sentence)
-    error.path = None
-    return error
+    return _native.Error(sentence)
 
 
 def is_address(place: str) -> bool:
@@ -49,6 +58,13 @@ def whole(value: Any, name: str, most: int = (1 << 32) - 1) -> int:
     if number > most:
         raise ValueError(f"{name} is {value}; expected at most {most}")
     return number
+
+
+def number(value: Any, name: str) -> float:
+    """A number of whatever type, as Python's own."""
+    if isinstance(value, (str, bytes, bytearray)):
+        raise TypeError(f"{name} is of type {type(value).__name__}; expected a number")
+    return float(value)
 
 
 def amount(value: Any, name: str) -> int:

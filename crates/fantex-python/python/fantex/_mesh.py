@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _native
 from ._given import PATHS, Path, amount, whole
-from ._picture import Camera, Picture, _srgb8, _taken, _view
+from ._picture import Camera, Picture, _linear, _srgb8, _taken, _view
 
 Progress = Callable[[int, int], Any]
 
@@ -130,8 +130,8 @@ class Mesh:
     @classmethod
     def of(cls, mesh: Any) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
-        ``faces``, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture; of
-        Open3D colours of vertices."""
+        ``faces``, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture and
+        factor, or the factor alone; of Open3D colours of vertices."""
         if isinstance(mesh, Mesh):
             return mesh
         if isinstance(mesh, PATHS):
@@ -266,15 +266,38 @@ def _srgb_floats(colors: np.ndarray) -> np.ndarray:
 def _visual(mesh: Any) -> dict:
     """Colours of vertices, or coordinates and a picture, of a mesh of trimesh."""
     visual = getattr(mesh, "visual", None)
+    if getattr(visual, "kind", None) == "vertex":
+        return {"colors": np.asarray(visual.vertex_colors)}
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)
     picture = getattr(material, "baseColorTexture", None)
     picture = getattr(material, "image", None) if picture is None else picture
-    if uv is not None and picture is not None:
-        return {"uv": uv, "image": picture}
-    if getattr(visual, "kind", None) == "vertex":
-        return {"colors": np.asarray(visual.vertex_colors)}
-    return {}
+    factor = _factor(material)
+    if uv is None or picture is None:
+        return {} if factor is None else {"colors": np.tile(factor, (len(mesh.vertices), 1))}
+    if factor is not None and (factor != 1).any():
+        picture = _plain(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
+        colors = _linear(picture, "the texture")
+        picture = np.ones((*colors.shape[:2], 4), np.float32)
+        has_alpha = colors.shape[2] in (2, 4)
+        picture[..., :3] = colors[..., : colors.shape[2] - has_alpha]
+        if has_alpha:
+            picture[..., 3] = colors[..., -1]
+        picture *= factor
+    return {"uv": uv, "image": picture}
+
+
+def _factor(material: Any) -> Optional[np.ndarray]:
+    """The colour of a material of trimesh, linear RGBA; None where it has none."""
+    factor = getattr(material, "baseColorFactor", None)
+    if factor is not None:
+        # glTF's numbers, in 255ths.
+        return np.asarray(factor, np.float32) / np.float32(255)
+    diffuse = getattr(material, "diffuse", None)
+    # trimesh's own grey stands for none.
+    if diffuse is None or np.array_equal(diffuse, (102, 102, 102, 255)):
+        return None
+    return _linear_rgba(np.asarray(diffuse, np.uint8), 1, "the material's colour")[0]
 
 
 class Unwrapping(tuple):

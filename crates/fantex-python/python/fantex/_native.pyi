@@ -59,6 +59,9 @@ class Asset:
     positions: Doubles
     faces: Indices
     channels: List[str]
+    # Name, alpha, threshold.
+    materials: List[Tuple[str, str, Optional[float]]]
+    face_materials: Indices
     def figures(self) -> Dict[str, Any]: ...
     def nearest(self, points: Doubles) -> Tuple[Indices, Floats, Doubles]: ...
     def sample(

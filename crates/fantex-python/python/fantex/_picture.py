@@ -67,6 +67,8 @@ def _view(
     transparent: bool = False,
 ) -> Dict[str, Any]:
     """A picture to be taken, as the compiled part takes it."""
+    if environment is None and (environment_strength, environment_rotation) != (1.0, 0.0):
+        raise ValueError("environment_strength and environment_rotation are those of an environment; give environment=")
     view = None
     if camera is not None:
         if not isinstance(camera, Camera):
@@ -130,11 +132,15 @@ def compare_pictures(reference: Any, test: Any, *, counts: Any = None) -> Dict[s
     Returns:
         ``psnr_db``, decibels, infinite for equal pictures; ``ssim``, at most 1; ``flip``, 0 for equal pictures to 1.
     """
+    reference, test = _linear(reference, "reference"), _linear(test, "test")
     if counts is not None:
-        counts = np.ascontiguousarray(counts, np.bool_)
-        if counts.ndim != 2:
-            raise ValueError(f"counts has the shape {counts.shape}; expected (h, w)")
-    found = _native.compare_pictures(_linear(reference, "reference"), _linear(test, "test"), counts)
+        counts = np.asarray(counts)
+        if counts.dtype != np.bool_:
+            raise TypeError(f"counts holds {counts.dtype}; expected bool")
+        if counts.shape != reference.shape[:2]:
+            raise ValueError(f"counts has the shape {counts.shape}; expected that of the pictures, {reference.shape[:2]}")
+        counts = np.ascontiguousarray(counts)
+    found = _native.compare_pictures(reference, test, counts)
     return dict(zip(("psnr_db", "ssim", "flip"), found))
 
 

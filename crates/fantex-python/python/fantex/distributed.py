@@ -219,6 +219,9 @@ def _part(
             f"a worker does not see {plan_path}; workers and caller need a folder that all of them see (folder=)"
         )
     looked, pause = time.monotonic(), 10 if is_address(plan_path) else 1
+    raised: List[BaseException] = []
+    if source is not None and not isinstance(source, Source):
+        source = _listening(source, raised)
 
     def is_wanted(done: int, total: int) -> None:
         # The caller removes the plan when it gives up; tasks that run already end here.
@@ -236,6 +239,9 @@ def _part(
             # Nobody else would remove it.
             _native.remove_object(path)
     except _LASTING as error:
+        # A function may fare better the next time, whatever it raises.
+        if any(error is own for own in raised):
+            raise
         return error
     except (Exception, KeyboardInterrupt, SystemExit):
         raise
@@ -243,6 +249,19 @@ def _part(
         # A panic of the compiled part is no Exception, and would end the worker's thread without an answer.
         return failed(f"part {shard[0]} of {shard[1]} failed inside: {error}")
     return None
+
+
+def _listening(function: Function, raised: List[BaseException]) -> Function:
+    """The function, with a list of what it raises."""
+
+    def listening(points: Any, normals: Any) -> Any:
+        try:
+            return function(points, normals)
+        except Exception as error:
+            raised.append(error)
+            raise
+
+    return listening
 
 
 def _workers(client: Any) -> int:
