@@ -41,7 +41,7 @@ def object_of(session_uid):
 
 
 def default_folder():
-    """Where assets go: beside the .blend file, or where the user has documents. Blender removes its own temporary folder at its end."""
+    """Where assets go: beside the .blend file, or among the documents. Blender empties its temporary folder when it ends."""
     if bpy.data.filepath:
         return os.path.dirname(bpy.data.filepath)
     home = os.path.expanduser("~")
@@ -141,6 +141,8 @@ class FANTEX_OT_bake(bpy.types.Operator):
     look: StringProperty(name="Look", subtype="FILE_PATH")
     million_texels: FloatProperty(name="Million Texels", default=4.0, min=0.001, soft_max=1000.0)
 
+    _bake = None
+
     @classmethod
     def poll(cls, context):
         return context.object is not None and context.object.type == "MESH"
@@ -198,9 +200,10 @@ class FANTEX_OT_bake(bpy.types.Operator):
         return self.finish(context, bake, object_of(self._original))
 
     def cancel(self, context):
-        """Blender drops the operator."""
-        self._bake.is_cancelled = True
-        context.window_manager.progress_end()
+        """Blender drops the operator, or its dialog is closed."""
+        if self._bake is not None:
+            self._bake.is_cancelled = True
+            context.window_manager.progress_end()
 
     def finish(self, context, bake, original):
         if isinstance(bake.error, Cancelled):

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import time
+import types
 from pathlib import Path
 
 import numpy as np
@@ -581,15 +582,30 @@ def test_reload_leaves_what_is_the_users(tmp_path, extension):
     assert len([mesh for mesh in bpy.data.meshes if "fantex_sheets" in mesh]) == 1
     image, = extension.fans.made_images(material)
     assert (pixels(image) != before).any()
-    # Packed again: the file has the new pixels.
-    image.reload()
-    assert (pixels(image) != before).any()
-
     # In the place of the material made here.
     item.data.materials[0] = gold
     assert bpy.ops.fantex.reload() == {"FINISHED"}
     assert list(item.data.materials) == [gold, gold, empty, plain]
-    assert {"gold", "empty", "plain"} <= set(bpy.data.materials.keys())
+    # Out of all slots.
+    item.data.materials.clear()
+    extension.fans.remove_unused(gold)
+    extension.fans.remove_unused(material)
+    assert set(bpy.data.materials.keys()) == {"red", "gold", "empty", "plain"}
+
+
+def test_files_have_what_was_reloaded(tmp_path, extension):
+    red_cube()
+    item = bake(tmp_path / "a.fan")
+    name = extension.fans.made_images(item.data.materials[0])[0].name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    before = pixels(bpy.data.images[name])
+    paint_blue(tmp_path / "a.fan")
+    assert bpy.ops.fantex.reload() == {"FINISHED"}
+    painted = pixels(bpy.data.images[name])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert (painted != before).any()
+    np.testing.assert_array_equal(pixels(bpy.data.images[name]), painted)
 
 
 def test_reload_of_another_layout_makes_materials_anew(tmp_path, extension):
@@ -661,6 +677,12 @@ def test_escape_at_the_very_end_is_too_late(tmp_path, extension, monkeypatch):
     assert (tmp_path / "a.fan").exists()
 
 
+def test_dialogs_may_be_closed(extension):
+    """Blender then calls ``cancel``, without a bake."""
+    operator = types.SimpleNamespace(_bake=extension.FANTEX_OT_bake._bake)
+    extension.FANTEX_OT_bake.cancel(operator, bpy.context)
+
+
 def test_cut_outs_have_an_edge(tmp_path, extension):
     positions, faces = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), [[0, 1, 2], [0, 2, 3]]
     # Alpha is x.
@@ -669,7 +691,7 @@ def test_cut_outs_have_an_edge(tmp_path, extension):
     look = tmp_path / "look.toml"
     look.write_text('[textures.own]\nkind = "vertex_color"\n[materials.all]\nbase_color = "own"\nopacity = "blend"\n')
     asset = fantex.bake(mesh, tmp_path / "a.fan", texels=20000, source=fantex.look(look))
-    for alpha, expected in (("blend", [0.25, 0.75]), ("cut-out", [0.0, 1.0])):
+    for alpha, expected in (("cut-out", [0.0, 1.0]), ("blend", [0.25, 0.75])):
         asset.paint(alpha=alpha)
         bpy.ops.wm.read_factory_settings(use_empty=True)
         item = extension.fans.build_object(asset, asset.fan_attributes(), "model", False)
@@ -682,6 +704,11 @@ def test_cut_outs_have_an_edge(tmp_path, extension):
             at = (faces_hit >= 0) & (np.abs(places[..., 0] - x) < 0.05)
             assert at.sum() > 20
             np.testing.assert_allclose(picture[at][:, 0], value, atol=0.07)
+    # As cut-outs again, in the place of blends.
+    asset.paint(alpha="cut-out")
+    extension.fans.rebuild(item, asset, asset.fan_attributes(), False)
+    group, = extension.fans.made_groups(item.data.materials[0])
+    assert any(node.type == "MATH" and node.operation == "LESS_THAN" for node in group.nodes)
     asset.paint(alpha="opaque")
     item = extension.fans.build_object(asset, asset.fan_attributes(), "model", False)
     assert not item.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Alpha"].is_linked
