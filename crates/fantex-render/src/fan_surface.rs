@@ -101,6 +101,7 @@ impl<S: TileSource> FanSurface<S> {
             roughness,
             metallic,
             emission: emission.truncate().max(Vec3::ZERO),
+            mirrored: Vec3::ZERO,
             unlit: material.unlit,
             lookups: values.lookups,
         }

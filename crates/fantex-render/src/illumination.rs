@@ -1,12 +1,14 @@
 //! From the lamps of a scene to the light that arrives at a point.
 
+use fantex_base::Result;
 use fantex_mesh::Mesh;
 use fantex_scene::{
     AmbientLight, Cookie, Falloff, LampView, Light, LightKind, Lights, Projector, SpotLight, projector_view,
 };
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::shadow::{Receiver, ShadowMaps};
+use crate::primitive::reserve_drawing;
+use crate::shadow::{Receiver, ShadowMaps, ShadowPlan};
 use crate::surface::face_normal;
 use crate::{Hit, Lens, RenderOptions, Surface};
 
@@ -94,32 +96,39 @@ pub(crate) struct Incoming {
 }
 
 impl<'a> PreparedLights<'a> {
-    /// Prepares lights that passed [`Lights::check`] for a mesh and draws their shadow maps; prepares no lamps for pictures
-    /// that show no light.
+    /// Prepares lights that passed [`check_lamps`](crate::render::check_lamps) for a mesh and draws their shadow maps; prepares no
+    /// lamps for pictures that show no light.
+    ///
+    /// # Errors
+    /// Shadow maps take more memory than is left.
     pub(crate) fn new(
         lights: &'a Lights,
         mesh: &Mesh,
         surface: &dyn Surface,
         options: &RenderOptions,
-    ) -> Self {
-        let lamp = |light: &'a Light| Lamp {
+    ) -> Result<Self> {
+        let shining = if options.shading.is_lit() { &lights.lamps[..] } else { &[] };
+        // What is too large is refused before the first map is drawn.
+        let plan = |(index, light)| ShadowPlan::new(index, light, mesh, surface);
+        let plans = shining.iter().enumerate().map(plan).collect::<Result<Vec<_>>>()?;
+        let _drawing = plans.iter().any(Option::is_some).then(|| reserve_drawing(mesh)).transpose()?;
+        let lamp = |(light, plan): (&'a Light, Option<ShadowPlan>)| Lamp {
             source: Source::new(&light.kind, mesh),
             color: light.color,
-            shadow: ShadowMaps::draw(light, mesh, surface),
+            shadow: plan.map(|plan| plan.draw(mesh, surface)),
         };
-        let shining = if options.shading.is_lit() { &lights.lamps[..] } else { &[] };
-        let lamps: Vec<Lamp> = shining.iter().map(lamp).collect();
+        let lamps: Vec<Lamp> = shining.iter().zip(plans).map(lamp).collect();
         let is_local =
             |lamp: &Lamp| lamp.shadow.is_some() || !matches!(lamp.source, Source::Directional { .. });
         let is_plain = lights.ambient.environment.is_none();
-        Self {
+        Ok(Self {
             ambient: &lights.ambient,
             distant: if is_plain { lamps.iter().map(DistantLamp::of).collect() } else { None },
             are_local: lamps.iter().any(is_local),
             lamps,
             world_per_mesh: mesh.world_from_mesh.scale as f32,
             time: options.time,
-        }
+        })
     }
 
     /// The lamps, if all are infinitely far away and cast no shadow, and the surroundings are two colours: then the light is

@@ -123,6 +123,7 @@ impl ImageSurface<'_> {
             roughness: surface.y,
             metallic: surface.z,
             emission: emission(material, or_white(texels.emission)).max(Vec3::ZERO),
+            mirrored: Vec3::ZERO,
             unlit: material.unlit,
             lookups: textures.layers().count() as u32,
         }

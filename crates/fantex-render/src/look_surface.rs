@@ -186,6 +186,7 @@ impl<'a> TextureSurface<'a> {
             roughness: slots.roughness.x.clamp(0.0, 1.0),
             metallic: slots.metallic.x.clamp(0.0, 1.0),
             emission: color(slots.emission),
+            mirrored: Vec3::ZERO,
             unlit: false,
             lookups: material.textures().count() as u32,
         };

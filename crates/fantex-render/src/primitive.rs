@@ -1,5 +1,7 @@
 //! Triangles made ready for the rasteriser, and their distribution over the picture's tiles.
 
+use fantex_base::Result;
+use fantex_base::input::{self, Held};
 use fantex_mesh::Mesh;
 use fantex_scene::Projection;
 use glam::{DVec2, DVec3};
@@ -10,8 +12,8 @@ use crate::surface::{Coverage, Surface};
 
 pub(crate) const TILE: u32 = 32;
 
-/// Triangles per unit of parallel work. Fixed, so that the work is cut the same way on any number of threads.
-pub(crate) const CHUNK: usize = 16 * 1024;
+/// Triangles per unit of parallel work, at least.
+const MIN_CHUNK: usize = 16 * 1024;
 
 /// A triangle on the screen: corners run clockwise (y down), the area is not zero.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +52,12 @@ impl TileGrid {
 
     pub(crate) fn len(&self) -> usize {
         (self.columns() * self.size[1].div_ceil(TILE)) as usize
+    }
+
+    /// Triangles per unit of parallel work: so many that a chunk's tables of tiles are smaller than its primitives. The same on
+    /// any number of threads.
+    pub(crate) fn chunk_len(&self) -> usize {
+        MIN_CHUNK.max(self.len())
     }
 
     pub(crate) fn rect(&self, tile: usize) -> [[u32; 2]; 2] {
@@ -200,10 +208,11 @@ pub(crate) fn prepare(
         .map(|&p| ScreenVertex::new(projection.project(p), projection.near))
         .collect();
     let setup = Setup { mesh, vertices: &vertices, surface, projection, grid, pattern };
-    (0..mesh.triangles.len().div_ceil(CHUNK))
+    let chunk_len = grid.chunk_len();
+    (0..mesh.triangles.len().div_ceil(chunk_len))
         .into_par_iter()
         .map(|chunk| {
-            let range = chunk * CHUNK..mesh.triangles.len().min((chunk + 1) * CHUNK);
+            let range = chunk * chunk_len..mesh.triangles.len().min((chunk + 1) * chunk_len);
             let mut pieces = Pieces::default();
             range.for_each(|triangle| setup.add(triangle, &mut pieces));
             Chunk::of_pieces(pieces, grid)
@@ -233,6 +242,15 @@ impl ScreenVertex {
 /// a list that grows by doubling, and its number in a tile.
 pub const DRAWN_TRIANGLE_BYTES: u64 =
     (size_of::<ScreenVertex>() / 2 + 2 * size_of::<Primitive>() + size_of::<u32>()) as u64;
+
+/// Counts what drawing a mesh takes, as long as it is drawn.
+///
+/// # Errors
+/// There is not enough memory left.
+pub(crate) fn reserve_drawing(mesh: &Mesh) -> Result<Held> {
+    let count = mesh.triangles.len() as u64;
+    input::reserve(format_args!("a picture of {count} triangles"), DRAWN_TRIANGLE_BYTES * count)
+}
 
 /// Points up to here need no clipping, in pixels from the picture's corner: well inside the guard band.
 const PLAIN: f64 = 0.25 * GUARD_BAND;
@@ -519,6 +537,16 @@ mod tests {
         let pixels: u32 = (0..grid.len()).map(|t| grid.rect(t)[1]).map(|[w, h]| w * h).sum();
         assert_eq!(pixels, 100 * 37);
         assert_eq!(grid.rect(grid.len() - 1), [[96, 32], [4, 5]]);
+    }
+
+    #[test]
+    fn tables_of_tiles_take_less_than_primitives() {
+        for side in [1, 100, 1280, 16_384] {
+            let grid = TileGrid { size: [side; 2] };
+            // Starts of primitives and of dots, and the copies that are there while they are sorted.
+            let tables = 4 * size_of::<u32>() * (grid.len() + 1);
+            assert!(tables < grid.chunk_len() * size_of::<Primitive>(), "{side}");
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Coverage and visibility of one tile: which triangle is seen by which sample.
 //!
 //! Opaque triangles compete in a visibility buffer of one (nearness, triangle) pair per sample. Triangles that let
-//! something through become fragments, kept where nothing opaque hides them and composited later.
+//! something through become fragments where nothing opaque hides them. However many layers there are, fragments take little
+//! memory: where they are many, they are made and composited for one part of the tile after the other.
 
 use glam::Vec2;
 
@@ -61,20 +62,16 @@ pub(crate) struct TileSamples<'a> {
     /// Per pixel and sample: nearness and triangle.
     nearness: Vec<f32>,
     triangles: Vec<u32>,
-    fragments: Vec<Fragment>,
 }
+
+/// Most pieces of layered triangles that are composited together; more only where they lie in one pixel.
+pub(crate) const MAX_LAYERED: usize = 16 * 1024;
 
 impl<'a> TileSamples<'a> {
     /// An empty tile. `rect` is its first pixel and its extent, at most [`TILE`] each.
     pub(crate) fn new(pattern: &'a SamplePattern, rect: [[u32; 2]; 2]) -> Self {
         let count = (TILE * TILE) as usize * pattern.len();
-        Self {
-            pattern,
-            rect,
-            nearness: vec![0.0; count],
-            triangles: vec![NO_TRIANGLE; count],
-            fragments: Vec::new(),
-        }
+        Self { pattern, rect, nearness: vec![0.0; count], triangles: vec![NO_TRIANGLE; count] }
     }
 
     pub(crate) fn visible(&self, pixel: u32) -> &[u32] {
@@ -87,7 +84,7 @@ impl<'a> TileSamples<'a> {
         let (pattern, rect) = (self.pattern, self.rect);
         // Most small triangles lie between the samples.
         let mut plane = None;
-        for_each_covered(primitive, rect, pattern, |pixel, corner, mask| {
+        for_each_covered(primitive, rect[0], rect, pattern, |pixel, corner, mask| {
             let base = pixel as usize * pattern.len();
             let plane = *plane.get_or_insert_with(|| NearnessPlane::new(primitive));
             for s in bits(mask) {
@@ -109,52 +106,105 @@ impl<'a> TileSamples<'a> {
         }
     }
 
-    /// Enters a layered triangle, after all opaque ones.
-    pub(crate) fn add_layered(&mut self, primitive: &Primitive) {
-        let (pattern, rect) = (self.pattern, self.rect);
+    /// Calls `visit` with parts of the tile (first pixel and extent) that together are the tile, and with the fragments of layered
+    /// triangles there, ordered by pixel and then as the mesh's triangles are. To be called after all opaque triangles are
+    /// entered. `layered` lists the layered ones, and does so again for every part; there are several only where layers are many:
+    /// the sum of a part's `weight`s exceeds `most` in single pixels only.
+    pub(crate) fn for_each_part<'p, I: Iterator<Item = &'p Primitive>>(
+        &self,
+        layered: impl Fn() -> I,
+        weight: impl Fn(&Fragment) -> usize,
+        most: usize,
+        mut visit: impl FnMut([[u32; 2]; 2], &[Fragment]),
+    ) {
+        let (mut parts, mut fragments) = (vec![self.rect], Vec::new());
+        while let Some(part) = parts.pop() {
+            fragments.clear();
+            let halves = halves(part);
+            let most = if halves.is_some() { most } else { usize::MAX };
+            if !self.add_all(layered(), part, &weight, most, &mut fragments) {
+                parts.extend(halves.into_iter().flatten());
+                continue;
+            }
+            fragments.sort_by_key(|f| (f.pixel, f.triangle));
+            visit(part, &fragments);
+        }
+    }
+
+    /// Whether the fragments of all triangles in a part weigh `most` or less; otherwise some are missing.
+    fn add_all<'p>(
+        &self,
+        layered: impl Iterator<Item = &'p Primitive>,
+        part: [[u32; 2]; 2],
+        weight: impl Fn(&Fragment) -> usize,
+        most: usize,
+        fragments: &mut Vec<Fragment>,
+    ) -> bool {
+        let mut total = 0;
+        for primitive in layered {
+            let first = fragments.len();
+            self.add_layered(primitive, part, fragments);
+            total += fragments[first..].iter().map(&weight).sum::<usize>();
+            if total > most {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Appends the fragments of a layered triangle in a part of the tile.
+    fn add_layered(&self, primitive: &Primitive, part: [[u32; 2]; 2], fragments: &mut Vec<Fragment>) {
+        let pattern = self.pattern;
         let nearness = NearnessPlane::new(primitive);
-        for_each_covered(primitive, rect, pattern, |pixel, corner, mask| {
+        for_each_covered(primitive, self.rect[0], part, pattern, |pixel, corner, mask| {
             let base = pixel as usize * pattern.len();
             let in_front =
                 |s: &usize| nearness.at(offset(corner, pattern.offsets()[*s])) > self.nearness[base + s];
             let mask = bits(mask).filter(in_front).fold(0, |m, s| m | 1 << s);
             if mask != 0 {
-                self.fragments.push(Fragment { pixel, triangle: primitive.triangle, mask, nearness });
+                fragments.push(Fragment { pixel, triangle: primitive.triangle, mask, nearness });
             }
         });
     }
 
     /// The nearness that each sample sees, zero for the background: per pixel with stride [`TILE`], then per sample.
-    pub(crate) fn into_nearness(self) -> Vec<f32> {
-        self.nearness
+    pub(crate) fn nearness(&self) -> &[f32] {
+        &self.nearness
     }
+}
 
-    /// The fragments of layered triangles, ordered by pixel and then as the mesh's triangles are.
-    pub(crate) fn take_fragments(&mut self) -> Vec<Fragment> {
-        let mut fragments = std::mem::take(&mut self.fragments);
-        fragments.sort_by_key(|f| (f.pixel, f.triangle));
-        fragments
+/// The halves of a rectangle of pixels, across its longer side; none of a single pixel.
+fn halves([first, extent]: [[u32; 2]; 2]) -> Option<[[[u32; 2]; 2]; 2]> {
+    let axis = usize::from(extent[1] >= extent[0]);
+    if extent[axis] < 2 {
+        return None;
     }
+    let (mut low, mut high, mut middle) = (extent, extent, first);
+    low[axis] = extent[axis] / 2;
+    high[axis] -= low[axis];
+    middle[axis] += low[axis];
+    Some([[first, low], [middle, high]])
 }
 
 fn offset(corner: [i32; 2], by: [i32; 2]) -> [i32; 2] {
     [corner[0] + by[0], corner[1] + by[1]]
 }
 
-/// Calls `visit(pixel, corner, mask)` for every pixel of the tile with covered samples: its index in the tile, its top
-/// left corner in fixed point, and the samples.
+/// Calls `visit(pixel, corner, mask)` for every pixel with covered samples in a part of the tile that begins at `origin`: its
+/// index in the tile, its top left corner in fixed point, and the samples.
 fn for_each_covered(
     primitive: &Primitive,
-    [origin, extent]: [[u32; 2]; 2],
+    origin: [u32; 2],
+    [start, extent]: [[u32; 2]; 2],
     pattern: &SamplePattern,
     mut visit: impl FnMut(u32, [i32; 2], u64),
 ) {
     if let [offset] = pattern.offsets() {
-        return for_each_covered_once(primitive, [origin, extent], *offset, visit);
+        return for_each_covered_once(primitive, origin, [start, extent], *offset, visit);
     }
     let [low, high] = primitive.pixel_bounds();
-    let first: [i32; 2] = [0, 1].map(|i| low[i].max(origin[i] as i32));
-    let last: [i32; 2] = [0, 1].map(|i| high[i].min((origin[i] + extent[i]) as i32 - 1));
+    let first: [i32; 2] = [0, 1].map(|i| low[i].max(start[i] as i32));
+    let last: [i32; 2] = [0, 1].map(|i| high[i].min((start[i] + extent[i]) as i32 - 1));
     let [a, b, c] = primitive.corners;
     let coverage = PixelCoverage::new([Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)], pattern);
     for block_y in (first[1]..=last[1]).step_by(BLOCK as usize) {
@@ -184,23 +234,24 @@ fn for_each_covered(
 /// which of a small triangle's are none or one.
 fn for_each_covered_once(
     primitive: &Primitive,
-    [origin, extent]: [[u32; 2]; 2],
+    origin: [u32; 2],
+    [start, extent]: [[u32; 2]; 2],
     offset: [i32; 2],
     mut visit: impl FnMut(u32, [i32; 2], u64),
 ) {
     let [low, high] = primitive.bounds();
     let first: [i32; 2] = [0, 1].map(|i| (low[i] - offset[i] - 1).div_euclid(SUBPIXELS) + 1);
-    let first: [i32; 2] = [0, 1].map(|i| first[i].max(origin[i] as i32));
+    let first: [i32; 2] = [0, 1].map(|i| first[i].max(start[i] as i32));
     let last: [i32; 2] =
-        [0, 1].map(|i| (high[i] - offset[i]).div_euclid(SUBPIXELS).min((origin[i] + extent[i]) as i32 - 1));
+        [0, 1].map(|i| (high[i] - offset[i]).div_euclid(SUBPIXELS).min((start[i] + extent[i]) as i32 - 1));
     if first[0] > last[0] || first[1] > last[1] {
         return;
     }
     let [a, b, c] = primitive.corners;
     let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
     let step = i64::from(SUBPIXELS);
-    let start = [0, 1].map(|i| i64::from(first[i] * SUBPIXELS + offset[i]));
-    let mut row_values = edges.map(|e| e.at(start[0], start[1]));
+    let sample = [0, 1].map(|i| i64::from(first[i] * SUBPIXELS + offset[i]));
+    let mut row_values = edges.map(|e| e.at(sample[0], sample[1]));
     for y in first[1]..=last[1] {
         let mut values = row_values;
         for x in first[0]..=last[0] {
@@ -428,12 +479,62 @@ mod tests {
         let big = [[0, 0], [20_000, 0], [0, 20_000]];
         let mut tile = TileSamples::new(&pattern, WHOLE_TILE);
         tile.add_opaque(&primitive(big, [2.0; 3], 0));
-        tile.add_layered(&primitive(big, [1.0; 3], 1));
-        tile.add_layered(&primitive(big, [3.0; 3], 2));
-        let fragments = tile.take_fragments();
-        assert_eq!(fragments.len(), (TILE * TILE) as usize);
-        assert!(fragments.iter().all(|f| f.triangle == 2));
-        assert!(fragments.windows(2).all(|w| w[0].pixel < w[1].pixel));
+        let layers = [primitive(big, [1.0; 3], 1), primitive(big, [3.0; 3], 2)];
+        let mut parts = 0;
+        tile.for_each_part(
+            || layers.iter(),
+            |_| 1,
+            MAX_LAYERED,
+            |part, fragments| {
+                assert_eq!((part, fragments.len()), (WHOLE_TILE, (TILE * TILE) as usize));
+                assert!(fragments.iter().all(|f| f.triangle == 2));
+                assert!(fragments.windows(2).all(|w| w[0].pixel < w[1].pixel));
+                parts += 1;
+            },
+        );
+        assert_eq!(parts, 1);
+    }
+
+    #[test]
+    fn many_layers_are_taken_part_by_part() {
+        let big = [[0, 0], [20_000, 0], [0, 20_000]];
+        let corner = [[8, 8], [70 * SUBPIXELS, 8], [8, 8 * SUBPIXELS]];
+        for samples in [1, 4] {
+            let pattern = SamplePattern::new(samples);
+            let mut tile = TileSamples::new(&pattern, [[32, 64], [32, 21]]);
+            tile.add_opaque(&primitive(big, [1.5; 3], 0));
+            // In front of what is opaque and behind it, some large and some small.
+            let layers: Vec<Primitive> = (1..200)
+                .map(|i| primitive(if i % 3 == 0 { corner } else { big }, [(i % 7) as f32; 3], i))
+                .map(|p| Primitive { corners: p.corners.map(|[x, y]| [x, y + 60 * SUBPIXELS]), ..p })
+                .collect();
+            let collect = |most: usize| {
+                let (mut all, mut pixels, mut largest) = (Vec::new(), 0, 0);
+                let weight = |f: &Fragment| f.mask.count_ones() as usize;
+                tile.for_each_part(
+                    || layers.iter(),
+                    weight,
+                    most,
+                    |[_, extent], fragments| {
+                        pixels += extent[0] * extent[1];
+                        largest = largest.max(fragments.iter().map(weight).sum());
+                        all.extend(fragments.iter().map(|f| (f.pixel, f.triangle, f.mask)));
+                    },
+                );
+                assert_eq!(pixels, 32 * 21, "parts make up the tile");
+                all.sort_unstable();
+                (all, largest)
+            };
+            let (whole, total) = collect(usize::MAX);
+            assert!(total > 50_000, "{total}");
+            for most in [MAX_LAYERED, 2000] {
+                let (parts, largest) = collect(most);
+                assert!(largest <= most, "{largest} of at most {most}");
+                assert_eq!(parts, whole);
+            }
+            let in_one_pixel = collect(1);
+            assert_eq!(in_one_pixel.0, whole);
+        }
     }
 
     #[test]
@@ -456,7 +557,7 @@ mod tests {
         let pattern = SamplePattern::new(samples);
         assert!(crate::primitive::doubled_area(&corners) > 0);
         let mut masks = vec![0; (TILE * TILE) as usize];
-        for_each_covered(&primitive(corners, [1.0; 3], 0), WHOLE_TILE, &pattern, |p, _, m| {
+        for_each_covered(&primitive(corners, [1.0; 3], 0), [0; 2], WHOLE_TILE, &pattern, |p, _, m| {
             masks[p as usize] = m
         });
         let edges = [0, 1, 2].map(|i| Edge::new(corners[i], corners[(i + 1) % 3]));

@@ -1,15 +1,17 @@
 //! Environments rendered from the scene: six pictures from the middle of an object, which is left out of them
 //! (N. Greene, "Environment mapping and other applications of world projections", 1986).
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_scene::MirrorView;
 use fantex_texture::environment::{CubeFace, EnvironmentForm, EnvironmentMap, EnvironmentProxy};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 
+use crate::illumination::PreparedLights;
+use crate::render::{check_lamps, render_lit};
 use crate::{
     Background, Camera, Coverage, EnvironmentLight, Hit, Lights, MaterialSample, Picture, RenderOptions,
-    Shaded, SmoothPoint, Surface, render,
+    Shaded, SmoothPoint, Surface,
 };
 
 /// How an environment is taken.
@@ -43,13 +45,17 @@ pub fn cube_cameras(center: DVec3) -> [Camera; 6] {
 /// The cube of whatever `picture` shows the six [`cube_cameras`]: it must give square pictures of `side` pixels.
 ///
 /// # Errors
-/// What `picture` returns; or a picture has another size, or none.
+/// What `picture` returns; or a picture has another size, or none; or there is not enough [memory](input::memory_left) for the
+/// cube.
 pub fn capture_with(
     center: DVec3,
     side: u32,
     mut picture: impl FnMut(&Camera) -> Result<Picture>,
 ) -> Result<EnvironmentMap> {
-    let mut faces = Vec::with_capacity(6);
+    let face_texels = u64::from(side).saturating_mul(u64::from(side));
+    let what = format_args!("an environment of 6 faces of {side} x {side} texels");
+    let _held = input::reserve(what, face_texels.saturating_mul(6 * CUBE_TEXEL_BYTES))?;
+    let mut texels = Vec::with_capacity(6 * face_texels as usize);
     for camera in &cube_cameras(center) {
         let face = picture(camera)?;
         if face.width != side || face.height != side || side == 0 {
@@ -58,17 +64,14 @@ pub fn capture_with(
                 face.width, face.height
             )));
         }
-        faces.push(face);
+        // Texel middles are pixel middles: both cut the face's square evenly.
+        texels.extend(face.rgba.iter().map(|&[r, g, b, a]| Vec3A::new(r, g, b) * a));
     }
-    let form = EnvironmentForm::Cube;
-    // Texel middles are pixel middles: both cut the face's square evenly.
-    Ok(EnvironmentMap::from_function(form, side, |direction, _| {
-        let at = form.locate(direction);
-        let [x, y] = (at.uv * side as f32).to_array().map(|c| (c as u32).min(side - 1));
-        let [r, g, b, a] = faces[at.chart].pixel(x, y);
-        Vec3::new(r, g, b) * a
-    }))
+    Ok(EnvironmentMap::from_charts(EnvironmentForm::Cube, side, texels))
 }
+
+/// Memory for a texel of a cube that is captured: as it comes, and in the map.
+const CUBE_TEXEL_BYTES: u64 = 2 * size_of::<Vec3A>() as u64;
 
 /// What a mesh looks like from `center` (world space) without the triangles that are `hidden`: those of the object that
 /// will reflect it.
@@ -98,8 +101,11 @@ pub fn capture_environment(
         background: options.background,
         ..RenderOptions::default()
     };
+    check_lamps(lights)?;
+    // All faces show the same shadows.
+    let lights = PreparedLights::new(lights, &rest, &part, &render_options)?;
     capture_with(center, options.side, |camera| {
-        Ok(render(&rest, &part, camera, lights, &render_options)?.picture)
+        Ok(render_lit(&rest, &part, camera, &lights, &render_options)?.picture)
     })
 }
 
@@ -209,7 +215,7 @@ impl ReflectingSurface<'_> {
             return material;
         }
         let mirrored = self.mirrored(hit, &material);
-        MaterialSample { emission: material.emission + mirrored, lookups: material.lookups + 1, ..material }
+        MaterialSample { mirrored: material.mirrored + mirrored, lookups: material.lookups + 1, ..material }
     }
 }
 

@@ -4,12 +4,14 @@
 //!  PreparedLights: shadow maps             per lamp, parallel inside
 //!  prepare: project, clip, cull, bin       per chunk of triangles, parallel
 //!  TileSamples: coverage and visibility    per tile, parallel
-//!  Resolve: shade, composite, average      per tile: pieces of its pixels, many at once, then pixels
+//!  Resolve: shade, composite, average      per tile, or part of one with many layers: pieces of its pixels, many at once,
+//!                                          then pixels
 //! ```
 
 use std::time::{Duration, Instant};
 
-use fantex_base::{Error, Result, input};
+use fantex_base::input::{self, Held};
+use fantex_base::{Error, Result};
 use fantex_mesh::Mesh;
 use fantex_scene::{AmbientLight, Glow, Projection};
 use glam::{Vec2, Vec3, Vec4};
@@ -17,8 +19,8 @@ use rayon::prelude::*;
 
 use crate::hit::{HitFinder, Seen};
 use crate::illumination::PreparedLights;
-use crate::primitive::{Chunk, SUBPIXELS, TILE, TileGrid, prepare};
-use crate::raster::{Fragment, MAX_SAMPLES, NO_TRIANGLE, SamplePattern, TileSamples, bits};
+use crate::primitive::{Chunk, SUBPIXELS, TILE, TileGrid, prepare, reserve_drawing};
+use crate::raster::{Fragment, MAX_LAYERED, MAX_SAMPLES, NO_TRIANGLE, SamplePattern, TileSamples, bits};
 use crate::shading::evaluate_all;
 use crate::{Background, Camera, Interpolation, Lights, Picture, Shading, ShadingRate, Surface};
 
@@ -47,7 +49,8 @@ pub struct Rendering {
 /// Renders a mesh on the current rayon pool. The picture does not depend on the number of threads.
 ///
 /// # Errors
-/// An option is out of its range, or the camera or a lamp is none.
+/// An option is out of its range, or the camera or a lamp is none; the picture, the mesh or the shadows take more memory than
+/// is [left](input::memory_left) of the budget.
 pub fn render(
     mesh: &Mesh,
     surface: &dyn Surface,
@@ -55,11 +58,38 @@ pub fn render(
     lights: &Lights,
     options: &RenderOptions,
 ) -> Result<Rendering> {
-    options.check(camera)?;
-    if let Some((lamp, defect)) = lights.defect() {
-        return Err(Error::invalid(format!("cannot render with lamp {lamp} of the scene: {defect}")));
-    }
     let start = Instant::now();
+    // Before shadows are drawn, which takes long.
+    drop(options.check(camera)?);
+    check_lamps(lights)?;
+    let lights = PreparedLights::new(lights, mesh, surface, options)?;
+    let rendering = render_lit(mesh, surface, camera, &lights, options)?;
+    let stats = RenderStats { elapsed: start.elapsed(), ..rendering.stats };
+    Ok(Rendering { stats, ..rendering })
+}
+
+/// # Errors
+/// A lamp is none.
+pub(crate) fn check_lamps(lights: &Lights) -> Result<()> {
+    match lights.defect() {
+        Some((lamp, defect)) => {
+            Err(Error::invalid(format!("cannot render with lamp {lamp} of the scene: {defect}")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// As [`render`], with lights that were prepared for the same mesh, surface, shading and time.
+pub(crate) fn render_lit(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    lights: &PreparedLights<'_>,
+    options: &RenderOptions,
+) -> Result<Rendering> {
+    let _picture = options.check(camera)?;
+    let start = Instant::now();
+    let _triangles = reserve_drawing(mesh)?;
     let size = [options.width, options.height];
     let projection = Projection::new(camera, size, mesh);
     let grid = TileGrid { size };
@@ -70,12 +100,9 @@ pub fn render(
         ShadingRate::PerSample => 1.0 / (options.samples as f32).sqrt(),
     };
     let hits = HitFinder { mesh, projection: &projection, interpolation: options.interpolation, spacing };
-    let lights = &PreparedLights::new(lights, mesh, surface, options);
     let resolve = Resolve { surface, hits, lights, options, pattern: &pattern };
-    let tiles: Vec<PixelColors> = (0..grid.len())
-        .into_par_iter()
-        .map(|tile| resolve.tile(grid.rect(tile), rasterise(&chunks, tile, &grid, &pattern)))
-        .collect();
+    let tiles: Vec<PixelColors> =
+        (0..grid.len()).into_par_iter().map(|tile| resolve.tile(&chunks, &grid, tile)).collect();
     let stats = tiles.iter().fold(RenderStats::default(), |sum, t| RenderStats {
         shaded: sum.shaded + t.shaded,
         lookups: sum.lookups + t.lookups,
@@ -86,6 +113,7 @@ pub fn render(
     Ok(Rendering { picture, stats })
 }
 
+/// What is opaque in a tile.
 fn rasterise<'a>(
     chunks: &[Chunk],
     tile: usize,
@@ -96,9 +124,6 @@ fn rasterise<'a>(
     for chunk in chunks {
         chunk.dots_in_tile(tile).iter().for_each(|dot| samples.add_dot(dot));
         chunk.in_tile(grid, tile).filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
-    }
-    for chunk in chunks.iter().filter(|chunk| chunk.has_layers) {
-        chunk.in_tile(grid, tile).filter(|p| p.layered).for_each(|p| samples.add_layered(p));
     }
     samples
 }
@@ -168,7 +193,8 @@ pub const MAX_PICTURE_SIDE: u32 = 16_384;
 const PIXEL_BYTES: u64 = 40;
 
 impl RenderOptions {
-    pub(crate) fn check(&self, camera: &Camera) -> Result<()> {
+    /// Counts the picture's memory, too, as long as what is returned lives.
+    pub(crate) fn check(&self, camera: &Camera) -> Result<Held> {
         let (width, height) = (self.width, self.height);
         if !(1..=MAX_PICTURE_SIDE).contains(&width) || !(1..=MAX_PICTURE_SIDE).contains(&height) {
             return Err(Error::invalid(format!(
@@ -182,10 +208,11 @@ impl RenderOptions {
             )));
         }
         let what = format_args!("a picture of {width} x {height} pixels");
-        input::reserve(what, PIXEL_BYTES * u64::from(width) * u64::from(height))?;
-        camera
-            .defect()
-            .map_or(Ok(()), |defect| Err(Error::invalid(format!("cannot render from this camera: {defect}"))))
+        let held = input::reserve(what, PIXEL_BYTES * u64::from(width) * u64::from(height))?;
+        match camera.defect() {
+            Some(defect) => Err(Error::invalid(format!("cannot render from this camera: {defect}"))),
+            None => Ok(held),
+        }
     }
 }
 
@@ -222,21 +249,40 @@ struct Piece<'a> {
 const BATCH_PIECES: usize = 128;
 
 impl Resolve<'_> {
-    /// Colours a tile. `rect` is its first pixel and extent.
-    pub(crate) fn tile(&self, rect: [[u32; 2]; 2], mut visibility: TileSamples) -> PixelColors {
-        let [origin, [columns, rows]] = rect;
-        let fragments = visibility.take_fragments();
-        let pieces = self.pieces([columns, rows], &visibility, &fragments);
-        let mut result = PixelColors {
-            rgba: Vec::with_capacity((columns * rows) as usize),
-            shaded: pieces.len() as u64,
-            lookups: 0,
+    /// Colours a tile.
+    fn tile(&self, chunks: &[Chunk], grid: &TileGrid, tile: usize) -> PixelColors {
+        let rect = grid.rect(tile);
+        let visibility = rasterise(chunks, tile, grid, self.pattern);
+        let layered = || {
+            let layered_chunks = chunks.iter().filter(|chunk| chunk.has_layers);
+            layered_chunks.flat_map(|chunk| chunk.in_tile(grid, tile)).filter(|p| p.layered)
         };
+        let count = rect[1].map(|side| side as usize).iter().product();
+        let mut result = PixelColors { rgba: vec![[0.0; 4]; count], shaded: 0, lookups: 0 };
+        let pieces_of = |fragment: &Fragment| self.part_count(fragment.mask) as usize;
+        visibility.for_each_part(layered, pieces_of, MAX_LAYERED, |part, fragments| {
+            self.part(rect, part, &visibility, fragments, &mut result);
+        });
+        result
+    }
+
+    /// Colours a part of a tile, both given by their first pixel and extent.
+    fn part(
+        &self,
+        [origin, [stride, _]]: [[u32; 2]; 2],
+        [first, [columns, rows]]: [[u32; 2]; 2],
+        visibility: &TileSamples,
+        fragments: &[Fragment],
+        result: &mut PixelColors,
+    ) {
+        let first = [0, 1].map(|i| first[i] - origin[i]);
+        let pieces = self.pieces([first, [columns, rows]], visibility, fragments);
+        result.shaded += pieces.len() as u64;
         let colors = self.shade(origin, &pieces, &mut result.lookups);
         let (mut pieces, mut colors) = (pieces.as_slice(), colors.as_slice());
-        let (full, mut samples) = (self.pattern.full_mask(), vec![Vec4::ZERO; self.pattern.len()]);
-        for y in 0..rows {
-            for x in 0..columns {
+        let mut samples = vec![Vec4::ZERO; self.pattern.len()];
+        for y in first[1]..first[1] + rows {
+            for x in first[0]..first[0] + columns {
                 let index = y * TILE + x;
                 let count = pieces.iter().take_while(|piece| piece.pixel == index).count();
                 let own;
@@ -244,39 +290,46 @@ impl Resolve<'_> {
                 let shades;
                 (shades, colors) = colors.split_at(count);
                 let pixel = [origin[0] + x, origin[1] + y];
-                match (own, shades) {
-                    ([], _) => {
-                        result.rgba.push(straight(self.behind(pixel)));
-                        continue;
-                    }
-                    ([piece], [color]) if piece.layer.is_none() && piece.mask == full => {
-                        result.rgba.push(color.truncate().extend(1.0).to_array());
-                        continue;
-                    }
-                    _ => {}
-                }
-                self.background(pixel, visibility.visible(index), &mut samples);
-                for (piece, color) in own.iter().zip(shades).filter(|(piece, _)| piece.layer.is_none()) {
-                    bits(piece.mask).for_each(|s| samples[s] = color.truncate().extend(1.0));
-                }
-                self.layers(pixel, own, shades, &mut samples);
-                result.rgba.push(straight(samples.iter().sum::<Vec4>() / samples.len() as f32));
+                let color = self.pixel(pixel, (own, shades), visibility.visible(index), &mut samples);
+                result.rgba[(y * stride + x) as usize] = color;
             }
         }
-        result
     }
 
-    /// What is to be shaded, pixel by pixel: what is opaque, then the layers.
+    /// The colour of a pixel with these pieces: linear RGB, straight alpha.
+    fn pixel(
+        &self,
+        pixel: [u32; 2],
+        (pieces, shades): (&[Piece], &[Vec4]),
+        visible: &[u32],
+        samples: &mut [Vec4],
+    ) -> [f32; 4] {
+        match (pieces, shades) {
+            ([], _) => return straight(self.behind(pixel)),
+            ([piece], [color]) if piece.layer.is_none() && piece.mask == self.pattern.full_mask() => {
+                return color.truncate().extend(1.0).to_array();
+            }
+            _ => {}
+        }
+        self.background(pixel, visible, samples);
+        for (piece, color) in pieces.iter().zip(shades).filter(|(piece, _)| piece.layer.is_none()) {
+            bits(piece.mask).for_each(|s| samples[s] = color.truncate().extend(1.0));
+        }
+        self.layers(pixel, pieces, shades, samples);
+        straight(samples.iter().sum::<Vec4>() / samples.len() as f32)
+    }
+
+    /// What is to be shaded, pixel by pixel: what is opaque, then the layers. The rectangle begins at a pixel of the tile.
     fn pieces<'f>(
         &self,
-        [columns, rows]: [u32; 2],
+        [first, [columns, rows]]: [[u32; 2]; 2],
         visibility: &TileSamples,
         fragments: &'f [Fragment],
     ) -> Vec<Piece<'f>> {
         let mut pieces = Vec::with_capacity((columns * rows) as usize);
         let mut rest = fragments;
-        for y in 0..rows {
-            for x in 0..columns {
+        for y in first[1]..first[1] + rows {
+            for x in first[0]..first[0] + columns {
                 let pixel = y * TILE + x;
                 let visible = visibility.visible(pixel);
                 let mut open = self.pattern.full_mask();
@@ -339,11 +392,18 @@ impl Resolve<'_> {
         }
     }
 
+    /// Evaluations of the material for the samples of one triangle in a pixel.
+    fn part_count(&self, mask: u64) -> u32 {
+        match self.options.shading_rate {
+            ShadingRate::PerPixel => 1,
+            ShadingRate::PerSample => mask.count_ones(),
+        }
+    }
+
     fn shading_parts(&self, mask: u64) -> impl Iterator<Item = u64> + use<> {
         let per_sample = self.options.shading_rate == ShadingRate::PerSample;
-        let count = if per_sample { mask.count_ones() } else { 1 };
         let mut rest = mask;
-        (0..count).map(move |_| {
+        (0..self.part_count(mask)).map(move |_| {
             let part = if per_sample { 1 << rest.trailing_zeros() } else { mask };
             rest &= !part;
             part

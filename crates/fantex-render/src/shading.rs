@@ -30,13 +30,14 @@ pub(crate) fn evaluate(
         }
         Shading::Emission => material.emission,
         Shading::MetallicRoughness | Shading::BlinnPhong if material.unlit => {
-            material.base_color * finish.and_then(|finish| finish.light_map).unwrap_or(Vec3::ONE)
+            material.mirrored
+                + material.base_color * finish.and_then(|finish| finish.light_map).unwrap_or(Vec3::ONE)
         }
         Shading::MetallicRoughness | Shading::BlinnPhong if let Some(finish) = finish => {
             finish.evaluate(material, to_eye, light)
         }
-        Shading::MetallicRoughness => material.emission + metallic_roughness(material, to_eye, light),
-        Shading::BlinnPhong => material.emission + blinn_phong(material, to_eye, light),
+        Shading::MetallicRoughness => material.own_light() + metallic_roughness(material, to_eye, light),
+        Shading::BlinnPhong => material.own_light() + blinn_phong(material, to_eye, light),
     }
 }
 
@@ -277,7 +278,7 @@ impl Finish<'_> {
             (_, ColorUse::APriori) => self.lit(material, to_eye, light),
             (_, ColorUse::Modulate) => base * self.lit(&white, to_eye, light),
         };
-        let lit = material.emission + color * self.modulate;
+        let lit = material.own_light() + color * self.modulate;
         match self.fragment {
             None => lit,
             Some((mode, texel, constant)) => {
@@ -452,7 +453,7 @@ mod tests {
     fn lit(shading: Shading, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
         let mesh = Mesh::default();
         let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| Vec3::ONE);
-        let prepared = PreparedLights::new(lights, &mesh, &surface, &RenderOptions::default());
+        let prepared = PreparedLights::new(lights, &mesh, &surface, &RenderOptions::default()).unwrap();
         let hit = Hit { at: SurfacePoint::corner(0, 0), lambda_steps: [Vec3::ZERO; 2], front: true, to_eye };
         evaluate(shading, material, None, to_eye, &prepared.at(&mesh, &surface, &hit))
     }

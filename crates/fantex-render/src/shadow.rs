@@ -9,6 +9,8 @@
 //! number but with its own facet's plane under every texel of the filter: no bias can be too small on a plane, however it
 //! is inclined.
 
+use fantex_base::Result;
+use fantex_base::input::{self, Held};
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_scene::{FittedView, LampView, Penumbra, Projected, ShadowOptions, Spread, lamp_views};
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -16,10 +18,8 @@ use rayon::prelude::*;
 
 use crate::Interpolation;
 use crate::hit::{Hit, ScreenBarycentrics};
-use crate::primitive::{
-    CHUNK, Chunk, Primitive, SUBPIXELS, TILE, TileGrid, clip, doubled_area, screen, snap,
-};
-use crate::raster::{Fragment, SamplePattern, TileSamples};
+use crate::primitive::{Chunk, Primitive, SUBPIXELS, TILE, TileGrid, clip, doubled_area, screen, snap};
+use crate::raster::{Fragment, MAX_LAYERED, SamplePattern, TileSamples};
 use crate::{Coverage, Light, Surface};
 
 #[derive(Debug)]
@@ -28,6 +28,15 @@ pub(crate) struct ShadowMaps {
     options: ShadowOptions,
     /// Mesh units per world unit.
     mesh_per_world: f32,
+    _held: Held,
+}
+
+/// Where the maps of a lamp look, and the memory for them.
+#[derive(Debug)]
+pub(crate) struct ShadowPlan {
+    views: Vec<FittedView>,
+    options: ShadowOptions,
+    held: Held,
 }
 
 #[derive(Debug)]
@@ -53,27 +62,57 @@ pub(crate) struct Receiver {
     pub(crate) normal: Vec3,
 }
 
-impl ShadowMaps {
-    /// Draws the maps of a lamp; none where it has no shadows.
-    pub(crate) fn draw(light: &Light, mesh: &Mesh, surface: &dyn Surface) -> Option<Self> {
-        let options = light.shadow?;
+impl ShadowPlan {
+    /// The maps of a lamp, by its number in the scene; none where it has no shadows.
+    ///
+    /// # Errors
+    /// They take more memory than is left.
+    pub(crate) fn new(
+        lamp: usize,
+        light: &Light,
+        mesh: &Mesh,
+        surface: &dyn Surface,
+    ) -> Result<Option<Self>> {
+        let Some(options) = light.shadow else { return Ok(None) };
         let casters = (0..mesh.triangles.len())
             .filter(|&triangle| surface.casts_shadow(triangle))
             .flat_map(|triangle| mesh.triangle_positions(triangle));
-        let faces = lamp_views(&light.kind, &mesh.world_from_mesh, &mesh.positions, casters)
-            .into_iter()
-            .map(|fitted| draw_face(fitted, options.resolution, mesh, surface))
-            .collect();
-        Some(Self { faces, options, mesh_per_world: (1.0 / mesh.world_from_mesh.scale) as f32 })
+        let views = lamp_views(&light.kind, &mesh.world_from_mesh, &mesh.positions, casters);
+        let (count, side) = (views.len(), options.resolution);
+        let maps = if count == 1 { "map" } else { "maps" };
+        let what =
+            format_args!("the shadow of lamp {lamp} of the scene ({count} {maps} of {side} x {side} texels)");
+        let texels = count as u64 * u64::from(side) * u64::from(side);
+        let held = input::reserve(what, texels * size_of::<f32>() as u64)?;
+        Ok(Some(Self { views, options, held }))
     }
 
+    /// Draws the maps.
+    pub(crate) fn draw(self, mesh: &Mesh, surface: &dyn Surface) -> ShadowMaps {
+        let Self { views, options, held } = self;
+        let faces =
+            views.into_iter().map(|fitted| draw_face(fitted, options.resolution, mesh, surface)).collect();
+        let mesh_per_world = (1.0 / mesh.world_from_mesh.scale) as f32;
+        ShadowMaps { faces, options, mesh_per_world, _held: held }
+    }
+}
+
+impl ShadowMaps {
     /// Share of the lamp's light that arrives, 0..1. `to_light` is a unit vector.
     pub(crate) fn visibility(&self, receiver: &Receiver, to_light: Vec3) -> f32 {
-        let face = match &self.faces[..] {
-            [only] => only,
-            six => &six[cube_face(receiver.position.as_dvec3() - six[0].view.origin)],
+        let (lifted, face) = match &self.faces[..] {
+            [only] => (Lifted::new(only, &self.options, receiver, to_light), only),
+            six => {
+                let towards = |position: Vec3| &six[cube_face(position.as_dvec3() - six[0].view.origin)];
+                let lifted = Lifted::new(towards(receiver.position), &self.options, receiver, to_light);
+                // The lift may lead across a face's border.
+                let face = lifted.map_or(&six[0], |lifted| towards(lifted.position));
+                (lifted, face)
+            }
         };
-        face_visibility(face, &self.options, self.mesh_per_world, receiver, to_light)
+        lifted.map_or(1.0, |lifted| {
+            face_visibility(face, &self.options, self.mesh_per_world, receiver, &lifted, to_light)
+        })
     }
 }
 
@@ -119,33 +158,28 @@ fn draw_face(fitted: FittedView, resolution: u32, mesh: &Mesh, surface: &dyn Sur
     let mut face = ShadowFace { view, resolution, far, nearness: Vec::new() };
     let grid = TileGrid { size: [resolution; 2] };
     let pattern = SamplePattern::new(1);
-    let chunks = Caster { face: &face, mesh, surface }.prepare(&grid);
-    let tiles: Vec<Vec<f32>> = (0..grid.len())
-        .into_par_iter()
-        .map(|tile| {
-            let mut samples = TileSamples::new(&pattern, grid.rect(tile));
-            let primitives = || chunks.iter().flat_map(|c| c.in_tile(&grid, tile));
-            primitives().filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
-            primitives().filter(|p| p.layered).for_each(|p| samples.add_layered(p));
-            let caster = Caster { face: &face, mesh, surface };
-            caster.finish(grid.rect(tile), samples)
-        })
-        .collect();
-    face.nearness = assemble(&grid, &tiles);
-    face
-}
-
-fn assemble(grid: &TileGrid, tiles: &[Vec<f32>]) -> Vec<f32> {
-    let side = grid.size[0] as usize;
+    let caster = Caster { face: &face, mesh, surface };
+    let chunks = caster.prepare(&grid);
+    let draw_tile = |tile: usize| {
+        let mut samples = TileSamples::new(&pattern, grid.rect(tile));
+        let primitives = || chunks.iter().flat_map(|c| c.in_tile(&grid, tile));
+        primitives().filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
+        caster.finish(grid.rect(tile), &samples, || primitives().filter(|p| p.layered))
+    };
+    let (side, columns) = (resolution as usize, grid.columns() as usize);
     let mut nearness = vec![0.0; side * side];
-    for (tile, values) in tiles.iter().enumerate() {
-        let [[x0, y0], [columns, rows]] = grid.rect(tile).map(|corner| corner.map(|c| c as usize));
-        for row in 0..rows {
-            let source = &values[row * TILE as usize..][..columns];
-            nearness[(y0 + row) * side + x0..][..columns].copy_from_slice(source);
+    let bands = nearness.par_chunks_mut(side * TILE as usize);
+    bands.enumerate().for_each(|(band, rows)| {
+        let tiles: Vec<Vec<f32>> =
+            (band * columns..(band + 1) * columns).into_par_iter().map(draw_tile).collect();
+        for (row, texels) in rows.chunks_mut(side).enumerate() {
+            for (tile, texels) in tiles.iter().zip(texels.chunks_mut(TILE as usize)) {
+                texels.copy_from_slice(&tile[row * TILE as usize..][..texels.len()]);
+            }
         }
-    }
-    nearness
+    });
+    face.nearness = nearness;
+    face
 }
 
 struct Caster<'a> {
@@ -156,12 +190,12 @@ struct Caster<'a> {
 
 impl Caster<'_> {
     fn prepare(&self, grid: &TileGrid) -> Vec<Chunk> {
-        let triangles = self.mesh.triangles.len();
-        (0..triangles.div_ceil(CHUNK))
+        let (triangles, chunk_len) = (self.mesh.triangles.len(), grid.chunk_len());
+        (0..triangles.div_ceil(chunk_len))
             .into_par_iter()
             .map(|chunk| {
-                let range = chunk * CHUNK..triangles.min((chunk + 1) * CHUNK);
-                let mut primitives = Vec::with_capacity(range.len());
+                let range = chunk * chunk_len..triangles.min((chunk + 1) * chunk_len);
+                let mut primitives = Vec::new();
                 range.for_each(|triangle| self.add(triangle, &mut primitives));
                 Chunk::new(primitives, grid)
             })
@@ -215,19 +249,30 @@ impl Caster<'_> {
     }
 
     /// The nearness of a tile's texels, with stride [`TILE`].
-    fn finish(&self, [origin, _]: [[u32; 2]; 2], mut samples: TileSamples) -> Vec<f32> {
-        let fragments = samples.take_fragments();
-        let mut nearness = samples.into_nearness();
-        for fragment in &fragments {
-            let [x, y] = [fragment.pixel % TILE + origin[0], fragment.pixel / TILE + origin[1]];
-            let middle = [x, y].map(|c| c as i32 * SUBPIXELS + SUBPIXELS / 2);
-            let own = fragment.nearness.at(middle);
-            let nearest = &mut nearness[fragment.pixel as usize];
-            if own > *nearest && self.alpha(fragment, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)) >= MIN_ALPHA
-            {
-                *nearest = own;
-            }
-        }
+    fn finish<'p, I: Iterator<Item = &'p Primitive>>(
+        &self,
+        [origin, _]: [[u32; 2]; 2],
+        samples: &TileSamples,
+        layered: impl Fn() -> I,
+    ) -> Vec<f32> {
+        let mut nearness = samples.nearness().to_vec();
+        samples.for_each_part(
+            layered,
+            |_| 1,
+            MAX_LAYERED,
+            |_, fragments| {
+                for fragment in fragments {
+                    let [x, y] = [fragment.pixel % TILE + origin[0], fragment.pixel / TILE + origin[1]];
+                    let middle = [x, y].map(|c| c as i32 * SUBPIXELS + SUBPIXELS / 2);
+                    let own = fragment.nearness.at(middle);
+                    let nearest = &mut nearness[fragment.pixel as usize];
+                    let texel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    if own > *nearest && self.alpha(fragment, texel) >= MIN_ALPHA {
+                        *nearest = own;
+                    }
+                }
+            },
+        );
         nearness
     }
 
@@ -278,8 +323,12 @@ impl DepthPlane {
 /// Half the least width of the filter, in texels.
 const MIN_RADIUS: f32 = 1.25;
 
-/// Most texels along each side of the filter that are asked; larger filters skip some.
-const MAX_TAPS: i32 = 16;
+/// Most texels along each side of the filter that are asked; larger filters ask one of each cell of `2^level` texels.
+const MAX_TAPS: f32 = 16.0;
+
+/// Texels along each side of the filter from which on the cells of the next level are asked, too: all the more, the larger the
+/// filter, so that nothing jumps where the level does.
+const BLENDED_TAPS: f32 = 12.0;
 
 /// Largest tangent of the angle between light and normal for which a receiver's plane is followed.
 const MAX_STEEPNESS: f64 = 12.0;
@@ -290,9 +339,10 @@ fn face_visibility(
     options: &ShadowOptions,
     mesh_per_world: f32,
     receiver: &Receiver,
+    lifted: &Lifted,
     to_light: Vec3,
 ) -> f32 {
-    let Some(mut asked) = Asked::new(face, options, receiver, to_light) else { return 1.0 };
+    let Some(mut asked) = Asked::new(face, options, receiver, lifted, to_light) else { return 1.0 };
     let footprint = [receiver.steps[0], receiver.steps[1]].map(|step| asked.texels(face, step));
     let pixel = 0.5 * (footprint[0].abs() + footprint[1].abs());
     let texel = asked.texel_width as f32;
@@ -318,6 +368,29 @@ fn face_visibility(
     asked.lit_share(face)
 }
 
+/// A receiver that is lifted along its normal where light grazes it.
+#[derive(Clone, Copy, Debug)]
+struct Lifted {
+    /// Mesh space.
+    position: Vec3,
+    /// Mesh units per texel at the receiver.
+    texel_width: f64,
+}
+
+impl Lifted {
+    /// `None` behind the lamp. `face` is the one that sees the receiver.
+    fn new(face: &ShadowFace, options: &ShadowOptions, receiver: &Receiver, to_light: Vec3) -> Option<Self> {
+        let straight = face.view.project(receiver.position);
+        if straight.w <= 0.0 || straight.depth <= 0.0 {
+            return None;
+        }
+        let texel_width = face.view.extent_at(straight.depth).max_element() / f64::from(face.resolution);
+        let cosine = receiver.normal.dot(to_light).clamp(0.0, 1.0);
+        let lift = options.normal_offset * (1.0 - cosine * cosine).sqrt() * texel_width as f32;
+        Some(Self { position: receiver.position + receiver.normal * lift, texel_width })
+    }
+}
+
 /// A receiver in the terms of a map.
 struct Asked {
     /// Position in texels.
@@ -334,16 +407,14 @@ struct Asked {
 
 impl Asked {
     /// `None` outside the map.
-    fn new(face: &ShadowFace, options: &ShadowOptions, receiver: &Receiver, to_light: Vec3) -> Option<Self> {
+    fn new(
+        face: &ShadowFace,
+        options: &ShadowOptions,
+        receiver: &Receiver,
+        &Lifted { position: lifted, texel_width }: &Lifted,
+        to_light: Vec3,
+    ) -> Option<Self> {
         let side = f64::from(face.resolution);
-        let straight = face.view.project(receiver.position);
-        if straight.w <= 0.0 || straight.depth <= 0.0 {
-            return None;
-        }
-        let texel_width = face.view.extent_at(straight.depth).max_element() / side;
-        let cosine = receiver.normal.dot(to_light).clamp(0.0, 1.0);
-        let lift = options.normal_offset * (1.0 - cosine * cosine).sqrt() * texel_width as f32;
-        let lifted = receiver.position + receiver.normal * lift;
         let projected = face.view.project(lifted);
         let inside = (projected.uv - 0.5).abs().max_element() <= 0.5;
         if !inside || projected.w <= 0.0 || projected.depth <= 0.0 {
@@ -372,8 +443,7 @@ impl Asked {
         face.view.step(&self.projected, step) * face.resolution as f32
     }
 
-    /// The share of the filter's box in which nothing is nearer than the receiver's plane. Texels at the box's border count
-    /// by the share of them that lies inside, so that the result is continuous.
+    /// The share of the filter's box in which nothing is nearer than the receiver's plane, continuous in the box's place and size.
     fn lit_share(&self, face: &ShadowFace) -> f32 {
         let (mut lit, mut total) = (0.0, 0.0);
         self.for_each_texel(face, self.radius, |nearest, own, weight| {
@@ -405,42 +475,72 @@ impl Asked {
 
     /// Calls `visit(nearness of the map, nearness of the receiver's plane, weight)`.
     fn for_each_texel(&self, face: &ShadowFace, radius: Vec2, mut visit: impl FnMut(f32, f64, f32)) {
-        let side = face.resolution as i32;
+        let side = face.resolution;
         let [columns, rows] = [0, 1].map(|i| Span::new(self.at[i] as f32, radius[i], side));
-        for (y, weight_y) in rows.iter() {
-            let row = &face.nearness[y as usize * side as usize..][..side as usize];
-            let dy = f64::from(y) + 0.5 - self.at.y;
-            for (x, weight_x) in columns.iter() {
-                let dx = f64::from(x) + 0.5 - self.at.x;
-                // Not below that of an empty texel, which hides nothing however far the receiver lies behind the map's end.
-                let own = (self.nearness + self.slope.x * dx + self.slope.y * dy).max(0.0);
-                visit(row[x as usize], own, weight_x * weight_y);
+        let levels = |span: &Span| {
+            [(0, 1.0 - span.blend), (1, span.blend)].map(|(up, share)| (span.level + up, share))
+        };
+        for (level_y, share_y) in levels(&rows) {
+            for (level_x, share_x) in levels(&columns) {
+                let share = share_x * share_y;
+                if share == 0.0 {
+                    continue;
+                }
+                for (cell_y, weight_y) in rows.cells(level_y) {
+                    for (cell_x, weight_x) in columns.cells(level_x) {
+                        let x = texel_of(cell_x, level_x, cell_y, side);
+                        let y = texel_of(cell_y, level_y, cell_x, side);
+                        let from_middle = DVec2::new(f64::from(x), f64::from(y)) + 0.5 - self.at;
+                        // Not below that of an empty texel, which hides nothing however far the receiver lies behind
+                        // the map's end.
+                        let own = (self.nearness + self.slope.dot(from_middle)).max(0.0);
+                        let nearest = face.nearness[y as usize * side as usize + x as usize];
+                        visit(nearest, own, weight_x * weight_y * share);
+                    }
+                }
             }
         }
     }
 }
 
-/// The texels of one axis that a box covers.
+/// What a box covers along one axis of a map.
 struct Span {
     low: f32,
     high: f32,
-    first: i32,
-    last: i32,
-    stride: i32,
+    side: u32,
+    /// Cells have `2^level` texels: so many that no more than [`MAX_TAPS`] are covered.
+    level: u32,
+    /// Share of the cells of the next level, 0..1.
+    blend: f32,
 }
 
 impl Span {
-    fn new(middle: f32, radius: f32, side: i32) -> Self {
-        let (low, high) = (middle - radius, middle + radius);
-        let clamp = |c: f32| (c.floor() as i32).clamp(0, side - 1);
-        let (first, last) = (clamp(low), clamp(high));
-        Self { low, high, first, last, stride: ((last - first + MAX_TAPS) / MAX_TAPS).max(1) }
+    fn new(middle: f32, radius: f32, side: u32) -> Self {
+        let mut taps = 2.0 * radius;
+        let mut level = 0;
+        // Beyond the map there is nothing to ask.
+        while taps > MAX_TAPS && 1 << level < side {
+            taps *= 0.5;
+            level += 1;
+        }
+        let blend = ((taps - BLENDED_TAPS) / (MAX_TAPS - BLENDED_TAPS)).clamp(0.0, 1.0);
+        Self { low: middle - radius, high: middle + radius, side, level, blend }
     }
 
-    fn iter(&self) -> impl Iterator<Item = (i32, f32)> {
-        (self.first..=self.last).step_by(self.stride as usize).map(|i| {
-            let covered = (self.high.min(i as f32 + 1.0) - self.low.max(i as f32)).clamp(0.0, 1.0);
-            (i, covered)
+    /// The cells that the box touches, and how many texels of them it covers. They lie fixed in the map.
+    fn cells(&self, level: u32) -> impl Iterator<Item = (u32, f32)> {
+        let cell = |c: f32| (c.max(0.0) as u32).min(self.side - 1) >> level;
+        (cell(self.low)..=cell(self.high)).map(move |i| {
+            let (first, end) = (i << level, ((i + 1) << level).min(self.side));
+            let covered = self.high.min(end as f32) - self.low.max(first as f32);
+            (i, covered.max(0.0))
         })
     }
+}
+
+/// The texel that stands for a cell along one axis: another one in each of neighbouring rows of cells (`beside` is the cell's
+/// place along the other axis), so that edges along an axis are as smooth as others (J. van der Corput's sequence).
+fn texel_of(cell: u32, level: u32, beside: u32, side: u32) -> u32 {
+    let within = beside.reverse_bits() >> (31 - level) >> 1;
+    ((cell << level) + within).min(side - 1)
 }

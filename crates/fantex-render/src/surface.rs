@@ -83,6 +83,9 @@ pub struct MaterialSample {
     pub metallic: f32,
     /// Emitted linear RGB.
     pub emission: Vec3,
+    /// Linear RGB that is added to the lit colour: light of an environment that only this object mirrors. It is not emitted, so
+    /// it has no halo.
+    pub mirrored: Vec3,
     /// True where the base colour is the picture, without light.
     pub unlit: bool,
     /// Filtered look-ups (of one image, or of one channel in one group's tile) that it took.
@@ -101,9 +104,15 @@ impl MaterialSample {
             roughness: 0.9,
             metallic: 0.0,
             emission: Vec3::ZERO,
+            mirrored: Vec3::ZERO,
             unlit: false,
             lookups: 0,
         }
+    }
+
+    /// Light that is there without lamps and surroundings, linear RGB.
+    pub(crate) fn own_light(&self) -> Vec3 {
+        self.emission + self.mirrored
     }
 }
 

@@ -6,8 +6,12 @@ override HAS_SHADOWS: bool = false;
 // Half the least width of the shadow filter, in texels.
 const MIN_RADIUS: f32 = 1.25;
 
-// Most texels along each side of the filter that are asked; larger filters skip some.
-const MAX_TAPS: i32 = 16;
+// Most texels along each side of the filter that are asked; larger filters ask one of each cell of 2^level texels.
+const MAX_TAPS: f32 = 16.0;
+
+// Texels along each side of the filter from which on the cells of the next level are asked, too: all the more, the larger the
+// filter, so that nothing jumps where the level does.
+const BLENDED_TAPS: f32 = 12.0;
 
 // Largest tangent of the angle between light and normal for which a receiver's plane is followed.
 const STEEPEST: f32 = 12.0;
@@ -123,44 +127,82 @@ struct Asked {
     slope: vec2<f32>,
 }
 
+// What a box covers along one axis of a map.
 struct Span {
     low: f32,
     high: f32,
-    first: i32,
-    last: i32,
-    stride: i32,
+    side: u32,
+    // Cells have 2^level texels: so many that no more than MAX_TAPS are covered.
+    level: u32,
+    // Share of the cells of the next level, 0..1.
+    blend: f32,
 }
 
-fn span(middle: f32, radius: f32, side: i32) -> Span {
+fn span(middle: f32, radius: f32, side: u32) -> Span {
     var s: Span;
     s.low = middle - radius;
     s.high = middle + radius;
-    s.first = clamp(i32(floor(s.low)), 0, side - 1);
-    s.last = clamp(i32(floor(s.high)), 0, side - 1);
-    s.stride = max((s.last - s.first + MAX_TAPS) / MAX_TAPS, 1);
+    s.side = side;
+    s.level = 0u;
+    var taps = 2.0 * radius;
+    // Beyond the map there is nothing to ask.
+    while taps > MAX_TAPS && (1u << s.level) < side {
+        taps *= 0.5;
+        s.level += 1u;
+    }
+    s.blend = clamp((taps - BLENDED_TAPS) / (MAX_TAPS - BLENDED_TAPS), 0.0, 1.0);
     return s;
 }
 
-fn covered(s: Span, texel: i32) -> f32 {
-    return clamp(min(s.high, f32(texel) + 1.0) - max(s.low, f32(texel)), 0.0, 1.0);
+// The cell at a place. Cells lie fixed in the map.
+fn cell_at(s: Span, place: f32, level: u32) -> u32 {
+    return min(u32(max(place, 0.0)), s.side - 1u) >> level;
+}
+
+// How many texels of a cell the box covers.
+fn covered(s: Span, cell: u32, level: u32) -> f32 {
+    let first = f32(cell << level);
+    let end = f32(min((cell + 1u) << level, s.side));
+    return max(min(s.high, end) - max(s.low, first), 0.0);
+}
+
+// The texel that stands for a cell along one axis: another one in each of neighbouring rows of cells (`beside` is the cell's
+// place along the other axis), so that edges along an axis are as smooth as others (J. van der Corput's sequence).
+fn texel_of(cell: u32, level: u32, beside: u32, side: u32) -> u32 {
+    let within = (reverseBits(beside) >> (31u - level)) >> 1u;
+    return min((cell << level) + within, side - 1u);
 }
 
 // Over the filter's box: x the weight of texels that hide the receiver, y their nearness times weight, z all weight.
 fn blockers(face: u32, asked: Asked, radius: vec2<f32>) -> vec3<f32> {
-    let side = i32(shadow_faces[face].resolution);
+    let side = u32(shadow_faces[face].resolution);
     let layer = shadow_faces[face].layer;
     let columns = span(asked.at.x, radius.x, side);
     let rows = span(asked.at.y, radius.y, side);
     var sum = vec3<f32>(0.0);
-    for (var y = rows.first; y <= rows.last; y += rows.stride) {
-        let weight_y = covered(rows, y);
-        let row_own = asked.nearness + asked.slope.y * (f32(y) + 0.5 - asked.at.y);
-        for (var x = columns.first; x <= columns.last; x += columns.stride) {
-            let weight = covered(columns, x) * weight_y;
-            let own = max(row_own + asked.slope.x * (f32(x) + 0.5 - asked.at.x), 0.0);
-            let nearest = textureLoad(shadow_maps, vec2<i32>(x, y), layer, 0);
-            let hides = select(0.0, weight, nearest > own);
-            sum += vec3<f32>(hides, hides * nearest, weight);
+    for (var pass_index = 0u; pass_index < 4u; pass_index += 1u) {
+        let up = vec2<u32>(pass_index & 1u, pass_index >> 1u);
+        let share = select(1.0 - columns.blend, columns.blend, up.x == 1u)
+            * select(1.0 - rows.blend, rows.blend, up.y == 1u);
+        if share == 0.0 {
+            continue;
+        }
+        let level = vec2<u32>(columns.level, rows.level) + up;
+        let last = vec2<u32>(cell_at(columns, columns.high, level.x), cell_at(rows, rows.high, level.y));
+        for (var cell_y = cell_at(rows, rows.low, level.y); cell_y <= last.y; cell_y += 1u) {
+            let weight_y = covered(rows, cell_y, level.y) * share;
+            for (var cell_x = cell_at(columns, columns.low, level.x); cell_x <= last.x; cell_x += 1u) {
+                let weight = covered(columns, cell_x, level.x) * weight_y;
+                let texel = vec2<u32>(
+                    texel_of(cell_x, level.x, cell_y, side),
+                    texel_of(cell_y, level.y, cell_x, side),
+                );
+                let from_middle = vec2<f32>(texel) + 0.5 - asked.at;
+                let own = max(asked.nearness + dot(asked.slope, from_middle), 0.0);
+                let nearest = textureLoad(shadow_maps, texel, layer, 0);
+                let hides = select(0.0, weight, nearest > own);
+                sum += vec3<f32>(hides, hides * nearest, weight);
+            }
         }
     }
     return sum;
@@ -199,12 +241,12 @@ fn visibility(lamp_index: u32, at: SurfacePoint, to_light: vec3<f32>) -> f32 {
     if count == 0u {
         return 1.0;
     }
+    let first_face = face;
     if count > 1u {
         face += cube_face(at.position - shadow_faces[face].origin);
     }
     let side = shadow_faces[face].resolution;
-    let view = shadow_faces[face].map_from_mesh;
-    let straight = view * vec4<f32>(at.position, 1.0);
+    let straight = shadow_faces[face].map_from_mesh * vec4<f32>(at.position, 1.0);
     if straight.z <= 0.0 || straight.w <= 0.0 {
         return 1.0;
     }
@@ -212,6 +254,11 @@ fn visibility(lamp_index: u32, at: SurfacePoint, to_light: vec3<f32>) -> f32 {
     let cosine = clamp(dot(at.vertex_normal, to_light), 0.0, 1.0);
     let lift = shadow_faces[face].normal_offset * sqrt(1.0 - cosine * cosine) * texel;
     let lifted = at.position + at.vertex_normal * lift;
+    if count > 1u {
+        // The lift may lead across a face's border.
+        face = first_face + cube_face(lifted - shadow_faces[face].origin);
+    }
+    let view = shadow_faces[face].map_from_mesh;
     let h = view * vec4<f32>(lifted, 1.0);
     let uv = h.xy / h.z;
     if h.z <= 0.0 || h.w <= 0.0 || any(abs(uv - 0.5) > vec2<f32>(0.5)) {

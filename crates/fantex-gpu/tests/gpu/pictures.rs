@@ -284,6 +284,20 @@ fn shadows_of_all_lamps() {
 }
 
 #[test]
+fn wide_penumbrae_and_coarse_cubes() {
+    let Some(gpu) = gpu() else { return };
+    let kind = LightKind::Point { position: DVec3::new(-0.6, 2.5, 0.4), falloff: Falloff::None };
+    let mesh = ball_on_floor();
+    for (name, resolution, softness, lamp_radius) in
+        [("even", 2048, 0.4, None), ("lamp", 1024, 0.0, Some(0.8)), ("coarse", 16, 0.0, None)]
+    {
+        let shadow = ShadowOptions { resolution, softness, lamp_radius, ..ShadowOptions::default() };
+        let scene = Scene { lights: lit_by(kind.clone(), Some(shadow)), ..Scene::of(mesh.clone()) };
+        scene.compare(&gpu, &format!("shadow-wide-{name}")).assert_below(0.05, 8, 0.002);
+    }
+}
+
+#[test]
 fn shadows_on_curved_models() {
     let Some(gpu) = gpu() else { return };
     let shadow = ShadowOptions { resolution: 1024, ..ShadowOptions::default() };

@@ -31,7 +31,8 @@ struct Points {
     normal: Vectors,
     to_eye: Vectors,
     base_color: Vectors,
-    emission: Vectors,
+    /// What is there without lamps and surroundings.
+    own_light: Vectors,
     occlusion: Numbers,
     roughness: Numbers,
     metallic: Numbers,
@@ -46,7 +47,7 @@ impl Points {
             normal: zeros,
             to_eye: zeros,
             base_color: zeros,
-            emission: zeros,
+            own_light: zeros,
             occlusion: ZERO,
             roughness: ZERO,
             metallic: ZERO,
@@ -58,7 +59,7 @@ impl Points {
         set(&mut self.normal, index, material.normal);
         set(&mut self.to_eye, index, to_eye);
         set(&mut self.base_color, index, material.base_color);
-        set(&mut self.emission, index, material.emission);
+        set(&mut self.own_light, index, material.own_light());
         self.occlusion.0[index] = material.occlusion;
         self.roughness.0[index] = material.roughness;
         self.metallic.0[index] = material.metallic;
@@ -117,7 +118,7 @@ fn load_vector<S: Simd>(simd: S, vectors: &Vectors, first: usize) -> Vector<S::f
     [load(simd, &vectors[0], first), load(simd, &vectors[1], first), load(simd, &vectors[2], first)]
 }
 
-/// As the scalar function of that name, with what is emitted.
+/// As the scalar function of that name, with the point's own light.
 #[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 fn metallic_roughness<S: Simd>(
@@ -135,7 +136,7 @@ fn metallic_roughness<S: Simd>(
             let reflected = lobe.reflected(simd, splat(simd, lamp.to_light));
             sum = add::<S>(sum, mul::<S>(reflected, splat(simd, lamp.color)));
         }
-        let light = add::<S>(load_vector(simd, &points.emission, first), sum);
+        let light = add::<S>(load_vector(simd, &points.own_light, first), sum);
         for axis in 0..3 {
             light[axis].store_slice(&mut points.light[axis].0[first..first + S::f32s::LEN]);
         }
@@ -294,6 +295,7 @@ mod tests {
                 let material = MaterialSample {
                     base_color: vector(0.0),
                     emission: if index % 3 == 0 { vector(0.0) } else { Vec3::ZERO },
+                    mirrored: if index % 4 == 0 { vector(0.0) } else { Vec3::ZERO },
                     occlusion,
                     roughness: if index % 7 == 0 { 0.0 } else { roughness },
                     metallic: if index % 5 == 0 { 1.0 } else { metallic },
@@ -317,7 +319,7 @@ mod tests {
         let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| Vec3::ONE);
         let mut lights = Lights::default();
         lights.lamps.push(Light::directional(Vec3::new(1.0, -0.3, 0.2), Vec3::new(0.3, 0.2, 0.1)));
-        let prepared = PreparedLights::new(&lights, &mesh, &surface, &RenderOptions::default());
+        let prepared = PreparedLights::new(&lights, &mesh, &surface, &RenderOptions::default()).unwrap();
         assert!(prepared.distant().is_some());
         let camera = Camera { eye: DVec3::Z, target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 60.0 };
         let projection = Projection::new(&camera, [640, 360], &mesh);

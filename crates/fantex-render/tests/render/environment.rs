@@ -5,8 +5,9 @@ use std::sync::Arc;
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WorldFromMesh, WrapMode, interpolate};
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, EnvironmentLight, FilterOptions, FlatShading,
-    FlatSurface, Hit, Lights, LookSurface, MaterialSample, ObjectReflection, Picture, ReflectingSurface,
-    RenderOptions, Shaded, Shading, Surface, capture_environment, capture_with, cube_cameras, render,
+    FlatSurface, Glow, Hit, Lights, LookSurface, MaterialSample, ObjectReflection, Picture,
+    ReflectingSurface, RenderOptions, Shaded, Shading, Surface, capture_environment, capture_with,
+    cube_cameras, render, render_with_glow,
 };
 use fantex_texture::environment::{
     CubeFace, EnvironmentForm, EnvironmentMap, EnvironmentProxy, PrefilteredEnvironment,
@@ -150,9 +151,8 @@ fn blurred_and_exposed_sky_boxes() {
 fn mirror_ball(mesh: &Mesh, camera: &Camera, reflection: ObjectReflection) -> Picture {
     let ball = Ball { mesh, roughness: 1.0, metallic: 0.0, unlit: true };
     let black = Lights { ambient: AmbientLight::uniform(Vec3::ZERO), ..Lights::default() };
-    let emission_only = RenderOptions { shading: Shading::Emission, ..options(Background::Transparent) };
     let surface = ReflectingSurface::new(mesh, &ball, reflection, &|_| true);
-    render(mesh, &surface, camera, &black, &emission_only).unwrap().picture
+    render(mesh, &surface, camera, &black, &options(Background::Transparent)).unwrap().picture
 }
 
 fn mirror_of(environment: EnvironmentLight) -> ObjectReflection {
@@ -185,6 +185,25 @@ fn mirror_balls_show_the_mirrored_direction() {
         }
     }
     assert!(compared > 1000, "{compared}");
+}
+
+#[test]
+fn what_is_mirrored_has_no_halo() {
+    let mesh = sphere(32, 1.0);
+    for unlit in [true, false] {
+        let ball = Ball { mesh: &mesh, roughness: 1.0, metallic: 0.0, unlit };
+        let surface = ReflectingSurface::new(&mesh, &ball, mirror_of(compass()), &|_| true);
+        let (camera, glow) = (frontal(3.0, 60.0), Glow { radius: 0.2, ..Glow::default() });
+        let (lights, options) = (Lights::default(), options(Background::Transparent));
+        let plain = render(&mesh, &surface, &camera, &lights, &options).unwrap().picture;
+        let glowing = render_with_glow(&mesh, &surface, &camera, &lights, &options, &glow).unwrap().picture;
+        assert!(plain.pixel(60, 40)[0] > 0.2);
+        assert_eq!(plain.pixel(1, 40), [0.0; 4]);
+        assert_eq!(worst(&plain, &glowing), 0.0);
+        let emitted = RenderOptions { shading: Shading::Emission, ..options };
+        let emitted = render(&mesh, &surface, &camera, &lights, &emitted).unwrap().picture;
+        assert_eq!(emitted.pixel(60, 40), [0.0, 0.0, 0.0, 1.0]);
+    }
 }
 
 #[test]

@@ -7,5 +7,6 @@ mod environment;
 mod fan;
 mod look;
 mod materials;
+mod memory;
 mod scene;
 mod visibility;

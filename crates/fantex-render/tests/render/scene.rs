@@ -384,6 +384,79 @@ fn shadows_end_where_they_should() {
 }
 
 #[test]
+fn wide_penumbrae_are_even_ramps() {
+    let (floor, square) = (ground(), ground());
+    let (below, plate) = (LookSurface::new(&floor, look(matte())), LookSurface::new(&square, look(matte())));
+    let scene = roof(&floor, &square, &below, &plate);
+    // Beside the plate, onto the border of its shadow, so near that a pixel is a fortieth of it.
+    let edge = 0.5 * 2.0 / 1.5;
+    let camera = Camera {
+        eye: DVec3::new(2.0, 4.0, 0.1),
+        target: DVec3::new(edge, 0.0, 0.1),
+        up: DVec3::Y,
+        fov_degrees: 6.0,
+    };
+    let kind = LightKind::Point { position: DVec3::Y * 2.0, falloff: Falloff::None };
+    let options = RenderOptions { samples: 1, ..options(Shading::BlinnPhong) };
+    let lights = |shadow| lit_by(vec![Light { shadow, ..Light::new(kind.clone(), Vec3::ONE) }]);
+    let free = picture(&scene, &camera, &lights(None), &options);
+    for (softness, lamp_radius, half_width) in [(0.1, None, 0.1), (0.2, None, 0.2), (0.0, Some(0.3), 0.1)] {
+        let shadow = ShadowOptions { softness, lamp_radius, resolution: 2048, ..ShadowOptions::default() };
+        let seen = picture(&scene, &camera, &lights(Some(shadow)), &options);
+        let arriving = |x: u32, y: u32| seen.pixel(x, y)[0] / free.pixel(x, y)[0];
+        let mut in_between = 0;
+        for y in 1..90 {
+            for x in 0..120 {
+                let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+                let expected = (0.5 + 0.5 * (p.x - edge) / half_width).clamp(0.0, 1.0) as f32;
+                let share = arriving(x, y);
+                let name = format!("{:?} at {x},{y}", shadow.penumbra());
+                assert!((share - expected).abs() < 0.03, "{name}: {share} instead of {expected}");
+                in_between += u32::from(share > 0.1 && share < 0.9);
+                // The border runs along the pixels' rows.
+                let beside = share - arriving(x.max(1) - 1, y);
+                assert!(beside.abs() < 0.012, "{name}: differs by {beside} from the pixel beside it");
+            }
+        }
+        assert!(in_between > 2000, "{in_between}");
+    }
+}
+
+#[test]
+fn shadows_have_no_gap_where_the_six_maps_of_a_lamp_meet() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let object = |height: f64, scale: f64| {
+        let place = DAffine3::from_translation(DVec3::Y * height) * DAffine3::from_scale(DVec3::splat(scale));
+        SceneObject::new(&floor, &surface).placed(place)
+    };
+    // All of the floor lies in the plate's shadow; the maps meet one unit from the middle.
+    let scene = Scene::new(vec![object(0.0, 6.0), object(0.5, 4.0)]).unwrap();
+    let camera = Camera {
+        eye: DVec3::new(0.2, 0.45, 1.9),
+        target: DVec3::new(0.0, 0.0, 0.6),
+        up: DVec3::Y,
+        fov_degrees: 80.0,
+    };
+    let kind = LightKind::Point { position: DVec3::Y, falloff: Falloff::None };
+    for (resolution, normal_offset) in [(16, 1.5), (64, 1.5), (64, 6.0), (256, 6.0)] {
+        let shadow = ShadowOptions { resolution, normal_offset, ..ShadowOptions::default() };
+        let lamp = Light::new(kind.clone(), Vec3::ONE).with_shadow(shadow);
+        let seen = picture(&scene, &camera, &lit_by(vec![lamp]), &options(Shading::BlinnPhong));
+        let mut compared = 0;
+        for (x, y) in (0..120).flat_map(|x| (0..90).map(move |y| (x, y))) {
+            let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+            if p.x.abs().max(p.z.abs()) < 1.5 {
+                let light = seen.pixel(x, y)[0];
+                assert!(light < 0.01, "{resolution}, {normal_offset}: {light} at {p}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 2000, "{compared}");
+    }
+}
+
+#[test]
 fn floors_without_shadow_leave_the_map_to_what_stands_on_them() {
     let (floor, ball) = (ground(), sphere(24, 0.1));
     let surface = LookSurface::new(&floor, look(matte()));

@@ -9,7 +9,7 @@ use fantex_render::{
 use glam::{DVec3, Vec3};
 
 use crate::common;
-use crate::common::{cast, frontal, ray, sheet, sphere};
+use crate::common::{cast, frontal, ray, sheet, sphere, square};
 
 fn options(samples: u32) -> RenderOptions {
     RenderOptions {
@@ -189,6 +189,65 @@ fn pictures_do_not_depend_on_threads() {
         pool.install(|| picture(&mesh, &surface, &frontal(1.2, 70.0), &options(8)))
     };
     assert_eq!(with_threads(1), with_threads(4));
+}
+
+/// A stack of tinted panes, of which each hides a twentieth of what lies behind.
+struct Panes;
+
+impl Panes {
+    const ALPHA: f32 = 0.05;
+
+    fn color(pane: usize) -> Vec3 {
+        Vec3::new((pane % 2) as f32, (pane % 5) as f32 * 0.25, 0.5)
+    }
+}
+
+impl Surface for Panes {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
+        let pane = MaterialSample {
+            alpha: Self::ALPHA,
+            base_color: Self::color(hit.triangle() / 2),
+            unlit: true,
+            ..MaterialSample::with_normal(Vec3::Z)
+        };
+        (pane, None)
+    }
+
+    fn coverage(&self, _: usize) -> Coverage {
+        Coverage::Layered
+    }
+}
+
+#[test]
+fn many_layers_are_composited_from_the_farthest_to_the_nearest() {
+    const COUNT: usize = 60;
+    let pane = square();
+    let mut mesh = Mesh::default();
+    for i in 0..COUNT {
+        // In no order: 37 has no divisor in common with 60.
+        let depth = (i * 37 % COUNT) as f32 / COUNT as f32;
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(pane.positions.iter().map(|p| Vec3::new(p.x * 9.0, p.y * 9.0, depth)));
+        mesh.triangles.extend(pane.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    let mut farthest_first: Vec<usize> = (0..COUNT).collect();
+    farthest_first.sort_by_key(|i| i * 37 % COUNT);
+    let mut expected = Vec3::ZERO;
+    for pane in farthest_first {
+        expected = expected.lerp(Panes::color(pane), Panes::ALPHA);
+    }
+    let options = RenderOptions { background: Background::Color(Vec3::ZERO), ..options(4) };
+    for shading_rate in [ShadingRate::PerPixel, ShadingRate::PerSample] {
+        let options = RenderOptions { shading_rate, ..options.clone() };
+        let seen = render(&mesh, &Panes, &frontal(3.0, 40.0), &Lights::default(), &options).unwrap();
+        for pixel in &seen.picture.rgba {
+            let difference = (Vec3::from_slice(&pixel[..3]) - expected).abs().max_element();
+            assert!(difference < 1e-4, "{pixel:?} instead of {expected}");
+        }
+        let pieces = if shading_rate == ShadingRate::PerPixel { 1 } else { 4 };
+        // The diagonal of the panes counts twice.
+        assert!(seen.stats.shaded >= COUNT as u64 * 97 * 61 * pieces);
+    }
 }
 
 #[test]

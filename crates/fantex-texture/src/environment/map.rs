@@ -68,12 +68,22 @@ impl EnvironmentMap {
         })
     }
 
+    /// A map of texels that are given chart by chart and row by row, as many as [`from_function`](Self::from_function) asks for:
+    /// linear RGB, replaced as there.
+    ///
+    /// # Panics
+    /// If `side` is zero, or texels are missing or left over.
+    pub fn from_charts(form: EnvironmentForm, side: u32, mut texels: Vec<Vec3A>) -> Self {
+        let size = form.chart_size(side);
+        texels.par_iter_mut().for_each(|texel| *texel = allowed(Vec3::from(*texel)));
+        Self::from_finest(form, size, texels)
+    }
+
     pub(super) fn from_texels(
         form: EnvironmentForm,
         size: [u32; 2],
         texel: impl Fn(usize, u32, u32) -> Vec3 + Sync,
     ) -> Self {
-        assert!(size[0] > 0 && size[1] > 0, "an environment map needs texels");
         let texel = &texel;
         let inner: Vec<Vec3A> = (0..form.charts() as u32 * size[1])
             .into_par_iter()
@@ -82,7 +92,15 @@ impl EnvironmentMap {
                 (0..size[0]).map(move |x| allowed(texel(chart, x, y)))
             })
             .collect();
-        let mut levels = vec![Level::new(form, size, &inner)];
+        Self::from_finest(form, size, inner)
+    }
+
+    /// From allowed texels of level 0.
+    fn from_finest(form: EnvironmentForm, size: [u32; 2], texels: Vec<Vec3A>) -> Self {
+        let count = form.charts() * size[0] as usize * size[1] as usize;
+        assert!(count > 0 && texels.len() == count, "an environment map needs {count} texels, at least 1");
+        let mut levels = vec![Level::new(form, size, &texels)];
+        drop(texels);
         let mut coarser = halve(&levels[0]);
         while let Some(level) = coarser {
             coarser = halve(&level);
