@@ -8,9 +8,11 @@ use std::path::{Path, PathBuf};
 
 use fantex_bake::Progress;
 use fantex_base::files::{persist, temporary_file};
+use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_base::{Error, ErrorKind, Result, input};
 use fantex_store::WriterLock;
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
+use tempfile::TempPath;
 
 use crate::staging::{SendTarget, Staging};
 
@@ -179,23 +181,49 @@ pub fn change_copy<T>(
     let _lock = WriterLock::acquire(place)?;
     // What must not be written is not replaced either.
     OpenOptions::new().write(true).open(&target).map_err(writing)?;
-    let mut copy = temporary_file(&target, ".tmp").map_err(writing)?;
-    let mut original = input::open(&target).map_err(reading)?;
-    io::copy(&mut original, copy.as_file_mut()).map_err(writing)?;
-    let copy = copy.into_temp_path();
-    let changed = change(&copy).map_err(|error| match (error.kind(), error.path() == Some(&*copy)) {
-        // Nobody knows the copy.
-        (ErrorKind::Io, true) => {
-            let why = error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
-            let sentence = format!("cannot write {}: {why}; nothing was written", place.display());
-            Error::new(ErrorKind::Io, sentence).with_path(place)
-        }
-        _ => error,
-    })?;
-    let permissions = original.metadata().map_err(reading)?.permissions();
+    // It is to be written, and so not protected as an input.
+    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
+    let copy = ReadLimits::new(options).run(|| copy_beside(&target, &target, place))?;
+    let changed = change(&copy).map_err(|error| named(error, &copy, place))?;
+    let permissions = target.metadata().map_err(reading)?.permissions();
     fs::set_permissions(&copy, permissions).map_err(writing)?;
     persist(copy, &target, true)?;
     Ok(changed)
+}
+
+/// Copies a file and changes the copy, which is called `output` when it is whole. An existing file is replaced if `overwrite` says so.
+///
+/// # Errors
+/// Those of the change; there is no room for the copy, or there is a file of that name.
+pub fn change_into<T>(
+    from: &Path,
+    output: &Path,
+    overwrite: bool,
+    change: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
+    let copy = copy_beside(from, output, output)?;
+    let changed = change(&copy).map_err(|error| named(error, &copy, output))?;
+    persist(copy, output, overwrite)?;
+    Ok(changed)
+}
+
+/// A copy in the folder of another file, which goes away unless it is renamed. `name`: what users call what it becomes.
+fn copy_beside(from: &Path, beside: &Path, name: &Path) -> Result<TempPath> {
+    let writing = |error| Error::writing(name, error);
+    let mut copy = temporary_file(beside, ".tmp").map_err(writing)?;
+    let mut original = input::open(from).map_err(|error| Error::reading(from, error))?;
+    io::copy(&mut original, copy.as_file_mut()).map_err(writing)?;
+    Ok(copy.into_temp_path())
+}
+
+/// An error in writing to a copy, which nobody knows, by the name that this is to have.
+fn named(error: Error, copy: &Path, name: &Path) -> Error {
+    if error.path() != Some(copy) || error.kind() != ErrorKind::Io {
+        return error;
+    }
+    let why = error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
+    let sentence = format!("cannot write {}: {why}; nothing was written", name.display());
+    Error::new(ErrorKind::Io, sentence).with_path(name)
 }
 
 /// Writes what lies at an address into a new file.

@@ -1,17 +1,16 @@
 //! `fantex paint`: strokes onto an asset.
 
-use std::error::Error as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
-use std::{fs, io};
 
 use clap::Args;
-use fantex::base::files::{persist, temporary_file};
+use fantex::addresses::{change_copy, change_into};
+use fantex::bake::NoProgress;
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
-use fantex::store::{ChannelKind, WriterLock};
+use fantex::store::ChannelKind;
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -206,15 +205,15 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     };
     let mut info = match &args.output {
         None if context.strict || args.changes_asset() || strokes.commit_between() => {
-            paint_as_a_whole(&strokes, args, context)?
+            let paint = |copy: &Path| paint(copy, &strokes, args, context);
+            let info = change_copy(&args.asset, [&NoProgress, &NoProgress], paint)?;
+            PaintInfo { output: args.asset.clone(), ..info }
         }
         None => paint(&args.asset, &strokes, args, context)?,
         Some(output) => {
             context.check_output(output)?;
-            let copy = copy_beside(&args.asset, output)?;
-            let info = paint_copy(&copy, output, &strokes, args, context)?;
-            persist(copy, output, context.force)?;
-            PaintInfo { output: output.clone(), ..info }
+            let paint = |copy: &Path| paint(copy, &strokes, args, context);
+            PaintInfo { output: output.clone(), ..change_into(&args.asset, output, context.force, paint)? }
         }
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
@@ -281,50 +280,4 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         bytes: committed.file_bytes,
         seconds: 0.0,
     })
-}
-
-/// Changes the asset at once, by a copy that takes its place when it is whole. Other hard links keep what was there.
-fn paint_as_a_whole(strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
-    let asset = &args.asset;
-    // Where a symbolic link leads.
-    let place = asset.canonicalize().map_err(|error| Error::reading(asset, error))?;
-    let _lock = WriterLock::acquire(asset)?;
-    // What must not be written is not replaced either.
-    fs::OpenOptions::new().write(true).open(&place).map_err(|error| Error::writing(asset, error))?;
-    let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
-    let copy = ReadLimits::new(options).run(|| copy_beside(asset, &place))?;
-    let info = paint_copy(&copy, asset, strokes, args, context)?;
-    let permissions = place.metadata().map_err(|error| Error::reading(asset, error))?.permissions();
-    fs::set_permissions(&copy, permissions).map_err(|error| Error::writing(asset, error))?;
-    persist(copy, &place, true)?;
-    Ok(PaintInfo { output: asset.clone(), ..info })
-}
-
-/// Paints a copy of the asset, which errors in writing call by the name that the output is to have.
-fn paint_copy(
-    copy: &Path,
-    output: &Path,
-    strokes: &Strokes,
-    args: &PaintArgs,
-    context: &Context,
-) -> Result<PaintInfo> {
-    paint(copy, strokes, args, context).map_err(|error| {
-        match error.path() == Some(copy) && error.kind() == ErrorKind::Io {
-            true => {
-                let why = error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
-                let sentence = format!("cannot write {}: {why}; nothing was written", output.display());
-                Error::new(ErrorKind::Io, sentence).with_path(output)
-            }
-            false => error,
-        }
-    })
-}
-
-/// A copy in the folder of the output, which goes away unless it is renamed.
-fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath> {
-    let write = |error| Error::writing(output, error);
-    let mut copy = temporary_file(output, ".tmp").map_err(write)?;
-    let mut from = fantex::base::input::open(asset).map_err(|error| Error::reading(asset, error))?;
-    io::copy(&mut from, copy.as_file_mut()).map_err(write)?;
-    Ok(copy.into_temp_path())
 }
