@@ -182,7 +182,7 @@ fn target_of(painter: &mut Painter, settings: &StrokeSettings, fill: Option<Grap
             // Without a mask the layer shows everywhere.
             painter.edit_layers(&settings.label, |layers| {
                 let masked = layers.iter_mut().filter(|layer| layer.id() == first);
-                masked.for_each(|layer| drop(layer.mask.get_or_insert(1.0)));
+                masked.for_each(|layer| layer.mask = layer.mask.or(Some(1.0)));
             })?;
         }
         return Ok(target(first));
