@@ -213,7 +213,7 @@ class FANTEX_OT_bake(bpy.types.Operator):
             self.report({"ERROR"}, str(bake.error))
             return {"CANCELLED"}
         for note in bake.asset.baked["notes"]:
-            self.report({"WARNING"}, note)
+            self.report({"INFO"}, note)
         name = original.name if original else os.path.splitext(os.path.basename(self.filepath))[0]
         item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{name} fans", True)
         context.collection.objects.link(item)

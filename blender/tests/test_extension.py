@@ -443,7 +443,7 @@ base_color = [0.0, 0.0, 1.0]
 def test_notes_of_bakes_are_told(tmp_path, extension, capfd):
     bpy.ops.mesh.primitive_plane_add()
     bake(tmp_path / "a.fan")
-    assert "Warning: 4 edges on the boundary" in capfd.readouterr().out
+    assert "Info: 4 edges on the boundary" in capfd.readouterr().out
 
 
 def test_looks_see_colors(tmp_path, extension):
