@@ -497,9 +497,9 @@ fn measures_know_edges_and_hollows() {
 #[test]
 fn strokes_on_masks_make_them() {
     const PAINTED: &str = r#"{ "layer": { "name": "a" }, "fill": "whole",
-        "channels": [{ "kind": "base_color", "color": { "linear": [0.8, 0.3, 0.5] } }] }"#;
+        "channels": [{ "kind": "base_color", "color": { "linear": [0.8, 0.3, 0.5, 1] } }] }"#;
     const HIDDEN: &str = r#"{ "layer": { "name": "a", "mask": true }, "fill": "whole",
-        "channels": [{ "kind": "base_color", "color": { "linear": [0, 0, 0] } }] }"#;
+        "channels": [{ "kind": "base_color", "color": { "linear": [0, 0, 0, 1] } }] }"#;
     let looks = [&[PAINTED, HIDDEN][..], &[HIDDEN, PAINTED], &[]].map(|strokes| {
         let baked = ball(20_000, BakeFormat::Rgba8);
         let text = format!(r#"{{ "version": 1, "strokes": [{}] }}"#, strokes.join(","));
