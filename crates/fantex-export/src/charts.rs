@@ -9,7 +9,6 @@
 //! Pieces are joined as long as one projection serves the union. From there it is stretch that counts, not a direction: fewer charts
 //! have less border, and border costs padding.
 
-use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use fantex_cover::{Rectangle, RectangleFinder, SPAN_SLACK, span};
@@ -19,6 +18,7 @@ use rayon::prelude::*;
 
 use crate::layout_progress::LayoutProgress;
 use crate::overlaps::without_crossings;
+use crate::plans::Plan;
 use crate::slots::Slots;
 use crate::unions::unite;
 
@@ -230,29 +230,6 @@ struct Piece {
     borders: BTreeMap<u32, f32>,
     /// Counts its changes; what was planned before is void.
     version: u32,
-}
-
-/// A union that may be made. Ordered so that the heap gives the cheapest first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Plan {
-    pub(crate) cost: f64,
-    pub(crate) pieces: [u32; 2],
-    /// Of the pieces when it was made.
-    pub(crate) versions: [u32; 2],
-}
-
-impl Eq for Plan {}
-
-impl Ord for Plan {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then_with(|| other.pieces.cmp(&self.pieces))
-    }
-}
-
-impl PartialOrd for Plan {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
 }
 
 fn join(

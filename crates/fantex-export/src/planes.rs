@@ -5,7 +5,7 @@ use fantex_mesh::Mesh;
 use glam::{DVec2, Vec2};
 use rustc_hash::FxHashMap;
 
-use crate::charts::NONE;
+use crate::charts::{NONE, doubled_area};
 
 /// A triangle goes over to the other side of a seam if it has less strain per area there.
 const MAX_STRAIN_OF_FILL: f64 = 0.1;
@@ -64,6 +64,11 @@ impl Planes<'_> {
         let corners = self.mesh.triangles[half_edge as usize / 3];
         let [a, b] = [0, 1].map(|i| self.mesh.positions[corners[(half_edge as usize % 3 + i) % 3] as usize]);
         f64::from(a.distance(b))
+    }
+
+    /// Area of triangles on the surface.
+    pub(crate) fn area(&self, triangles: &[u32]) -> f64 {
+        triangles.iter().map(|&t| 0.5 * f64::from(doubled_area(self.mesh, t as usize))).sum()
     }
 
     /// Where a half-edge begins and ends in the plane.

@@ -10,20 +10,21 @@
 //! proportion to `n log n`. The cheapest of those that have no piece in common are tried at once. A piece may meet itself along a seam, as
 //! a tube does that is rolled out.
 
-use std::collections::{BTreeMap, BinaryHeap, VecDeque};
-use std::sync::LazyLock;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fantex_base::UnionFind;
 use fantex_cover::Sheet;
-use fantex_mesh::{Mesh, unit_vector};
+use fantex_mesh::Mesh;
 use glam::{DVec2, IVec2, Vec2};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::charts::{Chart, NONE, Plan, doubled_area, visit_cells};
+use crate::charts::{Chart, NONE, visit_cells};
+use crate::extents::{Extents, LENGTHENED};
 use crate::layout_progress::LayoutProgress;
 use crate::planes::{Fit, Planes};
+use crate::plans::{Plan, Plans};
 use crate::slots::Slots;
 
 /// Two pieces are joined while they gain less strain than this per area, on the mean of all unions; a stretch of 10 % in both directions is a
@@ -121,52 +122,6 @@ struct Piece {
     version: u32,
 }
 
-/// How far a piece reaches along directions all around, as pieces lie in any way.
-#[derive(Clone, Copy)]
-struct Extents {
-    low: [f32; DIRECTIONS],
-    high: [f32; DIRECTIONS],
-}
-
-/// Half a turn of directions.
-const DIRECTIONS: usize = 16;
-
-/// A piece lies up to half a step between directions off the nearest one: it seems so much longer at most when it grows as wide as it is long.
-const LENGTHENED: f32 = 1.1;
-
-impl Default for Extents {
-    fn default() -> Self {
-        Self { low: [f32::INFINITY; DIRECTIONS], high: [f32::NEG_INFINITY; DIRECTIONS] }
-    }
-}
-
-impl Extents {
-    fn add(&mut self, p: Vec2) {
-        static AXES: LazyLock<[Vec2; DIRECTIONS]> = LazyLock::new(|| {
-            std::array::from_fn(|i| unit_vector(i as f32 * std::f32::consts::PI / DIRECTIONS as f32))
-        });
-        for ((low, high), axis) in self.low.iter_mut().zip(&mut self.high).zip(AXES.iter()) {
-            let along = p.dot(*axis);
-            (*low, *high) = (low.min(along), high.max(along));
-        }
-    }
-
-    /// The side of the smallest square around the piece, nearly.
-    fn length(&self) -> f32 {
-        let along = |i: usize| self.high[i] - self.low[i];
-        let squares = (0..DIRECTIONS / 2).map(|i| along(i).max(along(i + DIRECTIONS / 2)));
-        squares.fold(f32::INFINITY, f32::min)
-    }
-
-    /// The longer side of the smallest rectangle around the piece, nearly. (A thin piece lies along the diagonal of its smallest square.)
-    fn longer_side(&self) -> f32 {
-        let along = |i: usize| self.high[i] - self.low[i];
-        let rectangles = (0..DIRECTIONS / 2).map(|i| [along(i), along(i + DIRECTIONS / 2)]);
-        let smallest = rectangles.min_by(|[a, b], [c, d]| (a * b).total_cmp(&(c * d)));
-        smallest.map_or(0.0, |[a, b]| a.max(b))
-    }
-}
-
 /// Two pieces laid side by side.
 struct Union {
     large: u32,
@@ -186,40 +141,6 @@ struct Union {
 struct Tried {
     versions: [u32; 2],
     union: Option<Union>,
-}
-
-/// Unions that are worth a try, the cheapest first; at most one that counts of every two pieces.
-#[derive(Default)]
-struct Plans {
-    heap: BinaryHeap<Plan>,
-    /// Of two pieces the versions of the plan that counts.
-    versions: FxHashMap<[u32; 2], [u32; 2]>,
-}
-
-impl Plans {
-    /// Adds plans, each in the place of an older one of the same pieces.
-    fn extend(&mut self, plans: impl IntoIterator<Item = Plan>) {
-        for plan in plans {
-            if self.versions.insert(plan.pieces, plan.versions) != Some(plan.versions) {
-                self.heap.push(plan);
-            }
-        }
-    }
-
-    /// The cheapest one, which stays the one that counts.
-    fn pop(&mut self) -> Option<Plan> {
-        std::iter::from_fn(|| self.heap.pop())
-            .find(|plan| self.versions.get(&plan.pieces) == Some(&plan.versions))
-    }
-
-    /// Puts plans back that were popped.
-    fn put_back(&mut self, plans: Vec<Plan>) {
-        self.heap.extend(plans);
-    }
-
-    fn forget(&mut self, pieces: [u32; 2]) {
-        self.versions.remove(&pieces);
-    }
 }
 
 /// By their pieces.
@@ -294,7 +215,7 @@ impl<'a> Uniter<'a> {
                 return None;
             }
             let before = buffers.sheet.strain();
-            if before > STRAINED * piece_area(planes_ref, piece) {
+            if before > STRAINED * planes_ref.area(&piece.triangles) {
                 buffers.hinge_if_better(before);
             }
             buffers.sheet.relax(rounds);
@@ -798,10 +719,6 @@ impl Buffers {
 /// Whether it is known what comes of a union.
 fn is_tried(plan: &Plan, tried: &AllTried) -> bool {
     tried.get(&plan.pieces).is_some_and(|tried| tried.versions == plan.versions)
-}
-
-fn piece_area(planes: &Planes<'_>, piece: &Piece) -> f64 {
-    piece.triangles.iter().map(|&t| 0.5 * f64::from(doubled_area(planes.mesh, t as usize))).sum()
 }
 
 /// The cells whose middles lie in a triangle.

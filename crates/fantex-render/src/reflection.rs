@@ -77,7 +77,7 @@ const CUBE_TEXEL_BYTES: u64 = 2 * size_of::<Vec3A>() as u64;
 /// will reflect it.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render`](crate::render()).
 pub fn capture_environment(
     mesh: &Mesh,
     surface: &dyn Surface,
