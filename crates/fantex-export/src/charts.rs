@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::layout_progress::LayoutProgress;
 use crate::overlaps::without_crossings;
-use crate::plans::Plan;
+use crate::plans::{GROWTH_OF_ALL, Plan};
 use crate::slots::Slots;
 use crate::unions::unite;
 
@@ -205,10 +205,6 @@ const MAX_DEGREES_OF_CRUMBS: f32 = 68.0;
 /// Pieces with less area than a square of this many texels are crumbs.
 const CRUMB_TEXELS: f32 = 24.0;
 
-/// Unions with all neighbours are planned anew once a piece has grown by this factor; before, those with neighbours whose border with it has
-/// changed.
-const GROWTH: f32 = 1.1;
-
 /// A connected set of triangles that one direction sees.
 #[derive(Clone, Debug)]
 struct Patch {
@@ -320,7 +316,7 @@ impl Joiner {
     }
 
     /// Joins two pieces into that with more neighbours. Returns it, and the neighbours to look at anew: those of the other one, and all of
-    /// them where the piece has [grown](GROWTH) since they were.
+    /// them where the piece has [grown](GROWTH_OF_ALL) since they were.
     fn unite(&mut self, [a, b]: [u32; 2]) -> (u32, Vec<u32>) {
         let neighbours = |i: u32| self.pieces[i as usize].borders.len();
         let (kept, gone) = if neighbours(a) >= neighbours(b) { (a, b) } else { (b, a) };
@@ -341,7 +337,7 @@ impl Joiner {
         piece.area += lost.area;
         piece.perimeter += lost.perimeter - 2.0 * border;
         piece.version += 1;
-        let changed = match piece.area > GROWTH * piece.known_area {
+        let changed = match piece.area > GROWTH_OF_ALL * piece.known_area {
             true => {
                 piece.known_area = piece.area;
                 piece.borders.keys().copied().collect()

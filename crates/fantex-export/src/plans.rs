@@ -5,6 +5,10 @@ use std::collections::BinaryHeap;
 
 use rustc_hash::FxHashMap;
 
+/// Unions with all neighbours are planned anew once a piece has grown by this factor; until then, those with neighbours whose border with it
+/// has changed.
+pub(crate) const GROWTH_OF_ALL: f32 = 1.1;
+
 /// A union that may be made. Ordered so that the heap gives the cheapest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {

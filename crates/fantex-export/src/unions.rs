@@ -24,7 +24,7 @@ use crate::charts::{Chart, NONE, visit_cells};
 use crate::extents::{Extents, LENGTHENED};
 use crate::layout_progress::LayoutProgress;
 use crate::planes::{Fit, Planes};
-use crate::plans::{Plan, Plans};
+use crate::plans::{GROWTH_OF_ALL, Plan, Plans};
 use crate::slots::Slots;
 
 /// Two pieces are joined while they gain less strain than this per area, on the mean of all unions; a stretch of 10 % in both directions is a
@@ -54,10 +54,6 @@ const NO_STRAIN: f64 = 0.002;
 
 /// A union that failed is tried again once a piece has grown by this factor.
 const GROWTH: f64 = 1.3;
-
-/// Unions with all neighbours are planned anew once a piece has grown by this factor; until then, those with neighbours whose border with it
-/// has changed.
-const GROWTH_OF_ALL: f64 = 1.1;
 
 /// A piece with more strain per area may be better laid anew.
 const STRAINED: f64 = 0.01;
@@ -605,7 +601,7 @@ impl<'a> Uniter<'a> {
         piece.extents = extents;
         piece.longest = piece.longest.max(gone.longest);
         piece.version += 1;
-        let changed = match piece.area > GROWTH_OF_ALL * piece.known_area {
+        let changed = match piece.area > f64::from(GROWTH_OF_ALL) * piece.known_area {
             true => {
                 piece.known_area = piece.area;
                 piece.borders.keys().copied().collect()

@@ -27,7 +27,7 @@ use crate::commands::bake::FITS;
 use crate::context::Context;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
-use crate::text::{Count, Table, columns, grouped, one_of, positive, whole};
+use crate::text::{Count, Table, columns, counted, grouped, one_of, positive, whole};
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]
@@ -302,10 +302,8 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
         Ok(())
     })?;
     let rate = |seconds: f64| SAMPLES as f64 / seconds / 1e6;
-    let name = format!(
-        "sample, bilinear, random, {}",
-        crate::text::counted(rayon::current_num_threads() as u64, "thread")
-    );
+    let name =
+        format!("sample, bilinear, random, {}", counted(rayon::current_num_threads() as u64, "thread"));
     Ok(vec![Row::new(name, rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
 }
 

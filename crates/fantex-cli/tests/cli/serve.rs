@@ -178,8 +178,10 @@ fn too_many_connections_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = small_asset(folder.path());
     let serving = serve(&folder.path().join("a b.fan"), &[]);
-    let idle: Vec<TcpStream> =
-        (0..256).map(|_| TcpStream::connect(("127.0.0.1", serving.port)).unwrap()).collect();
+    let connect = |_| TcpStream::connect(("127.0.0.1", serving.port));
+    let Ok(idle) = (0..256).map(connect).collect::<Result<Vec<_>, _>>() else {
+        return fantex_test::skip("so many files may not be open at a time");
+    };
     let deadline = Instant::now() + Duration::from_secs(60);
     let asked_until = |wanted: u16| loop {
         let answer = ask(serving.port, "GET /a%20b.fan", "");
