@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use crate::charts::{Chart, NONE, charts, continued};
 use crate::export::cancelled;
 use crate::layout_progress::LayoutProgress;
-use crate::packing::{Mask, Masks, Orders, Place, are_few, pack};
+use crate::mask::Mask;
+use crate::packing::{Masks, Orders, Place, are_few, pack};
 
 pub(crate) const NOBODY: u32 = u32::MAX;
 

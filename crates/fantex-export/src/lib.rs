@@ -21,6 +21,7 @@ mod fan_shaders;
 mod fans;
 mod layout;
 mod layout_progress;
+mod mask;
 mod materialx;
 mod model_file;
 mod model_uv;
