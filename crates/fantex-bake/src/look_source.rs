@@ -55,6 +55,17 @@ impl<'a> LookSource<'a> {
         Ok(self)
     }
 
+    /// With a channel of emission where anything glows, also where that is the same everywhere: for light that is baked, what glows is a lamp.
+    pub fn with_all_emission(mut self) -> Self {
+        if let Materials::Textures(source) = &mut self.0
+            && source.channels.iter().all(|channel| channel.kind != ChannelKind::Emission)
+            && source.materials.iter().any(|m| max_value(&m.emission) != Vec3::ZERO)
+        {
+            source.channels.push(emission_channel(&source.materials));
+        }
+        self
+    }
+
     /// The model's own materials through its own texture coordinates: base colour always, other channels where a texture varies
     /// them or materials differ in them.
     ///
@@ -375,13 +386,17 @@ fn channels(materials: &[Arc<LookMaterial>]) -> Vec<SourceChannel> {
         channels.push(channel(ChannelKind::OcclusionRoughnessMetallic));
     }
     if any(&|m| varies(&m.emission)) {
-        let exceeds_one = any(&|m| max_value(&m.emission).max_element() > 1.0);
-        channels.push(SourceChannel { exceeds_one, ..channel(ChannelKind::Emission) });
+        channels.push(emission_channel(materials));
     }
     if any(&|m| m.anisotropy.is_some()) {
         channels.push(channel(ChannelKind::Anisotropy));
     }
     channels
+}
+
+fn emission_channel(materials: &[Arc<LookMaterial>]) -> SourceChannel {
+    let exceeds_one = materials.iter().any(|m| max_value(&m.emission).max_element() > 1.0);
+    SourceChannel { exceeds_one, ..SourceChannel::new(ChannelKind::Emission) }
 }
 
 fn view_dependent(what: &str) -> Error {

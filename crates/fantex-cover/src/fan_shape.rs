@@ -1,7 +1,7 @@
 //! How each fan is laid flat: projected along its best direction, or unfolded.
 
 use fantex_mesh::unit_vector;
-use glam::{Vec2, Vec3, Vec3Swizzles};
+use glam::{DVec2, Vec2, Vec3, Vec3Swizzles};
 
 use crate::cone::{Cone, narrowest_cone};
 use crate::cost::error_at;
@@ -106,21 +106,22 @@ fn winds_once(ring: &Ring, direction: Vec3) -> bool {
         }
         return passes <= 1;
     }
-    let flat = |v: &Vec3| Vec2::new(v.dot(x_axis), v.dot(y_axis));
-    let total: f32 = ring.spokes.windows(2).map(|pair| flat(&pair[0]).angle_to(flat(&pair[1])).abs()).sum();
-    total < std::f32::consts::TAU
+    let flat = |v: &Vec3| DVec2::new(v.dot(x_axis).into(), v.dot(y_axis).into());
+    let angle = |from: DVec2, to: DVec2| libm::atan2(from.perp_dot(to), from.dot(to)).abs();
+    let total: f64 = ring.spokes.windows(2).map(|pair| angle(flat(&pair[0]), flat(&pair[1]))).sum();
+    total < std::f64::consts::TAU
 }
 
-// Unfolding a fan about its centre: radii are kept, angles are scaled so that a closed fan closes.
+// Unfolding a fan about its centre: radii are kept, angles are scaled so that a closed fan closes. In double precision, as there may be very many.
 
 /// No triangle spans more than this angle at the centre, or it would degenerate (170 degrees).
-const MAX_TRIANGLE_ANGLE: f32 = 2.967;
+const MAX_TRIANGLE_ANGLE: f64 = 2.967;
 
 /// Nor less than this, if there is room.
-const MIN_TRIANGLE_ANGLE: f32 = 1e-3;
+const MIN_TRIANGLE_ANGLE: f64 = 1e-3;
 
 /// An open fan is not spread over more than this angle (300 degrees).
-const MAX_OPEN_FAN_ANGLE: f32 = 5.236;
+const MAX_OPEN_FAN_ANGLE: f64 = 5.236;
 
 /// Planar coordinates of the centre (the origin) and the two ring vertices of each triangle, in the fan's order and
 /// mesh units; `None` only for closed fans of two triangles, which coincide.
@@ -132,19 +133,19 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
         let [center, from, to] = surface.fan_triangle(corner);
         let (from, to) = (from - center, to - center);
         radii.push([from.length(), to.length()]);
-        angles.push(libm::atan2f(from.cross(to).length(), from.dot(to)));
+        angles.push(libm::atan2(from.cross(to).length().into(), from.dot(to).into()));
     }
     let closed = surface.fans.is_closed(fan);
-    let total: f32 = angles.iter().sum();
-    let target = if closed { std::f32::consts::TAU } else { total.min(MAX_OPEN_FAN_ANGLE) };
+    let total: f64 = angles.iter().sum();
+    let target = if closed { std::f64::consts::TAU } else { total.min(MAX_OPEN_FAN_ANGLE) };
     spread(&mut angles, target, closed)?;
-    let mut angle = 0.0;
+    let mut angle = 0.0f64;
     let mut unfolded = Vec::with_capacity(corners.len());
     for (i, (&[from, to], span)) in radii.iter().zip(&angles).enumerate() {
-        let start = unit_vector(angle) * from;
+        let start = unit_vector(angle as f32) * from;
         angle += span;
         let last = closed && i + 1 == radii.len();
-        let end = if last { Vec2::X } else { unit_vector(angle) };
+        let end = if last { Vec2::X } else { unit_vector(angle as f32) };
         unfolded.push([Vec2::ZERO, start, end * to]);
     }
     // Two triangles share each spoke; their coordinates of it must be equal to the last bit.
@@ -159,18 +160,18 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
 
 /// Scales angles so that they sum up to `target` with none beyond the bounds; those of an open fan may sum up to less. `None` where
 /// that is impossible.
-fn spread(angles: &mut [f32], target: f32, closed: bool) -> Option<()> {
-    let n = angles.len() as f32;
+fn spread(angles: &mut [f64], target: f64, closed: bool) -> Option<()> {
+    let n = angles.len() as f64;
     if closed && n * MAX_TRIANGLE_ANGLE < target {
         return None;
     }
     let floor = MIN_TRIANGLE_ANGLE.min(0.5 * target / n);
-    let at = |angle: f32, factor: f32| (angle * factor).clamp(floor, MAX_TRIANGLE_ANGLE);
+    let at = |angle: f64, factor: f64| (angle * factor).clamp(floor, MAX_TRIANGLE_ANGLE);
     angles.iter_mut().for_each(|angle| *angle = if angle.is_finite() { angle.max(1e-6) } else { 1e-6 });
-    let sum = |factor: f32| angles.iter().map(|&angle| at(angle, factor)).sum::<f32>();
-    let plain = target / angles.iter().sum::<f32>();
+    let sum = |factor: f64| angles.iter().map(|&angle| at(angle, factor)).sum::<f64>();
+    let plain = target / angles.iter().sum::<f64>();
     let mut factor = plain;
-    if (sum(plain) - target).abs() > 1e-6 * target {
+    if (sum(plain) - target).abs() > 1e-9 * target {
         // The sum grows with the factor: bisection on a scale of powers of two.
         let (mut low, mut high) = (plain * 1e-3, plain.max(1.0) * 4.0e6);
         for _ in 0..60 {
@@ -216,8 +217,54 @@ mod tests {
         Some(planar)
     }
 
-    fn turn(planar: &[[Vec2; 3]]) -> f32 {
-        planar.iter().map(|t| t[1].angle_to(t[2])).sum()
+    /// Radians.
+    fn turn(planar: &[[Vec2; 3]]) -> f64 {
+        let angles = planar.iter().map(|t| t.map(|p| p.as_dvec2()));
+        angles.map(|[_, a, b]| f64::atan2(a.perp_dot(b), a.dot(b))).sum()
+    }
+
+    /// As many as there may be: no triangle is folded over, and none lies over the first ones.
+    #[test]
+    fn fans_of_many_triangles_close() {
+        for n in [10_000u32, 100_000] {
+            for (closed, turns) in [(true, 1.0), (false, 0.7), (false, 1.3)] {
+                let point = |i: u32| {
+                    let share = f64::from(i) / f64::from(if closed { n } else { n - 1 });
+                    // Every second spoke is short; the surface is too steep to be projected.
+                    let radius = if i.is_multiple_of(2) { 1.0 } else { 0.6 };
+                    (DVec2::from_angle(share * turns * std::f64::consts::TAU) * radius)
+                        .extend(5.0 * share)
+                        .as_vec3()
+                };
+                let ring: Vec<Vec3> = (0..n).map(point).collect();
+                let planar = unfolded(&umbrella(&ring, closed)).unwrap();
+                let turn = turn(&planar);
+                if closed {
+                    assert!((turn - std::f64::consts::TAU).abs() < 1e-3, "{n}: {turn}");
+                } else {
+                    assert!(turn < MAX_OPEN_FAN_ANGLE + 1e-3, "{n}: {turn}");
+                }
+            }
+        }
+    }
+
+    /// Narrow triangles count for as much as they turn, however many there are.
+    #[test]
+    fn spirals_of_many_triangles_wind_more_than_once() {
+        for n in [100u32, 5_000, 60_000] {
+            for (turns, expected) in [(0.95, true), (1.05, false), (1.2, false)] {
+                let point = |i: u32| {
+                    let share = f64::from(i) / f64::from(n - 1);
+                    DVec2::from_angle(share * turns * std::f64::consts::TAU).extend(0.02 * share).as_vec3()
+                };
+                let mesh = umbrella(&(0..n).map(point).collect::<Vec<_>>(), false);
+                let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+                let surface = Surface::new(&mesh, Fans::of(&mesh.triangles, &corners));
+                let mut ring = Ring::default();
+                ring.gather(&surface, 0);
+                assert_eq!(winds_once(&ring, Vec3::Z), expected, "{n} triangles, {turns} turns");
+            }
+        }
     }
 
     #[test]
@@ -262,7 +309,7 @@ mod tests {
                 }
                 if closed {
                     prop_assert_eq!(planar[planar.len() - 1][2], planar[0][1]);
-                    prop_assert!((turn(&planar) - std::f32::consts::TAU).abs() < 1e-4);
+                    prop_assert!((turn(&planar) - std::f64::consts::TAU).abs() < 1e-4);
                 } else {
                     prop_assert!(turn(&planar) < MAX_OPEN_FAN_ANGLE + 1e-4);
                 }

@@ -50,7 +50,8 @@ impl Mask {
             // Blocks whose middles lie in the triangle need not be asked.
             let middle = y as f32 + 0.5;
             if let Some([left, right]) = span_between(middle, middle) {
-                let inside = ((left + 0.5).max(0.0) as u32).max(from)..((right + 0.5).max(0.0) as u32).min(end);
+                let inside =
+                    ((left + 0.5).max(0.0) as u32).max(from)..((right + 0.5).max(0.0) as u32).min(end);
                 if !inside.is_empty() {
                     self.insert_run(y, inside.clone());
                     self.add_touched(corners, y, from..inside.start);

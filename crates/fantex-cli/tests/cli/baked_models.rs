@@ -1,5 +1,6 @@
 //! `fantex bake` into a model with texture coordinates.
 
+use fantex::texture::Image;
 use serde_json::json as value;
 
 use crate::{COLORED_PLY, CUBE_OBJ, bottle, fails, files, json, succeeds, write};
@@ -58,6 +59,59 @@ fn light_is_baked_into_a_model() {
     let compared =
         json(&[&"compare", &at("lit.fan"), &at("lit.glb"), &"--views", &"2", &"--size", &"160x120"]);
     assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 35.0, "{compared}");
+}
+
+/// Walls that glow are lamps, whether a number or a texture says so: in a closed room light is `e (1 + r + r^2 ...)`.
+#[test]
+fn surfaces_that_glow_light_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let inward: String = CUBE_OBJ
+        .lines()
+        .map(|line| match line.strip_prefix("f ") {
+            Some(corners) => format!("f {}\n", corners.split(' ').rev().collect::<Vec<_>>().join(" ")),
+            None => format!("{line}\n"),
+        })
+        .collect();
+    let model = write(folder.path(), "room.obj", inward);
+    let light = |emission: &str, quantity: &str| {
+        let text = format!(
+            "[textures.t]\nkind = \"color\"\ncolor = [0.2, 0.2, 0.2]\n[materials.m]\nbase_color = 0.5\nemission = {emission}\n\
+             [bake]\nlight = {{ samples = 16, bounces = 1, quantity = \"{quantity}\" }}\n"
+        );
+        let look = write(folder.path(), "room.toml", text);
+        let out = folder.path().join("room.fan");
+        let info = json(&[&"bake", &model, &"-o", &out, &"--look", &look, &"--texels", &"1k", &"--force"]);
+        info["light"]["mean_light"].as_f64().unwrap()
+    };
+    for emission in ["0.2", "[0.2, 0.2, 0.2]", "\"t\""] {
+        assert!((light(emission, "direct") - 0.2).abs() < 1e-3, "{emission}");
+        assert!((light(emission, "full") - 0.3).abs() < 1e-3, "{emission}");
+    }
+    assert_eq!(light("0", "full"), 0.0);
+}
+
+/// A slope gets of sky and ground what pictures show of them: all of the sky from above, half of both on a wall.
+#[test]
+fn baked_ambient_light_is_that_of_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let lamp = "[[light]]\nkind = \"ambient\"\nsky = [1, 0.2, 0]\nground = [0, 0.2, 1]\n";
+    let bake = "[bake]\nlight = { samples = 4096, bounces = 0, colored = false }\n";
+    let look = write(folder.path(), "sky.toml", format!("{lamp}[materials.m]\n{bake}"));
+    let plane = |name: &str, corners: [[i32; 3]; 4]| {
+        let vertices: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        write(folder.path(), name, format!("{vertices}f 1 2 3\nf 1 3 4\n"))
+    };
+    let floor = plane("floor.obj", [[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]]);
+    let wall = plane("wall.obj", [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]);
+    for (model, expected) in [(floor, [1.0, 0.2, 0.0]), (wall, [0.5, 0.2, 0.5])] {
+        let (fan, exr) = (folder.path().join("a.fan"), folder.path().join("a.exr"));
+        succeeds(&[&"bake", &model, &"-o", &fan, &"--look", &look, &"--texels", &"256", &"--force"]);
+        succeeds(&[&"export", &fan, &"-o", &exr, &"--channel", &"light", &"--size", &"16", &"--force"]);
+        let image = Image::load(&exr).unwrap();
+        let middle = image.linear_texel(8, 8);
+        let difference = (0..3).map(|c| (middle[c] - expected[c]).abs()).fold(0.0, f32::max);
+        assert!(difference < 0.01, "{middle:?}, expected {expected:?}");
+    }
 }
 
 #[test]

@@ -331,6 +331,7 @@ impl LookBake {
             source = source.with_heights(self.heights.clone())?;
         }
         let Some(light) = &self.light else { return Ok(then(&source)) };
+        let source = source.with_all_emission();
         let reflector = SourceReflector::new(mesh, &source);
         let sky = |direction: Vec3| light.sky.radiance(direction);
         let scene = LightScene { lights: light.lamps.clone(), sky: &sky, reflector: &reflector };
@@ -340,10 +341,13 @@ impl LookBake {
 }
 
 impl SkyLight {
+    /// Of the sky above the horizon and of the ground below it: what a surface that nothing hides gets of both goes from one to the other with the
+    /// cosine of its slope, as [`AmbientLight`] has it.
     fn radiance(&self, direction: Vec3) -> Vec3 {
         match &self.environment {
             Some(light) => light.reflected(direction, [Vec3::ZERO; 2], 0.0),
-            None => self.ground.lerp(self.sky, 0.5 + 0.5 * direction.y),
+            None if direction.y > 0.0 => self.sky,
+            None => self.ground,
         }
     }
 }
