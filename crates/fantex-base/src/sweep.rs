@@ -1,12 +1,15 @@
 //! Pairs of things in the plane whose boxes meet, by a sweep along x.
 
 /// Whether `holds` for two items whose boxes meet; it is asked of the earlier one and the later one, until it says so. A box is its lowest and its
-/// highest number along x, and the same along y. The items ascend by their lowest x.
+/// highest number along x, and the same along y. The items ascend by their lowest x. `None` where more pairs than `max_pairs` meet along x, and
+/// none of the first so many holds.
 pub fn any_pair_of_boxes<T, N: PartialOrd>(
     items: &[T],
     ranges: impl Fn(&T) -> [(N, N); 2],
+    max_pairs: usize,
     mut holds: impl FnMut(&T, &T) -> bool,
-) -> bool {
+) -> Option<bool> {
+    let mut left = max_pairs;
     for (i, one) in items.iter().enumerate() {
         let [(_, end), (low, high)] = ranges(one);
         for other in &items[i + 1..] {
@@ -14,12 +17,13 @@ pub fn any_pair_of_boxes<T, N: PartialOrd>(
             if start > end {
                 break;
             }
+            left = left.checked_sub(1)?;
             if other_low <= high && other_high >= low && holds(one, other) {
-                return true;
+                return Some(true);
             }
         }
     }
-    false
+    Some(false)
 }
 
 #[cfg(test)]
@@ -34,13 +38,15 @@ mod tests {
         let found = any_pair_of_boxes(
             &boxes,
             |b| *b,
+            4,
             |a, b| {
                 asked.push((a[0].0, b[0].0));
                 false
             },
         );
-        assert!(!found);
+        assert_eq!(found, Some(false));
         assert_eq!(asked, [(0, 1), (0, 4), (1, 2)]);
-        assert!(any_pair_of_boxes(&boxes, |b| *b, |a, _| a[0].0 == 1));
+        assert_eq!(any_pair_of_boxes(&boxes, |b| *b, 4, |a, _| a[0].0 == 1), Some(true));
+        assert_eq!(any_pair_of_boxes(&boxes, |b| *b, 3, |_, _| false), None);
     }
 }

@@ -6,46 +6,9 @@
 //! So it is enough to look for crossing segments, and around the boundary's vertices: segments with a common vertex do not
 //! cross elsewhere, but the wedges that they bound may overlap.
 
-use fantex_base::sweep::any_pair_of_boxes;
 use glam::Vec2;
 
-/// A boundary segment, named by its vertices so that neighbours are recognised. The region lies to its left.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Segment {
-    vertices: [u32; 2],
-    ends: [Vec2; 2],
-}
-
-impl Segment {
-    pub(crate) fn new(vertices: [u32; 2], ends: [Vec2; 2]) -> Self {
-        Self { vertices, ends }
-    }
-
-    /// Along x and along y.
-    fn ranges(&self) -> [(f32, f32); 2] {
-        let [a, b] = self.ends;
-        [(a.x.min(b.x), a.x.max(b.x)), (a.y.min(b.y), a.y.max(b.y))]
-    }
-
-    fn crosses(&self, other: &Segment) -> bool {
-        if self.vertices.iter().any(|v| other.vertices.contains(v)) {
-            return false;
-        }
-        let side = |s: &Segment, p: Vec2| {
-            let [a, b] = s.ends.map(Vec2::as_dvec2);
-            (b - a).perp_dot(p.as_dvec2() - a)
-        };
-        let straddles = |s: &Segment, o: &Segment| side(s, o.ends[0]) * side(s, o.ends[1]) <= 0.0;
-        straddles(self, other) && straddles(other, self)
-    }
-}
-
-/// True where two segments without a common vertex meet. Reorders `segments`.
-pub(crate) fn any_crossing(segments: &mut [Segment]) -> bool {
-    let start = |segment: &Segment| segment.ranges()[0].0;
-    segments.sort_unstable_by(|a, b| start(a).total_cmp(&start(b)).then(a.vertices.cmp(&b.vertices)));
-    any_pair_of_boxes(segments, Segment::ranges, Segment::crosses)
-}
+use crate::crossings::Segment;
 
 /// What a triangle of the region spans around one of its vertices: the directions from `from` counter-clockwise to `to`, less
 /// than half a turn.
@@ -169,6 +132,7 @@ impl OverlapFinder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::crossings::any_crossing;
 
     fn path(points: &[[f32; 2]]) -> Vec<Segment> {
         let n = points.len();

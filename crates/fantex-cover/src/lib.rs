@@ -16,6 +16,7 @@ mod build;
 mod cone;
 mod cost;
 mod cover;
+mod crossings;
 mod fan_shape;
 mod flatten;
 mod footprints;

@@ -6,7 +6,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat2, DVec2, Vec3};
 
-use crate::injective::{OverlapFinder, Segment, Wedge, any_crossing};
+use crate::crossings::{Segment, any_crossing};
+use crate::injective::{OverlapFinder, Wedge};
 
 /// Steps of the conjugate gradients in each round of the relaxation.
 const STEPS: usize = 24;

@@ -124,7 +124,7 @@ impl Mask {
         match turn % 4 {
             0 => self.clone(),
             1 => self.transposed().mirrored(),
-            2 => self.mirrored().upside_down(),
+            2 => self.upside_down().mirrored(),
             _ => self.transposed().upside_down(),
         }
     }

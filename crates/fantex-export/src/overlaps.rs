@@ -69,7 +69,7 @@ pub(crate) fn without_crossings(chart: &Chart, across: &[u32], slots: &Slots) ->
     }
     sides.sort_by(|a, b| a.ranges()[0].0.total_cmp(&b.ranges()[0].0));
     let mut is_taken = vec![true; chart.triangles.len()];
-    any_pair_of_boxes(&sides, Side::ranges, |one, other| {
+    any_pair_of_boxes(&sides, Side::ranges, usize::MAX, |one, other| {
         if one.index != other.index && one.crosses(other) {
             is_taken[smaller(chart, one.index, other.index)] = false;
         }
