@@ -272,6 +272,7 @@ impl Packing {
 #[cfg(test)]
 mod tests {
     use fantex_bake::NoProgress;
+    use glam::Vec2;
 
     use super::*;
 
