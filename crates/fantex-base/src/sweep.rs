@@ -38,7 +38,7 @@ mod tests {
         let found = any_pair_of_boxes(
             &boxes,
             |b| *b,
-            4,
+            5,
             |a, b| {
                 asked.push((a[0].0, b[0].0));
                 false
@@ -46,7 +46,7 @@ mod tests {
         );
         assert_eq!(found, Some(false));
         assert_eq!(asked, [(0, 1), (0, 4), (1, 2)]);
-        assert_eq!(any_pair_of_boxes(&boxes, |b| *b, 4, |a, _| a[0].0 == 1), Some(true));
-        assert_eq!(any_pair_of_boxes(&boxes, |b| *b, 3, |_, _| false), None);
+        assert_eq!(any_pair_of_boxes(&boxes, |b| *b, 5, |a, _| a[0].0 == 1), Some(true));
+        assert_eq!(any_pair_of_boxes(&boxes, |b| *b, 4, |_, _| false), None);
     }
 }
