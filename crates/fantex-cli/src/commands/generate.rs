@@ -137,7 +137,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
         tunnels: args.tunnels,
         arches: args.arches,
         irregularity: args.irregularity,
-    });
+    })?;
     let (triangles, asked) = (made.triangles.len() as u64, args.triangles.0);
     if triangles.abs_diff(asked) > asked / 10 {
         context.note(format!(

@@ -247,6 +247,18 @@ fn options_of_pictures_are_checked_first() {
     fails(1, &["cannot read"], &[&"render", &none, &"-o", &picture, &"--light", &"1,2,3"]);
 }
 
+#[test]
+fn landscapes_that_are_too_large_are_refused_in_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let land = folder.path().join("land.ply");
+    for (triangles, words) in [("1T", "at most 715827882 are supported"), ("3M", "allow more (--memory)")] {
+        let arguments: [&dyn AsRef<std::ffi::OsStr>; 7] =
+            [&"generate", &"landscape", &"-o", &land, &"--triangles", &triangles, &"--memory=64M"];
+        fails(1, &[words], &arguments);
+    }
+    assert!(files(folder.path()).is_empty());
+}
+
 /// Each tile has at least 16 texels.
 #[test]
 fn more_texels_than_were_asked_for_are_said() {
