@@ -57,7 +57,7 @@ fn ball(folder: &Path, name: &str, center: DVec3, radius: f64) -> WorldObject {
         .source(Source::function(move |point| color(point.position)))
         .write(&path)
         .unwrap();
-    let options = PreviewOptions { triangles: 1500, texels: 20_000, ..PreviewOptions::default() };
+    let options = PreviewOptions { triangles: 1500, texels: Some(20_000), ..PreviewOptions::default() };
     let preview = Preview::add_to(&path, &options).unwrap();
     let bounds = world_bounds(&mesh);
     WorldObject {
