@@ -299,7 +299,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
         }
     }
     let mut series = Series::all_or_none(context, &args.output, "photograph", u64::from(args.count));
-    [&images, &sparse].into_iter().try_for_each(|folder| series.make_folder(folder))?;
+    [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
     let photographs = set_up(args, mesh, &images);
     let bvh = TriangleBvh::new(mesh);
     for (i, photograph) in photographs.iter().enumerate() {

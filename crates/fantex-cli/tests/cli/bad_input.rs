@@ -513,6 +513,22 @@ fn an_interrupted_gallery_leaves_no_temporary_folder() {
     assert!(files(&temporary).is_empty(), "{:?}", files(&temporary));
 }
 
+/// What failed or was interrupted before its first file leaves no folder, however deep that is.
+#[cfg(unix)]
+#[test]
+fn empty_folders_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let out = folder.path().join("made/out");
+    let none = folder.path().join("none.hdr");
+    let turntable: [&dyn AsRef<OsStr>; 8] =
+        [&"export", &model, &"-o", &out, &"--turntable", &"2", &"--environment", &none];
+    fails(1, &["none.hdr"], &turntable);
+    assert_eq!(files(folder.path()), ["colored.ply"]);
+    interrupted(&[&"demo", &"-o", &out, &"--triangles", &"20M"], folder.path(), 2);
+    assert_eq!(files(folder.path()), ["colored.ply"]);
+}
+
 /// Some of the slices would be read as a volume that is less deep.
 #[cfg(unix)]
 #[test]

@@ -383,7 +383,10 @@ fn only_strokes_that_make_layers_need_no_channels() {
         &format!("{layer}, {samples}"),
     ] {
         let message = replayed(&format!("{{ {stroke} }}")).unwrap_err();
-        assert!(message.starts_with("stroke 0 names no channel") && message.contains("base_color"), "{message}");
+        assert!(
+            message.starts_with("stroke 0 names no channel") && message.contains("base_color"),
+            "{message}"
+        );
     }
     for stroke in [layer, r#""set_layers": []"#, r#""unrecorded": true"#] {
         replayed(&format!("{{ {stroke} }}")).unwrap();
