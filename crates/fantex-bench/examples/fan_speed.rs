@@ -97,7 +97,7 @@ fn mesh(model: &str) -> Result<Mesh, Failure> {
     let model = match model.parse() {
         Ok(triangles) => {
             let options = generate::LandscapeOptions { triangles, ..Default::default() };
-            let land = generate::landscape(&options);
+            let land = generate::landscape(&options)?;
             fantex_mesh::Model {
                 positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
                 triangles: land.triangles,

@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (triangles, texels, tile, side) = (next(200_000)?, next(1 << 28)?, next(128)?, next(4096)?);
     let (first, max_anisotropy) = (next(0)? as usize, next(16)? as f32);
     let started = Instant::now();
-    let land = landscape(&LandscapeOptions { triangles, ..LandscapeOptions::default() });
+    let land = landscape(&LandscapeOptions { triangles, ..LandscapeOptions::default() })?;
     let (mesh, _) = clean(land.into(), &CleanOptions::default())?;
     let options =
         CoverOptions { budget: TexelBudget::Total(texels), tile: tile as u32, ..CoverOptions::default() };

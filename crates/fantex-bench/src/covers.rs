@@ -243,7 +243,8 @@ fn drilled(holes: u32, around: u32, thick: f64) -> Model {
 }
 
 fn landscape(triangles: u64) -> Model {
-    let landscape = generate::landscape(&generate::LandscapeOptions { triangles, ..Default::default() });
+    let options = generate::LandscapeOptions { triangles, ..Default::default() };
+    let landscape = generate::landscape(&options).expect("the default limits allow some million triangles");
     model_of(landscape.positions.iter().map(|p| p.as_dvec3()).collect(), landscape.triangles)
 }
 

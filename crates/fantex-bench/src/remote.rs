@@ -59,7 +59,7 @@ impl ByteSource for Remote {
 pub(crate) fn rows() -> Measured {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("land.fan");
-    let land = landscape(&LandscapeOptions { triangles: TRIANGLES, ..LandscapeOptions::default() });
+    let land = landscape(&LandscapeOptions { triangles: TRIANGLES, ..LandscapeOptions::default() })?;
     let positions: Vec<[f64; 3]> = land.positions.iter().map(|p| p.as_dvec3().to_array()).collect();
     let mesh = Mesh::from_triangles(&positions, &land.triangles)?;
     Baker::new(&mesh).texels(TEXELS).source(Source::solid("landscape")).write(&path)?;

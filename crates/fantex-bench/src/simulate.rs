@@ -310,7 +310,7 @@ impl ModelLoader {
     /// Whether a parcel can never be read.
     pub fn is_damaged(parcel: Parcel, share: f64) -> bool {
         let seed = match parcel {
-            Parcel::Bundle { bundle, step } => u64::from(bundle) << 8 ^ u64::from(step) << 62 ^ 0xB0,
+            Parcel::Bundle { bundle, step } => u64::from(bundle) << 32 ^ u64::from(step) ^ 0xB0,
             Parcel::Page(PageId { group, level, page }) => {
                 let [x, y] = page.map(u64::from);
                 u64::from(group) << 30 ^ u64::from(level) << 25 ^ x << 13 ^ y ^ 0xDA_3A6E

@@ -454,7 +454,8 @@ fn what_lies_ahead_is_fetched_before_it_is_needed() {
 
 #[test]
 fn a_flight_over_a_landscape_is_sharp_in_the_end() {
-    let land = generate::landscape(&generate::LandscapeOptions { triangles: 5000, ..Default::default() });
+    let options = generate::LandscapeOptions { triangles: 5000, ..Default::default() };
+    let land = generate::landscape(&options).unwrap();
     let geometry = covered(land.into(), 300_000, 128);
     let center = geometry.mesh.world_from_mesh.offset;
     let path = CameraPath::cuts(center, &[900.0, 300.0, 600.0], 1.0);

@@ -6,7 +6,7 @@
 
 use std::fmt;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -225,10 +225,20 @@ impl Context {
         self.check_interrupt()
     }
 
-    /// Makes a folder, and those above it, where they are not there.
+    /// Makes a folder, and those above it, where they are not there. If the command fails or is interrupted, those that it has made go,
+    /// unless something is in them.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
         check_can_be_folder(folder)?;
+        let mut state = self.interrupt.lock();
+        let missing = folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
+        let missing: Vec<PathBuf> = missing.map(Path::to_owned).collect();
+        state.made_folders.extend(missing.into_iter().rev());
         std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
+    }
+
+    /// Removes the folders that the command has made and written nothing into.
+    pub(crate) fn remove_empty_folders(&self) {
+        self.interrupt.lock().remove_empty_folders();
     }
 }
 
@@ -276,9 +286,17 @@ struct State {
     deferrals: u32,
     /// Finished files of an unfinished series.
     remains: Option<String>,
+    /// Folders that the command has made, each after those above it.
+    made_folders: Vec<PathBuf>,
 }
 
 impl State {
+    fn remove_empty_folders(&mut self) {
+        for folder in self.made_folders.drain(..).rev() {
+            std::fs::remove_dir(folder).unwrap_or_default();
+        }
+    }
+
     fn last_line(&self) -> String {
         match &self.remains {
             Some(remains) => format!("interrupted after {remains}; no unfinished file was left behind"),
@@ -320,6 +338,7 @@ impl Interrupt {
         // The lock stays taken: no operation can begin to write now.
         if state.deferrals == 0 {
             remove_temporaries();
+            state.remove_empty_folders();
             say(format_args!("\nfantex: {}", state.last_line()));
             std::process::exit(i32::from(EXIT_INTERRUPTED));
         }

@@ -64,7 +64,11 @@ fn main() -> ExitCode {
         Ok(context) => context,
         Err(error) => return failed(&error),
     };
-    match run(&cli.command, &context) {
+    let result = run(&cli.command, &context);
+    if result.is_err() {
+        context.remove_empty_folders();
+    }
+    match result {
         Ok(exit_code) => exit_code,
         Err(error) if context.is_interrupted() => {
             match error.remains() {

@@ -17,7 +17,7 @@ pub(crate) struct Series<'a> {
     count: Option<u64>,
     /// Files that stay.
     written: u64,
-    /// Folders and files that are removed unless the series is finished, in the order in which they were made.
+    /// Files that are removed unless the series is finished.
     unfinished: Option<Vec<PathBuf>>,
     /// Files can be removed only if Ctrl-C does not end the program at once.
     _deferral: Option<Deferral<'a>>,
@@ -41,17 +41,6 @@ impl<'a> Series<'a> {
         series.unfinished = Some(Vec::new());
         series._deferral = Some(context.defer_interrupt());
         series
-    }
-
-    /// Makes a folder, and those above it.
-    pub(crate) fn make_folder(&mut self, folder: &Path) -> Result<()> {
-        let missing = folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
-        let missing: Vec<PathBuf> = missing.map(Path::to_owned).collect();
-        self.context.make_folder(folder)?;
-        if let Some(unfinished) = &mut self.unfinished {
-            unfinished.extend(missing.into_iter().rev());
-        }
-        Ok(())
     }
 
     /// Writes a file by a function.
@@ -87,11 +76,8 @@ impl<'a> Series<'a> {
 
 impl Drop for Series<'_> {
     fn drop(&mut self) {
-        for path in self.unfinished.take().into_iter().flatten().rev() {
-            // A folder with files of others stays.
-            let removed =
-                if path.is_dir() { std::fs::remove_dir(&path) } else { std::fs::remove_file(&path) };
-            removed.unwrap_or_default();
+        for path in self.unfinished.take().into_iter().flatten() {
+            std::fs::remove_file(path).unwrap_or_default();
         }
     }
 }

@@ -821,7 +821,7 @@ mod tests {
     #[test]
     fn patches_are_the_same_however_many_items_are_made_at_once() {
         let options = LandscapeOptions { triangles: 20_000, ..LandscapeOptions::default() };
-        let (mesh, _) = clean(landscape(&options).into(), &CleanOptions::default()).unwrap();
+        let (mesh, _) = clean(landscape(&options).unwrap().into(), &CleanOptions::default()).unwrap();
         let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
         let surface = Surface::new(&mesh, Fans::by_angle(&mesh, &vertex_corners));
         let shapes = crate::build::shape_fans(&surface);

@@ -95,6 +95,7 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
     let mut known = HashSet::new();
     for (index, settings) in file.strokes.iter().enumerate() {
         let preparation = Preparation { painter, stroke: index, settings, folder };
+        preparation.check_channels()?;
         let stroke = preparation.run(&mut summary.missed_samples)?;
         summary.missing_characters.extend(stroke.missing.chars().filter(|&c| known.insert(c)));
         prepared.push((settings, stroke));
@@ -263,6 +264,22 @@ impl Preparation<'_> {
         let fill = layer.and_then(|layer| layer.fill.as_ref());
         let fill = fill.map(|fill| self.fill_layer(fill)).transpose()?;
         Ok(Prepared { paint, stroke, decals, dabs, fill, missing })
+    }
+
+    /// Refuses to paint into no channel. What only makes or changes layers needs none.
+    fn check_channels(&self) -> Result<()> {
+        let StrokeSettings { channels, samples, dabs, fill, decal, text, tool, .. } = self.settings;
+        let is_without =
+            self.settings.set_layers.is_none() && !self.settings.unrecorded && channels.is_empty();
+        let has_places = !samples.is_empty() || !dabs.is_empty();
+        let has_shape = fill.is_some() || decal.is_some() || text.is_some();
+        if is_without && (has_places || has_shape || *tool != ToolSettings::default()) {
+            return Err(Error::invalid(format!(
+                "stroke {} names no channel, so nothing would be painted: give `channels`, as [{{\"kind\": \"base_color\"}}]",
+                self.stroke
+            )));
+        }
+        Ok(())
     }
 
     /// Names the stroke in an error.

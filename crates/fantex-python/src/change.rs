@@ -94,7 +94,7 @@ pub(crate) fn make_preview(
     py: Python<'_>,
     asset: PathBuf,
     triangles: usize,
-    texels: u64,
+    texels: Option<u64>,
     keep_borders: bool,
     memory: u64,
     progress: Option<Bound<'_, PyAny>>,

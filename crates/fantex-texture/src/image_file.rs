@@ -254,6 +254,13 @@ fn not_readable(label: &str, format: ImageFormat, cause: &str) -> Error {
     Error::malformed(format!("'{label}' is not a readable {} image: {cause}", name_of(format)))
 }
 
+/// With a palette, or another interpretation of samples that the decoder lacks.
+fn tiff_not_read(label: &str) -> Error {
+    Error::unsupported(format!(
+        "'{label}' is a TIFF image of a kind that is not read, such as one with a palette; save it as RGB or as PNG"
+    ))
+}
+
 fn decode_dynamic(
     bytes: &[u8],
     label: &str,
@@ -264,6 +271,7 @@ fn decode_dynamic(
         ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::InsufficientMemory) => {
             too_much_memory(label, limits.bytes + 1, limits)
         }
+        ImageError::Unsupported(_) if format == ImageFormat::Tiff => tiff_not_read(label).with_source(error),
         _ => not_readable(label, format, &error.to_string()).with_source(error),
     };
     if format == ImageFormat::OpenExr {

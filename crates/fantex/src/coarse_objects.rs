@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 use crate::addresses::{is_object, watched};
 use crate::coarse::FinerSurface;
 use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node};
-use crate::preview::{CancelOnly, border_vertices};
+use crate::preview::{CancelOnly, DEFAULT_TEXELS, border_vertices};
 use crate::split::{assets_of_others, left_behind, name_of_generation, numbered_name};
 use crate::staging::Staging;
 use crate::{PreviewOptions, World};
@@ -240,7 +240,8 @@ impl CoarseMaker for ObjectMaker<'_> {
     fn size(&self, _world: &World, _objects: &[usize], kept: usize) -> CoarseSize {
         let PreviewOptions { triangles, texels, .. } = *self.options;
         let triangles = triangles.saturating_add(kept + kept / 2);
-        CoarseSize { triangles, texels: texels.max(16 * triangles as u64), asked: None }
+        let texels = texels.unwrap_or(DEFAULT_TEXELS).max(16 * triangles as u64);
+        CoarseSize { triangles, texels, asked: None }
     }
 
     fn put(&mut self, write: &mut dyn FnMut(&Path) -> Result<()>) -> Result<(String, Asset)> {

@@ -87,6 +87,7 @@ pub(crate) fn add_coarse(
             let finer = finer.collect::<Result<Vec<_>>>()?;
             let (surface, kept) = maker.surface(run, &finer, memory_bytes / 2);
             let CoarseSize { triangles, texels, asked } = maker.size(world, &objects, kept.len());
+            let texels = Some(texels);
             let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict };
             if surface.mesh().triangles.is_empty() {
                 left_out += 1;

@@ -24,8 +24,8 @@ use rayon::prelude::*;
 pub struct PreviewOptions {
     /// Triangles, about.
     pub triangles: usize,
-    /// Stored texels at level 0, per channel.
-    pub texels: u64,
+    /// Stored texels at level 0, per channel. Where nothing is said, 100 000, or a quarter of the asset's where that is less.
+    pub texels: Option<u64>,
     /// Vertices at edges of a single triangle stay, with their normals, so that previews of assets that meet there fit together, and to the
     /// assets. There may be more triangles for it.
     pub keeps_borders: bool,
@@ -36,16 +36,41 @@ pub struct PreviewOptions {
 }
 
 impl Default for PreviewOptions {
-    /// 5000 triangles and 100 000 texels: some 200 to 700 kB. Borders are simplified, too. 512 MiB. Damage is allowed.
+    /// 5000 triangles and up to 100 000 texels: some 200 to 700 kB. Borders are simplified, too. 512 MiB. Damage is allowed.
     fn default() -> Self {
-        Self {
-            triangles: 5000,
-            texels: 100_000,
-            keeps_borders: false,
-            memory_bytes: 512 << 20,
-            strict: false,
-        }
+        Self { triangles: 5000, texels: None, keeps_borders: false, memory_bytes: 512 << 20, strict: false }
     }
+}
+
+/// Texels of a preview or a coarse asset, where no number is asked for.
+pub(crate) const DEFAULT_TEXELS: u64 = 100_000;
+
+impl PreviewOptions {
+    /// Texels that a preview of an asset gets.
+    fn texels_for(&self, asset: &Asset) -> u64 {
+        self.texels.unwrap_or_else(|| DEFAULT_TEXELS.min(quarter_of_texels(asset)))
+    }
+
+    /// The mesh of a preview of an asset.
+    fn coarse_mesh(&self, asset: &Asset) -> Result<Mesh> {
+        let kept = if self.keeps_borders { border_vertices(asset.mesh()) } else { Vec::new() };
+        coarse_mesh(asset.mesh(), self.triangles, &kept)
+    }
+
+    /// As [`coarse_mesh`](Self::coarse_mesh), if a preview with it is worth its bytes: [simplified](is_worth_it), or of an asset that has
+    /// many times the texels of a preview.
+    #[cfg(feature = "http")]
+    fn coarse_mesh_worth_it(&self, asset: &Asset) -> Result<Option<Mesh>> {
+        let coarse = self.coarse_mesh(asset)?;
+        let has_many_texels = quarter_of_texels(asset) >= DEFAULT_TEXELS;
+        let is_worth_it = is_worth_it(&coarse, asset.mesh(), None)
+            && (has_many_texels || is_simplified(&coarse, asset.mesh()));
+        Ok(is_worth_it.then_some(coarse))
+    }
+}
+
+fn quarter_of_texels(asset: &Asset) -> u64 {
+    (asset.cover().stored_texels(asset.mesh()) / 4).max(1)
 }
 
 /// Triangles of a preview that is worth its bytes in any case.
@@ -55,8 +80,12 @@ const SMALL_TRIANGLES: usize = 5000;
 /// fine one. Some surfaces can hardly be simplified.
 pub(crate) fn is_worth_it(coarse: &Mesh, fine: &Mesh, asked: Option<usize>) -> bool {
     let most = asked.map_or(SMALL_TRIANGLES, |asked| SMALL_TRIANGLES.max(asked.saturating_mul(2)));
-    let (coarse, fine) = (coarse.triangles.len(), fine.triangles.len());
-    coarse <= most || 3 * coarse < 2 * fine
+    coarse.triangles.len() <= most || is_simplified(coarse, fine)
+}
+
+/// Whether a coarse mesh has less than two thirds of the triangles of the fine one.
+fn is_simplified(coarse: &Mesh, fine: &Mesh) -> bool {
+    3 * coarse.triangles.len() < 2 * fine.triangles.len()
 }
 
 /// A preview.
@@ -79,14 +108,7 @@ impl Preview {
     /// Nothing is left of its mesh at so few triangles; too few texels; texels are damaged (if strict); there is no room for a temporary file of
     /// the preview's size.
     pub fn of(asset: &Arc<Asset>, options: &PreviewOptions) -> Result<Self> {
-        Self::of_watched(asset, options, &NoProgress)
-    }
-
-    /// As [`of`](Self::of). Of `progress` only cancellation counts.
-    fn of_watched(asset: &Arc<Asset>, options: &PreviewOptions, progress: &dyn Progress) -> Result<Self> {
-        let kept = if options.keeps_borders { border_vertices(asset.mesh()) } else { Vec::new() };
-        let coarse = coarse_mesh(asset.mesh(), options.triangles, &kept)?;
-        Self::of_coarse(asset, &coarse, options, progress)
+        Self::of_coarse(asset, &options.coarse_mesh(asset)?, options, &NoProgress)
     }
 
     /// As [`of`](Self::of), with its [mesh](coarse_mesh). Of `progress` only cancellation counts.
@@ -100,7 +122,8 @@ impl Preview {
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
         let folder = scratch_folder()?;
         let path = folder.path().join("preview.fan");
-        let texels = write_coarse(coarse, (asset.mesh(), &detail), options, &path, progress)?;
+        let options = PreviewOptions { texels: Some(options.texels_for(asset)), ..*options };
+        let texels = write_coarse(coarse, (asset.mesh(), &detail), &options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
         Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels, damage: detail.damage() })
     }
@@ -116,11 +139,22 @@ impl Preview {
     /// As [`add_to`](Self::add_to). Of `progress` only cancellation counts.
     fn add_to_watched(path: &Path, options: &PreviewOptions, progress: &dyn Progress) -> Result<Self> {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
-        let preview = Self::of_watched(editor.asset(), options, progress)?;
+        let coarse = options.coarse_mesh(editor.asset())?;
+        Self::put_into(&mut editor, &coarse, options, progress)
+    }
+
+    /// Makes the preview of an asset that is open, with its mesh, and puts it there.
+    fn put_into(
+        editor: &mut AssetEditor,
+        coarse: &Mesh,
+        options: &PreviewOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let preview = Self::of_coarse(editor.asset(), coarse, options, progress)?;
         if progress.is_cancelled() {
             return Err(Error::cancelled("the preview was cancelled"));
         }
-        preview.attach(&mut editor)?;
+        preview.attach(editor)?;
         Ok(preview)
     }
 
@@ -137,6 +171,30 @@ impl Preview {
     ) -> Result<Self> {
         crate::addresses::change(place, [fetching, sending], |file| {
             Self::add_to_watched(file, options, fetching)
+        })
+    }
+
+    /// As [`add_at`](Self::add_at), unless it would hardly be smaller than the asset, because the mesh can hardly be simplified and
+    /// there are too many triangles or few texels. Then there is none, and the asset stays as it is.
+    ///
+    /// # Errors
+    /// As [`add_at`](Self::add_at).
+    #[cfg(feature = "http")]
+    pub fn add_at_if_smaller(
+        place: &Path,
+        options: &PreviewOptions,
+        [fetching, sending]: [&dyn Progress; 2],
+    ) -> Result<Option<Self>> {
+        // An object that stays as it is need not be put back.
+        if crate::addresses::is_object(place)
+            && options.coarse_mesh_worth_it(&fantex_stream::open_asset(place)?)?.is_none()
+        {
+            return Ok(None);
+        }
+        crate::addresses::change(place, [fetching, sending], |file| {
+            let mut editor = AssetEditor::open(file, &EditOptions::default())?;
+            let Some(coarse) = options.coarse_mesh_worth_it(editor.asset())? else { return Ok(None) };
+            Self::put_into(&mut editor, &coarse, options, fetching).map(Some)
         })
     }
 
@@ -182,7 +240,7 @@ pub(crate) fn write_coarse(
     progress: &dyn Progress,
 ) -> Result<u64> {
     let source = TransferSource::new(coarse, fine, Some(detail), &TransferOptions::default())?;
-    let budget = TexelBudget::Total(options.texels);
+    let budget = TexelBudget::Total(options.texels.unwrap_or(DEFAULT_TEXELS));
     let (cover, _) = build_cover(coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
     let bake_options = BakeOptions {
         memory_bytes: options.memory_bytes / 2,

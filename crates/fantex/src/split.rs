@@ -679,7 +679,13 @@ impl Sector {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let triangles = previews.triangles(self.mesh.triangles.len(), self.border.len());
         let texels = previews.texels(self.cover.stored_texels(&self.mesh), triangles);
-        let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict: false };
+        let options = PreviewOptions {
+            triangles,
+            texels: Some(texels),
+            keeps_borders: true,
+            memory_bytes,
+            strict: false,
+        };
         let coarse = coarse_mesh(editor.asset().mesh(), triangles, &self.border)?;
         if !is_worth_it(&coarse, editor.asset().mesh(), previews.triangles) {
             return Ok(Some(coarse.triangles.len() as u64));

@@ -22,8 +22,7 @@ pub struct WorldChange<'a> {
     pub put: &'a [PathBuf],
     /// Assets to take out, by their names in the index or by their places; their files stay.
     pub remove: &'a [PathBuf],
-    /// Makes previews, like this, of all assets of the index that have none; these are changed in place. A preview gets a quarter of its
-    /// asset's texels at most, or 16 384.
+    /// Makes previews, like this, of all assets of the index that have none; these are changed in place.
     pub previews: Option<PreviewOptions>,
     /// Makes coarse assets, about as large as this, of all that have previews and for which no coarse asset of a split stands, beside the index:
     /// `NAME-coarse-0001.fan`, ... They take the place of those that were made so before. What is open at borders between assets stays.
@@ -211,9 +210,6 @@ fn open(place: &Path) -> Result<Arc<Asset>> {
     open_asset(place).map(Arc::new)
 }
 
-/// A preview of a small asset has as many texels as asked for, up to so many: there must be tiles for all its triangles.
-const MIN_PREVIEW_TEXELS: u64 = 16_384;
-
 /// Gives an asset a preview where it has none; the asset is opened again.
 fn make_preview(
     place: &Path,
@@ -230,9 +226,7 @@ fn make_preview(
         return Ok(false);
     }
     let progress: &dyn Progress = &CancelOnly(progress);
-    let most = asset.cover().stored_texels(asset.mesh()) / 4;
-    let texels = options.texels.min(most.max(MIN_PREVIEW_TEXELS));
-    Preview::add_at(place, &PreviewOptions { texels, ..*options }, [progress; 2])?;
+    Preview::add_at(place, options, [progress; 2])?;
     *asset = open(place)?;
     Ok(true)
 }

@@ -57,7 +57,7 @@ fn bake(folder: &Path, name: &str, mut model: Model, has_surface: bool, texels: 
 fn changed(index: &Path, put: &[PathBuf], previews: bool, coarse: Option<usize>) -> WorldChanged {
     let options = |triangles, texels| PreviewOptions {
         triangles,
-        texels,
+        texels: Some(texels),
         keeps_borders: true,
         ..PreviewOptions::default()
     };

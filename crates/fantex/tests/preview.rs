@@ -23,7 +23,7 @@ use glam::{DVec3, Vec3, Vec4};
 
 const OPTIONS: PreviewOptions = PreviewOptions {
     triangles: 3000,
-    texels: 60_000,
+    texels: Some(60_000),
     keeps_borders: false,
     memory_bytes: 256 << 20,
     strict: false,
@@ -165,7 +165,7 @@ fn previews_lose_the_channels_that_are_removed() {
     let open = || Painter::open(&path, &PaintOptions::default()).unwrap();
     let added = [ChannelKind::Emission, ChannelKind::Displacement, ChannelKind::Normal];
     open().add_channels(&added[..2]).unwrap();
-    let options = PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS };
+    let options = PreviewOptions { triangles: 1000, texels: Some(20_000), ..OPTIONS };
     Preview::add_to(&path, &options).unwrap();
     let mut painter = open();
     painter.add_channels(&added[2..]).unwrap();
@@ -199,7 +199,7 @@ fn previews_lose_the_channels_that_are_removed() {
 fn previews_without_the_channel_stay_and_so_do_damaged_ones() {
     let folder = tempfile::tempdir().unwrap();
     let path = baked(folder.path());
-    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS }).unwrap();
+    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: Some(20_000), ..OPTIONS }).unwrap();
     let preview = || fantex::store::Asset::open(&path).unwrap().attachment(PREVIEW).unwrap().unwrap();
     let before = preview();
     let change = || {
@@ -227,7 +227,7 @@ fn preview_of(path: &Path) -> fantex::store::Asset {
 fn previews_take_alpha_as_the_asset_does() {
     let folder = tempfile::tempdir().unwrap();
     let path = baked(folder.path());
-    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS }).unwrap();
+    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: Some(20_000), ..OPTIONS }).unwrap();
     let before = preview_pages(&path).unwrap();
     for alpha in [AlphaMode::Mask(0.5), AlphaMode::Blend, AlphaMode::Opaque] {
         Painter::open(&path, &PaintOptions::default()).unwrap().set_alpha_mode(alpha).unwrap();
@@ -276,7 +276,7 @@ fn a_preview_that_cannot_be_changed_keeps_the_asset_as_it_is() {
     painter.fill(FillArea::Triangles((0..triangles).step_by(2).collect())).unwrap();
     painter.commit().unwrap();
     drop(painter);
-    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: 20_000, ..OPTIONS }).unwrap();
+    Preview::add_to(&path, &PreviewOptions { triangles: 1000, texels: Some(20_000), ..OPTIONS }).unwrap();
     damage_preview(&path);
     let mut painter = open();
     let before = pages(&painter);

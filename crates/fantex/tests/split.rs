@@ -303,7 +303,7 @@ fn coarse_assets_of_a_closed_surface_have_the_outlines_of_their_runs() {
 
 /// A landscape with tunnels and arches, of 40 000 triangles.
 fn land() -> Mesh {
-    let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() });
+    let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() }).unwrap();
     fantex_test::cleaned(Model {
         positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
         triangles: land.triangles,

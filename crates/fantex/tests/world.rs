@@ -57,7 +57,7 @@ fn ball(folder: &Path, name: &str, center: DVec3, radius: f64) -> WorldObject {
         .source(Source::function(move |point| color(point.position)))
         .write(&path)
         .unwrap();
-    let options = PreviewOptions { triangles: 1500, texels: 20_000, ..PreviewOptions::default() };
+    let options = PreviewOptions { triangles: 1500, texels: Some(20_000), ..PreviewOptions::default() };
     let preview = Preview::add_to(&path, &options).unwrap();
     let bounds = world_bounds(&mesh);
     WorldObject {
@@ -77,7 +77,7 @@ fn ball(folder: &Path, name: &str, center: DVec3, radius: f64) -> WorldObject {
 
 /// A landscape with tunnels and arches, of 40 000 triangles, split into sectors of so many.
 fn split_landscape(folder: &Path, sector_triangles: usize) -> (PathBuf, PathBuf) {
-    let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() });
+    let land = landscape(&LandscapeOptions { triangles: 40_000, ..LandscapeOptions::default() }).unwrap();
     let model = Model {
         positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
         triangles: land.triangles,

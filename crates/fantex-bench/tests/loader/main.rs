@@ -75,7 +75,7 @@ pub(crate) fn bake_torus(path: &Path, format: BakeFormat, texels: u64) {
 
 /// A preview in it, of so few triangles and texels that the asset is many times as long.
 pub(crate) fn with_preview(baked: &Baked) -> Preview {
-    let options = PreviewOptions { triangles: 300, texels: 5_000, ..PreviewOptions::default() };
+    let options = PreviewOptions { triangles: 300, texels: Some(5_000), ..PreviewOptions::default() };
     Preview::add_to(&baked.path, &options).unwrap()
 }
 

@@ -385,7 +385,7 @@ fn open_model(args: &ModelArgs, context: &Context) -> Result<Model> {
     }
     let options =
         LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };
-    Ok(landscape(&options).into())
+    Ok(landscape(&options)?.into())
 }
 
 fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {

@@ -116,7 +116,7 @@ impl Demo<'_> {
             seed: self.context.seed,
             ..LandscapeOptions::default()
         };
-        let made = landscape(&options);
+        let made = landscape(&options)?;
         write_landscape(&made, &model_path, self.force, self.context)?;
         self.info.models.push(model_path.clone());
         let mesh = fantex::Mesh::from_model(made.into(), &model_path)?;

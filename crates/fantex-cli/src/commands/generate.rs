@@ -137,7 +137,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
         tunnels: args.tunnels,
         arches: args.arches,
         irregularity: args.irregularity,
-    });
+    })?;
     let (triangles, asked) = (made.triangles.len() as u64, args.triangles.0);
     if triangles.abs_diff(asked) > asked / 10 {
         context.note(format!(
@@ -299,7 +299,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
         }
     }
     let mut series = Series::all_or_none(context, &args.output, "photograph", u64::from(args.count));
-    [&images, &sparse].into_iter().try_for_each(|folder| series.make_folder(folder))?;
+    [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
     let photographs = set_up(args, mesh, &images);
     let bvh = TriangleBvh::new(mesh);
     for (i, photograph) in photographs.iter().enumerate() {

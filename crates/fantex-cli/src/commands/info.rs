@@ -363,7 +363,6 @@ fn model_text(info: &ModelInfo, path: &Path) -> String {
         .row("fans", grouped(info.fans))
         .row("  projected", grouped(info.fans_projected))
         .row("  unfolded", grouped(info.fans_unfolded))
-        .row("  split", grouped(info.fans_split))
         .row("  seen from no side", grouped(info.fans_folding))
         .row("groups = tiles", grouped(info.groups))
         .row("texels", grouped(info.texels))

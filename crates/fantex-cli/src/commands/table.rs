@@ -84,8 +84,8 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     let slices = args.slices.unwrap_or(1);
     let slice_series = |count: u32| Series::all_or_none(context, &args.output, "slice", u64::from(count));
     let mut series = args.slices.map(slice_series);
-    if let Some(series) = &mut series {
-        series.make_folder(&args.output)?;
+    if series.is_some() {
+        context.make_folder(&args.output)?;
     }
     let paths: Vec<PathBuf> = match args.slices {
         None => vec![args.output.clone()],

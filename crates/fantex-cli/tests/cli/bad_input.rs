@@ -247,6 +247,18 @@ fn options_of_pictures_are_checked_first() {
     fails(1, &["cannot read"], &[&"render", &none, &"-o", &picture, &"--light", &"1,2,3"]);
 }
 
+#[test]
+fn landscapes_that_are_too_large_are_refused_in_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let land = folder.path().join("land.ply");
+    for (triangles, words) in [("1T", "at most 715827882 are supported"), ("3M", "allow more (--memory)")] {
+        let arguments: [&dyn AsRef<std::ffi::OsStr>; 7] =
+            [&"generate", &"landscape", &"-o", &land, &"--triangles", &triangles, &"--memory=64M"];
+        fails(1, &[words], &arguments);
+    }
+    assert!(files(folder.path()).is_empty());
+}
+
 /// Each tile has at least 16 texels.
 #[test]
 fn more_texels_than_were_asked_for_are_said() {
@@ -499,6 +511,22 @@ fn an_interrupted_gallery_leaves_no_temporary_folder() {
     let line = interrupted_command(gallery, &out, 1);
     assert!(line.contains("no unfinished file was left behind"), "{line}");
     assert!(files(&temporary).is_empty(), "{:?}", files(&temporary));
+}
+
+/// What failed or was interrupted before its first file leaves no folder, however deep that is.
+#[cfg(unix)]
+#[test]
+fn empty_folders_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let out = folder.path().join("made/out");
+    let none = folder.path().join("none.hdr");
+    let turntable: [&dyn AsRef<OsStr>; 8] =
+        [&"export", &model, &"-o", &out, &"--turntable", &"2", &"--environment", &none];
+    fails(1, &["none.hdr"], &turntable);
+    assert_eq!(files(folder.path()), ["colored.ply"]);
+    interrupted(&[&"demo", &"-o", &out, &"--triangles", &"20M"], folder.path(), 2);
+    assert_eq!(files(folder.path()), ["colored.ply"]);
 }
 
 /// Some of the slices would be read as a volume that is less deep.

@@ -372,7 +372,7 @@ fn strict_failures_write_nothing() {
     refused(stands_in, &[&"export", &damaged, &"-o", &png, &"--turntable", &"2", &"--size", &"256"]);
     refused(stands_in, &[&"export", &damaged, &"-o", &glb, &"--fans"]);
     refused(stands_in, &[&"bake", &model, &"-o", &fan, &"--source", &source, &"--texels", &"16k"]);
-    refused(stands_in, &[&"preview", &damaged]);
+    refused(stands_in, &[&"preview", &damaged, &"--texels", &"100k"]);
     refused(&[], &[&"paint", &damaged, &"--replay", &strokes]);
     let said =
         succeeds(&[&"bake", &model, &"-o", &fan, &"--source", &source, &"--texels", &"16k", &"--quiet"]);

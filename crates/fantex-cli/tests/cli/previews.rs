@@ -42,6 +42,30 @@ fn an_asset_gets_a_preview_and_loses_it() {
 }
 
 #[test]
+fn previews_of_small_assets_have_a_quarter_of_their_texels_or_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let (model, asset) = (place("land.ply"), place("land.fan"));
+    succeeds(&[&"generate", &"landscape", &"-o", &model, &"--triangles", &"20k"]);
+    let baked = json(&[&"bake", &model, &"-o", &asset, &"--source", &"solid=wood", &"--texels", &"200k"]);
+    let [all, some] = [baked, json(&[&"preview", &asset])].map(|info| info["texels"].as_f64().unwrap());
+    assert!((0.2..0.26).contains(&(some / all)), "{some} of {all} texels");
+
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = place("colored.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"64k"]);
+    let before = std::fs::read(&asset).unwrap();
+    let said = String::from_utf8(succeeds(&[&"preview", &asset]).stdout).unwrap();
+    assert!(said.contains("colored.fan: a preview is left out") && said.lines().count() == 1, "{said}");
+    assert_eq!(json(&[&"preview", &asset])["texels"], 0);
+    assert!(std::fs::read(&asset).unwrap() == before);
+    let made = json(&[&"preview", &asset, &"--triangles", &"5k"]);
+    assert!((1..=17_000).contains(&made["texels"].as_u64().unwrap()), "{made}");
+    let made = json(&[&"preview", &asset, &"--texels", &"100k"]);
+    assert!(made["texels"].as_u64().unwrap() > 90_000, "{made}");
+}
+
+#[test]
 fn what_changes_an_asset_as_a_whole_changes_its_preview() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "colored.ply", COLORED_PLY);

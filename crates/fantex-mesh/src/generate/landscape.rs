@@ -12,12 +12,13 @@
 use std::f32::consts::{PI, TAU};
 
 use fantex_base::random::folded_seed;
+use fantex_base::{Error, Result, counted, input};
 use glam::{UVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::tetrahedra::{Lattice, Surface, polygonise, relax, scatter};
 use crate::clean::Components;
-use crate::{Material, Model, Topology, VertexCorners, unit_vector};
+use crate::{MAX_FAN_TRIANGLES, Material, Model, Topology, VertexCorners, unit_vector};
 
 const FLOOR: f32 = -30.0;
 /// Triangles of the trial passes that the lattice's step is estimated from.
@@ -30,11 +31,15 @@ const SIZE: f32 = 1000.0;
 const REFERENCE: f32 = 256.0;
 /// Passes until the number of triangles must be near the target.
 const MAX_PASSES: u32 = 6;
+/// Peak memory per triangle while chunks are stitched together, measured on 300 thousand and on 100 million triangles; the
+/// height map takes a tenth of a byte of it.
+const BYTES_PER_TRIANGLE: u64 = 64;
 
 /// What landscape to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LandscapeOptions {
-    /// Number of triangles aimed at; at least about a thousand are made. The result lies within 10 %.
+    /// Number of triangles aimed at, [`MAX_FAN_TRIANGLES`] at most; at least about a thousand are made. The result lies
+    /// within 10 %.
     pub triangles: u64,
     /// Same seed, same landscape; more triangles add detail.
     pub seed: u64,
@@ -65,7 +70,7 @@ pub struct Landscape {
     pub triangles: Vec<[u32; 3]>,
     /// Number of handles, from the Euler characteristic of the surface.
     pub genus: u64,
-    /// Number of pieces.
+    /// Number of pieces: 1, as specks and sealed caverns are left out.
     pub components: u64,
     /// Tunnels that were carved.
     pub tunnels: u32,
@@ -74,7 +79,18 @@ pub struct Landscape {
 }
 
 /// Makes a landscape.
-pub fn landscape(options: &LandscapeOptions) -> Landscape {
+///
+/// # Errors
+/// More triangles than [`MAX_FAN_TRIANGLES`], or than the memory [allows](input::ReadLimits) that is left.
+pub fn landscape(options: &LandscapeOptions) -> Result<Landscape> {
+    let triangles = options.triangles;
+    if triangles > MAX_FAN_TRIANGLES as u64 {
+        return Err(Error::too_large(format!(
+            "a landscape of {triangles} triangles is asked for, but at most {MAX_FAN_TRIANGLES} are supported"
+        )));
+    }
+    let what = format_args!("a landscape of {}", counted(triangles, "triangle"));
+    let _held = input::reserve(what, BYTES_PER_TRIANGLE * triangles)?;
     let target = (options.triangles as f32).max(1000.0);
     let mut trials: Vec<(f32, f32)> = Vec::new();
     for aim in TRIAL_TRIANGLES.into_iter().filter(|&aim| aim < 0.5 * target) {
@@ -88,7 +104,7 @@ pub fn landscape(options: &LandscapeOptions) -> Landscape {
         let count = surface.triangles.len() as f32;
         passes_left -= 1;
         if passes_left == 0 || (count / target - 1.0).abs() < TOLERANCE {
-            return world.finish(surface, options);
+            return Ok(world.finish(surface, options));
         }
         trials.push((world.lattice.step, count));
     }

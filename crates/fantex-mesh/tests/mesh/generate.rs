@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
+use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
 use fantex_mesh::generate::*;
-use fantex_mesh::{CleanOptions, clean};
+use fantex_mesh::{CleanOptions, MAX_FAN_TRIANGLES, clean};
 
 #[test]
 fn shapes_are_closed_oriented_outward_and_of_the_right_genus() {
@@ -39,7 +40,7 @@ fn small(seed: u64) -> LandscapeOptions {
 #[test]
 fn a_landscape_is_one_watertight_oriented_solid_of_the_size_asked_for() {
     for seed in 0..4 {
-        let land = landscape(&small(seed));
+        let land = landscape(&small(seed)).unwrap();
         let count = land.triangles.len() as f32;
         assert!((count / 40_000.0 - 1.0).abs() < 0.1, "seed {seed}: {count} triangles");
         let mut half_edges = HashMap::new();
@@ -65,7 +66,7 @@ fn a_landscape_is_one_watertight_oriented_solid_of_the_size_asked_for() {
 
 #[test]
 fn nothing_is_left_for_cleaning_to_do() {
-    let land = landscape(&LandscapeOptions { irregularity: 1.0, ..small(3) });
+    let land = landscape(&LandscapeOptions { irregularity: 1.0, ..small(3) }).unwrap();
     let (genus, count) = (land.genus, land.triangles.len());
     let (mesh, report) = clean(land.into(), &CleanOptions::default()).unwrap();
     assert_eq!(report.lines(), Vec::<String>::new());
@@ -74,7 +75,7 @@ fn nothing_is_left_for_cleaning_to_do() {
 
 #[test]
 fn the_ground_overhangs() {
-    let land = landscape(&small(2));
+    let land = landscape(&small(2)).unwrap();
     let facing_down = land.triangles.iter().filter(|t| {
         let [a, b, c] = t.map(|v| land.positions[v as usize]);
         let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -93,17 +94,33 @@ fn odd_wishes_are_met_as_far_as_possible() {
         LandscapeOptions { size: 1e9, seed: u64::MAX, ..plain },
         LandscapeOptions { tunnels: 1000, arches: 1000, ..plain },
     ] {
-        let land = landscape(&options);
+        let land = landscape(&options).unwrap();
         assert!((500..6000).contains(&land.triangles.len()), "{options:?}: {}", land.triangles.len());
         assert_eq!(land.components, 1);
     }
 }
 
 #[test]
+fn landscapes_beyond_the_limits_are_refused_before_they_are_made() {
+    let of = |triangles| landscape(&LandscapeOptions { triangles, ..LandscapeOptions::default() });
+    for triangles in [MAX_FAN_TRIANGLES as u64 + 1, u64::MAX] {
+        let error = of(triangles).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::TooLarge);
+        assert!(error.to_string().contains(&format!("at most {MAX_FAN_TRIANGLES} are supported")), "{error}");
+    }
+    let limits = ReadLimits::new(ReadOptions { memory_bytes: 1 << 20, ..ReadOptions::default() });
+    let error = limits.run(|| of(20_000)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TooLarge);
+    assert!(error.to_string().contains("a landscape of 20000 triangles would take 2 MiB"), "{error}");
+    limits.run(|| of(8000)).unwrap();
+    assert_eq!(limits.memory_left(), 1 << 20);
+}
+
+#[test]
 fn threads_do_not_matter() {
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| landscape(&LandscapeOptions { triangles: 8000, ..small(5) }))
+        pool.install(|| landscape(&LandscapeOptions { triangles: 8000, ..small(5) }).unwrap())
     };
     assert_eq!(on(1), on(5));
 }

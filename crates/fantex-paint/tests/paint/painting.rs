@@ -367,6 +367,33 @@ fn mistakes_in_stroke_files_are_named() {
 }
 
 #[test]
+fn only_strokes_that_make_layers_need_no_channels() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let mut replayed = |stroke: &str| {
+        replay(&mut painter, &strokes(stroke), baked.folder.path()).map_err(|error| error.to_string())
+    };
+    let layer = r#""layer": { "name": "a" }"#;
+    let samples = r#""samples": [{ "at": { "position": [0, 0, 1] } }]"#;
+    for stroke in [
+        samples,
+        r#""tool": "erase""#,
+        r#""fill": "whole""#,
+        r#""dabs": [{ "at": { "position": [0, 0, 1] }, "radius": 0.1, "hardness": 1, "flow": 1 }]"#,
+        &format!("{layer}, {samples}"),
+    ] {
+        let message = replayed(&format!("{{ {stroke} }}")).unwrap_err();
+        assert!(
+            message.starts_with("stroke 0 names no channel") && message.contains("base_color"),
+            "{message}"
+        );
+    }
+    for stroke in [layer, r#""set_layers": []"#, r#""unrecorded": true"#] {
+        replayed(&format!("{{ {stroke} }}")).unwrap();
+    }
+}
+
+#[test]
 fn values_that_mean_nothing_are_refused() {
     let baked = ball(10_000, BakeFormat::Rgba8);
     let mut painter = baked.painter();

@@ -177,6 +177,7 @@ pub(super) fn read_binary_cameras(path: &Path) -> Result<Cameras> {
             return Err(file.error_at(start, two_cameras(number)));
         }
     }
+    file.end("camera")?;
     Ok(cameras)
 }
 
@@ -203,6 +204,7 @@ pub(super) fn read_binary_images(path: &Path, cameras: &Cameras) -> Result<Vec<L
         file.skip(points.saturating_mul(POINT_BYTES), "the points of a photograph")?;
         images.push(Listed { name, camera, camera_from_world });
     }
+    file.end("photograph")?;
     Ok(images)
 }
 
@@ -263,6 +265,18 @@ impl<'a> Numbers<'a> {
             false => return Err(self.error_at(self.byte, truncated(what))),
         }
         Ok(())
+    }
+
+    /// Refuses what comes after the entries that the file counts.
+    fn end(&mut self, what: &str) -> Result<()> {
+        let rest = self.reader.fill_buf().map_err(|source| Error::reading(self.path, source))?;
+        match rest.is_empty() {
+            true => Ok(()),
+            false => Err(self.error_at(
+                self.byte,
+                Error::malformed(format!("the file goes on after the last {what} that it counts")),
+            )),
+        }
     }
 
     fn failed(&self, source: io::Error, what: &'static str) -> Error {

@@ -350,6 +350,17 @@ fn files_cut_off_at_any_byte_are_refused_or_sound() {
 }
 
 #[test]
+fn binary_files_end_after_what_they_count() {
+    let samples = samples();
+    for (name, what) in [("cameras.bin", "camera"), ("images.bin", "photograph")] {
+        let mut bytes = samples.iter().find(|s| s.0 == name).unwrap().1.clone();
+        bytes.push(0);
+        let message = read_damaged(&samples, name, &bytes).unwrap_err();
+        assert!(message.contains(&format!("goes on after the last {what}")), "{message}");
+    }
+}
+
+#[test]
 fn absurd_counts_are_refused_before_memory_is_taken() {
     let samples = samples();
     for name in ["cameras.bin", "images.bin"] {

@@ -444,7 +444,7 @@ class Asset:
         self,
         *,
         triangles: float = 5000,
-        texels: float = 100_000,
+        texels: Optional[float] = None,
         keep_borders: bool = False,
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
@@ -454,7 +454,7 @@ class Asset:
 
         Args:
             triangles: of its mesh, about.
-            texels: of its finest level, per channel.
+            texels: of its finest level, per channel; 100 000, or a quarter of the asset's where that is less, if None.
             keep_borders: leave open borders as they are, so that previews of assets that meet there fit together; there may be more
                 triangles for it.
             progress: called with ``(done, total)`` bytes of what lies in a store.
@@ -462,7 +462,7 @@ class Asset:
         Returns:
             ``triangles``, ``texels`` and ``bytes`` of the preview.
         """
-        numbers = amount(triangles, "triangles"), amount(texels, "texels")
+        numbers = amount(triangles, "triangles"), None if texels is None else amount(texels, "texels")
         memory = amount(memory, "memory")
         with self._changing() as place:
             made = _native.make_preview(place, *numbers, keep_borders, memory, progress)

@@ -250,7 +250,7 @@ fn pages_of_many_triangles_are_demanded_as_they_are_seen() {
 
 fn land() -> fantex_mesh::Model {
     let options = generate::LandscapeOptions { triangles: 20_000, ..Default::default() };
-    generate::landscape(&options).into()
+    generate::landscape(&options).unwrap().into()
 }
 
 #[test]

@@ -748,6 +748,22 @@ fn derivatives_are_differences_of_texels() {
     assert!(DerivativeTexture::new(&image, Difference::Forward, [Wrap::Clamp; 2], Some(0.0)).is_err());
 }
 
+#[test]
+fn tiff_files_with_a_palette_are_refused_with_what_to_do() {
+    let mut file = Vec::new();
+    let pixels = image::GrayImage::from_pixel(4, 4, image::Luma([99]));
+    pixels.write_to(&mut Cursor::new(&mut file), image::ImageFormat::Tiff).unwrap();
+    let directory = u32::from_le_bytes(file[4..8].try_into().unwrap()) as usize;
+    let fields = u16::from_le_bytes(file[directory..directory + 2].try_into().unwrap());
+    let mut places = (0..usize::from(fields)).map(|field| directory + 2 + 12 * field);
+    // What samples mean: numbers of colours.
+    let meaning = places.find(|&at| file[at..at + 2] == 262_u16.to_le_bytes()).unwrap();
+    file[meaning + 8..meaning + 10].copy_from_slice(&3_u16.to_le_bytes());
+    let error = Image::decode_within(&file, "pal.tif", ColorSpace::Srgb, ImageLimits::default());
+    let error = error.unwrap_err().to_string();
+    assert!(error.starts_with("'pal.tif'") && error.ends_with("save it as RGB or as PNG"), "{error}");
+}
+
 /// The decoder makes room for all values of a field before it reads one: 200 MB for 1.4 kB here.
 #[test]
 fn fields_of_tiff_files_hold_no_more_than_the_file() {

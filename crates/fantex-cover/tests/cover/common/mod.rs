@@ -29,7 +29,8 @@ pub(crate) fn landscape(triangles: u64) -> Mesh {
     let landscape = generate::landscape(&generate::LandscapeOptions {
         triangles,
         ..generate::LandscapeOptions::default()
-    });
+    })
+    .unwrap();
     cleaned(model(landscape.positions.iter().map(|p| p.as_dvec3()).collect(), landscape.triangles))
 }
 
