@@ -146,13 +146,12 @@ pub struct DabSettings {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub across_gaps: bool,
     /// Of which copy that the stroke's `symmetry` makes it is; 0 is the stroke itself. A clone copies from the copy's own place.
-    #[serde(default, skip_serializing_if = "is_original")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub copy: u32,
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
-fn is_original(copy: &u32) -> bool {
-    *copy == 0
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// A layer to paint on.
