@@ -12,11 +12,13 @@ use fantex_texture::material::vertex_color;
 use fantex_texture::{Filtering, ShadingPoint, UvPoint};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
+use crate::cover::{Patch, TexelUnder, Touch};
+use crate::dab::PlacedDab;
 use crate::relief::Relief;
 use crate::stroke::walk_straight;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage, blocks_of};
-use crate::{ChannelPaint, Paint, PaintColor, Surface, SurfacePoint, Tool};
+use crate::{ChannelPaint, Paint, PaintColor, Region, Surface, SurfacePoint, Tool};
 
 /// The bytes of a page in all painted channels: `shown` with the blocks of stale texels replaced, from those before the
 /// stroke.
@@ -150,7 +152,7 @@ impl<'a> PaintContext<'a> {
         if matches!(painted.color, PaintColor::Relief) {
             return None;
         }
-        let value = page.color(number, map.texel(place)).or_else(|| self.at(map, place, painted))?;
+        let value = page.color(number, map.texel(place)).or_else(|| self.at(map, place, painted, 0))?;
         if !self.is_tangent(painted) {
             return Some(value);
         }
@@ -163,16 +165,21 @@ impl<'a> PaintContext<'a> {
         Some(painted.channel) == self.normals && (is_picture || self.paint.tool.reads_surface())
     }
 
-    /// The same for what does not depend on the dabs; of normals that are moved the tangent part.
-    pub(crate) fn at(&self, map: &TexelPage, place: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
+    /// The same for what does not depend on the dabs, but for the copy of the stroke; of normals that are moved the tangent part.
+    pub(crate) fn at(
+        &self,
+        map: &TexelPage,
+        place: [u32; 2],
+        painted: &ChannelPaint,
+        copy: u32,
+    ) -> Option<Vec4> {
         let (triangle, point) = (map.triangle(place), map.point(place));
         match (&self.paint.tool, self.before) {
             (Tool::Blur { radius }, Some(before)) => {
                 return Some(self.blurred(before, painted.channel, point.clamped(), *radius));
             }
-            (Tool::Clone { offset, reach }, Some(before)) => {
-                let position = point.position(self.surface.mesh());
-                let source = self.surface.nearest(position + *offset, *reach)?;
+            (Tool::Clone { .. }, Some(before)) => {
+                let source = self.clone_source(point, copy)?;
                 return Some(look_up(self.surface, before, painted.channel, source));
             }
             _ => {}
@@ -197,6 +204,13 @@ impl<'a> PaintContext<'a> {
         }
     }
 
+    /// What a clone copies to a point that copy number `copy` of the stroke covers; none where the surface is too far from there.
+    fn clone_source(&self, point: SurfacePoint, copy: u32) -> Option<SurfacePoint> {
+        let Tool::Clone { offset, reach, symmetry } = &self.paint.tool else { return None };
+        let offset = symmetry.moved_direction(offset.as_dvec3(), copy).as_vec3();
+        self.surface.nearest(point.position(self.surface.mesh()) + offset, *reach)
+    }
+
     /// The mean around a point, along the surface.
     fn blurred(&self, before: &PageCache, channel: usize, point: SurfacePoint, radius: f32) -> Vec4 {
         let mut sum = look_up(self.surface, before, channel, point);
@@ -213,6 +227,40 @@ impl<'a> PaintContext<'a> {
             }
         }
         sum / total
+    }
+}
+
+/// A dab of a clone that copies from where its copy of the stroke does.
+pub(crate) struct ClonedDab<'a> {
+    pub(crate) dab: &'a PlacedDab,
+    pub(crate) context: &'a PaintContext<'a>,
+}
+
+impl Touch for ClonedDab<'_> {
+    fn region(&self) -> &Region {
+        self.dab.region()
+    }
+
+    fn texels(&self, index: usize, shown: &TexelTriangle) -> Option<[Vec2; 2]> {
+        self.dab.texels(index, shown)
+    }
+}
+
+impl Patch for ClonedDab<'_> {
+    fn at(&self, _: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
+        let surface = self.context.surface;
+        let entry = &self.dab.region.triangles[under.index];
+        let covered = self.dab.coverage(entry, under.point.lambda, under.point.position(surface.mesh()));
+        if covered <= 0.0 {
+            return 0.0;
+        }
+        let source = self.context.clone_source(under.point, self.dab.copy());
+        let (Some(source), Some(before)) = (source, self.context.before) else { return 0.0 };
+        for (color, painted) in colors.iter_mut().zip(&self.context.paint.channels) {
+            let copied = look_up(surface, before, painted.channel, source);
+            *color = (copied.truncate() * copied.w).extend(copied.w);
+        }
+        covered
     }
 }
 

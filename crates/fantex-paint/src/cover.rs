@@ -281,9 +281,11 @@ mod tests {
             hardness: random.unit() as f32,
             flow: 1.0,
             angle: TAU * random.unit() as f32,
+            mirrored: random.chance(0.5),
             aspect: if random.chance(0.5) { 1.0 } else { random.unit() as f32 },
             across_gaps: random.chance(0.3),
             stamp: random.chance(0.3).then(|| Arc::new(Stamp::of_tip(Tip::Chalk).unwrap())),
+            copy: 0,
         }
     }
 
@@ -349,9 +351,11 @@ mod tests {
             hardness: 0.5,
             flow: 1.0,
             angle: 0.0,
+            mirrored: false,
             aspect: 1.0,
             across_gaps: false,
             stamp: None,
+            copy: 0,
         };
         let placed = PlacedDab::new(&surface, &dab, texel);
         let touched = touched_pages(&surface, once(&placed));
@@ -400,7 +404,8 @@ mod tests {
             for round in 0..8 {
                 let Dab { center, radius, angle, .. } = random_dab(&mut random, &surface);
                 let shape = Arc::new(picture.clone());
-                let decal = Decal { center, size: 2.0 * radius, angle, shape, mirrored: round % 2 == 1 };
+                let decal =
+                    Decal { center, size: 2.0 * radius, angle, shape, mirrored: round % 2 == 1, copy: 0 };
                 let placed = PlacedDecal::new(&surface, &decal, &context);
                 let touched = touched_pages(&surface, once(&placed));
                 for (id, map) in &pages {

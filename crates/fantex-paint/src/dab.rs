@@ -28,12 +28,16 @@ pub struct Dab {
     pub flow: f32,
     /// Of the stamp, radians, counter-clockwise on the surface.
     pub angle: f32,
+    /// Left and right of the stamp are changed.
+    pub mirrored: bool,
     /// Width over length, above 0 up to 1: an ellipse that is the radius long, along the stamp's x axis. 1 is round.
     pub aspect: f32,
     /// Whether it goes on beyond gaps of the mesh: open edges that another one is near to.
     pub across_gaps: bool,
     /// Its picture, if any.
     pub stamp: Option<Arc<Stamp>>,
+    /// Of which copy of a symmetric stroke it is; 0 is the stroke itself. Clones copy from another place for each.
+    pub copy: u32,
 }
 
 /// Widest gap that dabs cross, as a share of their radius and in texels: whichever is more.
@@ -47,7 +51,7 @@ impl Dab {
 }
 
 /// The flattest dab.
-const MIN_ASPECT: f32 = 0.05;
+pub(crate) const MIN_ASPECT: f32 = 0.05;
 
 /// A dab with the part of the surface that it covers.
 #[derive(Clone, Debug)]
@@ -83,6 +87,11 @@ impl PlacedDab {
         }
     }
 
+    /// Of which copy of the stroke it is.
+    pub(crate) fn copy(&self) -> u32 {
+        self.dab.copy
+    }
+
     /// Distance along the surface at which it ends, mesh units.
     pub(crate) fn reach(&self) -> f32 {
         self.fade[1]
@@ -104,7 +113,8 @@ impl PlacedDab {
         let falloff = 1.0 - s * s * (3.0 - 2.0 * s);
         let stamp = self.dab.stamp.as_ref().map_or(1.0, |stamp| {
             let q = position - self.center;
-            stamp.coverage(q.dot(self.axes[0]), q.dot(self.axes[1]))
+            let x = q.dot(self.axes[0]);
+            stamp.coverage(if self.dab.mirrored { -x } else { x }, q.dot(self.axes[1]))
         });
         self.dab.flow * falloff * stamp
     }

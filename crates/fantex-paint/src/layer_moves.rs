@@ -32,15 +32,18 @@ pub enum LayerMove {
 /// Pages that are merged at a time.
 const BATCH: usize = 16;
 
-/// Refuses to merge layers that are not there.
-pub(crate) fn check_moves(layers: &Layers, moves: &[LayerMove]) -> Result<()> {
-    for step in moves {
-        let LayerMove::Merge(ids) = step else { continue };
-        if let Some(id) = ids.iter().find(|&&id| layers.find(id).is_none()) {
-            return Err(Error::not_found(format!("there is no layer number {id} to be merged")));
+/// Refuses to merge or copy layers that are not there `before` the step, and to copy to one that is not there `after` it.
+pub(crate) fn check_moves(before: &Layers, after: &Layers, moves: &[LayerMove]) -> Result<()> {
+    let check = |layers: &Layers, id: u64, what: &str| {
+        let none = || Error::not_found(format!("there is no layer number {id} to {what}"));
+        layers.find(id).map(|_| ()).ok_or_else(none)
+    };
+    moves.iter().try_for_each(|step| match *step {
+        LayerMove::Merge(ids) => ids.into_iter().try_for_each(|id| check(before, id, "be merged")),
+        LayerMove::Copy([from, to]) => {
+            check(before, from, "be copied").and_then(|()| check(after, to, "copy to"))
         }
-    }
-    Ok(())
+    })
 }
 
 impl Painter {

@@ -444,11 +444,12 @@ impl Painter {
         let before = self.layers.clone();
         change(&mut self.layers);
         tidy(&mut self.layers.stack);
-        if before == self.layers {
+        let path = self.editor.asset().path().to_owned();
+        let checked = check_moves(&before, &self.layers, moves);
+        if checked.is_ok() && before == self.layers {
             return Ok(());
         }
-        let path = self.editor.asset().path().to_owned();
-        let checked = check_moves(&before, moves).and_then(|()| check_stack(&self.layers.stack, &path));
+        let checked = checked.and_then(|()| check_stack(&self.layers.stack, &path));
         if let Err(error) = checked.and_then(|()| self.fills.update(&self.surface, &self.layers)) {
             self.layers = before;
             return Err(error);

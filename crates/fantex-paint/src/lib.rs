@@ -9,7 +9,7 @@
 //! | module | what |
 //! |---|---|
 //! | `surface` | the mesh with the adjacency that painting needs |
-//! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
+//! | `stroke`, `symmetry` | brush, samples, copies on the other sides; from them evenly spaced dabs |
 //! | `tips` | shapes of dabs that come with the program |
 //! | `region`, `open_edges`, `dab` | which part of the surface a dab covers, by distance along it (across gaps, too), and how far |
 //! | `fill` | which triangles, and which texels, a fill takes |
@@ -26,7 +26,7 @@
 //! | `added`, `removed` | channels that an asset is given, or loses, while it is painted on |
 //! | `mask_source` | masks from the shape of the model |
 //! | `history` | undo and redo, kept in the asset |
-//! | `stroke_file`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
+//! | `stroke_file`, `stroke_check`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
 //! | `work` | long jobs on large assets, in slices |
 //!
 //! Everything is a function of its input only, on any number of threads. There is no window in this crate.
@@ -63,10 +63,12 @@ mod room;
 mod smudge;
 mod steps;
 mod stroke;
+mod stroke_check;
 mod stroke_file;
 mod stroke_page;
 mod stroke_preview;
 mod surface;
+mod symmetry;
 mod texel_page;
 mod tips;
 mod work;
@@ -91,7 +93,7 @@ pub use projection::{Lens, PicturePlace, Projection, ProjectionView, Sight};
 pub use region::{Region, RegionTriangle};
 pub use relief::HEIGHT_RANGE;
 pub use replay::{ReplaySummary, replay};
-pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
+pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, dabs_of};
 pub use stroke_file::{
     ChannelSettings, ColorSettings, DabSettings, DecalSettings, FillLayerSettings, FillSettings,
     FillTextureSettings, KindName, LayerSettings, LookSettings, SampleSettings, StencilBy, StencilSettings,
@@ -99,5 +101,6 @@ pub use stroke_file::{
 };
 pub use stroke_preview::PreviewPage;
 pub use surface::Surface;
+pub use symmetry::Symmetry;
 pub use tips::Tip;
 pub use work::WorkProgress;

@@ -19,6 +19,7 @@ use fantex_texture::Image;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::added::added_channels;
+use crate::dab::MIN_ASPECT;
 use crate::error::{malformed, temporary};
 use crate::graph::{check_files, found_folder, kept_folder};
 use crate::layers::{check_stack, find_folders};
@@ -168,12 +169,13 @@ pub(crate) enum Recording {
 }
 
 impl Recording {
-    /// Adds dabs, where they are not known from the settings.
-    pub(crate) fn add_dabs(&mut self, surface: &Surface, dabs: &[Dab]) {
+    /// Adds dabs that `tool` has painted with, where they are not known from the settings.
+    pub(crate) fn add_dabs(&mut self, surface: &Surface, tool: &Tool, dabs: &[Dab]) {
         let (known, stamp) = match self {
             Self::Dabs(known, stamp) => (known, stamp),
             Self::Settings(portable) => {
                 if portable.gathers_dabs {
+                    portable.name_source(surface, tool, dabs);
                     portable.stroke.dabs.extend(dabs.iter().map(|dab| settings_of_dab(surface, dab)));
                 }
                 return;
@@ -209,11 +211,14 @@ fn settings_of_dab(surface: &Surface, dab: &Dab) -> DabSettings {
     DabSettings {
         at: place_of(surface, dab.center),
         radius: (f64::from(dab.radius) * surface.mesh().world_from_mesh.scale) as f32,
-        hardness: dab.hardness,
-        flow: dab.flow,
+        // What stroke files allow. Painting takes hardness and aspect so, too.
+        hardness: dab.hardness.clamp(0.0, 1.0),
+        flow: dab.flow.clamp(0.0, 1.0),
         angle: dab.angle,
-        aspect: dab.aspect,
+        mirrored: dab.mirrored,
+        aspect: dab.aspect.clamp(MIN_ASPECT, 1.0),
         across_gaps: dab.across_gaps,
+        copy: dab.copy,
     }
 }
 
@@ -245,6 +250,18 @@ impl Portable {
         let gathers_dabs = settings.samples.is_empty() && settings.dabs.is_empty() && settings.fill.is_none();
         let stroke = writer.stroke(settings)?;
         Ok(Self { stroke, files: writer.files, gathers_dabs })
+    }
+
+    /// Says where a clone copies from, once its first dab is known: a replay counts from that, not from the pen, which jitter
+    /// may have moved it away from.
+    fn name_source(&mut self, surface: &Surface, tool: &Tool, dabs: &[Dab]) {
+        if let (Tool::Clone { offset, .. }, ToolSettings::Clone { from }) = (tool, &mut self.stroke.tool)
+            && self.stroke.dabs.is_empty()
+            && let Some(first) = dabs.first()
+        {
+            let source = surface.position(first.center).as_vec3() + *offset;
+            *from = surface.mesh().world_from_mesh.point(source).to_array();
+        }
     }
 }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use fantex_texture::Texture;
 use glam::{Vec3, Vec4};
 
-use crate::{Picture, Projection, Sight};
+use crate::stroke::mesh_length;
+use crate::{Picture, Projection, Sight, Size, Surface, Symmetry};
 
 /// Dabs of a smudge should be no farther apart than this, in diameters: farther apart they show as stripes.
 pub const SMUDGE_SPACING: f32 = 0.025;
@@ -39,10 +40,27 @@ pub enum Tool {
         offset: Vec3,
         /// Mesh units from there to the surface at most; beyond it nothing is copied.
         reach: f32,
+        /// Of the stroke: dabs of its copies are moved away by the offset as the copy has it.
+        symmetry: Symmetry,
     },
 }
 
+/// Mesh units from where a clone copies to the surface, at least as far as which it copies.
+const MIN_CLONE_REACH: f32 = 0.1;
+
 impl Tool {
+    /// A clone that copies what lies at one place to another one (mesh space), and so on around it: where the surface is no farther
+    /// from there than the brush is wide, or than a tenth of a mesh unit.
+    pub fn clone_of(surface: &Surface, from: Vec3, to: Vec3, brush: Size, symmetry: Symmetry) -> Self {
+        let reach = mesh_length(surface, brush).max(MIN_CLONE_REACH);
+        Self::Clone { offset: from - to, reach, symmetry }
+    }
+
+    /// True where copies of a stroke do something else than the stroke itself.
+    pub(crate) fn depends_on_copy(&self) -> bool {
+        matches!(self, Self::Clone { symmetry, .. } if symmetry.count() > 1)
+    }
+
     /// True where it asks for what was seen before the stroke.
     pub(crate) fn reads_surface(&self) -> bool {
         matches!(self, Self::Blur { .. } | Self::Clone { .. } | Self::Smudge { .. })

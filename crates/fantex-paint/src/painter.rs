@@ -21,7 +21,7 @@ use fantex_store::{
 use glam::Vec4;
 use rayon::prelude::*;
 
-use crate::composite::{PaintContext, composite, look_up_now};
+use crate::composite::{ClonedDab, PaintContext, composite, look_up_now};
 use crate::cover::{cover_page, cover_page_colored, touched_pages};
 use crate::dab::PlacedDab;
 use crate::due_levels::DueLevels;
@@ -252,7 +252,7 @@ impl Painter {
     /// The asset or the temporary file of the stroke cannot be read or written.
     pub fn dab(&mut self, dabs: &[Dab]) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
-            stroke.recording.add_dabs(&self.surface, dabs);
+            stroke.recording.add_dabs(&self.surface, &stroke.paint.tool, dabs);
         }
         if let Some(OpenStroke { paint: Paint { tool: Tool::Smudge { strength }, .. }, .. }) = self.stroke {
             return dabs.iter().try_for_each(|dab| self.smudge(dab, strength));
@@ -264,14 +264,34 @@ impl Painter {
                 batch.par_iter().map(|dab| PlacedDab::new(surface, dab, texel)).collect();
             let touched: Vec<(PageId, Vec<u32>)> =
                 touched_pages(surface, placed.iter()).into_iter().collect();
-            self.cover(&touched, |surface, map, dabs: &Vec<u32>, page| {
-                cover_page(surface, map, dabs.iter().map(|&i| &placed[i as usize]), page);
-            })?;
+            if self.stroke.as_ref().is_some_and(|stroke| stroke.paint.tool.depends_on_copy()) {
+                self.clone_copies(&touched, &placed)?;
+            } else {
+                self.cover(&touched, |surface, map, dabs: &Vec<u32>, page| {
+                    cover_page(surface, map, dabs.iter().map(|&i| &placed[i as usize]), page);
+                })?;
+            }
             if let Some(stroke) = &mut self.stroke {
                 stroke.dabs += batch.len();
             }
         }
         Ok(())
+    }
+
+    /// Dabs of a clone whose copies copy from different places: each lays down colours of its own.
+    fn clone_copies(&mut self, touched: &[(PageId, Vec<u32>)], placed: &[PlacedDab]) -> Result<()> {
+        let Some(stroke) = &self.stroke else { return Ok(()) };
+        let surface = Arc::clone(&self.surface);
+        let (paint, before) = (stroke.paint.clone(), stroke.before.clone());
+        let context = PaintContext::new(&surface, self.editor.asset(), &paint, before.as_ref());
+        let cloned: Vec<ClonedDab<'_>> =
+            placed.iter().map(|dab| ClonedDab { dab, context: &context }).collect();
+        let channels = paint.channels.len();
+        self.cover(touched, |_, map, dabs: &Vec<u32>, page| {
+            for &dab in dabs {
+                cover_page_colored(map, &cloned[dab as usize], channels, page);
+            }
+        })
     }
 
     /// One dab of a smudge: it sees what those before have left.

@@ -154,6 +154,8 @@ pub struct Decal {
     pub shape: Arc<Picture>,
     /// Left and right are changed, of the shape and of colours that are pictures.
     pub mirrored: bool,
+    /// Which copy of a symmetric stroke's decal it is; 0 is the decal itself. Clones copy from another place for each.
+    pub copy: u32,
 }
 
 impl Decal {
@@ -167,12 +169,10 @@ impl Decal {
             if k == 0 {
                 return Some(self.clone());
             }
-            let is_image = symmetry.mirrors();
-            // A mirrored picture's right points to the left.
-            let right = symmetry.moved_direction(right, k) * if is_image { -1.0 } else { 1.0 };
-            let (x, y) = tangent_axes(surface.outer_normal(center.triangle));
-            let angle = right.dot(y).atan2(right.dot(x)) as f32;
-            Some(Self { center, angle, mirrored: self.mirrored != (is_image && !readable), ..self.clone() })
+            let normal = surface.outer_normal(center.triangle);
+            let angle = symmetry.moved_angle(symmetry.moved_direction(right, k), normal, k);
+            let mirrored = self.mirrored != (symmetry.is_mirrored(k) && !readable);
+            Some(Self { center, angle, mirrored, copy: k, ..self.clone() })
         });
         copies.collect()
     }
@@ -197,6 +197,7 @@ pub(crate) struct PlacedDecal<'a> {
     region: Region,
     chart: Chart,
     shape: &'a Picture,
+    copy: u32,
     /// Coordinates of the picture per mesh unit, to the right and upwards.
     scale: Vec2,
     context: &'a PaintContext<'a>,
@@ -213,7 +214,8 @@ impl<'a> PlacedDecal<'a> {
         let axes = turned_axes(surface, decal.center, decal.angle);
         let chart = Chart::unfold(surface, &region, decal.center, axes);
         let scale = Vec2::new(if decal.mirrored { -1.0 } else { 1.0 }, 1.0) / half;
-        Self { surface, region, chart, shape: &decal.shape, scale, context }
+        let (shape, copy) = (&*decal.shape, decal.copy);
+        Self { surface, region, chart, shape, copy, scale, context }
     }
 
     /// Where the picture's right and upright direction point on a triangle, mesh space.
@@ -261,7 +263,8 @@ impl Patch for PlacedDecal<'_> {
                 }
                 PaintColor::Image(picture) => picture.color(place, width),
                 _ => {
-                    let straight = self.context.at(map, under.place, painted).unwrap_or(Vec4::ZERO);
+                    let straight =
+                        self.context.at(map, under.place, painted, self.copy).unwrap_or(Vec4::ZERO);
                     (straight.truncate() * straight.w).extend(straight.w)
                 }
             };

@@ -30,7 +30,7 @@ impl Painter {
         if kinds.is_empty() {
             return Ok(());
         }
-        let removed = self.editor.removable_channels(kinds)?;
+        let removed = self.editor.asset().removable_channels(kinds)?;
         self.finish_work()?;
         self.end()?;
         let bends = |relief: &Relief| removed.contains(&relief.height) && !removed.contains(&relief.normal);

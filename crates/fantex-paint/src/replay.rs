@@ -106,7 +106,7 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
             continue;
         }
         let paints = settings.set_layers.is_none() && !settings.channels.is_empty();
-        let StrokeSummary { dabs, pages, .. } = apply(painter, settings, prepared, folder)?;
+        let StrokeSummary { dabs, pages, .. } = apply(painter, index, settings, prepared, folder)?;
         if paints && pages == 0 {
             summary.untouching.push((index, settings.label.clone()));
         }
@@ -117,14 +117,18 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
     Ok(summary)
 }
 
+/// `index`: of the stroke, for messages.
 fn apply(
     painter: &mut Painter,
+    index: usize,
     settings: &StrokeSettings,
     prepared: Prepared,
     folder: &Path,
 ) -> Result<StrokeSummary> {
     if let Some(layers) = &settings.set_layers {
-        painter.set_layers(&settings.label, layers.clone(), &settings.layer_moves)?;
+        painter
+            .set_layers(&settings.label, layers.clone(), &settings.layer_moves)
+            .map_err(|error| error.context(format!("stroke {index}")))?;
         return Ok(StrokeSummary::default());
     }
     let Prepared { paint, stroke, decals, dabs, fill, .. } = prepared;
@@ -345,7 +349,8 @@ impl Preparation<'_> {
                 let source = surface.mesh().world_from_mesh.inverse_point(DVec3::from(from));
                 let start = first.map_or(source, |point| surface.position(point).as_vec3());
                 self.finite("the source of a clone", &source.to_array())?;
-                Tool::Clone { offset: source - start, reach: self.mesh_length(drawn.brush.size)? }
+                self.mesh_length(drawn.brush.size)?;
+                Tool::clone_of(surface, source, start, drawn.brush.size, drawn.symmetry)
             }
         })
     }
@@ -452,7 +457,8 @@ impl Preparation<'_> {
         let angle = angle.to_radians();
         let readable = self.settings.text.is_some();
         let decals = drawn.samples.iter().flat_map(|sample| {
-            let decal = Decal { center: sample.point, size, angle, shape: Arc::clone(&shape), mirrored };
+            let (center, shape) = (sample.point, Arc::clone(&shape));
+            let decal = Decal { center, size, angle, shape, mirrored, copy: 0 };
             decal.copies(surface, &drawn.symmetry, readable)
         });
         Ok(decals.collect())
@@ -480,12 +486,23 @@ impl Preparation<'_> {
         let scale = self.painter.surface().mesh().world_from_mesh.scale;
         let mut dabs = Vec::with_capacity(self.settings.dabs.len());
         for (index, dab) in self.settings.dabs.iter().enumerate() {
-            let DabSettings { at, radius, hardness, flow, angle, aspect, across_gaps } = *dab;
+            let DabSettings { at, radius, hardness, flow, angle, mirrored, aspect, across_gaps, copy } = *dab;
             self.finite("a dab's numbers", &[radius, hardness, flow, angle, aspect])?;
             let radius = (f64::from(radius) / scale) as f32;
             let stamp = stamp.cloned();
             if let Some(center) = self.point(format_args!("dab {index}"), at)? {
-                dabs.push(Dab { center, radius, hardness, flow, angle, aspect, across_gaps, stamp });
+                dabs.push(Dab {
+                    center,
+                    radius,
+                    hardness,
+                    flow,
+                    angle,
+                    mirrored,
+                    aspect,
+                    across_gaps,
+                    stamp,
+                    copy,
+                });
             }
         }
         Ok(dabs)

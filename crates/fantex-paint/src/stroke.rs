@@ -7,11 +7,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::{Error, Random, Result};
+use fantex_base::Random;
 use glam::{DVec3, Vec3};
 
-use crate::stroke_file::check_axis;
-use crate::{Dab, Stamp, Surface, SurfacePoint, Tip};
+use crate::dab::tangent_axes;
+use crate::symmetry::CopiedRun;
+use crate::{Dab, Stamp, Surface, SurfacePoint, Symmetry, Tip};
 
 /// The least distance of dabs in texels: closer ones change nothing but the time they take.
 const MIN_SPACING_TEXELS: f32 = 0.5;
@@ -42,18 +43,19 @@ pub(crate) fn mesh_length(surface: &Surface, size: Size) -> f32 {
     }
 }
 
-/// The dabs of a stroke, in order; the same for the same stroke.
+/// The dabs of a stroke, copy after copy; the same for the same stroke.
 pub fn dabs_of(surface: &Surface, stroke: &Stroke) -> Vec<Dab> {
     let samples = match (stroke.line, stroke.samples.as_slice()) {
         (true, [first, .., last]) => vec![*first, *last],
         (_, samples) => samples.to_vec(),
     };
-    let diameter = mesh_length(surface, stroke.brush.size);
+    let Stroke { brush, stamp, symmetry, .. } = stroke;
+    let diameter = mesh_length(surface, brush.size);
+    let stamp = stamp.as_ref();
     let mut dabs = Vec::new();
-    for samples in stroke.symmetry.copies(surface, &samples, 0.5 * diameter) {
-        let way = Way::new(&stroke.brush);
-        let mut spacer =
-            Spacer { surface, brush: &stroke.brush, stamp: stroke.stamp.as_ref(), diameter, way };
+    for CopiedRun { copy, samples } in symmetry.copies(surface, &samples, 0.5 * diameter) {
+        let way = Way::new(brush);
+        let mut spacer = Spacer { surface, brush, stamp, diameter, symmetry, copy, way };
         for (k, sample) in samples.iter().enumerate() {
             spacer.go_to(sample, k + 1 == samples.len(), &mut dabs);
         }
@@ -67,6 +69,9 @@ struct Spacer<'a> {
     stamp: Option<&'a Arc<Stamp>>,
     /// Mesh units.
     diameter: f32,
+    symmetry: &'a Symmetry,
+    /// Number of the copy.
+    copy: u32,
     way: Way,
 }
 
@@ -75,20 +80,37 @@ struct Spacer<'a> {
 struct Way {
     /// Where the brush is; none before the first sample.
     last: Option<Sample>,
+    /// What it has left to the last sample: a smoothed brush lags behind.
+    lag: Option<Lag>,
     /// Mesh units to go until the next dab.
     due: f64,
     random: Random,
 }
 
+/// The rest of a path between two samples.
+#[derive(Clone, Debug)]
+struct Lag {
+    path: Path,
+    /// Mesh units of the path that the brush has gone.
+    gone: f64,
+    from: Sample,
+    to: Sample,
+}
+
 impl Way {
     fn new(brush: &Brush) -> Self {
-        Self { last: None, due: 0.0, random: Random::new(brush.seed) }
+        Self { last: None, lag: None, due: 0.0, random: Random::new(brush.seed) }
     }
 }
 
 impl Spacer<'_> {
     /// Goes on to the next sample; all the way where it is the last one.
     fn go_to(&mut self, sample: &Sample, is_end: bool, dabs: &mut Vec<Dab>) {
+        if is_end && self.way.lag.as_ref().is_some_and(|lag| lag.to == *sample) {
+            // A pen may be lifted where it was seen last.
+            return self.catch_up(dabs);
+        }
+        self.way.lag = None;
         let path = self.way.last.map(|last| (last, self.path_between(last.point, sample.point)));
         let Some((last, Some(path))) = path else {
             // The first one; or the surface does not lead there, and the stroke goes on beyond the gap.
@@ -99,8 +121,20 @@ impl Spacer<'_> {
         };
         let smoothing = f64::from(self.brush.smoothing.clamp(0.0, 0.98));
         let share = if is_end { 1.0 } else { 1.0 - smoothing };
-        let end = Sample { point: path.at(share * path.length()), ..mixed(&last, sample, share as f32) };
-        self.along(&path, share * path.length(), &last, &end, dabs);
+        let gone = share * path.length();
+        let end = Sample { point: path.at(gone), ..mixed(&last, sample, share as f32) };
+        self.along(&path, [0.0, gone], [&last, &end], dabs);
+        self.way.last = Some(end);
+        self.way.lag = (share < 1.0).then_some(Lag { path, gone, from: last, to: *sample });
+    }
+
+    /// Goes all the way to the last sample.
+    fn catch_up(&mut self, dabs: &mut Vec<Dab>) {
+        let (Some(Lag { path, gone, from, to }), Some(last)) = (self.way.lag.take(), self.way.last) else {
+            return;
+        };
+        let end = Sample { point: path.at(path.length()), ..mixed(&from, &to, 1.0) };
+        self.along(&path, [gone, path.length()], [&last, &end], dabs);
         self.way.last = Some(end);
     }
 
@@ -109,13 +143,14 @@ impl Spacer<'_> {
         path_between(self.surface, from, to).or_else(|| across().filter(|_| self.brush.across_gaps))
     }
 
-    /// Dabs on the first `length` mesh units of a path.
-    fn along(&mut self, path: &Path, length: f64, from: &Sample, to: &Sample, dabs: &mut Vec<Dab>) {
+    /// Dabs on a part of a path, mesh units from its start, between samples at the part's ends.
+    fn along(&mut self, path: &Path, part: [f64; 2], [from, to]: [&Sample; 2], dabs: &mut Vec<Dab>) {
+        let [start, length] = [part[0], part[1] - part[0]];
         let mut at = 0.0;
         while at + self.way.due <= length && dabs.len() < MAX_DABS {
             at += self.way.due;
             let sample = mixed(from, to, (at / length) as f32);
-            let sample = Sample { point: path.at(at), ..sample };
+            let sample = Sample { point: path.at(start + at), ..sample };
             self.dab(&sample, dabs);
             self.way.due = self.spacing(&sample);
         }
@@ -144,24 +179,43 @@ impl Spacer<'_> {
         }
         let pressure = 1.0 - brush.pressure.flow.clamp(0.0, 1.0) * (1.0 - sample.pressure.clamp(0.0, 1.0));
         let [lean, aspect] = if brush.follow_tilt { tilted(sample.tilt) } else { [0.0, 1.0] };
+        let turned = brush.angle.to_radians() + lean + jitter.angle * (2.0 * angle - 1.0);
         dabs.push(Dab {
             center,
             radius: radius * (1.0 - jitter.size.clamp(0.0, 1.0) * size),
             hardness: brush.hardness,
             flow: brush.flow.clamp(0.0, 1.0) * pressure * (1.0 - jitter.flow.clamp(0.0, 1.0) * flow),
-            angle: brush.angle.to_radians() + lean + jitter.angle * (2.0 * angle - 1.0),
+            angle: self.angle_of_copy(center, turned),
+            mirrored: self.symmetry.is_mirrored(self.copy),
             aspect,
             across_gaps: brush.across_gaps,
             stamp: self.stamp.cloned(),
+            copy: self.copy,
         });
     }
 
     /// A direction in the tangent plane; `turn` 0..1 is once around.
     fn tangent(&self, sample: &Sample, turn: f32) -> DVec3 {
         let normal = self.surface.facet_normal(sample.point.triangle);
-        let x = normal.any_orthonormal_vector();
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(turn)).sin_cos();
-        x * cos + normal.cross(x) * sin
+        self.symmetry.moved_tangent(normal, self.copy, |normal| {
+            let x = normal.any_orthonormal_vector();
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(turn)).sin_cos();
+            x * cos + normal.cross(x) * sin
+        })
+    }
+
+    /// The angle of a dab at a place of the copy; `angle` is that of the stroke itself.
+    fn angle_of_copy(&self, center: SurfacePoint, angle: f32) -> f32 {
+        if self.copy == 0 {
+            return angle;
+        }
+        let normal = self.surface.outer_normal(center.triangle);
+        let right = self.symmetry.moved_tangent(normal, self.copy, |normal| {
+            let (x, y) = tangent_axes(normal);
+            let (sin, cos) = f64::from(angle).sin_cos();
+            x * cos + y * sin
+        });
+        self.symmetry.moved_angle(right, normal, self.copy)
     }
 }
 
@@ -532,127 +586,10 @@ fn on_other_side(surface: &Surface, point: SurfacePoint, edge: u32, other: u32) 
     SurfacePoint { triangle: other / 3, lambda: lambda.into() }
 }
 
-// Symmetric strokes: copies of every sample on the other sides of the model.
-
-/// Where a stroke is repeated. Axes (0 x, 1 y, 2 z) pass the origin of the file's coordinates, unless moved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Symmetry {
-    /// Nowhere.
-    #[default]
-    None,
-    /// On the other side of a plane.
-    Mirror {
-        /// Axis that the plane is orthogonal to.
-        axis: usize,
-        /// Where it meets the axis, world units.
-        #[serde(default)]
-        offset: f64,
-    },
-    /// Around an axis.
-    Radial {
-        /// The axis.
-        axis: usize,
-        /// A point that it passes, world units.
-        #[serde(default)]
-        center: [f64; 3],
-        /// Number of copies, the stroke itself included.
-        count: u32,
-    },
-}
-
-const MAX_COPIES: u32 = 256;
-
-impl Symmetry {
-    /// Refuses an axis that is none, and numbers of copies that are not made.
-    pub(crate) fn check(&self) -> Result<()> {
-        match *self {
-            Self::None => Ok(()),
-            Self::Mirror { axis, .. } => check_axis("symmetry.mirror.axis", axis),
-            Self::Radial { axis, count, .. } => {
-                check_axis("symmetry.radial.axis", axis)?;
-                match count {
-                    1..=MAX_COPIES => Ok(()),
-                    _ => Err(Error::invalid(format!(
-                        "`symmetry.radial.count` is {count}, but must be 1 to {MAX_COPIES}"
-                    ))),
-                }
-            }
-        }
-    }
-
-    /// All copies of a stroke, itself first. A copy's samples that find no surface within `reach` mesh units split it.
-    pub(crate) fn copies(&self, surface: &Surface, samples: &[Sample], reach: f32) -> Vec<Vec<Sample>> {
-        let mut copies = vec![samples.to_vec()];
-        for k in 1..self.count() {
-            let mut run = Vec::new();
-            for sample in samples {
-                match self.moved(surface, sample, k, reach) {
-                    Some(moved) => run.push(moved),
-                    None if run.is_empty() => {}
-                    None => copies.push(std::mem::take(&mut run)),
-                }
-            }
-            if !run.is_empty() {
-                copies.push(run);
-            }
-        }
-        copies
-    }
-
-    /// Where the copies of a point are, itself first; none where there is no surface within `reach` mesh units.
-    pub fn places(&self, surface: &Surface, point: SurfacePoint, reach: f32) -> Vec<Option<SurfacePoint>> {
-        let sample = Sample::at(point);
-        let moved = (1..self.count()).map(|k| Some(self.moved(surface, &sample, k, reach)?.point));
-        std::iter::once(Some(point)).chain(moved).collect()
-    }
-
-    pub(crate) fn count(&self) -> u32 {
-        match self {
-            Self::None => 1,
-            Self::Mirror { .. } => 2,
-            Self::Radial { count, .. } => (*count).clamp(1, MAX_COPIES),
-        }
-    }
-
-    pub(crate) fn moved(&self, surface: &Surface, sample: &Sample, k: u32, reach: f32) -> Option<Sample> {
-        let world_from_mesh = surface.mesh().world_from_mesh;
-        let mesh_position: Vec3 = surface.position(sample.point).as_vec3();
-        let moved = self.moved_position(world_from_mesh.point(mesh_position), k);
-        let point = surface.nearest(world_from_mesh.inverse_point(moved), reach)?;
-        Some(Sample { point, ..*sample })
-    }
-
-    /// A direction as the copy number `k` has it, world or mesh space.
-    pub(crate) fn moved_direction(&self, direction: DVec3, k: u32) -> DVec3 {
-        self.moved_position(direction, k) - self.moved_position(DVec3::ZERO, k)
-    }
-
-    /// Whether copies are mirror images.
-    pub(crate) fn mirrors(&self) -> bool {
-        matches!(self, Self::Mirror { .. })
-    }
-
-    pub(crate) fn moved_position(&self, mut p: DVec3, k: u32) -> DVec3 {
-        match *self {
-            Self::None => {}
-            Self::Mirror { axis, offset } => p[axis.min(2)] = 2.0 * offset - p[axis.min(2)],
-            Self::Radial { axis, center, count } => {
-                let (axis, center) = (axis.min(2), DVec3::from(center));
-                let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-                let q = p - center;
-                let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(count)).sin_cos();
-                p[i] = center[i] + cos * q[i] - sin * q[j];
-                p[j] = center[j] + sin * q[i] + cos * q[j];
-            }
-        }
-        p
-    }
-}
-
 // Strokes whose samples come one after the other, from a hand.
 
-/// A stroke that is being drawn. Its dabs are those of [`dabs_of`](dabs_of), though copies take turns.
+/// A stroke that is being drawn. Its dabs are those of [`dabs_of`](dabs_of), though copies take turns; what comes after a
+/// [`lift`](Self::lift) is a stroke of its own.
 #[derive(Clone, Debug)]
 pub struct LiveStroke {
     brush: Brush,
@@ -671,28 +608,44 @@ impl LiveStroke {
         Self { diameter: mesh_length(surface, brush.size), ways, brush, stamp, symmetry }
     }
 
-    /// The pen leaves the surface: the next sample begins anew.
-    pub fn lift(&mut self) {
-        self.ways.iter_mut().for_each(|way| way.last = None);
+    /// The pen leaves the surface: the next sample begins anew. Returns the dabs up to the last sample, which a smoothed stroke has still
+    /// to catch up with.
+    pub fn lift(&mut self, surface: &Surface) -> Vec<Dab> {
+        let mut dabs = Vec::new();
+        (0..self.symmetry.count()).for_each(|copy| self.lift_copy(surface, copy, &mut dabs));
+        dabs
     }
 
     /// The dabs up to a sample. With the last one (`is_end`) a smoothed stroke catches up.
     pub fn go_to(&mut self, surface: &Surface, sample: &Sample, is_end: bool) -> Vec<Dab> {
         let mut dabs = Vec::new();
         let reach = 0.5 * self.diameter;
-        for (k, way) in (0u32..).zip(&mut self.ways) {
-            let sample = if k == 0 { Some(*sample) } else { self.symmetry.moved(surface, sample, k, reach) };
+        for copy in 0..self.symmetry.count() {
+            let sample =
+                if copy == 0 { Some(*sample) } else { self.symmetry.moved(surface, sample, copy, reach) };
             match sample {
                 Some(sample) => {
-                    let (brush, stamp, diameter) = (&self.brush, self.stamp.as_ref(), self.diameter);
-                    let mut spacer = Spacer { surface, brush, stamp, diameter, way: way.clone() };
-                    spacer.go_to(&sample, is_end, &mut dabs);
-                    *way = spacer.way;
+                    self.with_copy(surface, copy, |spacer| spacer.go_to(&sample, is_end, &mut dabs));
                 }
                 // No surface there: what comes after is a stroke of its own.
-                None => *way = Way::new(&self.brush),
+                None => self.lift_copy(surface, copy, &mut dabs),
             }
         }
         dabs
+    }
+
+    fn lift_copy(&mut self, surface: &Surface, copy: u32, dabs: &mut Vec<Dab>) {
+        self.with_copy(surface, copy, |spacer| spacer.catch_up(dabs));
+        self.ways[copy as usize] = Way::new(&self.brush);
+    }
+
+    fn with_copy(&mut self, surface: &Surface, copy: u32, act: impl FnOnce(&mut Spacer<'_>)) {
+        let Self { brush, stamp, symmetry, diameter, ways } = self;
+        let way = &mut ways[copy as usize];
+        let taken = std::mem::replace(way, Way::new(brush));
+        let (stamp, diameter) = (stamp.as_ref(), *diameter);
+        let mut spacer = Spacer { surface, brush, stamp, diameter, symmetry, copy, way: taken };
+        act(&mut spacer);
+        *way = spacer.way;
     }
 }

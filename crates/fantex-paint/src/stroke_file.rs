@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::Result;
 use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
 use fantex_texture::{SolidTexture, solid_by_name};
@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::error::malformed;
 use crate::replay::Preparation;
 use crate::{
-    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, MaskMeasure, PaintColor, Picture,
-    ProjectionView, Size, Surface, Symmetry, Tool,
+    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size,
+    Surface, Symmetry, Tool,
 };
 
 /// A stroke file.
@@ -121,41 +121,6 @@ impl Default for StrokeSettings {
     }
 }
 
-impl StrokeSettings {
-    /// Refuses values that mean nothing.
-    pub(crate) fn check(&self) -> Result<()> {
-        self.symmetry.check()?;
-        let sources = self.set_layers.iter().flatten().filter_map(|layer| layer.mask_source);
-        for source in sources {
-            match source.by {
-                MaskMeasure::Height { axis } => check_axis("set_layers.mask_source.by.height.axis", axis)?,
-                MaskMeasure::Slope { axis } => check_axis("set_layers.mask_source.by.slope.axis", axis)?,
-                _ => {}
-            }
-        }
-        if self.lacks_places() {
-            return Err(Error::invalid(
-                "`samples` is [], but must name at least one place; only a fill of \"whole\" and a stroke with `dabs` need none",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Whether it has something to paint, but nowhere.
-    pub(crate) fn lacks_places(&self) -> bool {
-        let needs_places = self.fill != Some(FillSettings::Whole) && self.set_layers.is_none();
-        needs_places && !self.channels.is_empty() && self.samples.is_empty() && self.dabs.is_empty()
-    }
-}
-
-/// Refuses what is no axis.
-pub(crate) fn check_axis(key: &str, axis: usize) -> Result<()> {
-    match axis {
-        0..=2 => Ok(()),
-        _ => Err(Error::invalid(format!("`{key}` is {axis}, but must be 0 (x), 1 (y) or 2 (z)"))),
-    }
-}
-
 /// One touch of the brush.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -171,12 +136,22 @@ pub struct DabSettings {
     /// Of the stamp, radians.
     #[serde(default)]
     pub angle: f32,
+    /// Left and right of the stamp are changed, as in a mirror.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirrored: bool,
     /// Width over length.
     #[serde(default = "full")]
     pub aspect: f32,
     /// Whether it goes on beyond gaps of the mesh.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub across_gaps: bool,
+    /// Of which copy that the stroke's `symmetry` makes it is; 0 is the stroke itself. A clone copies from the copy's own place.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub copy: u32,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// A layer to paint on.

@@ -207,6 +207,12 @@ impl Painting {
         }
         let world_per_pixel = view.world_per_pixel(world_position(&self.surface, point));
         let symmetry = settings.symmetry.symmetry(self.bounds.center());
+        let brush = settings.brush.brush(world_per_pixel, self.strokes);
+        let is_clone = settings.tool == PaintTool::Clone;
+        if is_clone {
+            // How far it looks for the surface depends on it.
+            recorded.brush.size = brush.size;
+        }
         if settings.brush.only_seen && settings.tool.has_brush() {
             let degrees = settings.brush.seen_degrees.clamp(1.0, 90.0);
             let camera =
@@ -214,18 +220,11 @@ impl Painting {
             paint.sight = Sight::new(&self.surface, &camera, degrees, &symmetry).map(Arc::new);
             recorded.only_seen = Some(degrees);
         }
-        if paint.sight.is_some() || matches!(settings.tool, PaintTool::Fill | PaintTool::Sticker) {
+        if paint.sight.is_some() || is_clone || matches!(settings.tool, PaintTool::Fill | PaintTool::Sticker)
+        {
             recorded.symmetry = symmetry;
         }
-        Ok(Box::new(StrokeStart {
-            label,
-            target: self.target,
-            paint,
-            brush: settings.brush.brush(world_per_pixel, self.strokes),
-            stamp,
-            symmetry,
-            recorded,
-        }))
+        Ok(Box::new(StrokeStart { label, target: self.target, paint, brush, stamp, symmetry, recorded }))
     }
 
     /// Lets the painter show a sticker on the surface.
@@ -339,8 +338,10 @@ impl Painting {
                 let Some(source) = self.source else {
                     return Err("Alt + click on the surface first: cloning copies from there.".into());
                 };
-                let offset = self.surface.position(source) - self.surface.position(start);
-                Tool::Clone { offset: offset.as_vec3(), reach: 0.1 }
+                let [from, to] = [source, start].map(|point| self.surface.position(point).as_vec3());
+                let brush = Size::World(self.world_size(settings, view, start) as f32);
+                let symmetry = settings.symmetry.symmetry(self.bounds.center());
+                Tool::clone_of(&self.surface, from, to, brush, symmetry)
             }
             PaintTool::Smudge => Tool::Smudge { strength: settings.smudge.clamp(0.0, 1.0) },
             PaintTool::Paint => Tool::Paint(settings.brush.blend),

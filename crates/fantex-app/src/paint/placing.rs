@@ -253,6 +253,7 @@ impl Painting {
             angle,
             shape: Arc::clone(&shape.picture),
             mirrored: is_behind,
+            copy: 0,
         }
     }
 

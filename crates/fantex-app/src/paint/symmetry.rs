@@ -29,9 +29,9 @@ pub struct SymmetrySettings {
     pub kind: SymmetryKind,
     /// The axis: 0 x, 1 y, 2 z.
     pub axis: usize,
-    /// World units from the model's centre to the plane, or of the axis, along the axes.
+    /// World units along the axis from the model's centre to the mirror's plane. Radial symmetry turns around the axis through the centre.
     pub offset: f64,
-    /// Copies around an axis, the stroke itself included.
+    /// Copies around an axis, the stroke itself included: one of [`Symmetry::COPIES`].
     pub count: u32,
     pub shows_plane: bool,
 }
@@ -50,7 +50,8 @@ impl SymmetrySettings {
             SymmetryKind::Off => Symmetry::None,
             SymmetryKind::Mirror => Symmetry::Mirror { axis, offset: center[axis] + self.offset },
             SymmetryKind::Radial => {
-                Symmetry::Radial { axis, center: center.to_array(), count: self.count.clamp(2, 64) }
+                let (fewest, most) = Symmetry::COPIES.into_inner();
+                Symmetry::Radial { axis, center: center.to_array(), count: self.count.clamp(fewest, most) }
             }
         }
     }

@@ -345,13 +345,12 @@ impl Worker {
                 }
             }
             Order::Lift => {
-                if let Some(stroke) = &mut self.stroke {
-                    stroke.lift();
-                }
+                self.lift()?;
             }
             Order::End(sample) => {
-                if let Some(sample) = sample {
-                    self.go_to(&sample, true)?;
+                match sample {
+                    Some(sample) => self.go_to(&sample, true)?,
+                    None => self.lift()?,
                 }
                 self.stroke = None;
                 self.end_stroke()?;
@@ -521,6 +520,13 @@ impl Worker {
     fn go_to(&mut self, sample: &Sample, is_end: bool) -> Result<()> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         let dabs = stroke.go_to(self.painter.surface(), sample, is_end);
+        self.painter.dab(&dabs)
+    }
+
+    /// What comes after is not joined to what came before.
+    fn lift(&mut self) -> Result<()> {
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        let dabs = stroke.lift(self.painter.surface());
         self.painter.dab(&dabs)
     }
 

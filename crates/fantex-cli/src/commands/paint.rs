@@ -189,7 +189,9 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         // What is changed in place is not protected as an input.
         let protect_inputs = args.output.is_some() && ReadLimits::current().options().protect_inputs;
         let options = ReadOptions { protect_inputs, ..*ReadLimits::current().options() };
-        ReadLimits::new(options).run(|| open_asset(&args.asset)).map(drop)
+        let asset = ReadLimits::new(options).run(|| open_asset(&args.asset))?;
+        // Before there is a copy, so that messages name the asset.
+        asset.removable_channels(&args.remove_channel).map(drop)
     };
     let strokes = match (&args.replay, &args.replay_log) {
         (None, None) if args.changes_asset() => opens().map(|()| Strokes::None)?,

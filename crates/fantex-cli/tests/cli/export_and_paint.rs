@@ -404,7 +404,11 @@ fn channels_are_removed_and_opacity_is_shown() {
         &[&"paint", &at("less.fan"), &"--remove-channel", &"emission"],
     );
     let both = "base-color,normal";
-    fails(2, &["it has no other channel"], &[&"paint", &at("less.fan"), &"--remove-channel", &both]);
+    fails(
+        2,
+        &["less.fan: it has no other channel"],
+        &[&"paint", &at("less.fan"), &"--remove-channel", &both],
+    );
     fails(2, &["invalid value 'colour'"], &[&"paint", &at("less.fan"), &"--remove-channel", &"colour"]);
     // Materials.
     json(&[&"paint", &at("less.fan"), &"--alpha", &"cut-out"]);

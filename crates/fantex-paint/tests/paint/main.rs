@@ -13,6 +13,7 @@ mod painting;
 mod regions;
 mod relief;
 mod removed;
+mod symmetry;
 mod texels;
 mod tips;
 mod tools;

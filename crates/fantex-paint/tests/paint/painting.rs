@@ -425,6 +425,55 @@ fn values_that_mean_nothing_are_refused() {
         let message = replayed(&format!(r#""brush": {{ {brush} }}, {somewhere}"#)).unwrap_err();
         assert!(message.contains(what) && message.contains("from 0 to 1"), "{message}");
     }
+    let mut faint = Layer::painted("a");
+    faint.opacity = 7.0;
+    let faint = format!(r#""set_layers": {}"#, serde_json::to_string(&[faint]).unwrap());
+    let dab = |rest: &str| format!(r#""dabs": [{{ "at": {{ "position": [0, 0, 1] }}, {rest} }}]"#);
+    let cases = [
+        (r#""layer": { "name": "a", "opacity": 7 }"#.to_owned(), "`layer.opacity` is 7, but must be 0 to 1"),
+        (
+            r#""layer": { "name": "a", "opacity": -3 }"#.to_owned(),
+            "`layer.opacity` is -3, but must be 0 to 1",
+        ),
+        (faint, "`set_layers[0].opacity` is 7, but must be 0 to 1"),
+        (
+            r#""tool": { "smudge": { "strength": 3 } }"#.to_owned(),
+            "`tool.smudge.strength` is 3, but must be 0 to 1",
+        ),
+        (r#""tool": { "opacity": -1 }"#.to_owned(), "`tool.opacity` is -1, but must be 0 to 1"),
+        (r#""fill": { "angle": 400 }"#.to_owned(), "`fill.angle` is 400, but must be 0 to 180"),
+        (
+            r#""text": { "text": "a", "size": { "world": 0 } }"#.to_owned(),
+            "`text.size` is 0, but must be finite and above 0",
+        ),
+        (r#""brush": { "smoothing": 1.5 }"#.to_owned(), "`brush.smoothing` is 1.5, but must be 0 to 1"),
+        (
+            dab(r#""radius": -1, "hardness": 1, "flow": 1"#),
+            "`dabs[0].radius` is -1, but must be finite and at least 0",
+        ),
+        (
+            dab(r#""radius": 1, "hardness": 1, "flow": 1, "aspect": 0"#),
+            "`dabs[0].aspect` is 0, but must be above 0 and at most 1",
+        ),
+    ];
+    for (rest, expected) in cases {
+        assert_eq!(replayed(&format!("{rest}, {somewhere}")).unwrap_err(), format!("stroke 0: {expected}"));
+    }
+    for (moves, expected) in [
+        (r#"[{ "copy": [7, 9] }]"#, "there is no layer number 7 to be copied"),
+        (r#"[{ "merge": [3, 4] }]"#, "there is no layer number 3 to be merged"),
+    ] {
+        let message = replayed(&format!(r#""set_layers": [], "layer_moves": {moves}"#)).unwrap_err();
+        assert!(message.starts_with("stroke 0") && message.contains(expected), "{message}");
+    }
+    // The ends of ranges.
+    for rest in [
+        r#""fill": { "angle": 180 }"#,
+        r#""tool": { "smudge": { "strength": 1 } }"#,
+        r#""brush": { "smoothing": 1, "jitter": { "position": 3, "size": 1 } }"#,
+    ] {
+        assert_eq!(replayed(&format!("{rest}, {somewhere}")).unwrap().strokes, 1);
+    }
     for rest in [r#""samples": []"#, r#""line": true"#, r#""fill": "connected""#] {
         let message = replayed(rest).unwrap_err();
         assert!(message.contains("stroke 0: `samples` is [], but must name at least one place"), "{message}");
@@ -584,7 +633,7 @@ fn blur_softens_and_clone_copies() {
     let source = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
     let [to, from] = [start, source].map(|p| painter.surface().position(p).as_vec3());
     let mut clone = red(1.0);
-    clone.tool = Tool::Clone { offset: from - to, reach: 0.3 };
+    clone.tool = Tool::Clone { offset: from - to, reach: 0.3, symmetry: Symmetry::None };
     let place = stroke(painter.surface(), 80.0, &[Vec3::Z]);
     paint_stroke(&mut painter, clone, &place);
     painter.commit().unwrap();

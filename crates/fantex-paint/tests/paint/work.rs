@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_bake::BakeFormat;
 use fantex_paint::{
     ChannelPaint, ColorFill, FillArea, GraphFill, Layer, LayerPlace, Paint, PaintColor, PaintOptions,
-    Painter, Picture, PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Target,
+    Painter, Picture, PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Symmetry, Target,
     TextureGraph, dabs_of,
 };
 use fantex_store::{VerifyOptions, is_disk_full, verify};
@@ -430,7 +430,7 @@ fn tools_that_read_the_surface_work_on_a_full_disk() {
     let [mut a, mut b] = [&free, &full].map(|baked| Painter::open(&baked.path, &options).unwrap());
     b.limit_file(Some(std::fs::metadata(&full.path).unwrap().len()));
     let tools = [
-        Tool::Clone { offset: Vec3::new(0.3, 0.2, 0.0), reach: 0.2 },
+        Tool::Clone { offset: Vec3::new(0.3, 0.2, 0.0), reach: 0.2, symmetry: Symmetry::None },
         Tool::Blur { radius: 0.05 },
         Tool::Smudge { strength: 0.7 },
     ];

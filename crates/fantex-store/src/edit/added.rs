@@ -86,6 +86,37 @@ impl Channel {
     }
 }
 
+impl Asset {
+    /// The numbers of channels of these kinds, ascending, if they can be removed together.
+    ///
+    /// # Errors
+    /// The asset has none of a kind, or no other channel.
+    pub fn removable_channels(&self, kinds: &[ChannelKind]) -> Result<Vec<usize>> {
+        let path = self.path();
+        let sentence = |kind: ChannelKind, why: &str| {
+            format!("cannot remove the channel {kind} from {}: {why}", path.display())
+        };
+        let channels = self.channels();
+        let mut removed = Vec::new();
+        for &kind in kinds {
+            let known = removed.len();
+            removed.extend((0..channels.len()).filter(|&index| channels[index].kind == kind));
+            if removed.len() == known {
+                return Err(Error::not_found(sentence(kind, "it has none")).with_path(path));
+            }
+        }
+        removed.sort_unstable();
+        removed.dedup();
+        match kinds.last() {
+            Some(&last) if removed.len() == channels.len() => {
+                let why = "it has no other channel, and an asset needs one";
+                Err(Error::invalid(sentence(last, why)).with_path(path))
+            }
+            _ => Ok(removed),
+        }
+    }
+}
+
 impl AssetEditor {
     /// Commits, then replaces the file by one that has further channels behind those that it has, atomically; they show what was seen
     /// without them ([`Channel::plain_value`]). Needs room for the copy; memory does not grow with the asset. Attachments stay as they
@@ -115,42 +146,13 @@ impl AssetEditor {
         self.rewrite(&new, None, |_| false, |_, contents| Ok(Some(contents)))
     }
 
-    /// The numbers of channels of these kinds, ascending, if they can be removed together.
-    ///
-    /// # Errors
-    /// The asset has none of a kind, or no other channel.
-    pub fn removable_channels(&self, kinds: &[ChannelKind]) -> Result<Vec<usize>> {
-        let path = self.asset.path();
-        let sentence = |kind: ChannelKind, why: &str| {
-            format!("cannot remove the channel {kind} from {}: {why}", path.display())
-        };
-        let channels = self.asset.channels();
-        let mut removed = Vec::new();
-        for &kind in kinds {
-            let known = removed.len();
-            removed.extend((0..channels.len()).filter(|&index| channels[index].kind == kind));
-            if removed.len() == known {
-                return Err(Error::not_found(sentence(kind, "it has none")).with_path(path));
-            }
-        }
-        removed.sort_unstable();
-        removed.dedup();
-        match kinds.last() {
-            Some(&last) if removed.len() == channels.len() => {
-                let why = "it has no other channel, and an asset needs one";
-                Err(Error::invalid(sentence(last, why)).with_path(path))
-            }
-            _ => Ok(removed),
-        }
-    }
-
     /// Commits, then replaces the file by one without the channels of these kinds, atomically. The others stay as they are, and move
     /// up. Attachments do, too, but those that `concerns` names hold what `change` makes of their contents; where that is none, they are
     /// left out. The [preview](PREVIEW) loses these channels, too, and goes where it has no others. Needs room for the copy; memory does
     /// not grow with the asset. Readers that have the old file open keep it.
     ///
     /// # Errors
-    /// As [`removable_channels`](Self::removable_channels), `change` and [`compact`](Self::compact), or there is no room for a temporary
+    /// As [`removable_channels`](Asset::removable_channels), `change` and [`compact`](Self::compact), or there is no room for a temporary
     /// file of the preview's size; the asset then stays as it is.
     pub fn remove_channels(
         &mut self,
@@ -158,7 +160,7 @@ impl AssetEditor {
         concerns: impl Fn(&str) -> bool,
         mut change: impl FnMut(&str, Vec<u8>) -> Result<Option<Vec<u8>>>,
     ) -> Result<CompactSummary> {
-        let removed = self.removable_channels(kinds)?;
+        let removed = self.asset.removable_channels(kinds)?;
         let mut new = NewChannel::all_of(&self.asset);
         new.retain(|new| new.from.is_some_and(|index| !removed.contains(&index)));
         let (has_preview, path, options) = (self.has_preview(), self.asset.path().to_owned(), self.options);

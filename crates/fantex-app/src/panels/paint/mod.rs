@@ -21,6 +21,8 @@ use eframe::egui::{
     Stroke, StrokeKind, Ui, Vec2, pos2, vec2,
 };
 
+use fantex::paint::Symmetry;
+
 use crate::command::{Command, keys_of};
 use crate::paint::{PaintCommand, PaintTool, SymmetryKind};
 use crate::panels::panel_frame;
@@ -249,7 +251,7 @@ pub(crate) fn symmetry(ui: &mut Ui, viewer: &mut Viewer) {
             offset.show(ui, &mut symmetry.offset, -half..=half);
         }
         _ => {
-            number("Copies", "", 0, "").show(ui, &mut symmetry.count, 2..=24);
+            number("Copies", "", 0, "").logarithmic().show(ui, &mut symmetry.count, Symmetry::COPIES);
         }
     }
     ui.checkbox(&mut symmetry.shows_plane, "Show it in the scene");
