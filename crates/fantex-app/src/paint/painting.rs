@@ -201,11 +201,14 @@ impl Painting {
     pub fn leave(&mut self) -> Leave {
         match &self.save {
             SaveState::Failed(reason) => Leave::Loses(reason.clone()),
-            SaveState::Saved if !self.is_busy() => Leave::Free,
+            // What has just been done may be told with the next reports only.
+            SaveState::Saved if !self.is_busy() && !self.thread.is_unsaved() => Leave::Free,
             // Nobody is left who could save it.
             _ if self.thread.is_gone() => Leave::Free,
             // What takes long goes on changing it, and is left to whoever opens it next.
-            save if self.leaving == Leaving::Saved && (*save == SaveState::Saved || self.work.is_some()) => {
+            save if self.leaving == Leaving::Saved
+                && (self.work.is_some() || *save == SaveState::Saved && !self.thread.is_unsaved()) =>
+            {
                 Leave::Free
             }
             _ => {

@@ -285,9 +285,8 @@ fn picture(ui: &mut Ui, painting: &Painting, of: Target, is_chosen: bool, tip: &
     let (rect, response) = ui.allocate_exact_size(vec2(PICTURE, PICTURE), Sense::click());
     ui.painter().rect_filled(rect, CornerRadius::same(3), theme::PANEL);
     if let Some(known) = painting.thumbnails.get(&of) {
-        // The same picture is the same memory.
-        let key = (of, Arc::as_ptr(known) as usize);
-        let texture = cached_texture(ui, Id::unique(("layer", of)), key, || {
+        // The picture itself: the address of one that is gone may be given to the next one.
+        let texture = cached_texture(ui, Id::unique(("layer", of)), Arc::clone(known), || {
             let pixels = known.iter().map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a));
             ColorImage::new([THUMBNAIL; 2], pixels.collect())
         });
