@@ -536,7 +536,9 @@ impl Worker {
         self.thumbnails.changed(start.target);
         self.painter.begin_on(start.target, &start.label, start.paint)?;
         // For the log. Where it cannot be told, it is painted all the same.
-        self.check(|worker| worker.painter.record(start.recorded, Path::new("")));
+        self.check(|worker| {
+            worker.painter.record_loaded(start.recorded, Path::new(""), &start.files)
+        });
         Ok(())
     }
 

@@ -8,6 +8,7 @@ mod camera;
 mod document;
 mod exchange;
 mod export;
+mod files;
 mod figures;
 mod gizmo;
 mod glyphs;
