@@ -1,7 +1,7 @@
 //! Painting: the same window, with an asset that is being changed.
 //!
 //! ```text
-//!  pen events --Painting--> orders --> worker thread, which owns the Painter --> asset.fan, committed every two seconds
+//!  pen events --Painting--> orders --> worker thread, which owns the Painter --> asset.fan, committed when the hand rests
 //!                (rays to the surface)           |
 //!  atlas <-- uploads <-- FanScene <-- Exchange <-'  texels of changed pages, answers to requests for such pages
 //! ```

@@ -314,11 +314,12 @@ impl Painting {
         Some(since + MISSED_SECONDS - now).filter(|left| *left > 0.0)
     }
 
-    /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.
-    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> &[Vec<DVec3>] {
+    /// The line where symmetry's plane cuts the model, as far as it is seen, and whether it is up to date; `offset` is from the model's
+    /// middle, world units.
+    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> (&[Vec<DVec3>], bool) {
         let center = self.bounds.center()[axis.min(2)];
-        self.section.follow(&self.surface, axis, center + offset);
-        self.section.seen(&self.surface, view)
+        let is_current = self.section.update(&self.surface, axis, center + offset, view);
+        (self.section.parts(), is_current)
     }
 
     /// Where cloning copies from, world space.
