@@ -19,8 +19,8 @@ use crate::paint::painting::{ChosenStamp, Hand};
 use crate::paint::placing::Placing;
 use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::{
-    ChosenTexture, ColorSource, FileState, LoadedFile, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
-    StrokeStart, Viewpoint,
+    ChosenTexture, ColorSource, FileState, LoadedFile, Order, PaintSettings, PaintTool, Painting, PenEvent,
+    PenPhase, StickerKind, StrokeStart, Viewpoint,
 };
 use crate::settings::label_of;
 
@@ -191,7 +191,9 @@ impl Painting {
         let (mut paint, sources) = self.paint(point, settings, view)?;
         let stamp = self.stamp(settings, notices);
         let mut files = LoadedFiles::new();
-        files.extend(stamp.as_ref().and_then(|chosen| chosen.file.clone()).map(|file| (file.path, file.bytes)));
+        files.extend(
+            stamp.as_ref().and_then(|chosen| chosen.file.clone()).map(|file| (file.path, file.bytes)),
+        );
         files.extend(sources.stencil.as_ref().map(|file| (file.path.clone(), Arc::clone(&file.bytes))));
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();

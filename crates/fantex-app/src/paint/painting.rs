@@ -18,9 +18,9 @@ use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
 use crate::paint::{
-    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, FileState, LayerAction, LayerDrag, Leave,
-    LoadedFile, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot,
-    StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
+    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, FileState, LayerAction, LayerDrag, Leave, LoadedFile,
+    Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section,
+    SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::readout::Values;
 use crate::viewer::Wake;

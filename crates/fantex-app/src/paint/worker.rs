@@ -536,9 +536,7 @@ impl Worker {
         self.thumbnails.changed(start.target);
         self.painter.begin_on(start.target, &start.label, start.paint)?;
         // For the log. Where it cannot be told, it is painted all the same.
-        self.check(|worker| {
-            worker.painter.record_loaded(start.recorded, Path::new(""), &start.files)
-        });
+        self.check(|worker| worker.painter.record_loaded(start.recorded, Path::new(""), &start.files));
         Ok(())
     }
 

@@ -28,7 +28,11 @@ enum Work {
     #[default]
     Asked,
     /// Until what was painted on it is in the file.
-    Waiting { from: PathBuf, to: PathBuf, what: What },
+    Waiting {
+        from: PathBuf,
+        to: PathBuf,
+        what: What,
+    },
     Running(Arc<OpenProgress>, Job<Result<Vec<PathBuf>>>),
 }
 

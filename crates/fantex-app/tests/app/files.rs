@@ -5,9 +5,7 @@ use std::path::Path;
 use fantex::paint::StrokeLog;
 use fantex::store::Asset;
 use fantex::texture::Image;
-use fantex_app::paint::{
-    ColorSource, PaintTool, PenPhase, StencilSettings, StickerKind, TextureChoice,
-};
+use fantex_app::paint::{ColorSource, PaintTool, PenPhase, StencilSettings, StickerKind, TextureChoice};
 
 use crate::painting::Studio;
 

@@ -260,11 +260,15 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         _ => Ok(None),
     };
     let baked = baked.unwrap_or_else(|error| {
-        report.push(format!("Shown is the cover for 4 million texels, as there is none for its textures: {error}."));
+        report.push(format!(
+            "Shown is the cover for 4 million texels, as there is none for its textures: {error}."
+        ));
         None
     });
     let (covered, cover, stats, texels_asked) = match baked {
-        Some(Covered { mesh, cover, stats, texels_asked, .. }) => (Cow::Owned(mesh), cover, stats, texels_asked),
+        Some(Covered { mesh, cover, stats, texels_asked, .. }) => {
+            (Cow::Owned(mesh), cover, stats, texels_asked)
+        }
         None => {
             let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
             let texels_asked = texels_asked(&budget);
