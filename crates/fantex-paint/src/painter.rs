@@ -29,7 +29,7 @@ use crate::graph::FillTextures;
 use crate::layer_groups::{COLLAPSED, load_collapsed};
 use crate::layer_stack::LayerStack;
 use crate::layers::{LayeredPage, Layers, ShownPage, base_name, page_name};
-use crate::log::{self, Portable, Recording};
+use crate::log::{self, LoadedFiles, Portable, Recording};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
 use crate::relief::Relief;
