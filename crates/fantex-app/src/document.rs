@@ -5,15 +5,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
 use fantex::bake::Progress;
+use fantex::base::files::{folder_of, persist, temporary_file};
 use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
 use fantex::gpu::ModelSpace;
 use fantex::mesh::{
     AlphaMode, CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load,
 };
-use fantex::paint::{PaintOptions, Painter, StrokeLog};
+use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeLog};
 use fantex::scene::world_bounds;
-use fantex::store::{Asset, ChannelKind, cover_level_count};
+use fantex::store::{Asset, ChannelKind, WriterLock, cover_level_count};
 use fantex::stream::{open_asset, url_of};
 use fantex::{FileKind, World, WorldObject};
 use serde::Deserialize;
@@ -301,7 +302,7 @@ impl Document {
                     return Err(Error::unsupported(sentence).with_path(path));
                 }
                 FileKind::Asset => path.clone(),
-                FileKind::Model => match asset_of_model(path, answer, progress, &mut notes)? {
+                FileKind::Model => match asset_of_model(path, answer, memory_bytes, progress, &mut notes)? {
                     Made::Asset(path) => path,
                     Made::Question(question) => return Ok(ForPainting::Question(question)),
                 },
@@ -488,6 +489,7 @@ enum Made {
 fn asset_of_model(
     model: &Path,
     answer: Option<&Answer>,
+    memory_bytes: usize,
     progress: &OpenProgress,
     notes: &mut Vec<String>,
 ) -> Result<Made> {
@@ -523,7 +525,7 @@ fn asset_of_model(
         }
         Some(Answer::Replay(new)) => {
             drop(asset);
-            replay_onto(&mesh, new, &path, progress, notes)?;
+            notes.push(replay_onto(&mesh, new, &path, memory_bytes, progress)?);
             Ok(Made::Asset(path))
         }
         Some(_) => {
@@ -558,44 +560,55 @@ fn make_asset(mesh: &Mesh, new: &NewAsset, path: &Path, progress: &OpenProgress)
     }
 }
 
-/// A new asset of a mesh in the place of one that is put aside, with what was painted on that.
+/// A new asset of a mesh in the place of another one, with what was painted on that. It takes the place once all is painted, and the old
+/// one gets another name. Returns a sentence for the user.
 fn replay_onto(
     mesh: &Mesh,
     new: &NewAsset,
     path: &Path,
+    memory_bytes: usize,
     progress: &OpenProgress,
-    notes: &mut Vec<String>,
-) -> Result<()> {
+) -> Result<String> {
+    // Nobody else is to paint on the old one meanwhile.
+    let lock = WriterLock::acquire(path)?;
+    let log = StrokeLog::of(&Asset::open(path)?)?;
+    // In the same folder, from which the looks of its log are found.
+    let made = temporary_file(path, ".fan").map_err(|source| Error::writing(path, source))?.into_temp_path();
+    // Only the name is needed.
+    std::fs::remove_file(&made).map_err(|source| Error::writing(path, source))?;
+    make_asset(mesh, new, &made, progress)?;
+    let mut painter = Painter::open(&made, &PaintOptions { memory_bytes, history: true })?;
+    let summary = log.replay(&mut painter)?;
+    painter.commit()?;
+    drop(painter);
+    progress.enter(Stage::Baking)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let old = next_free(path.parent().unwrap_or(Path::new("")), &format!("{stem}-old"), "fan");
-    std::fs::rename(path, &old).map_err(|source| Error::writing(&old, source))?;
-    let painted = make_asset(mesh, new, path, progress).and_then(|()| {
-        let log = StrokeLog::of(&Asset::open(&old)?)?;
-        let mut painter = Painter::open(path, &PaintOptions::default())?;
-        let summary = log.replay(&mut painter)?;
-        painter.commit()?;
-        Ok(summary)
-    });
-    match painted {
-        Ok(summary) => {
-            let lost = if summary.unrecorded == 0 {
-                String::new()
-            } else {
-                format!(", {} could not be", summary.unrecorded)
-            };
-            let (path, old) = (path.display(), old.display());
-            notes.push(format!(
-                "{} strokes were painted on the new {path}{lost}; the old one is {old}.",
-                summary.strokes
-            ));
-            Ok(())
-        }
-        Err(error) => {
+    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan");
+    // With two names there is an asset at `path` at any time; some file systems know one name only.
+    std::fs::hard_link(path, &old)
+        .or_else(|_| std::fs::rename(path, &old))
+        .map_err(|source| Error::writing(&old, source))?;
+    if let Err(error) = persist(made, path, true) {
+        if !path.exists() {
             // As it was; where even that fails the old one is beside it under its other name.
-            std::fs::rename(&old, path).ok();
-            Err(error)
+            std::fs::rename(&old, path).unwrap_or_default();
         }
+        return Err(error);
     }
+    drop(lock);
+    Ok(replayed(&summary, path, &old))
+}
+
+fn replayed(summary: &ReplaySummary, path: &Path, old: &Path) -> String {
+    let mut lost = String::new();
+    if summary.unrecorded > 0 {
+        lost += &format!(", {} could not be", summary.unrecorded);
+    }
+    if summary.missed_samples > 0 {
+        lost += &format!(", and {} of their points met no surface", grouped(summary.missed_samples as u64));
+    }
+    let (path, old) = (path.display(), old.display());
+    format!("{} strokes were painted on the new {path}{lost}; the old one is {old}.", summary.strokes)
 }
 
 fn fact(name: &'static str, value: String) -> Fact {

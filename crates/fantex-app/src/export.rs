@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::bake::Progress;
+use fantex::base::files::{check_folder_of, folder_of, temporary_folder};
 use fantex::base::{Error, Result};
 use fantex::export::{ChannelMap, Depth, ExportOptions, export_channels, export_model};
 use fantex::store::Asset;
@@ -93,7 +94,7 @@ pub struct ExportSettings {
     pub points_down: bool,
 }
 
-/// Writes an asset as a preset wants it; files that are there are replaced. Returns what was written.
+/// Writes an asset as a preset wants it; files that are there are replaced, once all is written. Returns what was written.
 ///
 /// # Errors
 /// The asset cannot be read, or a file not be written.
@@ -104,50 +105,58 @@ pub fn export(
     progress: &dyn Progress,
 ) -> Result<Vec<PathBuf>> {
     let asset = Arc::new(Asset::open(asset)?);
+    check_folder_of(output)?;
+    let folder = temporary_folder(folder_of(output)).map_err(|source| Error::writing(output, source))?;
+    let name = output.file_name().ok_or_else(|| Error::invalid("the model to write has no name"))?;
+    let names = write(&asset, &folder.path().join(name), settings, progress)?;
+    if progress.is_cancelled() {
+        return Err(Error::cancelled("exporting was cancelled"));
+    }
+    folder.move_files(&names, folder_of(output), true)?;
+    Ok(names.iter().map(|name| output.with_file_name(name)).collect())
+}
+
+/// Writes all files into the folder of `output`. Returns their names.
+fn write(
+    asset: &Arc<Asset>,
+    output: &Path,
+    settings: &ExportSettings,
+    progress: &dyn Progress,
+) -> Result<Vec<PathBuf>> {
     let options = ExportOptions { side: settings.side, force: true, ..ExportOptions::default() };
-    let mut files: Vec<PathBuf> = Vec::new();
-    let summary = export_model(&asset, output, &options, progress)?;
+    let summary = export_model(asset, output, &options, progress)?;
     // All lie as in the model.
     let options = ExportOptions {
         side: summary.sizes.first().map(|[columns, rows]| *columns.max(rows)).or(settings.side),
         ..options
     };
-    files.extend(summary.files.into_iter().map(|(path, _)| path));
-    for (name, map) in settings.preset.pictures() {
+    let written = summary.files.iter().filter_map(|(path, _)| path.file_name());
+    let mut names: Vec<PathBuf> = written.map(PathBuf::from).collect();
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    for (end, map) in settings.preset.pictures() {
         if asset.channel_of_kind(map.channel().channel()).is_none() {
             continue;
         }
-        let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-        let path = output.with_file_name(format!("{stem}_{name}.png"));
-        let write = |map, path: &Path| {
-            export_channels(&asset, &[(map, path)], Depth::Eight, &options, progress).map(drop)
-        };
+        let name = PathBuf::from(format!("{stem}_{end}.png"));
+        let path = output.with_file_name(&name);
+        let write = |map| export_channels(asset, &[(map, &*path)], Depth::Eight, &options, progress);
         match map {
             Map::Channel(channel) => {
-                write(*channel, &path)?;
+                write(*channel)?;
                 if *channel == ChannelMap::Normal && settings.points_down {
                     turned_over(Image::load(&path)?).save(&path)?;
                 }
             }
             Map::MetallicSmoothness => {
-                let folder = tempfile_beside(&path);
-                let pair = [ChannelMap::Metallic, ChannelMap::Roughness].map(|map| {
-                    write(map, &folder)?;
-                    Image::load(&folder)
-                });
-                std::fs::remove_file(&folder).map_err(|source| Error::writing(&folder, source))?;
-                let [metallic, roughness] = pair;
-                metallic_smoothness(&metallic?, &roughness?).save(&path)?;
+                write(ChannelMap::Metallic)?;
+                let metallic = Image::load(&path)?;
+                write(ChannelMap::Roughness)?;
+                metallic_smoothness(&metallic, &Image::load(&path)?).save(&path)?;
             }
         }
-        files.push(path);
+        names.push(name);
     }
-    Ok(files)
-}
-
-/// A name for a moment.
-fn tempfile_beside(path: &Path) -> PathBuf {
-    path.with_extension("part.png")
+    Ok(names)
 }
 
 /// With the green of 8-bit texels turned over.

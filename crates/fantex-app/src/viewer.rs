@@ -693,6 +693,9 @@ impl Viewer {
 
     /// Takes the file that was chosen in a dialog.
     pub fn take_file(&mut self, dialog: FileDialog, path: PathBuf) {
+        if let Some(painting) = &mut self.painting {
+            painting.forget_files();
+        }
         let paint = &mut self.settings.paint;
         match dialog {
             FileDialog::Open => self.open(&path.to_string_lossy()),

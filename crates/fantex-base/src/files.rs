@@ -69,6 +69,20 @@ impl TemporaryFolder {
         self.0.path()
     }
 
+    /// Makes files of the folder durable and gives them the same names in another folder of the same file system; only with `force` over
+    /// others.
+    ///
+    /// # Errors
+    /// As [`persist_all`].
+    pub fn move_files(&self, names: &[PathBuf], to: &Path, force: bool) -> Result<()> {
+        let file = |name: &PathBuf| -> Result<(TempPath, PathBuf)> {
+            let path = to.join(name);
+            let file = TempPath::try_from_path(self.path().join(name));
+            Ok((file.map_err(|error| Error::writing(&path, error))?, path))
+        };
+        persist_all(names.iter().map(file).collect::<Result<_>>()?, force)
+    }
+
     /// Lets the folder stay, under another name, which begins with `prefix`; returns its path. Where the system does not rename it, it stays where it
     /// is. Nobody removes it then.
     pub fn keep(mut self, prefix: &str) -> PathBuf {
@@ -387,6 +401,21 @@ mod tests {
         let path = used.path().to_owned();
         drop(used);
         assert!(!path.exists() && !temporaries().files.contains_key(&path));
+    }
+
+    #[test]
+    fn files_of_a_folder_move_together() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = temporary_folder(parent.path()).unwrap();
+        let names = ["a", "b"].map(PathBuf::from);
+        names.iter().for_each(|name| std::fs::write(folder.path().join(name), "new").unwrap());
+        std::fs::write(parent.path().join("b"), "old").unwrap();
+        let read = |name| std::fs::read_to_string(parent.path().join(name));
+        assert!(folder.move_files(&names, parent.path(), false).is_err());
+        assert!(read("a").is_err() && read("b").unwrap() == "old");
+        names.iter().for_each(|name| std::fs::write(folder.path().join(name), "new").unwrap());
+        folder.move_files(&names, parent.path(), true).unwrap();
+        assert!(read("a").unwrap() == "new" && read("b").unwrap() == "new");
     }
 
     #[test]

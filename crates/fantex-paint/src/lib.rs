@@ -84,7 +84,7 @@ pub use layer_groups::{
 };
 pub use layer_moves::LayerMove;
 pub use layers::{Layer, LayerContent, Target};
-pub use log::StrokeLog;
+pub use log::{LoadedFiles, StrokeLog};
 pub use mask_source::{MaskMeasure, MaskSource};
 pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use painter::{PaintOptions, Painter, StrokeSummary};

@@ -8,6 +8,7 @@
 //! Both are attachments of the asset, committed with the texels and undone with them. So the log always says how the asset came to
 //! look as it does, and can be replayed on another density or cover of the model, or on an edited mesh.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -83,6 +84,9 @@ fn save_file(folder: &Path, path: &Path, contents: &[u8]) -> std::io::Result<()>
     path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
     std::fs::write(path, contents)
 }
+
+/// Contents of files that strokes mention, by the paths that they name.
+pub type LoadedFiles = BTreeMap<PathBuf, Arc<[u8]>>;
 
 /// The strokes of an asset, with the files that they mention.
 #[derive(Clone, Debug, PartialEq)]
@@ -239,14 +243,15 @@ pub(crate) struct Portable {
 }
 
 impl Portable {
-    /// From the settings of a stroke file in a folder.
+    /// From the settings of a stroke file in a folder. `loaded` holds files that need not be read again.
     pub(crate) fn new(
         surface: &Surface,
         settings: StrokeSettings,
         folder: &Path,
+        loaded: &LoadedFiles,
         asset: &Path,
     ) -> Result<Self> {
-        let mut writer = Writer { surface, folder, asset, files: Vec::new() };
+        let mut writer = Writer { surface, folder, loaded, asset, files: Vec::new() };
         let gathers_dabs = settings.samples.is_empty() && settings.dabs.is_empty() && settings.fill.is_none();
         let stroke = writer.stroke(settings)?;
         Ok(Self { stroke, files: writer.files, gathers_dabs })
@@ -365,6 +370,7 @@ fn settings_of(
 struct Writer<'a> {
     surface: &'a Surface,
     folder: &'a Path,
+    loaded: &'a LoadedFiles,
     asset: &'a Path,
     files: Vec<(String, Vec<u8>)>,
 }
@@ -413,7 +419,10 @@ impl Writer<'_> {
 
     /// Takes a file along under the hash of its contents.
     fn file(&mut self, path: &mut PathBuf) -> Result<()> {
-        let bytes = read(&self.folder.join(&*path))?;
+        let bytes = match self.loaded.get(path) {
+            Some(bytes) => bytes.to_vec(),
+            None => read(&self.folder.join(&*path))?,
+        };
         let name = hashed_name(&bytes, kept_extension(path));
         *path = PathBuf::from(&name);
         self.files.push((name, bytes));

@@ -29,7 +29,7 @@ use crate::graph::FillTextures;
 use crate::layer_groups::{COLLAPSED, load_collapsed};
 use crate::layer_stack::LayerStack;
 use crate::layers::{LayeredPage, Layers, ShownPage, base_name, page_name};
-use crate::log::{self, Portable, Recording};
+use crate::log::{self, LoadedFiles, Portable, Recording};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
 use crate::relief::Relief;
@@ -350,9 +350,23 @@ impl Painter {
     /// # Errors
     /// A file that the settings mention cannot be read.
     pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<()> {
+        self.record_loaded(settings, folder, &LoadedFiles::new())
+    }
+
+    /// As [`record`](Self::record), with files as they were when they were loaded to paint with: the log holds these, whatever lies there
+    /// now.
+    ///
+    /// # Errors
+    /// Another file that the settings mention cannot be read.
+    pub fn record_loaded(
+        &mut self,
+        settings: StrokeSettings,
+        folder: &Path,
+        loaded: &LoadedFiles,
+    ) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
             let asset = self.editor.asset().path();
-            let portable = Portable::new(&self.surface, settings, folder, asset)?;
+            let portable = Portable::new(&self.surface, settings, folder, loaded, asset)?;
             stroke.recording = Recording::Settings(Box::new(portable));
         }
         Ok(())

@@ -6,6 +6,7 @@ mod model;
 mod photos;
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +19,7 @@ use fantex_bake::{
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
 use fantex_base::{Error, ErrorKind, Result, counted, grouped};
-use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
+use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_mesh::{Material, ObjectSpace};
 use fantex_store::{PageCache, Plan, Quality};
@@ -346,6 +347,18 @@ impl<'a> Baker<'a> {
         self.reach(&Goal::Asset(path.as_ref()))
     }
 
+    /// Covers the model as [`write`](Self::write) does, and bakes nothing.
+    ///
+    /// # Errors
+    /// The model has no such materials or colours; what the source names cannot be read.
+    pub fn cover(self) -> Result<Covered> {
+        let found = RefCell::default();
+        let Baked { texels_asked, cover: stats, .. } = self.reach(&Goal::Cover(&found))?;
+        let nothing = || Error::unsupported("such a source covers no model");
+        let (mesh, cover) = found.into_inner().ok_or_else(nothing)?;
+        Ok(Covered { mesh, cover, stats, texels_asked })
+    }
+
     /// Writes all but the texels of what [`write`](Self::write) would write, with a note for whoever bakes its parts: [`write_part`](Self::write_part)
     /// in any number of processes, then [`merge_parts`](fantex_store::merge_parts).
     ///
@@ -614,6 +627,10 @@ impl<'a> Baker<'a> {
         let notes = Vec::from_iter(self.note_of_many(untold));
         self.check_cancelled()?;
         let summary = match *goal {
+            Goal::Cover(found) => {
+                found.replace(Some((mesh.clone(), cover.into_owned())));
+                BakeSummary::default()
+            }
             Goal::Plan(path, about) => plan_bake(mesh, &cover, source, path, &self.options, about)?,
             Goal::Part(plan, shard, path) => {
                 bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?
@@ -732,6 +749,8 @@ impl<'a> Baker<'a> {
 enum Goal<'g> {
     /// An asset.
     Asset(&'g Path),
+    /// Nothing: what is covered, and how, is left there.
+    Cover(&'g RefCell<Option<(fantex_mesh::Mesh, Cover)>>),
     /// All but texels, with a note.
     Plan(&'g Path, &'g [u8]),
     /// Shard and count.
@@ -745,6 +764,7 @@ impl<'g> Goal<'g> {
     fn path(&self) -> &'g Path {
         match self {
             Self::Asset(path) | Self::Plan(path, _) | Self::Part(.., path) => path,
+            Self::Cover(_) => Path::new(""),
             #[cfg(feature = "export")]
             Self::Model(path, ..) => path,
         }
@@ -758,11 +778,25 @@ impl<'g> Goal<'g> {
     /// Triangles are cut so that tiles lie better.
     fn default_cuts(&self) -> LongestEdge {
         match self {
-            Self::Asset(_) | Self::Plan(..) | Self::Part(..) => LongestEdge::Automatic,
+            Self::Asset(_) | Self::Cover(_) | Self::Plan(..) | Self::Part(..) => LongestEdge::Automatic,
             #[cfg(feature = "export")]
             Self::Model(..) => LongestEdge::Texels(0),
         }
     }
+}
+
+/// What a bake would cover, and how.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Covered {
+    /// The model, with its triangles cut.
+    pub mesh: fantex_mesh::Mesh,
+    /// Its tiles.
+    pub cover: Cover,
+    /// Groups, texels, stretch.
+    pub stats: CoverStats,
+    /// The number of texels that was asked for, where it was a number.
+    pub texels_asked: Option<u64>,
 }
 
 /// A finished bake.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, ErrorKind, Result};
 use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size, Stamp, Tip};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::settings::{continued, read_limited, write_whole};
 
@@ -31,6 +31,7 @@ pub struct BrushSettings {
     /// Its name among the presets.
     pub name: String,
     /// Diameter.
+    #[serde(deserialize_with = "finite_size")]
     pub size: f32,
     pub unit: SizeUnit,
     /// Share of the radius that is full, 0..1.
@@ -85,7 +86,11 @@ impl Default for BrushSettings {
 }
 
 impl BrushSettings {
+    /// Least and most diameter in pixels or texels.
     pub const SIZE: [f32; 2] = [1.0, 2000.0];
+
+    /// Least and most diameter in units of the model's file.
+    pub const WORLD_SIZE: [f32; 2] = [1e-6, 1e6];
 
     /// The brush for the engine. `world_per_pixel` is the size of a pixel where the stroke begins.
     pub fn brush(&self, world_per_pixel: f64, seed: u64) -> Brush {
@@ -118,17 +123,21 @@ impl BrushSettings {
 
     /// So many times as large, within what a brush may be.
     pub fn scale_size(&mut self, factor: f32) {
-        let changed = self.size * factor;
-        self.size = match self.unit {
-            SizeUnit::World => changed.max(1e-6),
-            _ => changed.clamp(Self::SIZE[0], Self::SIZE[1]),
-        };
+        let [least, most] = if self.unit == SizeUnit::World { Self::WORLD_SIZE } else { Self::SIZE };
+        self.size = (self.size * factor).clamp(least, most);
     }
 
     /// Harder (positive) or softer, in tenths.
     pub fn change_hardness(&mut self, tenths: f32) {
         self.hardness = (self.hardness + 0.1 * tenths).clamp(0.0, 1.0);
     }
+}
+
+/// Reads a diameter. JSON has no infinite numbers and holds `null` instead: that is read as the usual diameter.
+fn finite_size<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<f32, D::Error> {
+    let size = Option::<f32>::deserialize(from)?.filter(|size| size.is_finite());
+    let [least, most] = BrushSettings::WORLD_SIZE;
+    Ok(size.unwrap_or(BrushSettings::default().size).clamp(least, most))
 }
 
 /// Shapes of a dab.

@@ -138,9 +138,10 @@ impl Exchange {
     }
 
     /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept.
-    /// All that differs from it is published later.
-    pub fn offer(&self, loader: Box<dyn ParcelLoader>, asset: Arc<Asset>) {
-        self.lock().newer = Some(Newer { loader, asset, edited: BTreeSet::new() });
+    /// What differs from it is in `differing`, or published later.
+    pub fn offer(&self, loader: Box<dyn ParcelLoader>, asset: Arc<Asset>, differing: &[PageId]) {
+        let edited = differing.iter().map(|&page| self.parcel_of(page)).collect();
+        self.lock().newer = Some(Newer { loader, asset, edited });
     }
 
     /// The drawer's: the state of the file that pages are loaded from, where it is another one than at the last call.

@@ -6,21 +6,21 @@ use std::sync::Arc;
 use fantex::glam::{DVec2, Vec3, Vec4};
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, DecalSettings, FillSettings,
-    LayerContent, Paint, PaintColor, PicturePlace, Sample, SampleSettings, Sight, Size, Stamp,
+    LayerContent, LoadedFiles, Paint, PaintColor, PicturePlace, Sample, SampleSettings, Sight, Size, Stamp,
     StencilSettings, StrokeSettings, Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
     groups_around,
 };
 use fantex::store::{Channel, ChannelKind};
-use fantex::texture::Image;
 
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
-use crate::paint::painting::Hand;
+use crate::paint::files::load_image;
+use crate::paint::painting::{ChosenStamp, Hand};
 use crate::paint::placing::Placing;
 use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::{
-    ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
-    StrokeStart, Viewpoint,
+    ChosenTexture, ColorSource, FileState, LoadedFile, Order, PaintSettings, PaintTool, Painting, PenEvent,
+    PenPhase, StickerKind, StrokeStart, Viewpoint,
 };
 use crate::settings::label_of;
 
@@ -190,6 +190,11 @@ impl Painting {
     ) -> Result<Box<StrokeStart>, String> {
         let (mut paint, sources) = self.paint(point, settings, view)?;
         let stamp = self.stamp(settings, notices);
+        let mut files = LoadedFiles::new();
+        files.extend(
+            stamp.as_ref().and_then(|chosen| chosen.file.clone()).map(|file| (file.path, file.bytes)),
+        );
+        files.extend(sources.stencil.as_ref().map(|file| (file.path.clone(), Arc::clone(&file.bytes))));
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
         let mut recorded = recorded(&label, &paint, &self.channels, &sources, &self.surface);
@@ -224,7 +229,9 @@ impl Painting {
         {
             recorded.symmetry = symmetry;
         }
-        Ok(Box::new(StrokeStart { label, target: self.target, paint, brush, stamp, symmetry, recorded }))
+        let target = self.target;
+        let stamp = stamp.map(|chosen| chosen.stamp);
+        Ok(Box::new(StrokeStart { label, target, paint, brush, stamp, symmetry, recorded, files }))
     }
 
     /// Lets the painter show a sticker on the surface.
@@ -302,6 +309,7 @@ impl Painting {
             let beside = || "The picture over the view cannot be projected from here.".to_owned();
             let found = picture.projections(&settings.stencil, &self.surface, view).ok_or_else(beside)?;
             stencil = Some(found.0);
+            sources.stencil = Some(picture.file().clone());
             if let Some(colors) = found.1.filter(|_| settings.tool.has_color() && !is_mask) {
                 set_color(&PaintColor::Projected(colors), &self.channels);
                 sources.picture = Some(picture.path().to_owned());
@@ -350,24 +358,27 @@ impl Painting {
         Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil, sight: None }, sources))
     }
 
-    /// What shapes the brush's dabs; made once.
-    fn stamp(&mut self, settings: &mut PaintSettings, notices: &mut Notices) -> Option<Arc<Stamp>> {
-        let wanted = (settings.brush.stamp.clone(), settings.brush.tip);
+    /// What shapes the brush's dabs; made once and whenever its file has changed.
+    fn stamp(&mut self, settings: &mut PaintSettings, notices: &mut Notices) -> Option<ChosenStamp> {
+        let file = settings.brush.stamp.clone().map(|path| (FileState::of(&path), path));
+        let wanted = (file.map(|(state, path)| (path, state)), settings.brush.tip);
         if let Some((known, stamp)) = &self.stamp
             && *known == wanted
         {
             return Some(stamp.clone());
         }
         let made = match &wanted {
-            (Some(path), _) => Image::load(path).and_then(|image| Stamp::new(&image)),
-            (None, Some(tip)) => Stamp::of_tip(*tip),
+            (Some((path, _)), _) => {
+                load_image(path).and_then(|(file, image)| Ok((Stamp::new(&image)?, Some(file))))
+            }
+            (None, Some(tip)) => Stamp::of_tip(*tip).map(|stamp| (stamp, None)),
             (None, None) => return None,
         };
         match made {
-            Ok(stamp) => {
-                let stamp = Arc::new(stamp);
-                self.stamp = Some((wanted, stamp.clone()));
-                Some(stamp)
+            Ok((stamp, file)) => {
+                let chosen = ChosenStamp { stamp: Arc::new(stamp), file };
+                self.stamp = Some((wanted, chosen.clone()));
+                Some(chosen)
             }
             Err(error) => {
                 settings.brush.stamp = None;
@@ -387,6 +398,8 @@ struct PaintSources {
     texture: Option<ChosenTexture>,
     /// The picture of the base colour.
     picture: Option<PathBuf>,
+    /// The picture over the view.
+    stencil: Option<LoadedFile>,
 }
 
 /// A stroke that paints so; where it paints comes on top.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use fantex::glam::Vec4;
 use fantex::paint::{
-    Brush, Decal, FillSettings, Layer, LayerPlace, Paint, Sample, Stamp, StrokeSettings, SurfacePoint,
-    Symmetry, Target, WorkProgress,
+    Brush, Decal, FillSettings, Layer, LayerPlace, LoadedFiles, Paint, Sample, Stamp, StrokeSettings,
+    SurfacePoint, Symmetry, Target, WorkProgress,
 };
 use fantex::store::Asset;
 use fantex::stream::ParcelLoader;
@@ -27,6 +27,8 @@ pub struct StrokeStart {
     pub symmetry: Symmetry,
     /// The same for the log.
     pub recorded: StrokeSettings,
+    /// Files that it mentions, as they were when they were loaded.
+    pub files: LoadedFiles,
 }
 
 pub enum Order {

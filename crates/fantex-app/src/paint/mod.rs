@@ -1,7 +1,7 @@
 //! Painting: the same window, with an asset that is being changed.
 //!
 //! ```text
-//!  pen events --Painting--> orders --> worker thread, which owns the Painter --> asset.fan, committed every two seconds
+//!  pen events --Painting--> orders --> worker thread, which owns the Painter --> asset.fan, committed when the hand rests
 //!                (rays to the surface)           |
 //!  atlas <-- uploads <-- FanScene <-- Exchange <-'  texels of changed pages, answers to requests for such pages
 //! ```
@@ -14,6 +14,7 @@ mod brush;
 mod colors;
 mod cursor;
 mod exchange;
+mod files;
 mod hand;
 mod layer_actions;
 mod layer_list;
@@ -32,6 +33,7 @@ pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, TIPS, preview_str
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
+pub use files::{FileState, LoadedFile};
 pub use layer_actions::{Alone, LayerAction, LayerDrag};
 pub use layer_list::{LayerRow, drop_place, layer_rows};
 pub use messages::{LayerChange, Leave, Order, Report, SaveState, Snapshot, StrokeStart};

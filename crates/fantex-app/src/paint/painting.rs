@@ -18,9 +18,9 @@ use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
 use crate::paint::{
-    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, LayerAction, LayerDrag, Leave, Order, PaintCommand,
-    PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section, SizeUnit, Snapshot,
-    StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
+    Alone, AlphaShown, ChosenTexture, Cursor, Exchange, FileState, LayerAction, LayerDrag, Leave, LoadedFile,
+    Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section,
+    SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::readout::Values;
 use crate::viewer::Wake;
@@ -53,8 +53,19 @@ enum Leaving {
     Saved,
 }
 
-/// The file of a stamp's picture, and a tip that is made.
-pub(super) type StampChoice = (Option<PathBuf>, Option<Tip>);
+/// The file of a stamp's picture and its state, and a tip that is made.
+pub(super) type StampChoice = (Option<(PathBuf, FileState)>, Option<Tip>);
+
+/// What shapes dabs.
+#[derive(Clone, Debug)]
+pub(super) struct ChosenStamp {
+    pub(super) stamp: Arc<Stamp>,
+    /// The picture's.
+    pub(super) file: Option<LoadedFile>,
+}
+
+/// What was made of a choice and the state of its file, or why it could not be.
+type Made<C, T> = Option<((C, FileState), Result<T, String>)>;
 
 #[derive(Debug)]
 pub struct Painting {
@@ -80,9 +91,9 @@ pub struct Painting {
     /// Where the last stroke ended.
     pub(super) last: Option<SurfacePoint>,
     /// What shapes the dabs, with the picture or the tip that it was made of.
-    pub(super) stamp: Option<(StampChoice, Arc<Stamp>)>,
-    pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
-    pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
+    pub(super) stamp: Option<(StampChoice, ChosenStamp)>,
+    texture: Made<TextureChoice, Option<ChosenTexture>>,
+    stencil: Made<PathBuf, Arc<StencilPicture>>,
     /// How far something is that takes long.
     pub work: Option<WorkProgress>,
     /// From where it was seen when the worker was last told.
@@ -201,11 +212,14 @@ impl Painting {
     pub fn leave(&mut self) -> Leave {
         match &self.save {
             SaveState::Failed(reason) => Leave::Loses(reason.clone()),
-            SaveState::Saved if !self.is_busy() => Leave::Free,
+            // What has just been done may be told with the next reports only.
+            SaveState::Saved if !self.is_busy() && !self.thread.is_unsaved() => Leave::Free,
             // Nobody is left who could save it.
             _ if self.thread.is_gone() => Leave::Free,
             // What takes long goes on changing it, and is left to whoever opens it next.
-            save if self.leaving == Leaving::Saved && (*save == SaveState::Saved || self.work.is_some()) => {
+            save if self.leaving == Leaving::Saved
+                && (self.work.is_some() || *save == SaveState::Saved && !self.thread.is_unsaved()) =>
+            {
                 Leave::Free
             }
             _ => {
@@ -235,34 +249,41 @@ impl Painting {
         }
     }
 
-    /// The texture that is chosen, made once; none where a colour is, else why it cannot be made.
+    /// Files that are painted with are read again: one of them was chosen.
+    pub fn forget_files(&mut self) {
+        (self.stamp, self.texture, self.stencil) = (None, None, None);
+    }
+
+    /// The texture that is chosen, made once and whenever its look's file has changed; none where a colour is, else why it cannot be made.
     ///
     /// # Errors
     /// It cannot be made: one sentence.
     pub fn texture(&mut self, choice: &TextureChoice) -> Result<Option<ChosenTexture>, String> {
+        let key = (choice.clone(), choice.file_state());
         if let Some((known, made)) = &self.texture
-            && known == choice
+            && *known == key
         {
             return made.clone();
         }
         let made = ChosenTexture::make(choice, &self.surface).map_err(|error| error.to_string());
-        self.texture = Some((choice.clone(), made.clone()));
+        self.texture = Some((key, made.clone()));
         made
     }
 
-    /// The picture over the view, read once; none where there is none, else why it cannot be read.
+    /// The picture over the view, read once and whenever its file has changed; none where there is none, else why it cannot be read.
     ///
     /// # Errors
     /// It cannot be read: one sentence.
     pub fn stencil(&mut self, settings: &StencilSettings) -> Result<Option<Arc<StencilPicture>>, String> {
         let Some(path) = settings.image.as_ref().filter(|_| settings.is_on) else { return Ok(None) };
+        let key = (path.clone(), FileState::of(path));
         if let Some((known, read)) = &self.stencil
-            && known == path
+            && *known == key
         {
             return read.clone().map(Some);
         }
         let read = StencilPicture::load(path).map(Arc::new).map_err(|error| error.to_string());
-        self.stencil = Some((path.clone(), read.clone()));
+        self.stencil = Some((key, read.clone()));
         read.map(Some)
     }
 
@@ -293,11 +314,12 @@ impl Painting {
         Some(since + MISSED_SECONDS - now).filter(|left| *left > 0.0)
     }
 
-    /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.
-    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> &[Vec<DVec3>] {
+    /// The line where symmetry's plane cuts the model, as far as it is seen, and whether it is up to date; `offset` is from the model's
+    /// middle, world units.
+    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> (&[Vec<DVec3>], bool) {
         let center = self.bounds.center()[axis.min(2)];
-        self.section.follow(&self.surface, axis, center + offset);
-        self.section.seen(&self.surface, view)
+        let is_current = self.section.update(&self.surface, axis, center + offset, view);
+        (self.section.parts(), is_current)
     }
 
     /// Where cloning copies from, world space.

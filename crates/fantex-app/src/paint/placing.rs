@@ -271,7 +271,10 @@ impl Painting {
         let start = self.sticker_start(center, settings, view, notices);
         let is_shown = start.is_ok();
         match start {
-            Ok(start) => self.lay(start, &placing, settings),
+            Ok(mut start) => {
+                start.files.extend(placing.shape.file.clone().map(|file| (file.path, file.bytes)));
+                self.lay(start, &placing, settings);
+            }
             Err(reason) => notices.warning(reason),
         }
         self.placing = Some(placing);

@@ -11,7 +11,8 @@ use fantex::paint::{
 use fantex::texture::Image;
 use serde::{Deserialize, Serialize};
 
-use crate::paint::Viewpoint;
+use crate::paint::files::load_image;
+use crate::paint::{LoadedFile, Viewpoint};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -97,7 +98,7 @@ impl StencilSettings {
 /// The picture, read.
 #[derive(Clone, Debug)]
 pub struct StencilPicture {
-    path: PathBuf,
+    file: LoadedFile,
     image: Image,
     /// In white: what is painted through.
     shape: Arc<Picture>,
@@ -110,13 +111,17 @@ impl StencilPicture {
     /// # Errors
     /// It cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
-        let image = Image::load(path)?;
+        let (file, image) = load_image(path)?;
         let (shape, colors) = (Arc::new(Picture::shape(&image)?), Arc::new(Picture::new(&image)?));
-        Ok(Self { path: path.to_owned(), image, shape, colors })
+        Ok(Self { file, image, shape, colors })
     }
 
     pub fn path(&self) -> &Path {
-        &self.path
+        &self.file.path
+    }
+
+    pub(crate) fn file(&self) -> &LoadedFile {
+        &self.file
     }
 
     pub fn aspect(&self) -> f64 {

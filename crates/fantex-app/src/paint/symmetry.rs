@@ -1,6 +1,7 @@
 //! Symmetry as the user sets it, and its plane in the scene.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3};
@@ -85,6 +86,8 @@ pub struct Section {
     runs: Vec<Run>,
     seen_from: Option<Viewpoint>,
     seen: Vec<Vec<DVec3>>,
+    /// While plane or view move, nothing is computed before then.
+    rests_until: Option<Instant>,
 }
 
 /// Pieces that hang together.
@@ -106,6 +109,9 @@ struct Piece {
 /// Places that are tested for what lies before them.
 const MAX_RAYS: usize = 5000;
 
+/// While plane or view move, the line rests so many times as long as it took to compute.
+const REST: u32 = 4;
+
 /// Pixels between two such places at most.
 const STEP_PIXELS: f64 = 10.0;
 
@@ -116,6 +122,28 @@ const BRIDGED_PIXELS: f64 = 9.0;
 const LIFT: f64 = 2e-3;
 
 impl Section {
+    /// Brings plane and view up to date, unless that took long just now: then the line stays as it was. False where it has stayed
+    /// behind.
+    pub fn update(&mut self, surface: &Surface, axis: usize, offset: f64, view: &Viewpoint) -> bool {
+        if self.plane == Some((axis, offset)) && self.seen_from == Some(*view) {
+            return true;
+        }
+        let begun = Instant::now();
+        if self.rests_until.is_some_and(|until| begun < until) {
+            return false;
+        }
+        self.follow(surface, axis, offset);
+        self.seen(surface, view);
+        let ended = Instant::now();
+        self.rests_until = Some(ended + REST * (ended - begun));
+        true
+    }
+
+    /// The parts of the line that were seen when it was last brought up to date.
+    pub fn parts(&self) -> &[Vec<DVec3>] {
+        &self.seen
+    }
+
     /// Brings the line up to date with a plane; costs something only where that is another one.
     pub fn follow(&mut self, surface: &Surface, axis: usize, offset: f64) {
         if self.plane == Some((axis, offset)) {

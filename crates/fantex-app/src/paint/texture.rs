@@ -9,7 +9,8 @@ use fantex::paint::{DEFAULT_FONT, LookSettings, Picture, Surface, TextureGraph, 
 use fantex::texture::{ColorSpace, Filtering, Image, SOLID_NAMES, Samples, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 
-use crate::paint::{PaintSettings, PictureUse, StickerKind};
+use crate::paint::files::load_image;
+use crate::paint::{FileState, LoadedFile, PaintSettings, PictureUse, StickerKind};
 
 pub const SOLIDS: [&str; 9] = SOLID_NAMES;
 
@@ -81,6 +82,12 @@ impl TextureChoice {
                 Ok(Some((graph, name)))
             }
         }
+    }
+
+    /// Of the look's file, where it is painted with; what the look mentions in turn is not looked at.
+    pub fn file_state(&self) -> FileState {
+        let look = self.look.as_deref().filter(|_| self.source == ColorSource::Look);
+        look.map(FileState::of).unwrap_or_default()
     }
 
     /// A look with the solid alone.
@@ -166,30 +173,32 @@ pub(crate) struct StickerShape {
     pub(crate) lines: f32,
     /// What the user should know of it.
     pub(crate) note: Option<String>,
+    /// The picture's.
+    pub(crate) file: Option<LoadedFile>,
 }
 
 /// The text or picture that is chosen, drawn or read.
 pub(crate) fn sticker_shape(settings: &PaintSettings) -> Result<StickerShape> {
-    let (picture, lines, note) = match settings.sticker {
+    let (picture, lines, note, file) = match settings.sticker {
         StickerKind::Text if settings.text.trim().is_empty() => {
             return Err(Error::invalid("There is no text: write one in the panel at the left."));
         }
         StickerKind::Text => {
             let text = draw_text(&settings.text, DEFAULT_FONT)?;
-            (text.picture, text.lines, note_of_missing(&text.missing))
+            (text.picture, text.lines, note_of_missing(&text.missing), None)
         }
         StickerKind::Picture => {
             let path = settings
                 .picture
                 .as_ref()
                 .ok_or_else(|| Error::invalid("There is no picture: choose one in the panel at the left."))?;
-            let image = Image::load(path)?;
+            let (file, image) = load_image(path)?;
             // Normals and heights are numbers, not colours.
             let is_color =
                 settings.picture_use == PictureUse::Color || matches!(image.samples, Samples::F32(_));
             let image = if is_color { image } else { Image { space: ColorSpace::Linear, ..image } };
-            (Picture::new(&image)?, 1.0, None)
+            (Picture::new(&image)?, 1.0, None, Some(file))
         }
     };
-    Ok(StickerShape { picture: Arc::new(picture), lines, note })
+    Ok(StickerShape { picture: Arc::new(picture), lines, note, file })
 }

@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -64,6 +64,7 @@ pub struct PaintThread {
     exchange: Arc<Exchange>,
     sent: Arc<AtomicU64>,
     done: Arc<AtomicU64>,
+    is_unsaved: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -77,6 +78,7 @@ impl PaintThread {
         let (told, reports) = channel();
         let exchange = Arc::new(Exchange::new(orders.clone(), painter.editor().asset().shared_cover()));
         let done = Arc::new(AtomicU64::new(0));
+        let is_unsaved = Arc::new(AtomicBool::new(false));
         // What was changed when it was opened is not in the file as it is loaded.
         exchange.outdate(&painter.take_replaced());
         let worker = Worker {
@@ -85,6 +87,7 @@ impl PaintThread {
             reports: told,
             exchange: exchange.clone(),
             done: done.clone(),
+            is_unsaved: is_unsaved.clone(),
             wake,
             stroke: None,
             has_levels_due: false,
@@ -107,7 +110,7 @@ impl PaintThread {
         let thread = Some(thread.spawn(move || worker.run())?);
         // Telling the first state counts as an order.
         let sent = Arc::new(AtomicU64::new(1));
-        Ok(Self { orders, reports, exchange, sent, done, thread })
+        Ok(Self { orders, reports, exchange, sent, done, is_unsaved, thread })
     }
 
     pub fn exchange(&self) -> &Arc<Exchange> {
@@ -128,7 +131,13 @@ impl PaintThread {
 
     /// Whether orders have not been carried out yet.
     pub fn is_busy(&self) -> bool {
-        self.done.load(Relaxed) < self.sent.load(Relaxed)
+        self.done.load(Acquire) < self.sent.load(Relaxed)
+    }
+
+    /// Whether orders that have been carried out are not in the file yet, which may not have been reported. Asked after
+    /// [`is_busy`](Self::is_busy) has denied, it counts all that was ordered.
+    pub fn is_unsaved(&self) -> bool {
+        self.is_unsaved.load(Acquire)
     }
 
     /// Whether it has ended before its time, by a fault of the program.
@@ -175,6 +184,7 @@ struct Worker {
     reports: Sender<Report>,
     exchange: Arc<Exchange>,
     done: Arc<AtomicU64>,
+    is_unsaved: Arc<AtomicBool>,
     wake: Wake,
     stroke: Option<LiveStroke>,
     /// Coarser levels of strokes are still to be made.
@@ -264,6 +274,8 @@ impl Worker {
         let begun = Instant::now();
         let mut count = 0;
         let mut goes_on = true;
+        // Each sorts all groups that are left, and the window sends one per frame: only the newest counts.
+        let mut looked_from = None;
         self.act_on_waiting();
         while let Some(order) = next.take() {
             // Requests for pages are not counted: the drawer makes them.
@@ -273,7 +285,9 @@ impl Worker {
                 break;
             }
             // Orders keep their order.
-            if (self.is_working() || !self.waiting.is_empty()) && must_wait(&order) {
+            if let Order::Look(view) = order {
+                looked_from = Some(view);
+            } else if (self.is_working() || !self.waiting.is_empty()) && must_wait(&order) {
                 self.waiting.push_back(order);
             } else {
                 self.check(|worker| worker.act(order));
@@ -281,6 +295,9 @@ impl Worker {
             if begun.elapsed() < COALESCE_WINDOW {
                 next = self.orders.try_recv().ok();
             }
+        }
+        if let Some(view) = looked_from.filter(|_| goes_on) {
+            self.look_from(&view);
         }
         self.work_on();
         self.check(|worker| worker.make_levels(count == 0));
@@ -290,9 +307,11 @@ impl Worker {
         if self.save_due().is_some_and(|due| due <= Instant::now()) {
             self.save();
         }
+        // Before the orders count as done.
+        self.is_unsaved.store(self.saving.changed.is_some(), Release);
         self.owed += count;
         if !self.has_levels_due && !self.is_working() && self.waiting.is_empty() {
-            self.done.fetch_add(std::mem::take(&mut self.owed), Relaxed);
+            self.done.fetch_add(std::mem::take(&mut self.owed), Release);
         }
         (self.wake)();
         goes_on
@@ -337,7 +356,6 @@ impl Worker {
         }
         match order {
             Order::Begin(start, sample) => self.begin(*start, &sample)?,
-            Order::Look(view) => self.look_from(&view),
             Order::GiveUp => self.painter.cancel_work()?,
             Order::Move(samples) => {
                 for sample in &samples {
@@ -440,7 +458,8 @@ impl Worker {
                 }
             }
             Order::Release(loader) => drop(loader),
-            Order::Pages | Order::Close => {}
+            // The loop's.
+            Order::Pages | Order::Look(_) | Order::Close => {}
         }
         Ok(())
     }
@@ -460,10 +479,13 @@ impl Worker {
 
     fn see_alone(&mut self, what: Option<Alone>) {
         if std::mem::replace(&mut self.seen_alone, what) != what {
-            let cover = self.painter.editor().asset().shared_cover();
-            let pages = (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group));
-            self.exchange.outdate(&pages.collect::<Vec<_>>());
+            self.exchange.outdate(&self.all_pages());
         }
+    }
+
+    fn all_pages(&self) -> Vec<PageId> {
+        let cover = self.painter.editor().asset().shared_cover();
+        (0u32..).zip(&cover.groups).flat_map(|(g, group)| group_pages(g, group)).collect()
     }
 
     /// The bytes of a page in a channel that looks different for the moment. `shown`: those of channels that are not shown as they are
@@ -513,7 +535,7 @@ impl Worker {
         self.thumbnails.changed(start.target);
         self.painter.begin_on(start.target, &start.label, start.paint)?;
         // For the log. Where it cannot be told, it is painted all the same.
-        self.check(|worker| worker.painter.record(start.recorded, Path::new("")));
+        self.check(|worker| worker.painter.record_loaded(start.recorded, Path::new(""), &start.files));
         Ok(())
     }
 
@@ -681,7 +703,9 @@ impl Worker {
             Ok(_) if self.exchange.formats().as_ref() != Some(&formats) => {}
             Ok(loader) => {
                 self.saving.commits = 0;
-                self.exchange.offer(Box::new(loader), asset.clone());
+                // What is seen alone looks different from any file.
+                let differing = if self.seen_alone.is_some() { self.all_pages() } else { Vec::new() };
+                self.exchange.offer(Box::new(loader), asset.clone(), &differing);
                 self.tell(Report::Newer(asset));
             }
             Err(error) => self.tell(Report::Failed(error.to_string())),

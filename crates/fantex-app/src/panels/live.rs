@@ -6,7 +6,7 @@ use eframe::egui::{
 };
 
 use super::scene::card;
-use super::widgets::{cached_texture, heading, hint, number};
+use super::widgets::{Itself, cached_texture, heading, hint, number};
 use crate::live::{LiveLook, pixels};
 use crate::theme;
 use crate::viewer::Viewer;
@@ -17,8 +17,7 @@ pub(super) fn picture(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(live) = &viewer.live else { return };
     live.show(&camera, size);
     if let Some(image) = &live.picture {
-        let key = std::sync::Arc::as_ptr(image) as usize;
-        let texture = cached_texture(ui, Id::unique("live look"), key, || {
+        let texture = cached_texture(ui, Id::unique("live look"), Itself(image.clone()), || {
             let colors = pixels(image).into_iter().map(|[r, g, b, _]| Color32::from_rgb(r, g, b));
             ColorImage::new([image.width as usize, image.height as usize], colors.collect())
         });

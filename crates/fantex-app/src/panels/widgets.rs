@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 use std::path::Path;
+use std::sync::Arc;
 
 use eframe::egui::emath::Numeric;
 use eframe::egui::{
@@ -118,6 +119,21 @@ pub(super) fn cached_texture<K: Clone + PartialEq + Send + Sync + 'static>(
     let texture = ui.ctx().load_texture("preview", make(), TextureOptions::LINEAR);
     ui.data_mut(|data| data.insert_temp(id, (key, texture.clone())));
     texture
+}
+
+/// A key that is equal to itself alone. It keeps what it stands for, so that nothing else gets the address.
+pub(super) struct Itself<T: ?Sized>(pub(super) Arc<T>);
+
+impl<T: ?Sized> Clone for Itself<T> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<T: ?Sized> PartialEq for Itself<T> {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 /// A texture in a frame.

@@ -1,9 +1,13 @@
 //! Exports and copies of the asset that is open.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex::bake::Progress;
+use fantex::base::files::{persist, temporary_file};
 use fantex::base::{Error, Result};
+use fantex::store::Asset;
 
 use crate::document::{OpenProgress, Place};
 use crate::export::{ExportSettings, export};
@@ -23,8 +27,12 @@ enum Work {
     /// The user is choosing.
     #[default]
     Asked,
-    /// Until what was painted is in the file.
-    Waiting(PathBuf, What),
+    /// Until what was painted on it is in the file.
+    Waiting {
+        from: PathBuf,
+        to: PathBuf,
+        what: What,
+    },
     Running(Arc<OpenProgress>, Job<Result<Vec<PathBuf>>>),
 }
 
@@ -89,7 +97,7 @@ impl Viewer {
             return;
         }
         let settings = self.exporting.take().unwrap_or_default().settings;
-        self.begin_export(Exporting { settings, work: Work::Waiting(path, What::Export) });
+        self.begin_export(path, What::Export, settings);
     }
 
     /// Writes the asset as it is to another file.
@@ -97,16 +105,14 @@ impl Viewer {
         if self.is_writing() {
             return;
         }
-        self.begin_export(Exporting { work: Work::Waiting(path, What::Copy), ..Exporting::default() });
+        self.begin_export(path, What::Copy, ExportSettings::default());
     }
 
-    fn begin_export(&mut self, exporting: Exporting) {
-        if !self.can_export() {
-            self.exporting = None;
-            return;
-        }
+    fn begin_export(&mut self, to: PathBuf, what: What, settings: ExportSettings) {
+        self.exporting = None;
+        let Some(from) = self.can_export().then(|| self.asset_path()).flatten() else { return };
         self.paint_command(&PaintCommand::Save);
-        self.exporting = Some(exporting);
+        self.exporting = Some(Exporting { settings, work: Work::Waiting { from, to, what } });
         self.poll_export();
     }
 
@@ -129,21 +135,28 @@ impl Viewer {
         let Some(exporting) = &self.exporting else { return };
         match &exporting.work {
             Work::Asked => {}
-            Work::Waiting(to, what) => {
+            Work::Waiting { from, to, .. } if self.asset_path().as_ref() != Some(from) => {
+                let [from, to] = [from, to].map(|path| path.display());
+                self.notices.warning(format!(
+                    "{to} was not written: {from} was left before all that was painted on it was saved."
+                ));
+                self.exporting = None;
+            }
+            Work::Waiting { from, to, what } => {
                 let is_saved = |painting: &crate::paint::Painting| {
                     !painting.is_busy() && painting.save == SaveState::Saved
                 };
                 if self.painting.as_ref().is_some_and(|painting| !is_saved(painting)) {
                     return;
                 }
-                let (to, what, settings) = (to.clone(), *what, exporting.settings.clone());
+                let (from, to, what) = (from.clone(), to.clone(), *what);
+                let settings = exporting.settings.clone();
                 self.exporting = None;
-                let Some(from) = self.asset_path() else { return };
                 let progress = Arc::new(OpenProgress::default());
                 let for_thread = progress.clone();
                 let work = move || match what {
                     What::Export => export(&from, &to, &settings, &*for_thread),
-                    What::Copy => copy(&from, &to).map(|()| vec![to]),
+                    What::Copy => copy(&from, &to, &*for_thread).map(|()| vec![to]),
                 };
                 match Job::spawn("export", self.waker(), work) {
                     Ok(job) => {
@@ -180,17 +193,61 @@ fn said(files: &[PathBuf]) -> String {
     }
 }
 
-/// Nothing writes to the file meanwhile but the painter, who leaves what is committed as it is for a while: what is copied is checked
-/// by its being opened.
-fn copy(from: &Path, to: &Path) -> Result<()> {
+/// Bytes that are copied between two looks at whether the copy is still wanted.
+const COPIED_AT_ONCE: usize = 1 << 20;
+
+/// Copies an asset, which a painter may go on changing. As long as it is open for reading here, no space of the file that its generation or
+/// a later one names is written again. The copy gets its name once all its checksums are right.
+fn copy(from: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
     let is_same = || Some(std::fs::canonicalize(from).ok()? == std::fs::canonicalize(to).ok()?);
     if is_same() == Some(true) {
         return Err(Error::invalid(format!("{} is the asset itself: choose another name", to.display())));
     }
-    let written = fantex::base::files::write_whole(to, true, |out| {
-        let mut file = std::fs::File::open(from)?;
-        std::io::copy(&mut file, out).map(drop)
-    });
-    written?;
-    fantex::store::Asset::open(to).map(drop)
+    let asset = Asset::open(from)?;
+    let failed = |source| Error::writing(to, source);
+    let mut copied = temporary_file(to, "").map_err(failed)?;
+    let length = asset.file_bytes();
+    let mut buffer = vec![0; COPIED_AT_ONCE];
+    let mut at = 0;
+    loop {
+        if progress.is_cancelled() {
+            return Err(Error::cancelled("copying was cancelled"));
+        }
+        progress.report(at, 2 * length.max(at));
+        let count = asset.source().read_at(&mut buffer, at).map_err(|source| Error::reading(from, source))?;
+        if count == 0 {
+            break;
+        }
+        copied.write_all(&buffer[..count]).map_err(failed)?;
+        at += count as u64;
+    }
+    check_copy(copied.path(), progress).map_err(|error| {
+        if error.is_cancelled() {
+            return error;
+        }
+        let [from, to] = [from, to].map(Path::display);
+        let sentence = format!("{to} was not written: what was read of {from} does not match its checksums");
+        Error::damaged(sentence).with_source(error)
+    })?;
+    drop(asset);
+    persist(copied.into_temp_path(), to, true)
+}
+
+/// Checks all texels and attachments of an asset against their checksums.
+fn check_copy(path: &Path, progress: &dyn Progress) -> Result<()> {
+    let asset = Asset::open(path)?;
+    let clusters: Vec<_> = asset.clusters().collect();
+    let total = clusters.len() as u64;
+    for (done, &cluster) in (0u64..).zip(&clusters) {
+        if progress.is_cancelled() {
+            return Err(Error::cancelled("copying was cancelled"));
+        }
+        progress.report(total + done, 2 * total);
+        let range = asset.cluster_range(cluster);
+        let mut stored = vec![0; (range.end - range.start) as usize];
+        let read = asset.source().read_exact_at(&mut stored, range.start);
+        read.map_err(|source| asset.read_error(&range, Arc::new(source)))?;
+        asset.unpack_cluster(cluster, &stored)?;
+    }
+    asset.attachment_names()?.into_iter().try_for_each(|name| asset.attachment(name).map(drop))
 }

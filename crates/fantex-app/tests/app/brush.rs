@@ -32,6 +32,11 @@ fn sizes_stay_within_bounds() {
     assert_eq!(settings.size, BrushSettings::SIZE[0]);
     settings.change_hardness(20.0);
     assert_eq!(settings.hardness, 1.0);
+    settings.unit = SizeUnit::World;
+    settings.change_size(1e6);
+    assert_eq!(settings.size, BrushSettings::WORLD_SIZE[1]);
+    settings.change_size(-1e6);
+    assert_eq!(settings.size, BrushSettings::WORLD_SIZE[0]);
 }
 
 #[test]

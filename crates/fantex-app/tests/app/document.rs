@@ -118,7 +118,14 @@ fn a_model_asks_how_it_becomes_an_asset() {
     let Ok(ForPainting::Ready(ready)) = open(Some(Answer::Keep)) else { panic!("it is asked again") };
     assert_eq!(ready.0.mesh().triangles.len(), 576);
     drop(ready);
+    // Another program paints on it: all stays as it is.
+    let files = || std::fs::read_dir(folder.path()).unwrap().count();
+    let (before, other) = (files(), Painter::open(&path, &PaintOptions::default()).unwrap());
+    assert!(open(Some(Answer::Replay(new.clone()))).is_err());
+    drop(other);
+    assert_eq!((Asset::open(&path).unwrap().mesh().triangles.len(), files()), (576, before));
     let Ok(ForPainting::Ready(ready)) = open(Some(Answer::Replay(new))) else { panic!("it is asked again") };
+    assert_eq!(files(), before + 2, "the old asset and the new one's lock");
     let (document, painter) = *ready;
     assert_eq!(document.mesh().triangles.len(), 1024);
     assert!(document.notes[0].contains("1 strokes"), "{:?}", document.notes);

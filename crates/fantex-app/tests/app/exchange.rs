@@ -131,7 +131,7 @@ fn what_is_on_its_way_comes_from_the_newer_file() {
     let folder = tempfile::tempdir().unwrap();
     let asset = crate::painting::small_asset(folder.path());
     loader.request(own(2), 1.0);
-    exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
+    exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()), &[]);
     exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(8))).unwrap();
     let found = loader.poll(1000);
     assert_eq!(found.iter().map(|p| p.parcel).collect::<Vec<_>>(), [own(2)]);
@@ -142,6 +142,23 @@ fn what_is_on_its_way_comes_from_the_newer_file() {
     loader.request(own(3), 1.0);
     assert_eq!(exchange.wanted(9), [own(3)]);
     assert_eq!(loader.poll(1000)[0].parcel, own(1));
+}
+
+/// A mask that is seen alone is in no file.
+#[test]
+fn what_differs_from_the_newer_file_comes_from_the_painter() {
+    let (mut loader, exchange, _orders) = loader();
+    let folder = tempfile::tempdir().unwrap();
+    let asset = crate::painting::small_asset(folder.path());
+    exchange.publish(&[id(1), id(2)], |_| Ok::<_, ()>(texels(7))).unwrap();
+    exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()), &[id(1)]);
+    assert!(loader.poll(1000).is_empty());
+    loader.request(own(1), 1.0);
+    loader.request(own(2), 1.0);
+    assert_eq!(exchange.wanted(9), [own(1)]);
+    exchange.answer(own(1), Ok(texels(7)));
+    let found = loader.poll(1000);
+    assert_eq!(found.iter().map(|p| (p.parcel, value(p))).collect::<Vec<_>>(), [(own(1), 7), (own(2), 0)]);
 }
 
 #[test]
@@ -163,7 +180,7 @@ fn what_waits_in_other_formats_is_asked_for_anew() {
     exchange.answer(own(1), Ok(texels(7)));
     let folder = tempfile::tempdir().unwrap();
     let asset = crate::painting::small_asset(folder.path());
-    exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
+    exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()), &[]);
     exchange.set_formats(&[AtlasFormat::Bc7]);
     assert!(!exchange.is_empty(), "the same formats change nothing");
     exchange.set_formats(&[AtlasFormat::Rgba8]);

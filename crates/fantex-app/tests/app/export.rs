@@ -1,23 +1,26 @@
 //! Exports for other programs.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-use fantex::bake::NoProgress;
+use fantex::bake::{NoProgress, Progress};
 use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
 use fantex::paint::{PaintOptions, Painter};
-use fantex::store::{VerifyOptions, group_pages, verify};
+use fantex::store::{Asset, VerifyOptions, group_pages, verify};
 use fantex::texture::{Image, Samples};
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
-use fantex_app::document::Place;
+use fantex_app::document::{Document, Place};
 use fantex_app::export::{ExportSettings, Preset, export};
 use fantex_app::paint::{LayerAction, NewAsset, PenEvent, PenPhase, bake_model};
 use fantex_app::viewer::{FileDialog, Request, SceneInput, Viewer};
 
-use crate::panels::{wait_painted, with_painting};
+use crate::panels::{empty, wait_painted, with_painting};
 
 fn texels(path: &Path) -> (usize, Vec<u8>) {
     let image = Image::load(path).unwrap();
@@ -32,6 +35,8 @@ fn presets_write_what_programs_want() {
     let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
     let new = NewAsset { texels: Some(20_000), normal: true, ..NewAsset::default() };
     bake_model(&mesh, &new, &at("torus.fan"), &NoProgress).unwrap();
+    let of_user = at("y_MetallicSmoothness.part.png");
+    std::fs::write(&of_user, "mine").unwrap();
     let run = |preset: Preset, name: &str| {
         let settings = ExportSettings { preset, side: Some(256), points_down: preset.points_down() };
         let files = export(&at("torus.fan"), &at(name), &settings, &NoProgress).unwrap();
@@ -63,7 +68,37 @@ fn presets_write_what_programs_want() {
     assert_eq!(channels, 4);
     let count = both.chunks(4).filter(|p| p[0] <= 2 && p[3].abs_diff(102) <= 3).count();
     assert!(count > 256 * 256 / 3, "{count}");
-    assert!(!at("y_MetallicSmoothness.part.png").exists());
+    assert_eq!(std::fs::read(of_user).unwrap(), b"mine");
+}
+
+/// Wants to go on for so many questions.
+struct Patience(AtomicU32);
+
+impl Progress for Patience {
+    fn report(&self, _: u64, _: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.0.fetch_update(Relaxed, Relaxed, |left| left.checked_sub(1)).is_err()
+    }
+}
+
+#[test]
+fn exports_that_are_cancelled_leave_all_files_as_they_were() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = crate::painting::small_asset(folder.path());
+    std::fs::write(folder.path().join("y.glb"), "before").unwrap();
+    let settings = ExportSettings { preset: Preset::Unity, side: Some(128), ..ExportSettings::default() };
+    let mut cancelled = 0;
+    for questions in [0, 1, 2, 3, 5, 8, 12, 20, 40] {
+        let patience = Patience(AtomicU32::new(questions));
+        if export(&asset, &folder.path().join("y.glb"), &settings, &patience).is_ok() {
+            break;
+        }
+        cancelled += 1;
+        assert_eq!(std::fs::read(folder.path().join("y.glb")).unwrap(), b"before", "{questions}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "{questions}");
+    }
+    assert!(cancelled > 0);
 }
 
 /// A stroke between two places of the scene.
@@ -139,4 +174,46 @@ fn copies_hold_what_is_painted_so_far() {
     painter.commit().unwrap();
     drop(painter);
     assert!(contents(&original) == copied);
+}
+
+/// The asset that was to be copied is not open any more: nothing else is copied instead.
+#[test]
+fn copies_that_wait_are_given_up_with_their_asset() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    (viewer.scene_pixels, viewer.pixels_per_point) = ([500, 500], 1.0);
+    viewer.show(ViewPreset::Top);
+    wait_painted(&mut viewer);
+    let copy = folder.path().join("copy.fan");
+    draw(&mut viewer, [0.5, 0.85], [0.6, 0.84]);
+    viewer.copy_to(copy.clone());
+    assert!(viewer.exporting.is_some());
+    viewer.close();
+    let other = Asset::open(&crate::painting::small_asset(tempfile::tempdir().unwrap().path())).unwrap();
+    let place = Place::File(folder.path().join("other.fan"));
+    viewer.document = Some(Document::of_asset(place, Arc::new(other)));
+    viewer.poll();
+    assert!(viewer.exporting.is_none() && !copy.exists());
+    assert!(viewer.notices.log().any(|text| text.contains("copy.fan was not written")));
+}
+
+#[test]
+fn copies_are_checked_before_they_get_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = crate::painting::small_asset(folder.path());
+    let asset = Arc::new(Asset::open(&path).unwrap());
+    let damaged = asset.cluster_range(asset.clusters().last().unwrap()).start as usize;
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[damaged] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let mut viewer = empty();
+    viewer.document = Some(Document::of_asset(Place::File(path), asset));
+    let copy = folder.path().join("copy.fan");
+    std::fs::write(&copy, "before").unwrap();
+    viewer.copy_to(copy.clone());
+    wait_written(&mut viewer);
+    assert_eq!(crate::errors(&viewer.notices), 1);
+    assert!(viewer.notices.log().any(|text| text.contains("does not match its checksums")));
+    assert_eq!(std::fs::read(&copy).unwrap(), b"before");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "no temporary file is left");
 }

@@ -11,9 +11,10 @@ use fantex::store::Asset;
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
 use fantex_app::document::{Document, Place};
-use fantex_app::paint::{Painting, PenEvent, PenPhase, SaveState};
+use fantex_app::paint::{Leave, Painting, PenEvent, PenPhase, SaveState};
 use fantex_app::viewer::{KeyPhase, Request, SceneInput, Viewer};
 
+use crate::painting::Studio;
 use crate::panels::{empty, wait_painted, with_model, with_painting};
 
 /// Waits until something is so.
@@ -227,4 +228,24 @@ fn a_button_that_is_let_go_with_control_ends_what_it_began() {
     assert!(viewer.painting.as_ref().unwrap().has_hand_down());
     pen(&mut viewer, &[(PenPhase::Up, [0.5, 0.5])], true);
     assert!(!viewer.painting.as_ref().unwrap().has_hand_down());
+}
+
+/// What has been painted may be told later than it is done.
+#[test]
+fn what_is_not_told_yet_is_not_lost_either() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = crate::painting::small_asset(folder.path());
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    let mut studio = Studio::open_at(folder, path, Some(bytes));
+    for (phase, x) in [(PenPhase::Down, 0.5), (PenPhase::Move, 0.6), (PenPhase::Up, 0.6)] {
+        studio.pen(phase, x, 0.85, [false; 2]);
+    }
+    let started = Instant::now();
+    while studio.painting.is_busy() {
+        assert!(started.elapsed() < Duration::from_secs(60), "the painter does not end");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // Nobody has asked for reports.
+    assert_eq!(studio.painting.save, SaveState::Saved);
+    assert_eq!(studio.painting.leave(), Leave::Waits);
 }

@@ -9,6 +9,7 @@ mod document;
 mod exchange;
 mod export;
 mod figures;
+mod files;
 mod gizmo;
 mod glyphs;
 mod layer_groups;

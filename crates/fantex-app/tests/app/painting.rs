@@ -356,6 +356,17 @@ fn the_mirror_s_line_lies_on_the_model() {
     let seen = section.seen(&studio.painting.surface, &studio.view);
     assert_eq!(seen.len(), 2, "both sides of the ring");
     assert!(seen.iter().flatten().all(|p| p.x.abs() < 1e-9 && p.y > -1e-6), "seen from above");
+    // A plane that moves all the time is followed within a while.
+    let seen = seen.to_vec();
+    assert!(section.update(&studio.painting.surface, 0, 0.0, &studio.view) && section.parts() == seen);
+    let started = Instant::now();
+    while !section.update(&studio.painting.surface, 0, 0.1, &studio.view) {
+        assert!(started.elapsed() < Duration::from_secs(60), "it stays behind");
+    }
+    assert!(section.parts().iter().flatten().all(|p| (p.x - 0.1).abs() < 1e-9));
+    let is_current = section.update(&studio.painting.surface, 0, 0.2, &studio.view);
+    let at = if is_current { 0.2 } else { 0.1 };
+    assert!(section.parts().iter().flatten().all(|p| (p.x - at).abs() < 1e-9));
 }
 
 /// Left half white, right half transparent orange.

@@ -58,7 +58,7 @@ fn damaged_settings_are_set_aside_and_reported() {
 fn nonsense_numbers_are_brought_into_range() {
     let (_folder, path) = file(
         r#"{"window":{"size":[0,1e30]},"camera":{"fov_degrees":-4},"streaming":{"pool_mib":0},"display":{"anisotropy":5},
-            "light":{"sun_strength":50,"background_blur":7}}"#,
+            "light":{"sun_strength":50,"background_blur":7},"paint":{"brush":{"size":null,"hardness":0.5}}}"#,
     );
     let (settings, problem) = Settings::load(&path);
     assert!(problem.is_none());
@@ -67,6 +67,8 @@ fn nonsense_numbers_are_brought_into_range() {
     assert_eq!(settings.streaming.pool_mib, 1);
     assert_eq!(settings.display.anisotropy, 8);
     assert_eq!((settings.light.sun_strength, settings.light.background_blur), (10.0, 1.0));
+    // An infinite number, as JSON has it.
+    assert_eq!((settings.paint.brush.size, settings.paint.brush.hardness), (60.0, 0.5));
 }
 
 #[test]

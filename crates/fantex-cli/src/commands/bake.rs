@@ -14,7 +14,7 @@ use fantex::{BakeFormat, Baked, Baker, Error, FileKind, Fit, Mesh, Quality, Resu
 use serde::Serialize;
 
 use crate::commands::export::{ModelInfo, ModelKind, has_extension, model_notes};
-use crate::commands::info::{CoverArgs, LongestEdgeArg};
+use crate::commands::info::CoverArgs;
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
 use crate::scene::{check_asset_name, check_is_no_model_name, open_shape, report_damage, show_notes};
@@ -461,12 +461,7 @@ impl BakeJob<'_> {
         if let Some(density) = cover.density {
             baker = baker.density(density);
         }
-        if let Some(tile) = cover.tile {
-            baker = baker.tile(tile);
-        }
-        if let Some(LongestEdgeArg(longest_edge)) = cover.longest_edge {
-            baker = baker.longest_edge(longest_edge);
-        }
+        baker = cover.limits(baker);
         if self.match_source {
             baker = baker.matching();
         }

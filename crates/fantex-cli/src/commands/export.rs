@@ -535,9 +535,12 @@ fn info(args: &ExportArgs, input: &Input, summary: &ExportSummary, seconds: f64)
 fn text(info: &ExportInfo) -> String {
     let objects =
         info.objects.map_or_else(String::new, |count| format!("{}, ", counted(count as u64, "object")));
-    let (output, seconds) = (info.output.display(), info.seconds);
     let model = info.model.text(if info.fans { "tile" } else { "piece" });
-    format!("{output}: {objects}{model}, {seconds:.1} s\n{}", info.model.others(&info.output))
+    // Several channels are in files of other names than the one that was given.
+    let files = &info.model.files;
+    let is_output = files.iter().any(|file| file.path == info.output) || files.is_empty();
+    let heading = if is_output { info.output.display().to_string() } else { "channels".to_owned() };
+    format!("{heading}: {objects}{model}, {:.1} s\n{}", info.seconds, info.model.others(&info.output))
 }
 
 /// Sizes that many pictures have are said once.

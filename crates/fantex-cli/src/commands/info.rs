@@ -12,7 +12,7 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::{Asset, PREVIEW};
-use fantex::{Error, FileKind, LongestEdge, Mesh, Result};
+use fantex::{Baker, Covered, Error, FileKind, LongestEdge, Mesh, Result};
 use serde::Serialize;
 
 use super::world::print_world;
@@ -31,7 +31,7 @@ Example:
   fantex info scene.toml
   fantex info bottle.gltf --look > bottle.toml
 
-With --look, the model's own materials are printed as a look, which 'fantex render' and 'fantex bake --look' take.")]
+With --look, the model's own materials are printed as a look, which 'fantex render MODEL --look' and 'fantex bake MODEL --look' take.")]
 pub(crate) struct InfoArgs {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address, or a look (.toml)
     file: PathBuf,
@@ -48,7 +48,7 @@ pub(crate) struct InfoArgs {
 /// How a model is covered.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct CoverArgs {
-    /// Texels in all, e.g. 64k or 4M (1k = 1000) [default: 4M]
+    /// Texels in all, e.g. 64k or 4M (1k = 1000) [default: the density of the model's textures, 4M without]
     #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "density")]
     pub(crate) texels: Option<Count>,
     /// Texels per world unit of length, everywhere
@@ -95,6 +95,18 @@ impl CoverArgs {
     pub(crate) fn budget(&self, mesh: &fantex::mesh::Mesh) -> Option<TexelBudget> {
         let per_world_unit = self.density.map(|d| TexelBudget::Density(d * mesh.world_from_mesh.scale));
         self.texels.map(|texels| TexelBudget::Total(texels.0)).or(per_world_unit)
+    }
+
+    /// A baker with these limits of tiles and edges.
+    pub(crate) fn limits<'m>(&self, baker: Baker<'m>) -> Baker<'m> {
+        let baker = match self.tile {
+            Some(tile) => baker.tile(tile),
+            None => baker,
+        };
+        match self.longest_edge {
+            Some(LongestEdgeArg(longest_edge)) => baker.longest_edge(longest_edge),
+            None => baker,
+        }
     }
 
     pub(crate) fn options(&self, budget: TexelBudget) -> CoverOptions {
@@ -241,10 +253,30 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
 
 fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo> {
     let started = Instant::now();
-    let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
-    let texels_asked = texels_asked(&budget);
-    let covered = args.cover.refined(mesh, &budget);
-    let (cover, stats) = build_cover(&covered, &args.cover.options(budget))?;
+    let mut report = mesh.notes().to_vec();
+    // Textures have a density of their own.
+    let baked = match args.cover.budget(mesh) {
+        None if mesh.has_materials() => args.cover.limits(Baker::new(mesh)).cover().map(Some),
+        _ => Ok(None),
+    };
+    let baked = baked.unwrap_or_else(|error| {
+        report.push(format!(
+            "Shown is the cover for 4 million texels, as there is none for its textures: {error}."
+        ));
+        None
+    });
+    let (covered, cover, stats, texels_asked) = match baked {
+        Some(Covered { mesh, cover, stats, texels_asked, .. }) => {
+            (Cow::Owned(mesh), cover, stats, texels_asked)
+        }
+        None => {
+            let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
+            let texels_asked = texels_asked(&budget);
+            let covered = args.cover.refined(mesh, &budget);
+            let (cover, stats) = build_cover(&covered, &args.cover.options(budget))?;
+            (covered, cover, stats, texels_asked)
+        }
+    };
     let seconds = Seconds {
         load: mesh.load_time().as_secs_f64(),
         clean: mesh.clean_time().as_secs_f64(),
@@ -266,7 +298,6 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         density_spread,
         ..
     } = stats;
-    let mut report = mesh.notes().to_vec();
     report.extend(over_budget.map(|note| format!("{note}.")));
     let shape = &mesh.report().topology;
     Ok(ModelInfo {

@@ -46,6 +46,9 @@ fn info_has_all_keys() {
     assert_eq!(info["triangles"], 4510);
     assert_eq!(info["vertices"], 2385);
     assert_eq!(info["fans"], 2385);
+    // As many as a bake gives it: its textures have a density of their own.
+    let texels = info["texels"].as_f64().unwrap();
+    assert!((texels / 2.84e6 - 1.0).abs() < 0.02 && info["texels_asked"].is_null(), "{texels}");
     assert!(
         info["report"]
             .as_array()

@@ -1,5 +1,8 @@
 //! Colours and channels.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+
 use eframe::egui::ecolor::{hsv_from_rgb, rgb_from_hsv};
 use eframe::egui::{
     Align, Checkbox, Color32, ColorImage, CornerRadius, Layout, Mesh, Rect, Response, RichText, Sense, Shape,
@@ -9,11 +12,11 @@ use fantex::store::ChannelKind;
 
 use crate::display::ShadingView;
 use crate::paint::{
-    Alone, ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, channel_name, color_of_hex,
-    parse_hex, text_hex,
+    Alone, ColorSource, FileState, PALETTES, PaintSettings, SOLIDS, TextureChoice, channel_name,
+    color_of_hex, parse_hex, text_hex,
 };
 use crate::panels::widgets::{
-    cached_texture, file_button, framed_picture, named_choice, number, row, segments,
+    Itself, cached_texture, file_button, framed_picture, named_choice, number, row, segments,
 };
 use crate::theme;
 use crate::viewer::{FileDialog, Request, Viewer};
@@ -293,11 +296,12 @@ fn look(ui: &mut Ui, choice: &mut TextureChoice) -> bool {
     is_asked
 }
 
-/// The names of the look's textures; read once per file.
+/// The names of the look's textures; read once, and whenever its file has changed.
 fn known_names(ui: &Ui, choice: &TextureChoice) -> Vec<String> {
     let id = ui.scope_id().with("names of textures");
-    let known = ui.data(|data| data.get_temp::<(TextureChoice, Vec<String>)>(id));
-    let key = TextureChoice { look: choice.look.clone(), ..TextureChoice::default() };
+    type Key = (Option<PathBuf>, FileState);
+    let known = ui.data(|data| data.get_temp::<(Key, Vec<String>)>(id));
+    let key = (choice.look.clone(), choice.file_state());
     if let Some((_, names)) = known.filter(|(of, _)| *of == key) {
         return names;
     }
@@ -321,7 +325,7 @@ fn texture_preview(ui: &mut Ui, viewer: &mut Viewer) {
     };
     let Some(made) = made else { return };
     let id = ui.scope_id().with("texture preview");
-    let texture = cached_texture(ui, id, choice, || {
+    let texture = cached_texture(ui, id, Itself(Arc::clone(&made.texture)), || {
         let pixels = made.preview(&painting.surface, PREVIEW);
         ColorImage::new(PREVIEW, pixels.into_iter().map(color32).collect())
     });

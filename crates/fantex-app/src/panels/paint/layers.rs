@@ -1,7 +1,5 @@
 //! The layers, the one on top first, and what can be done with the chosen one.
 
-use std::sync::Arc;
-
 use eframe::egui::{
     Align, Button, Color32, ColorImage, CornerRadius, CursorIcon, Id, Key, Label, Layout, Rect, Response,
     RichText, Sense, Shape, Slider, Stroke, StrokeKind, TextEdit, Ui, UiBuilder, WidgetInfo, accesskit, pos2,
@@ -15,7 +13,7 @@ use crate::paint::{
     BLEND_MODES, LayerAction, LayerDrag, LayerRow, Painting, THUMBNAIL, drop_place, layer_rows,
 };
 use crate::panels::paint::brush::alpha_shown;
-use crate::panels::widgets::{cached_texture, choice, heading, hint, number, row, segments};
+use crate::panels::widgets::{Itself, cached_texture, choice, heading, hint, number, row, segments};
 use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::Viewer;
@@ -285,9 +283,7 @@ fn picture(ui: &mut Ui, painting: &Painting, of: Target, is_chosen: bool, tip: &
     let (rect, response) = ui.allocate_exact_size(vec2(PICTURE, PICTURE), Sense::click());
     ui.painter().rect_filled(rect, CornerRadius::same(3), theme::PANEL);
     if let Some(known) = painting.thumbnails.get(&of) {
-        // The same picture is the same memory.
-        let key = (of, Arc::as_ptr(known) as usize);
-        let texture = cached_texture(ui, Id::unique(("layer", of)), key, || {
+        let texture = cached_texture(ui, Id::unique(("layer", of)), Itself(known.clone()), || {
             let pixels = known.iter().map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a));
             ColorImage::new([THUMBNAIL; 2], pixels.collect())
         });

@@ -34,8 +34,14 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
     work(ui, viewer, rect);
     let Some(painting) = &mut viewer.painting else { return };
     let has_plane = symmetry.kind == SymmetryKind::Mirror && symmetry.shows_plane;
-    let line =
-        if has_plane { painting.section(symmetry.axis, symmetry.offset, &view).to_vec() } else { Vec::new() };
+    let mut line = Vec::new();
+    if has_plane {
+        let (parts, is_current) = painting.section(symmetry.axis, symmetry.offset, &view);
+        line.extend_from_slice(parts);
+        if !is_current {
+            ui.ctx().request_repaint_after_secs(0.03);
+        }
+    }
     let viewer = &*viewer;
     let Some(painting) = &viewer.painting else { return };
     let painter = ui.painter().with_clip_rect(rect);
