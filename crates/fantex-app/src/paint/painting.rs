@@ -208,12 +208,16 @@ impl Painting {
         self.thread.is_busy()
     }
 
+    /// Whether all that was asked for is done and in the file. What has just been done may be told with the next reports only.
+    pub fn is_saved(&self) -> bool {
+        !self.is_busy() && self.save == SaveState::Saved && !self.thread.is_unsaved()
+    }
+
     /// What is lost where it is dropped. Where that is not known yet, it is saved, which [`stay`](Self::stay) forgets.
     pub fn leave(&mut self) -> Leave {
         match &self.save {
             SaveState::Failed(reason) => Leave::Loses(reason.clone()),
-            // What has just been done may be told with the next reports only.
-            SaveState::Saved if !self.is_busy() && !self.thread.is_unsaved() => Leave::Free,
+            _ if self.is_saved() => Leave::Free,
             // Nobody is left who could save it.
             _ if self.thread.is_gone() => Leave::Free,
             // What takes long goes on changing it, and is left to whoever opens it next.

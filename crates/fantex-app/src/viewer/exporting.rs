@@ -12,7 +12,7 @@ use fantex::store::Asset;
 use crate::document::{OpenProgress, Place};
 use crate::export::{ExportSettings, export};
 use crate::job::{Job, JobState};
-use crate::paint::{PaintCommand, SaveState};
+use crate::paint::PaintCommand;
 use crate::viewer::{FileDialog, Request, Viewer};
 
 /// What is to be exported, until it is written.
@@ -143,10 +143,7 @@ impl Viewer {
                 self.exporting = None;
             }
             Work::Waiting { from, to, what } => {
-                let is_saved = |painting: &crate::paint::Painting| {
-                    !painting.is_busy() && painting.save == SaveState::Saved
-                };
-                if self.painting.as_ref().is_some_and(|painting| !is_saved(painting)) {
+                if self.painting.as_ref().is_some_and(|painting| !painting.is_saved()) {
                     return;
                 }
                 let (from, to, what) = (from.clone(), to.clone(), *what);

@@ -247,5 +247,6 @@ fn what_is_not_told_yet_is_not_lost_either() {
     }
     // Nobody has asked for reports.
     assert_eq!(studio.painting.save, SaveState::Saved);
+    assert!(!studio.painting.is_saved());
     assert_eq!(studio.painting.leave(), Leave::Waits);
 }
