@@ -144,6 +144,7 @@ impl Symmetry {
     /// A place as the copy number `k` has it, world space.
     pub(crate) fn moved_position(&self, mut p: DVec3, k: u32) -> DVec3 {
         match *self {
+            _ if k == 0 => {}
             Self::None => {}
             Self::Mirror { axis, offset } => p[axis.min(2)] = 2.0 * offset - p[axis.min(2)],
             Self::Radial { axis, center, count } => {

@@ -186,6 +186,7 @@ const DOT: &str = r#"{ "brush": { "size": { "world": 0.2 }, "hardness": 0.9 },
     "samples": [{ "at": { "position": [0.7, 0.2, 0] } }], "symmetry": { "mirror": { "axis": 0 } } }"#;
 
 /// What is red where a clone has copied the red dots at (0.7, 0.2) and (-0.7, 0.2) to (0.4, 0.2) and (-0.4, 0.2).
+#[track_caller]
 fn assert_cloned(baked: &Baked, painter: &fantex_paint::Painter) {
     let cache = baked.cache();
     for (x, red) in [(0.7, 1.0), (0.4, 1.0), (0.1, 0.0), (-0.1, 0.0), (-0.4, 1.0), (-0.7, 1.0)] {
