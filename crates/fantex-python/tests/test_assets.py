@@ -385,7 +385,8 @@ def test_strokes(tmp_path, sphere):
 
 def test_strokes_that_fail_leave_no_channels(tmp_path, sphere):
     asset = fantex.bake(sphere, tmp_path / "a.fan", texels=30_000, source=pattern)
-    stroke = {"tool": {"blur": {"radius": {"texels": -1}}}, "samples": [{"at": {"position": [0, 0, 1]}}]}
+    stroke = {"tool": {"blur": {"radius": {"texels": -1}}}, "channels": [{"kind": "base_color"}]}
+    stroke["samples"] = [{"at": {"position": [0, 0, 1]}}]
     with pytest.raises(fantex.Error, match="radius"):
         asset.paint([stroke], add_channels="emission", alpha="blend")
     assert asset.channels == ["base-color"] and asset.materials[0].alpha == "opaque"
