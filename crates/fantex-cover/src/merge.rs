@@ -176,7 +176,7 @@ impl Summary {
         let error = distortion.error(Vec2::ONE);
         Self {
             cone: WideCone { axis: frame.direction, half_angle: libm::acosf(cos.clamp(-1.0, 1.0)) },
-            outline: outline.clone(),
+            outline: shortened(outline, frame.direction),
             direction: frame.direction,
             area,
             demand: patch.demand,
@@ -327,6 +327,19 @@ fn directions() -> &'static [Vec2; DIRECTIONS] {
         std::array::from_fn(|i| unit_vector(i as f32 * std::f32::consts::TAU / DIRECTIONS as f32))
     });
     &TABLE
+}
+
+/// An outline is looked at with each neighbour, of which a group may have as many as its outline has points: of longer ones only the farthest are
+/// kept.
+const MAX_OUTLINE: usize = 4 * DIRECTIONS;
+
+fn shortened(outline: &[Vec3], direction: Vec3) -> Box<[Vec3]> {
+    if outline.len() <= MAX_OUTLINE {
+        return outline.into();
+    }
+    let (x, y) = direction.any_orthonormal_pair();
+    let planar: Vec<Vec2> = outline.iter().map(|p| Vec2::new(p.dot(x), p.dot(y))).collect();
+    extreme_points(&planar).map(|i| outline[i]).collect()
 }
 
 /// Indices of the points that lie farthest in any of the directions, ascending.
