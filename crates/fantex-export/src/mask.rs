@@ -194,6 +194,27 @@ impl Mask {
         runs
     }
 
+    /// The first of the rows with the longest run of blocks, and that run's length.
+    pub(crate) fn longest_run(&self) -> (u32, u32) {
+        let longest = |row: u32| self.longest(row, true);
+        (0..self.height).map(|row| (row, longest(row))).fold((0, 0), |a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// The most blocks beside each other in a row that are not in the set.
+    pub(crate) fn longest_gap(&self, row: u32) -> u32 {
+        self.longest(row, false)
+    }
+
+    /// The most blocks beside each other in a row that are in the set, or are not.
+    fn longest(&self, row: u32, in_set: bool) -> u32 {
+        let (mut longest, mut end) = (0, 0);
+        while let Some(start) = self.next(end, row, in_set) {
+            end = self.next(start, row, !in_set).unwrap_or(self.width);
+            longest = longest.max(end - start);
+        }
+        longest
+    }
+
     /// 128 blocks of a row from a column on, a bit each, the first one lowest. None lie beyond the row.
     fn window(&self, x: u32, y: u32) -> u128 {
         let row = self.row(y);
@@ -339,6 +360,8 @@ mod tests {
         assert_eq!([0, 3, 70, 139].map(|x| row.next(x, 1, true)), [3, 3, 70, 139].map(Some));
         assert_eq!((row.next(140, 1, true), row.next(0, 0, true)), (None, None));
         (140..150).for_each(|x| row.insert(x, 1));
+        assert_eq!(row.longest_run(), (1, 147));
+        assert_eq!([0, 1].map(|y| row.longest_gap(y)), [150, 3]);
         let ends = [row.next(100, 1, false), row.next(150, 0, false), row.next(149, 0, false)];
         assert_eq!(ends, [None, None, Some(149)]);
         assert!(row.blocks().eq((3..150).map(|x| [x, 1])));

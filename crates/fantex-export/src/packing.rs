@@ -140,24 +140,28 @@ pub(crate) fn pack(
 struct Piece<'a> {
     turn: u8,
     mask: Cow<'a, Mask>,
+    /// Row and length of its longest run.
+    longest: (u32, u32),
     /// The run that collided last comes first: it often does again.
     runs: Vec<Run>,
 }
 
 impl Piece<'_> {
     fn new(mask: Mask, turn: u8) -> Self {
-        let runs = mask.runs();
-        Self { turn, mask: Cow::Owned(mask), runs }
+        let (longest, runs) = (mask.longest_run(), mask.runs());
+        Self { turn, mask: Cow::Owned(mask), longest, runs }
     }
 
     fn borrowed(&self) -> Piece<'_> {
-        Piece { turn: self.turn, mask: Cow::Borrowed(&self.mask), runs: self.runs.clone() }
+        Piece { mask: Cow::Borrowed(&self.mask), runs: self.runs.clone(), ..*self }
     }
 }
 
 /// A square that is filled mask by mask.
 struct Packing {
     grid: Mask,
+    /// The most free blocks beside each other in each row.
+    gaps: Vec<u32>,
     /// A block of the grid stands for `1 << shift` blocks along each side.
     shift: u32,
     /// Tests of a run at 64 places, and those before the grid was coarsened last.
@@ -169,7 +173,8 @@ struct Packing {
 
 impl Packing {
     fn new(side: u32, max_tests: u64) -> Self {
-        Self { grid: Mask::empty(side, side), shift: 0, tests: 0, earlier_tests: 0, max_tests }
+        let (grid, gaps) = (Mask::empty(side, side), vec![side; side as usize]);
+        Self { grid, gaps, shift: 0, tests: 0, earlier_tests: 0, max_tests }
     }
 
     /// Each mask the way around in which it reaches down least, at the topmost, then leftmost free place. Where one of a size was placed, another
@@ -193,8 +198,7 @@ impl Packing {
                     .find(&mut pieces, start, self.grid.height)
                     .or_else(|| self.find(&mut pieces, [0, 0], start[1] + 1));
                 if let Some(place) = found {
-                    let [x, y] = place.at;
-                    self.grid.stamp(&pieces[usize::from(place.turn)].mask, x, y);
+                    self.stamp(&pieces[usize::from(place.turn)].mask, place.at);
                     break place;
                 }
                 if !self.is_spent() {
@@ -221,6 +225,10 @@ impl Packing {
             for piece in pieces.iter_mut() {
                 let top = bottom.checked_sub(piece.mask.height);
                 let Some(y) = top.filter(|y| (from[1]..rows_end).contains(y)) else { continue };
+                let (row, length) = piece.longest;
+                if self.gaps[(y + row) as usize] < length {
+                    continue;
+                }
                 let first = if y == from[1] { from[0] } else { 0 };
                 if let Some(x) = self.find_in_row(piece, first, y)
                     && best.is_none_or(|place| x < place.at[0])
@@ -258,12 +266,20 @@ impl Packing {
         })
     }
 
+    fn stamp(&mut self, mask: &Mask, [x, y]: [u32; 2]) {
+        self.grid.stamp(mask, x, y);
+        for row in y..y + mask.height {
+            self.gaps[row as usize] = self.grid.longest_gap(row);
+        }
+    }
+
     fn is_spent(&self) -> bool {
         self.tests - self.earlier_tests > self.max_tests && self.grid.width > MIN_COARSE_SIDE
     }
 
     fn coarsen(&mut self) {
         self.grid = self.grid.coarsened(1, self.grid.width / 2, self.grid.height / 2);
+        self.gaps = (0..self.grid.height).map(|row| self.grid.longest_gap(row)).collect();
         self.shift += 1;
         self.earlier_tests = self.tests;
     }
@@ -316,7 +332,7 @@ mod tests {
                 let expected = expected.map(|(_, x, turn, y)| Place { at: [x, y], turn });
                 assert_eq!(found, expected);
                 if let Some(place) = found {
-                    packing.grid.stamp(&pieces[usize::from(place.turn)].mask, place.at[0], place.at[1]);
+                    packing.stamp(&pieces[usize::from(place.turn)].mask, place.at);
                 }
             }
         }
