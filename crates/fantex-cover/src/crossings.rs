@@ -51,7 +51,8 @@ fn side([from, to]: [DVec2; 2], p: DVec2) -> f64 {
     (to - from).perp_dot(p - from)
 }
 
-/// So many pairs of boxes are looked at for each segment, in the mean, before segments are kept in order.
+/// So many pairs of boxes are looked at for each segment, in the mean, before segments are kept in order: where few meet, boxes are
+/// the quicker way.
 const PAIRS_PER_SEGMENT: usize = 32;
 
 /// True where two segments without a common vertex meet. Reorders `segments`.
@@ -84,7 +85,7 @@ impl<'a> Line<'a> {
     fn new(segments: &'a [Segment]) -> Self {
         let span = |segment: &Segment| {
             let [a, b] = segment.ends.map(Vec2::as_dvec2);
-            if before(a, b).is_le() { [a, b] } else { [b, a] }
+            if by_place(a, b).is_le() { [a, b] } else { [b, a] }
         };
         Self {
             segments,
@@ -100,25 +101,25 @@ impl<'a> Line<'a> {
             return None;
         }
         // At one place segments begin first: what ends there may meet them.
-        let ends =
-            self.spans.iter().zip(0u32..).flat_map(|(&[left, right], s)| [(left, 0, s), (right, 1, s)]);
-        let mut events: Vec<(DVec2, u8, u32)> = ends.collect();
-        events.sort_unstable_by(|a, b| before(a.0, b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        for (_, ends, s) in events {
+        let ends = self.spans.iter().zip(0u32..);
+        let mut events: Vec<(DVec2, bool, u32)> =
+            ends.flat_map(|(&[left, right], s)| [(left, false, s), (right, true, s)]).collect();
+        events.sort_unstable_by(|a, b| by_place(a.0, b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        for (_, is_end, s) in events {
             let place = self.place(s);
             if self.is_tied.get() {
                 return None;
             }
-            let pairs = if ends == 0 {
-                let around = [self.before(place), self.at(place)];
-                self.insert(place, s);
-                around.map(|other| other.map(|other| (s, other)))
-            } else {
+            let pairs = if is_end {
                 if self.at(place) != Some(s) {
                     return None;
                 }
                 self.remove(place);
-                [self.before(place).zip(self.at(place)), None]
+                [self.below(place).zip(self.at(place)), None]
+            } else {
+                let around = [self.below(place), self.at(place)];
+                self.insert(place, s);
+                around.map(|other| other.map(|other| (s, other)))
             };
             if pairs.into_iter().flatten().any(|(a, b)| self.meet(a, b)) {
                 return Some(true);
@@ -134,7 +135,7 @@ impl<'a> Line<'a> {
     /// Whether a segment lies below another one, where the line meets both.
     fn compare(&self, a: u32, b: u32) -> Ordering {
         let [(from, to), (other_from, other_to)] = [a, b].map(|s| self.spans[s as usize].into());
-        if before(from, other_from).is_lt() {
+        if by_place(from, other_from).is_lt() {
             return self.compare(b, a).reverse();
         }
         // The later one as the earlier one sees it; above what ends where it begins.
@@ -155,6 +156,7 @@ impl<'a> Line<'a> {
         (block, self.blocks.get(block).map_or(0, |block| block.partition_point(is_below)))
     }
 
+    /// The segment at a place; none above all.
     fn at(&self, (block, index): (usize, usize)) -> Option<u32> {
         match self.blocks.get(block)?.get(index) {
             Some(&s) => Some(s),
@@ -162,7 +164,8 @@ impl<'a> Line<'a> {
         }
     }
 
-    fn before(&self, (block, index): (usize, usize)) -> Option<u32> {
+    /// The segment below a place.
+    fn below(&self, (block, index): (usize, usize)) -> Option<u32> {
         match index.checked_sub(1) {
             Some(index) => self.blocks.get(block)?.get(index).copied(),
             None => self.blocks.get(block.checked_sub(1)?)?.last().copied(),
@@ -191,7 +194,7 @@ impl<'a> Line<'a> {
 }
 
 /// From left to right, then from below to above.
-fn before(a: DVec2, b: DVec2) -> Ordering {
+fn by_place(a: DVec2, b: DVec2) -> Ordering {
     a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y))
 }
 

@@ -142,13 +142,14 @@ impl FinerSurface {
         vertices.filter(|(_, p)| places.contains(&place(**p))).map(|(vertex, _)| vertex).collect()
     }
 
-    /// Writes the asset of a coarser [mesh](crate::preview::coarse_mesh) that looks like this surface. Of `progress` only cancellation counts.
+    /// Writes the asset of a coarser [mesh](crate::preview::coarse_mesh), with so many texels, that looks like this surface. Of `progress` only
+    /// cancellation counts.
     ///
     /// # Errors
     /// As [`Preview::of`](crate::Preview::of); the file cannot be written, or is there.
     pub(crate) fn write_coarse(
         &self,
-        coarse: &Mesh,
+        coarse: (&Mesh, u64),
         options: &PreviewOptions,
         path: &Path,
         progress: &dyn Progress,

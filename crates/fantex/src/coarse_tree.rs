@@ -87,8 +87,6 @@ pub(crate) fn add_coarse(
             let finer = finer.collect::<Result<Vec<_>>>()?;
             let (surface, kept) = maker.surface(run, &finer, memory_bytes / 2);
             let CoarseSize { triangles, texels, asked } = maker.size(world, &objects, kept.len());
-            let texels = Some(texels);
-            let options = PreviewOptions { triangles, texels, keeps_borders: true, memory_bytes, strict };
             if surface.mesh().triangles.is_empty() {
                 left_out += 1;
                 continue;
@@ -98,8 +96,9 @@ pub(crate) fn add_coarse(
                 left_out += 1;
                 continue;
             }
+            let options = PreviewOptions { memory_bytes, strict, ..PreviewOptions::default() };
             let (asset, open) =
-                maker.put(&mut |path| surface.write_coarse(&mesh, &options, path, progress))?;
+                maker.put(&mut |path| surface.write_coarse((&mesh, texels), &options, path, progress))?;
             let detail = run.iter().map(|node| node.detail).fold(0.0, f64::max);
             let parts = run.iter().map(|node| node.asset.clone()).collect();
             // As who verifies the world measures it.

@@ -122,8 +122,8 @@ impl Preview {
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
         let folder = scratch_folder()?;
         let path = folder.path().join("preview.fan");
-        let options = PreviewOptions { texels: Some(options.texels_for(asset)), ..*options };
-        let texels = write_coarse(coarse, (asset.mesh(), &detail), &options, &path, progress)?;
+        let texels = options.texels_for(asset);
+        let texels = write_coarse((coarse, texels), (asset.mesh(), &detail), options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
         Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels, damage: detail.damage() })
     }
@@ -230,17 +230,17 @@ impl Preview {
     }
 }
 
-/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given. Returns its texels per channel. Bakes take half of
-/// the memory; of `progress` only cancellation counts.
+/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given, with about so many texels per channel. Returns how
+/// many it has. Bakes take half of the memory that the options allow; of `progress` only cancellation counts.
 pub(crate) fn write_coarse(
-    coarse: &Mesh,
+    (coarse, texels): (&Mesh, u64),
     (fine, detail): (&Mesh, &dyn Source),
     options: &PreviewOptions,
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<u64> {
     let source = TransferSource::new(coarse, fine, Some(detail), &TransferOptions::default())?;
-    let budget = TexelBudget::Total(options.texels.unwrap_or(DEFAULT_TEXELS));
+    let budget = TexelBudget::Total(texels);
     let (cover, _) = build_cover(coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
     let bake_options = BakeOptions {
         memory_bytes: options.memory_bytes / 2,
