@@ -4,6 +4,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
+/// One sample per pixel, trilinear.
+const QUICK_SETTINGS: &str = r#"{ "display": { "samples": 1, "anisotropy": 1 } }"#;
+
 /// A running Xvfb; it ends with the value.
 pub(crate) struct Display {
     server: Child,
@@ -66,11 +69,18 @@ impl Display {
         format!(":{}", self.number)
     }
 
-    /// Runs the viewer with a session until it ends. Files of the session and its pictures are in `folder`.
+    /// Runs the viewer with a session until it ends. Files of the session and its pictures are in `folder`. Unless the arguments
+    /// have settings, the scene is drawn as software adapters do it quickly.
     pub(crate) fn run(&self, folder: &Path, arguments: &[&str], steps: &str) -> Output {
         let session = folder.join("session.json");
         std::fs::write(&session, format!("{{\"steps\":[{steps}]}}")).unwrap();
-        Command::new(env!("CARGO_BIN_EXE_fantex-app"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fantex-app"));
+        if !arguments.contains(&"--settings") {
+            let settings = folder.join("quick.json");
+            std::fs::write(&settings, QUICK_SETTINGS).unwrap();
+            command.arg("--settings").arg(settings);
+        }
+        command
             .args(arguments)
             .args(["--size", "1000x700", "--session"])
             .arg(&session)
