@@ -357,6 +357,24 @@ fn a_fill_that_fails_keeps_what_dabs_have_gathered() {
     assert!(contents(&painter) == contents(&at_once));
 }
 
+/// Where the pages under a tile's coarser levels do not fit into memory together, the levels are the same.
+#[test]
+fn levels_of_large_tiles_need_little_memory() {
+    let mesh = plate(4, 0.1);
+    let cover = cover(&mesh, 1024, 450_000);
+    assert!(cover.groups.iter().any(|group| group.texels() > 1 << 16));
+    let [ample, short] = [64 << 20, 200 << 10].map(|memory_bytes| {
+        let baked = Baked::new(&mesh, &cover, BakeFormat::Rgba8);
+        let mut painter = Painter::open(&baked.path, &PaintOptions { memory_bytes, history: true }).unwrap();
+        let line = stroke(painter.surface(), 40.0, &[Vec3::X, Vec3::Z]);
+        paint_stroke(&mut painter, red(0.9), &line);
+        start_half(&mut painter);
+        painter.finish_work().unwrap();
+        contents(&painter)
+    });
+    assert!(ample == short);
+}
+
 // Coarser levels after the end of a stroke, and painting on a full disk.
 
 /// Over the ball, each stroke elsewhere, crossing the others.
