@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::composite::replace_blocks;
 use crate::levels::{CoarserLevels, Dirty, LevelJob, PageChange, continue_values, page_rect, pages_of};
 use crate::steps::Changes;
-use crate::texel_page::{Rect, TexelPage};
+use crate::texel_page::Rect;
 use crate::{History, Painter, Surface};
 
 /// The cut-outs that a tile shows, if it shows any, and the channel that has their alpha.
@@ -163,10 +163,7 @@ impl LevelJob<'_> {
         let mut raster = Raster::empty(block.extent, 1, Some(0)).with_cut_outs(cut_outs);
         for page in pages_of(rect) {
             let id = PageId { group: self.group, level: 0, page };
-            let map = match self.maps.get(&id) {
-                Some(map) => Arc::clone(map),
-                None => Arc::new(TexelPage::build(self.surface, id)),
-            };
+            let map = self.map(id);
             let texels = self.editor.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
             let origin = page_origin(page);
             for [x, y] in rect.intersection(page_rect(extent, page)).texels() {

@@ -188,14 +188,20 @@ impl Painter {
         is_base: bool,
         channels: &[usize],
     ) -> Result<Vec<PageId>> {
+        if is_base {
+            // Under layers that have had no effect so far, what is there is the base's.
+            let is_aside = |(group, dirty): &&(u32, Dirty)| self.is_put_aside(*group, dirty);
+            let aside: Vec<u32> = groups.iter().filter(is_aside).map(|(group, _)| *group).collect();
+            aside.into_iter().try_for_each(|group| self.keep_means(group))?;
+        }
         let is_under = |(group, _): &&(u32, Dirty)| is_base && self.keeps_base_levels(*group);
         let under: Vec<(u32, Dirty)> = groups.iter().filter(is_under).cloned().collect();
         let mut bases: BTreeMap<u32, CoarserLevels> = BTreeMap::new();
         if !under.is_empty() {
-            let work = self.level_work(under, true, channels);
+            let work = self.level_work(under, channels);
             bases.extend(work.run(&self.editor, true, &mut self.maps)?);
         }
-        let work = self.level_work(groups, is_base, channels);
+        let work = self.level_work(groups, channels);
         let mut ids = Vec::new();
         for (group, result) in work.run(&self.editor, false, &mut self.maps)? {
             if let Some(base) = bases.remove(&group) {
@@ -206,17 +212,15 @@ impl Painter {
         Ok(ids)
     }
 
-    pub(crate) fn level_work(
-        &self,
-        groups: Vec<(u32, Dirty)>,
-        is_base: bool,
-        channels: &[usize],
-    ) -> LevelWork {
+    /// Whether the base of some changed page of level 0 has been put aside.
+    fn is_put_aside(&self, group: u32, dirty: &Dirty) -> bool {
+        let mut pages = dirty.keys().map(|&page| PageId { group, level: 0, page });
+        pages.any(|id| self.editor.has_attachment(&base_name(id)))
+    }
+
+    pub(crate) fn level_work(&self, groups: Vec<(u32, Dirty)>, channels: &[usize]) -> LevelWork {
         let is_layered = |(group, dirty): &(u32, Dirty)| {
-            let group = *group;
-            let is_kept = |page| self.editor.has_attachment(&base_name(PageId { group, level: 0, page }));
-            let is_first_layered = || !is_base && dirty.keys().copied().any(is_kept);
-            (self.keeps_base_levels(group) || is_first_layered()).then_some(group)
+            (self.keeps_base_levels(*group) || self.is_put_aside(*group, dirty)).then_some(*group)
         };
         LevelWork {
             surface: Arc::clone(&self.surface),

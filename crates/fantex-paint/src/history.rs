@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::base_levels::with_added_channels;
 use crate::error::{damaged, encoded};
-use crate::layers::{base_bytes, base_name};
-use crate::log;
+use crate::layers::{base_bytes, base_name, prefix};
+use crate::{Target, log};
 
 pub(crate) const PREFIX: &str = "history/";
 
@@ -318,10 +318,9 @@ impl History {
         if direction == Direction::Back {
             others.reverse();
         }
-        for (id, base) in bases {
-            match base {
-                None => editor.detach(&base_name(id)),
-                Some(base) => editor.attach(&base_name(id), base)?,
+        for (id, base) in &mut bases {
+            if let Some(base) = base.take() {
+                editor.attach(&base_name(*id), base)?;
             }
         }
         for ((id, channel), page) in pages {
@@ -333,6 +332,9 @@ impl History {
                 Change::Attachment { name, contents } => editor.attach(&name, contents)?,
                 Change::Mean { channel, group, value } => editor.set_mean(channel, group, value),
             }
+        }
+        if direction == Direction::Back {
+            bases.iter().for_each(|(id, _)| editor.detach(&base_name(*id)));
         }
         Ok(())
     }
@@ -385,9 +387,10 @@ fn part_name(id: u64, part: u32) -> String {
 
 // Steps of an asset that loses channels.
 
-/// The step that an attachment is a part of, by its name.
-pub(crate) fn step_of_part(name: &str) -> Option<u64> {
-    name.strip_prefix(PREFIX)?.split_once('/')?.0.parse().ok()
+/// The step that an attachment is a part of, and which part, by its name.
+pub(crate) fn step_of_part(name: &str) -> Option<(u64, u32)> {
+    let (step, part) = name.strip_prefix(PREFIX)?.split_once('/')?;
+    Some((step.parse().ok()?, part.parse().ok()?))
 }
 
 /// The index without some steps.
@@ -427,6 +430,23 @@ pub(crate) fn part_with(
         }
     }
     Ok(Some(out))
+}
+
+/// The attachments that a part puts aside as the base of the layers, where it does nothing else: nothing that is seen depends on it.
+pub(crate) fn put_aside(part: &[u8]) -> Option<Vec<String>> {
+    let (mut rest, mut names) = (part, Vec::new());
+    while !rest.is_empty() {
+        names.push(match Record::decode(&mut rest)? {
+            Record::Base(id) => base_name(id),
+            Record::Attachment { name, contents: [before, _] }
+                if before.is_empty() && name.starts_with(&prefix(Target::Base)) =>
+            {
+                name
+            }
+            Record::Attachment { .. } | Record::Page { .. } | Record::Mean { .. } => return None,
+        });
+    }
+    Some(names)
 }
 
 // The records of a step, little-endian:

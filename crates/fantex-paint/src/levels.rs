@@ -123,40 +123,47 @@ pub(crate) struct LevelJob<'a> {
 }
 
 impl LevelJob<'_> {
-    /// Appends all coarser pages that change, and the mean.
+    /// Appends all coarser pages that change, and the mean. Of what is decoded, only the pages under one page are held at a time.
     fn run(&self, levels: &[Dirty], result: &mut CoarserLevels) -> Result<()> {
-        let mut finer = LevelPages::new();
+        let mut made = MadePages::new();
         let shape = self.surface.cover().groups[self.group as usize];
         for (level, dirty) in (0u32..).zip(levels).skip(1) {
             let extents = [shape.level_extent(level - 1), shape.level_extent(level)];
-            let mut computed = BTreeMap::new();
+            let (mut finer, mut next) = (LevelPages::new(), MadePages::new());
             for (&page, &rect) in dirty {
                 let id = PageId { group: self.group, level, page };
-                let values = self.page(id, rect, extents, &mut finer, result)?;
-                computed.insert(page, values);
+                let under = fine_rect(rect, extents[0], extents[1]);
+                finer.retain(|page, _| !under.intersection(page_rect(extents[0], *page)).is_empty());
+                for page in pages_of(under) {
+                    if let Entry::Vacant(place) = finer.entry(page) {
+                        let id = PageId { level: level - 1, page, ..id };
+                        place.insert(self.load(id, &made, &result.pages)?);
+                    }
+                }
+                let (change, known) = self.page(id, rect, extents, &finer)?;
+                next.insert(page, (result.pages.len(), known));
+                result.pages.push(change);
             }
-            finer = computed;
+            made = next;
         }
         let last = PageId { group: self.group, level: shape.level_count() - 1, page: [0, 0] };
-        self.load(last, &mut finer)?;
         let add = if self.is_color() { TexelMean::add_covered } else { TexelMean::add };
         let mut mean = TexelMean::default();
-        finer[&last.page].iter().flatten().for_each(|value| add(&mut mean, *value));
+        self.load(last, &made, &result.pages)?.iter().flatten().for_each(|value| add(&mut mean, *value));
         result.means.extend(mean.value().map(|mean| (self.channel, mean.to_array())));
         Ok(())
     }
 
-    /// A page with the texels of `rect` computed anew; its decoded values, where they are known.
+    /// A page with the texels of `rect` computed anew, and which of its texels are known.
     fn page(
         &self,
         id: PageId,
         rect: Rect,
         [fine, coarse]: [[u32; 2]; 2],
-        finer: &mut LevelPages,
-        result: &mut CoarserLevels,
-    ) -> Result<Vec<Option<Vec4>>> {
+        finer: &LevelPages,
+    ) -> Result<(PageChange, Vec<bool>)> {
         let under = fine_rect(rect, fine, coarse);
-        let below = self.window(id, fine, under, finer)?;
+        let below = self.window(fine, under, finer);
         let means = below.halved_part(under.low, [fine, coarse], rect.low, rect.extent());
         let before = self.read(id)?;
         let asset = self.editor.asset();
@@ -178,26 +185,29 @@ impl LevelJob<'_> {
         let mut after = before.clone();
         let channel = &asset.channels()[self.channel];
         replace_blocks(channel, extent, &mut after, &values, around, |texel| changed[texel])?;
-        // What is stored is what the next level sees.
-        let decoded = asset.decode_page_raw(self.channel, id, &after)?;
-        result.pages.push(PageChange { id, channel: self.channel, before, after });
-        Ok(where_known(decoded.rgba, &known))
+        Ok((PageChange { id, channel: self.channel, before, after }, known))
     }
 
     /// Which texels of a page are known.
     fn known(&self, id: PageId, texels: usize) -> Vec<bool> {
-        let map = self.maps.get(&id);
-        (0..texels).map(|texel| map.is_none_or(|map| map.is_known(texel))).collect()
+        let map = self.map(id);
+        (0..texels).map(|texel| map.is_known(texel)).collect()
     }
 
-    /// Reads a page that has not changed, unless it is there.
-    fn load(&self, id: PageId, pages: &mut LevelPages) -> Result<()> {
-        if let Entry::Vacant(place) = pages.entry(id.page) {
-            let texels = self.editor.asset().decode_page_raw(self.channel, id, &self.read(id)?)?;
-            let known = self.known(id, texels.rgba.len());
-            place.insert(where_known(texels.rgba, &known));
+    /// The texel map of a page, built where it is not at hand.
+    pub(crate) fn map(&self, id: PageId) -> Arc<TexelPage> {
+        self.maps.get(&id).map_or_else(|| Arc::new(TexelPage::build(self.surface, id)), Arc::clone)
+    }
+
+    /// A page's values, where they are known: as it has become (what is stored is what the next level sees), or as it is.
+    fn load(&self, id: PageId, made: &MadePages, changes: &[PageChange]) -> Result<Vec<Option<Vec4>>> {
+        let decode = |bytes: &[u8]| self.editor.asset().decode_page_raw(self.channel, id, bytes);
+        if let Some((index, known)) = made.get(&id.page) {
+            return Ok(where_known(decode(&changes[*index].after)?.rgba, known));
         }
-        Ok(())
+        let texels = decode(&self.read(id)?)?;
+        let known = self.known(id, texels.rgba.len());
+        Ok(where_known(texels.rgba, &known))
     }
 
     pub(crate) fn read(&self, id: PageId) -> Result<Vec<u8>> {
@@ -212,12 +222,10 @@ impl LevelJob<'_> {
         self.editor.asset().channels()[self.channel].kind == ChannelKind::BaseColor
     }
 
-    /// Values of a rectangle of the level below a page, where they are known.
-    fn window(&self, id: PageId, extent: [u32; 2], rect: Rect, finer: &mut LevelPages) -> Result<Raster> {
+    /// Values of a rectangle of a level, where they are known.
+    fn window(&self, extent: [u32; 2], rect: Rect, pages: &LevelPages) -> Raster {
         let mut window = Raster::empty(rect.extent(), 1, self.is_color().then_some(0));
-        for page in pages_of(rect) {
-            self.load(PageId { level: id.level - 1, page, ..id }, finer)?;
-            let values = &finer[&page];
+        for (&page, values) in pages {
             let columns = page_extent(extent, page)[0];
             let part = rect.intersection(page_rect(extent, page));
             for [x, y] in part.texels() {
@@ -228,12 +236,15 @@ impl LevelJob<'_> {
                 }
             }
         }
-        Ok(window)
+        window
     }
 }
 
-/// Pages of a level, as they have become, where their texels are known.
+/// Pages of a level, where their texels are known.
 type LevelPages = BTreeMap<[u32; 2], Vec<Option<Vec4>>>;
+
+/// Pages of a level that are made anew: the numbers of their changes, and which of their texels are known.
+type MadePages = BTreeMap<[u32; 2], (usize, Vec<bool>)>;
 
 fn where_known(rgba: Vec<[f32; 4]>, known: &[bool]) -> Vec<Option<Vec4>> {
     rgba.into_iter().zip(known).map(|(rgba, known)| known.then_some(rgba.into())).collect()
@@ -267,6 +278,14 @@ pub(crate) fn continue_values(
 /// Most groups whose levels are worked on at a time.
 pub(crate) const GROUP_BATCH: usize = 64;
 
+const PAGE_TEXELS: usize = (PAGE * PAGE) as usize;
+
+/// What a texel of a texel map takes, about.
+const MAP_BYTES_PER_TEXEL: usize = 6;
+
+/// What a texel takes of the four pages under a page that is made: its value, in two places, and the mean above it.
+const WORKING_BYTES_PER_TEXEL: usize = 64;
+
 pub(crate) type LevelResults = Vec<(u32, CoarserLevels)>;
 
 #[derive(Debug)]
@@ -276,7 +295,7 @@ pub(crate) struct LevelWork {
     /// Those that layers lie over.
     pub(crate) layered: BTreeSet<u32>,
     pub(crate) channels: Vec<usize>,
-    /// Of texel maps, and of cut-outs that are in work at once.
+    /// Of texel maps, and of what is in work at once.
     pub(crate) budget_bytes: usize,
 }
 
@@ -298,7 +317,7 @@ impl LevelWork {
         let mut results = Vec::with_capacity(self.groups.len());
         let mut left = self.groups.as_slice();
         while !left.is_empty() {
-            let bytes = left.iter().map(|(group, _)| self.working_bytes(editor.asset(), *group));
+            let bytes = left.iter().map(|(group, dirty)| self.working_bytes(editor.asset(), *group, dirty));
             let (batch, others) = left.split_at(batch_length(bytes, self.budget_bytes));
             results.extend(self.run_batch(batch, editor, is_base, maps)?);
             left = others;
@@ -306,10 +325,18 @@ impl LevelWork {
         Ok(results)
     }
 
-    /// What a group takes beside its texel maps.
-    fn working_bytes(&self, asset: &Asset, group: u32) -> usize {
+    /// What a group takes: texel maps, what is in work, and what is made.
+    fn working_bytes(&self, asset: &Asset, group: u32, dirty: &Dirty) -> usize {
         let shape = &self.surface.cover().groups[group as usize];
-        self.cut_outs(asset, group).map_or(0, |_| working_bytes(shape, self.budget_bytes))
+        let texels = (shape.texels() as usize).min(dirty.len() * PAGE_TEXELS);
+        let in_work = WORKING_BYTES_PER_TEXEL * texels.min(4 * PAGE_TEXELS);
+        let in_channel = |&channel: &usize| {
+            // Bytes before and after, of a third as many texels.
+            in_work + texels * asset.channels()[channel].format.bytes([4, 4]) / 24
+        };
+        let all: usize = self.channels.iter().map(in_channel).sum();
+        let cut_outs = self.cut_outs(asset, group).map_or(0, |_| working_bytes(shape, self.budget_bytes));
+        all.saturating_add(MAP_BYTES_PER_TEXEL * texels).saturating_add(cut_outs)
     }
 
     fn run_batch(
@@ -337,6 +364,14 @@ impl LevelWork {
             with_means.flat_map(|(group, levels)| pages_read(surface, *group, levels)).collect();
         for &group in with_cut_outs.keys() {
             ids.extend(maps_read(&surface.cover().groups[group as usize], group));
+        }
+        let bytes = |id: &PageId| {
+            let extent = surface.cover().groups[id.group as usize].level_extent(id.level);
+            MAP_BYTES_PER_TEXEL * page_extent(extent, id.page).into_iter().product::<u32>() as usize
+        };
+        if ids.iter().map(bytes).sum::<usize>() > budget_bytes {
+            // Each is built when it is wanted, and not kept.
+            ids.clear();
         }
         let ids: Vec<PageId> = ids.into_iter().collect();
         let maps = maps.get(surface, &ids, budget_bytes);

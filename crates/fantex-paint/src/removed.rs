@@ -3,7 +3,7 @@
 //! Many attachments count channels: pages and means under the layers, pages of layers, the list of layers, the history, the log. The
 //! file that takes the asset's place has them all without the removed channels, so that a crash leaves the old asset or the new one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use fantex_base::Result;
@@ -16,7 +16,8 @@ use crate::graph::FillTextures;
 use crate::layers::{self, Layers, TEXEL_BYTES, base_page_of_suffix, page_of_suffix, prefix};
 use crate::relief::Relief;
 use crate::{
-    FillSettings, History, Layer, LayerContent, Painter, StrokeSettings, Target, added, history, log,
+    FillSettings, History, HistoryStep, Layer, LayerContent, Painter, StrokeSettings, Target, added, history,
+    log,
 };
 
 impl Painter {
@@ -57,8 +58,15 @@ impl Painter {
     ) -> Result<()> {
         self.commit()?;
         let asset = Arc::clone(self.editor.asset());
-        let mut removal =
-            Removal { asset: &asset, kinds, removed, forgets_history, emptied: BTreeSet::new() };
+        let mut removal = Removal {
+            asset: &asset,
+            kinds,
+            removed,
+            forgets_history,
+            emptied: BTreeSet::new(),
+            passed_on: BTreeMap::new(),
+            dropped: BTreeSet::new(),
+        };
         removal.find_emptied(&self.history)?;
         let change = |name: &str, contents| removal.changed(name, contents);
         self.editor.remove_channels(kinds, Removal::concerns, change)?;
@@ -77,8 +85,12 @@ struct Removal<'a> {
     /// Numbers of the channels, ascending.
     removed: Vec<usize>,
     forgets_history: bool,
-    /// Steps of the history that changed nothing else.
+    /// Steps of the history that changed nothing else. What they put aside as the base of the layers, the next step does.
     emptied: BTreeSet<u64>,
+    /// Records that a step begins with: those of emptied ones before it.
+    passed_on: BTreeMap<u64, Vec<u8>>,
+    /// Attachments that emptied steps put aside, with no step that was done after them.
+    dropped: BTreeSet<String>,
 }
 
 impl Removal<'_> {
@@ -94,6 +106,14 @@ impl Removal<'_> {
         if name.starts_with(history::PREFIX) {
             return if self.forgets_history { Ok(None) } else { self.history(name, contents) };
         }
+        if self.dropped.contains(name) {
+            return Ok(None);
+        }
+        self.without_channels(name, contents)
+    }
+
+    /// The same of one that is no part of the history, as it is now or as a step has it.
+    fn without_channels(&self, name: &str, contents: Vec<u8>) -> Result<Option<Vec<u8>>> {
         if name == added::LIST {
             return without_kinds(contents, self.kinds).map(Some);
         }
@@ -200,8 +220,13 @@ impl Removal<'_> {
             return history::index_without(contents, &self.emptied).map(Some);
         }
         match history::step_of_part(name) {
-            Some(step) if self.emptied.contains(&step) => Ok(None),
-            Some(_) => self.part(&contents).map(Some),
+            Some((step, _)) if self.emptied.contains(&step) => Ok(None),
+            Some((step, number)) => {
+                let first = self.passed_on.get(&step).filter(|_| number == 0);
+                let mut records = first.cloned().unwrap_or_default();
+                records.extend(self.part(&contents)?);
+                Ok(Some(records))
+            }
             None => Ok(Some(contents)),
         }
     }
@@ -214,7 +239,7 @@ impl Removal<'_> {
         };
         let part = history::part_with(contents, number, |name, contents| match contents.is_empty() {
             true => Ok(contents),
-            false => Ok(self.changed(name, contents)?.unwrap_or_default()),
+            false => Ok(self.without_channels(name, contents)?.unwrap_or_default()),
         })?;
         part.ok_or_else(|| damaged(self.asset, "history", "a step cannot be read"))
     }
@@ -223,16 +248,34 @@ impl Removal<'_> {
         if self.forgets_history {
             return Ok(());
         }
-        for step in history.done().iter().chain(history.undone()) {
-            let mut is_empty = true;
-            for name in step.part_names() {
-                let Some(contents) = self.asset.attachment(&name)? else { continue };
-                is_empty &= self.part(&contents)?.is_empty();
-            }
-            if is_empty {
-                self.emptied.insert(step.id);
-            }
+        let mut aside = Vec::new();
+        for step in history.done() {
+            self.find_if_emptied(step, &mut aside)?;
         }
+        // What the last ones that were done have put aside is not needed, as if they were taken back.
+        self.dropped.extend(history::put_aside(&aside).unwrap_or_default());
+        for step in history.undone().iter().rev() {
+            self.find_if_emptied(step, &mut aside)?;
+        }
+        Ok(())
+    }
+
+    /// `aside`: records of emptied steps directly before this one, which they join or which it takes over.
+    fn find_if_emptied(&mut self, step: &HistoryStep, aside: &mut Vec<u8>) -> Result<()> {
+        let mut records = Vec::new();
+        for name in step.part_names() {
+            let Some(contents) = self.asset.attachment(&name)? else { continue };
+            let part = self.part(&contents)?;
+            if history::put_aside(&part).is_none() {
+                if !aside.is_empty() {
+                    self.passed_on.insert(step.id, std::mem::take(aside));
+                }
+                return Ok(());
+            }
+            records.extend(part);
+        }
+        self.emptied.insert(step.id);
+        aside.extend(records);
         Ok(())
     }
 }

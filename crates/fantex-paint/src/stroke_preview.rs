@@ -38,7 +38,7 @@ impl Painter {
         };
         let groups = groups.into_iter().map(|group| (group, finest(group))).collect();
         let is_base = stroke.target == Target::Base;
-        let mut work = self.level_work(groups, is_base, &stroke.affected);
+        let mut work = self.level_work(groups, &stroke.affected);
         if is_base {
             // Its coarser levels are those from before the stroke.
             work.layered.clear();

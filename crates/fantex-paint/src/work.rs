@@ -11,6 +11,7 @@
 //! commit. Doing it at once (as [`Painter::edit_layers`] and [`Painter::undo`] do) takes the same slices to the end. Memory is bounded
 //! by a slice. A commit in the middle holds texels, the records that undo them, and an attachment that says what is left.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
@@ -547,12 +548,17 @@ impl Painter {
         Ok(summary)
     }
 
-    /// All that can fail because of the asset comes before the first change: a page is painted once or not at all.
+    /// All that can fail because of the asset comes before the first change: a page is painted once or not at all. What dabs have
+    /// gathered stays as it is, so that it is still there where that fails.
     fn fill_pages(&mut self, work: &mut FillWork, ids: &[PageId]) -> Result<()> {
         let maps = self.maps.get(&self.surface, ids, self.options.budget());
-        let pages = work.stroke.pages.take_or_new(sizes(ids, &maps))?;
+        let with_dabs = |((id, texels), map): ((PageId, usize), &Arc<TexelPage>)| {
+            let page = work.stroke.pages.get(id)?;
+            let page = page.map_or_else(|| StrokePage::new(texels), Cow::into_owned);
+            Ok((id, page, Arc::clone(map)))
+        };
         let mut pages: Vec<(PageId, StrokePage, Arc<TexelPage>)> =
-            pages.into_iter().zip(maps).map(|((id, page), map)| (id, page, map)).collect();
+            sizes(ids, &maps).zip(&maps).map(with_dabs).collect::<Result<_>>()?;
         let (surface, area) = (&*self.surface, &work.area);
         let paint = &work.stroke.paint;
         pages.par_iter_mut().for_each(|(id, page, map)| {

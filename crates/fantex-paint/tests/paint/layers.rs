@@ -114,6 +114,27 @@ fn layers_over_paint_on_the_base_give_it_back() {
     assert!(contents(&painter) == contents(&untouched.painter()));
 }
 
+/// Under a layer that changes nothing before the base is painted brighter, coarser levels and means of the base are kept all the same.
+#[test]
+fn layers_without_effect_give_back_what_is_painted_under_them() {
+    let [baked, plain] = [0, 1].map(|_| ball(60_000, BakeFormat::Rgba8));
+    let (mut painter, mut without) = (baked.painter(), plain.painter());
+    let untouched = contents(&painter);
+    let mut darken = everywhere(Vec4::new(0.6, 0.6, 0.6, 1.0));
+    (darken.blend, darken.channels) = (BlendMode::Darken, vec![true, false]);
+    painter.add_layer(darken).unwrap();
+    assert!(contents(&painter) == untouched, "it lies over what is darker");
+    paint_on(&mut painter, Target::Base, white(), &LINE);
+    paint_on(&mut without, Target::Base, white(), &LINE);
+    assert!(contents(&painter) != contents(&without));
+    painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
+    assert!(contents(&painter) == contents(&without));
+    while painter.undo().unwrap() {}
+    assert!(contents(&painter) == untouched);
+    while painter.redo().unwrap() {}
+    assert!(contents(&painter) == contents(&without));
+}
+
 /// Pages of a layer that one step changes twice are as before when it is taken back.
 #[test]
 fn two_merges_in_one_step_are_undone() {

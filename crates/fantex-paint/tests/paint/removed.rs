@@ -136,6 +136,41 @@ fn what_was_painted_in_other_channels_stays() {
     }
 }
 
+/// A step that painted nothing else goes even where it was the first on a layer. What it put aside as the base comes and goes with the
+/// next step, if there is one.
+#[test]
+fn steps_that_put_the_base_aside_go() {
+    for (is_painted_over, on_base, undone) in [(false, false, 0), (true, true, 0), (true, false, 2)] {
+        let baked = ball(8_000, BakeFormat::Rgba8);
+        let mut painter = baked.painter();
+        painter.add_channels(&KINDS[2..]).unwrap();
+        let kept_of = |painter: &Painter| of_channels(&contents(painter), KINDS.len(), &[0, 1, 2]);
+        let untouched = kept_of(&painter);
+        paint_on(&mut painter, Target::Base, red(0.8), &LINE);
+        let layer = painter.add_layer(Layer::painted("paint")).unwrap();
+        paint_on(&mut painter, Target::Layer(layer), glow(), &LINE);
+        if is_painted_over {
+            let target = if on_base { Target::Base } else { Target::Layer(layer) };
+            paint_on(&mut painter, target, red(0.5), &LINE[1..]);
+        }
+        let last = kept_of(&painter);
+        (0..undone).for_each(|_| assert!(painter.undo().unwrap()));
+        painter.remove_channels(&KINDS[EMISSION..]).unwrap();
+        while painter.redo().unwrap() {}
+        assert!(contents(&painter) == last);
+        assert_eq!(painter.history().done().len(), 2 + usize::from(is_painted_over));
+        while painter.undo().unwrap() {}
+        assert!(contents(&painter) == untouched);
+        let names = painter.editor().attachment_names();
+        assert!(names.iter().all(|name| !name.starts_with("layers/base/")), "{names:?}");
+        while painter.redo().unwrap() {}
+        assert!(contents(&painter) == last);
+        painter.edit_layers("remove", |layers| layers.clear()).unwrap();
+        while painter.undo().unwrap() {}
+        assert!(contents(&painter) == untouched);
+    }
+}
+
 #[test]
 fn without_height_normals_lose_the_relief_of_layers() {
     let kinds = [ChannelKind::Normal, ChannelKind::Displacement];

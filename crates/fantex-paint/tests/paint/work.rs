@@ -2,6 +2,8 @@
 
 use std::path::Path;
 use std::sync::Arc;
+#[cfg(unix)]
+use std::time::Instant;
 
 use fantex_bake::BakeFormat;
 use fantex_paint::{
@@ -325,6 +327,52 @@ fn the_history_of_a_layer_over_everything_keeps_no_bases() {
     assert!(painter.undo().unwrap() && bytes(&painter, "layers/base/") == 0 && contents(&painter) == before);
     assert!(painter.redo().unwrap() && contents(&painter) == painted);
     assert_eq!(bytes(&painter, "layers/base/"), kept);
+}
+
+/// Pages that cannot be read for a while are filled later, once, together with what dabs have gathered on them.
+#[cfg(unix)]
+#[test]
+fn a_fill_that_fails_keeps_what_dabs_have_gathered() {
+    let [whole, hurt] = [0, 1].map(|_| ball(100_000, BakeFormat::Rgba8));
+    let [mut at_once, mut painter] = [&whole, &hurt].map(Baked::painter);
+    for painter in [&mut at_once, &mut painter] {
+        let surface = Arc::clone(painter.surface());
+        // On a tile that is filled first.
+        let groups = &surface.cover().corner_groups;
+        let triangle = groups.iter().position(|groups| groups.contains(&0)).unwrap();
+        let [a, b, c] = surface.mesh().triangle_positions(triangle);
+        painter.begin("fill", red(0.5)).unwrap();
+        painter.dab(&dabs_of(&surface, &stroke(&surface, 20.0, &[(a + b + c) / 3.0]))).unwrap();
+        painter.show().unwrap();
+        painter.start_fill(FillArea::Everything).unwrap();
+    }
+    at_once.finish_work().unwrap();
+    let bytes = std::fs::read(&hurt.path).unwrap();
+    let file = std::fs::OpenOptions::new().write(true).open(&hurt.path).unwrap();
+    let put = |bytes: &[u8]| std::os::unix::fs::FileExt::write_all_at(&file, bytes, 0).unwrap();
+    put(&vec![0; bytes.len()]);
+    assert!(painter.work_on(Instant::now()).is_err());
+    put(&bytes);
+    painter.finish_work().unwrap();
+    assert!(contents(&painter) == contents(&at_once));
+}
+
+/// Where the pages under a tile's coarser levels do not fit into memory together, the levels are the same.
+#[test]
+fn levels_of_large_tiles_need_little_memory() {
+    let mesh = plate(4, 0.1);
+    let cover = cover(&mesh, 1024, 450_000);
+    assert!(cover.groups.iter().any(|group| group.texels() > 1 << 16));
+    let [ample, short] = [64 << 20, 200 << 10].map(|memory_bytes| {
+        let baked = Baked::new(&mesh, &cover, BakeFormat::Rgba8);
+        let mut painter = Painter::open(&baked.path, &PaintOptions { memory_bytes, history: true }).unwrap();
+        let line = stroke(painter.surface(), 40.0, &[Vec3::X, Vec3::Z]);
+        paint_stroke(&mut painter, red(0.9), &line);
+        start_half(&mut painter);
+        painter.finish_work().unwrap();
+        contents(&painter)
+    });
+    assert!(ample == short);
 }
 
 // Coarser levels after the end of a stroke, and painting on a full disk.
