@@ -140,13 +140,16 @@ impl<'a> FanFile<'a> {
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
         let (options, mesh) = (self.options, asset.mesh());
+        let stem = file_stem(self.output, object);
+        if self.gltf.is_none() {
+            check_file_name(&stem).map_err(|error| error.with_path(self.output))?;
+        }
         let packer = Packer::new(asset, &options.sheets, progress)?;
         let kinds = options.pictures.kinds();
         let bytes = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
         let bytes = packer.pictures().flat_map(bytes).map(|(s, m, kind)| packer.picture_bytes(s, m, kind));
         packer.check_memory(bytes.max().unwrap_or(0))?;
         let sheets = packer.described();
-        let stem = file_stem(self.output, object);
         let mut files = SheetFiles {
             packer: &packer,
             sheets: &sheets,

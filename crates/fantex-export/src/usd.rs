@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Write};
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{Material, Mesh};
 use glam::{DVec3, Vec2, Vec3};
 
@@ -52,7 +53,8 @@ pub(crate) fn write_usda_objects(root: &str, objects: &[[String; 2]], out: &File
         let name = plain(name);
         writeln!(
             out,
-            "    def \"Object_{number}_{name}\" (\n        prepend references = @@@./{file}@@@\n    )\n    {{\n    }}"
+            "    def \"Object_{number}_{name}\" (\n        prepend references = {}\n    )\n    {{\n    }}",
+            asset_path(file)
         )?;
     }
     writeln!(out, "}}")?;
@@ -66,6 +68,24 @@ fn write_start(out: &mut impl Write, root: &str) -> io::Result<()> {
         "#usda 1.0\n(\n    defaultPrim = \"{root}\"\n    doc = \"Written by fantex\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n"
     )?;
     writeln!(out, "def Xform \"{root}\"\n{{")
+}
+
+/// Refuses what USD allows in no path of a file.
+///
+/// # Errors
+/// The name has a control character.
+pub(crate) fn check_file_name(name: &str) -> Result<()> {
+    match name.chars().any(char::is_control) {
+        true => Err(Error::invalid(format!(
+            "USD refers to no file whose name has a control character, as {name:?} has; choose another name"
+        ))),
+        false => Ok(()),
+    }
+}
+
+/// The path of a file beside this one.
+fn asset_path(name: &str) -> String {
+    format!("@@@./{}@@@", name.replace("@@@", "\\@@@"))
 }
 
 /// The characters of a name that USD allows in names, `_` for the others.
@@ -189,7 +209,8 @@ fn write_shader(
             Input::Value(value) => match *kind {
                 "filename" => writeln!(
                     out,
-                    " = @@@./{value}@@@ (\n                    colorSpace = \"{space}\"\n                )"
+                    " = {} (\n                    colorSpace = \"{space}\"\n                )",
+                    asset_path(value)
                 )?,
                 "string" => writeln!(out, " = \"{value}\"")?,
                 "color3" => writeln!(out, " = ({value})")?,
