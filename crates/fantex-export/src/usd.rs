@@ -121,6 +121,7 @@ fn write_mesh(
     )?;
     writeln!(out, "        uniform bool doubleSided = {}", u8::from(is_double_sided))?;
     writeln!(out, "        uniform token subdivisionScheme = \"none\"")?;
+    writeln!(out, "        uniform token subsetFamily:materialBind:familyType = \"partition\"")?;
     write_list(out, "        int[] faceVertexCounts", (0..triangles).map(|_| 3))?;
     write_list(out, "\n        int[] faceVertexIndices", indices)?;
     write_list(out, "\n        point3f[] points", geometry.positions[vertices.clone()].iter().map(triple))?;
