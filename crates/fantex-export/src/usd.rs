@@ -27,14 +27,16 @@ pub(crate) fn write_usda(
         writeln!(out, "    double3 xformOp:translate = ({x}, {y}, {z})")?;
         writeln!(out, "    uniform token[] xformOpOrder = [\"xformOp:translate\"]")?;
     }
-    let is_double_sided = mesh.materials.iter().any(|material| material.double_sided);
+    let default_material = Material::default();
     for primitives in geometry.primitives.chunk_by(|a, b| a.part == b.part) {
         let part = primitives[0].part;
         let name = mesh.parts.names.get(part).map_or("", String::as_str);
+        let material = |primitive: &Primitive| mesh.materials.get(primitive.material);
+        let mut materials = primitives.iter().map(|p| material(p).unwrap_or(&default_material));
+        let is_double_sided = materials.any(|material| material.double_sided);
         write_mesh(&mut out, geometry, primitives, &identifier(name, part), is_double_sided)?;
     }
     writeln!(out, "    def Scope \"Materials\"\n    {{")?;
-    let default_material = Material::default();
     for (material, sheet) in geometry.looks() {
         let graph = Graph::of_sheet(pictures, sheet, &mesh.materials);
         let material =

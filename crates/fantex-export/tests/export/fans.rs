@@ -1,7 +1,7 @@
 //! Fans for other programs: three look-ups in a sheet are the texture function.
 
 use fantex_bake::NoProgress;
-use fantex_base::Random;
+use fantex_base::{ErrorKind, Random};
 use fantex_cover::{CoverOptions, TexelBudget};
 use fantex_export::{
     ChannelMap, Depth, FanFileOptions, FanSheetOptions, FanSheets, ShaderLanguage, SheetPictures,
@@ -166,6 +166,31 @@ fn files_keep_parts_and_materials() {
     let tight = FanFileOptions { sheets, ..options };
     let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, &NoProgress).unwrap_err();
     assert!(refused.to_string().contains("give more --memory"), "{refused}");
+}
+
+/// What Pixar's reader wants, and what is each part's own.
+#[test]
+fn usd_has_families_of_subsets_and_names_any_file() {
+    let mut mesh = cleaned(generate::torus(8, 6));
+    let count = mesh.triangles.len();
+    mesh.materials =
+        [false, true].map(|double_sided| Material { double_sided, ..Material::default() }).to_vec();
+    mesh.triangle_materials = (0..count).map(|t| u32::from(t >= count / 2)).collect();
+    mesh.parts =
+        Parts { names: vec!["front".into(), "both".into()], of_triangle: mesh.triangle_materials.clone() };
+    let waves = baked(&mesh, &Waves::color(2.0), 5000, fantex_bake::BakeFormat::Rgba8);
+    let options = FanFileOptions::default();
+    export_fans(&waves.asset, &waves.path("a@@@b.usda"), &options, &NoProgress).unwrap();
+    let text = std::fs::read_to_string(waves.path("a@@@b.usda")).unwrap();
+    let sides = text.lines().filter(|line| line.contains("doubleSided"));
+    let sides: Vec<_> = sides.map(|line| line.rsplit(' ').next().unwrap()).collect();
+    assert_eq!(sides, ["0", "1"]);
+    let family = "uniform token subsetFamily:materialBind:familyType = \"partition\"";
+    assert_eq!(text.matches(family).count(), 2);
+    assert!(text.contains("@@@./a\\@@@b-fans-base-color.png@@@"));
+    let refused = export_fans(&waves.asset, &waves.path("a\nb.usda"), &options, &NoProgress).unwrap_err();
+    assert_eq!(refused.kind(), ErrorKind::InvalidArgument);
+    assert!(refused.to_string().contains("control character"), "{refused}");
 }
 
 /// All maps of sheets, with light that is brighter than 1.
