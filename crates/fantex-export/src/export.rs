@@ -266,22 +266,26 @@ pub fn export_channels(
     }
     let mut outputs = Outputs::new(options.force);
     let mut sinks: Vec<Box<dyn RowSink>> = Vec::with_capacity(maps.len());
-    for (&(_, output), map) in channels.iter().zip(&maps) {
+    let mut cut_off = Vec::new();
+    for (&(kind, output), map) in channels.iter().zip(&maps) {
+        let extension = extension(output);
+        let largest = if extension == "exr" { 1.0 } else { surface.brightest(map, progress) };
+        if extension == "png" && largest > 1.0 {
+            cut_off.push((kind, largest));
+        }
         let file = outputs.create(output)?;
-        sinks.push(match extension(output).as_str() {
+        sinks.push(match extension.as_str() {
             "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], *map, depth)?),
-            "ktx2" => Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, Packing::of(map))?),
+            "ktx2" => {
+                let packing = Packing::of_single(map, largest);
+                Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, packing)?)
+            }
             _ => Box::new(FloatSink::new(file, output.into(), page.side, map)),
         });
     }
     let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
     summary.check_damage(options.strict)?;
-    for (&(kind, output), map) in channels.iter().zip(&maps) {
-        let largest = if extension(output) == "png" { surface.brightest(map, progress) } else { 1.0 };
-        if largest > 1.0 {
-            summary.cut_off.push((kind, largest));
-        }
-    }
+    summary.cut_off = cut_off;
     summary.files = outputs.commit()?;
     Ok(summary)
 }

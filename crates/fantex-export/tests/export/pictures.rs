@@ -153,6 +153,28 @@ fn check_descriptor(
     assert_eq!(offset, 8 * unit_bytes);
 }
 
+/// No factor beside them tells how bright it is.
+#[test]
+fn single_pictures_hold_light_brighter_than_one() {
+    let waves = Waves { kinds: vec![ChannelKind::Emission], brightness: 6.0, ..Waves::color(3.0) };
+    let baked = baked(&cleaned(icosphere(2)), &waves, 1 << 12, BakeFormat::Float);
+    let [exact, packed] =
+        ["a.exr", "a.ktx2"].map(|name| export(&baked, ChannelMap::Emission, Depth::Eight, name));
+    let (mut brightest, mut worst) = (0.0f32, 0.0f32);
+    for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+        let [a, b] = [&exact, &packed].map(|image| Vec4::from(image.linear_texel(x, y)).truncate());
+        brightest = brightest.max(a.max_element());
+        worst = worst.max((a - b).abs().max_element());
+    }
+    assert!(brightest > 4.0 && worst < 0.01, "{worst} of {brightest}");
+    let cut_off = ["b.png", "b.ktx2"].map(|name| {
+        let path = baked.path(name);
+        let channels = [(ChannelMap::Emission, &*path)];
+        export_channels(&baked.asset, &channels, Depth::Eight, &options(), &NoProgress).unwrap().cut_off.len()
+    });
+    assert_eq!(cut_off, [1, 0]);
+}
+
 #[test]
 fn a_missing_channel_is_named() {
     let baked = baked_bottle(1 << 14);
