@@ -20,7 +20,7 @@ use crate::materialx::materialx;
 use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, translation_of};
 use crate::pictures::{Ktx2Sink, Packing, PngSink, values_of_halves, write_exr};
 use crate::texels::RowSink as _;
-use crate::usd::{write_usda, write_usda_objects};
+use crate::usd::{check_file_name, write_usda, write_usda_objects};
 
 /// How files with fans are written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -261,8 +261,8 @@ struct SheetFiles<'a> {
     is_binary: bool,
     pictures: SheetPictures,
     outputs: &'a mut Outputs,
-    /// Names without extensions, and files, of the pictures that a glTF refers to.
-    images: Vec<(String, File)>,
+    /// Names without extensions of the pictures that a glTF refers to, and files of those that go into it.
+    images: Vec<(String, Option<File>)>,
 }
 
 impl SheetFiles<'_> {
@@ -297,11 +297,12 @@ impl SheetFiles<'_> {
             }
             false => self.outputs.create(&path)?,
         };
-        let copy = file.try_clone().map_err(|e| Error::writing(&path, e))?;
+        let copy = || file.try_clone().map_err(|e| Error::writing(&path, e));
+        let inside = if self.is_binary { Some(copy()?) } else { None };
         let named = if self.is_binary { self.output } else { &path };
-        let mut png = PngSink::new(copy, named.into(), size, *map, depth_of(map))?;
+        let mut png = PngSink::new(file, named.into(), size, *map, depth_of(map))?;
         png.write_samples(samples)?;
-        self.images.push((name, file));
+        self.images.push((name, inside));
         png.finish()
     }
 }

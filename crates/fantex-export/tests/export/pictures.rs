@@ -1,18 +1,19 @@
 //! Single pictures, and KTX2 byte by byte.
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 
-use fantex_bake::{BakeFormat, NoProgress, Prefilter, Source, SourceChannel, TexelPoint};
+use fantex_bake::{BakeFormat, NoProgress, Prefilter, Progress, Source, SourceChannel, TexelPoint};
 use fantex_base::ErrorKind;
 use fantex_export::{ChannelMap, Depth, ExportOptions, UvChoice, export_channels, export_model};
 use fantex_mesh::generate::{cube, icosphere};
-use fantex_mesh::{Mesh, Model, SurfacePoint};
+use fantex_mesh::{Material, Mesh, Model, SurfacePoint};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::compare::psnr_db;
 use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, opened, worst_psnr_db};
+use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, files, opened, worst_psnr_db};
 
 const SIDE: u32 = 128;
 
@@ -227,6 +228,28 @@ fn overlapping_coordinates_are_reported() {
     let options = ExportOptions { uv: UvChoice::OfAsset, ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &baked.path("x.glb"), &options, &NoProgress).unwrap();
     assert!(summary.overlapping_share > 0.9, "{summary:?}");
+}
+
+/// Models of many materials would have too many files open.
+#[test]
+fn pictures_of_a_page_are_begun_when_it_is_made() {
+    /// Texels made, and files that were there then.
+    struct Counts(PathBuf, Mutex<Vec<(u64, usize)>>);
+    impl Progress for Counts {
+        fn report(&self, done: u64, _: u64) {
+            self.1.lock().unwrap().push((done, files(&self.0).len()));
+        }
+    }
+    let mut mesh = with_uv(cube(2), 1.0);
+    mesh.materials = vec![Material::default(); 2];
+    mesh.triangle_materials = (0..mesh.triangles.len()).map(|t| t as u32 % 2).collect();
+    let baked = baked(&mesh, &Waves::color(3.0), 1 << 12, BakeFormat::Rgba8);
+    let counts = Counts(baked.folder.path().into(), Mutex::default());
+    let options =
+        ExportOptions { uv: UvChoice::OfAsset, side: Some(64), with_ktx2: true, ..ExportOptions::default() };
+    export_model(&baked.asset, &baked.path("x.gltf"), &options, &counts).unwrap();
+    // Beside the asset there are two for each page; the model comes last.
+    assert_eq!(counts.1.into_inner().unwrap(), [(0, 1), (64 * 64, 3), (2 * 64 * 64, 5)]);
 }
 
 #[test]
