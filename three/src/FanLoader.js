@@ -17,7 +17,8 @@ const DEFAULTS = {
 function checked(options) {
     const unknown = Object.keys(options).find((name) => !(name in DEFAULTS));
     if (unknown !== undefined) throw new TypeError(`FanLoader has no option "${unknown}"; it has ${Object.keys(DEFAULTS).join(", ")}`);
-    const all = { ...DEFAULTS, ...options };
+    const given = Object.fromEntries(Object.entries(options).filter(([, value]) => value !== undefined));
+    const all = { ...DEFAULTS, ...given };
     for (const name of ["cacheBytes", "concurrency", "errorTarget", "anisotropy"]) {
         if (!(all[name] > 0 && Number.isFinite(all[name]))) throw new RangeError(`FanLoader's option ${name} is ${all[name]}; a number above 0 is expected`);
     }

@@ -162,9 +162,10 @@ function boundsOf(positions) {
 
 function channelsOf(core) {
     const numbers = core.channels();
-    return Array.from({ length: numbers.length / 3 }, (_, i) => (
-        { kind: numbers[3 * i], format: numbers[3 * i + 1], srgb: numbers[3 * i + 2] === 1 }
-    ));
+    return Array.from({ length: numbers.length / 4 }, (_, i) => {
+        const [kind, format, srgb, isDrawn] = numbers.subarray(4 * i, 4 * i + 4);
+        return { kind, format, srgb: srgb === 1, isDrawn: isDrawn === 1 };
+    });
 }
 
 function materialOf(own) {

@@ -57,7 +57,10 @@ export class FanMesh extends Mesh {
     readonly damage: string | null;
     /** Whether texels lie compressed in graphics memory; null before the first frame. */
     readonly isCompressed: boolean | null;
-    /** Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. */
+    /**
+     * Fetches what a camera's view needs, and brings what has come to the device. To be called before every frame. Throws why the core or its
+     * worker has failed, from then on at every call.
+     */
     update(camera: Camera, renderer: WebGLRenderer | WebGPURenderer): void;
     /** Has another material of three show this asset's channels; returns it. */
     patch<M extends Material>(material: M): M;

@@ -13,7 +13,6 @@ const COLUMNS = 4096;
 
 /** Kinds of channel, as files number them. */
 export const BASE_COLOR = 0, NORMAL = 1, MATERIAL = 2, EMISSION = 3, LIGHT = 5;
-const DRAWN = [BASE_COLOR, NORMAL, MATERIAL, EMISSION, LIGHT];
 
 /** Formats of texels, as files number them: how devices that have it hold them, and how others do. */
 const FORMATS = [
@@ -42,7 +41,7 @@ export function deviceOf(renderer) {
     return backend.isWebGPUBackend ? new GpuDevice(backend.device) : new GlDevice(backend.gl, backend.state);
 }
 
-/** Whether a device has all compressed formats of an asset's channels. */
+/** Whether a device has all compressed formats of channels. */
 function hasBlockFormats(device, channels) {
     return channels.every(({ format, srgb }) => !FORMATS[format].block || device.hasFormat(named(FORMATS[format].block, srgb)));
 }
@@ -85,23 +84,22 @@ export class FanTextures {
         const device = deviceOf(renderer);
         this.#device = device;
         this.renderer = renderer;
-        const compressed = wantsCompressed && hasBlockFormats(device, channels);
+        const drawn = channels.filter(({ isDrawn }) => isDrawn);
+        const compressed = wantsCompressed && hasBlockFormats(device, drawn);
         /** The one of the asset's for this device. */
         this.atlas = atlases.find((atlas) => atlas.compressed === compressed && atlas.maxSide <= device.maxSide);
         this.extent = this.atlas.extent;
         device.prepareUploads();
-        this.atlases = channels.map((channel, index) => {
-            // Of several channels of a kind the first one counts.
-            const first = channels.findIndex((other) => other.kind === channel.kind);
-            if (!DRAWN.includes(channel.kind) || first !== index) return null;
-            const { block, plain } = FORMATS[channel.format];
-            return createTexture(device, this.extent, named(compressed && block ? block : plain, channel.srgb), true);
+        this.atlases = channels.map(({ format, srgb, isDrawn }) => {
+            if (!isDrawn) return null;
+            const { block, plain } = FORMATS[format];
+            return createTexture(device, this.extent, named(compressed && block ? block : plain, srgb), true);
         });
         this.pages = createTexture(device, tables.pageExtent, "r32ui", false);
         this.groups = table(device, tables.groups, 2, "rg32ui");
         this.means = table(device, tables.means, 4, "rgba16f");
         this.frames = table(device, tables.frames, 4, "rgba32f");
-        this.isCompressed = compressed && channels.some(({ format }) => FORMATS[format].block !== null);
+        this.isCompressed = compressed && drawn.some(({ format }) => FORMATS[format].block !== null);
     }
 
     /** To be called before the core hands anything over. */
@@ -111,7 +109,7 @@ export class FanTextures {
 
     /** See the core's `Sink`. */
     texels(channel, x, y, width, height, bytes) {
-        this.atlases[channel]?.set(x, y, width, height, bytes);
+        this.atlases[channel].set(x, y, width, height, bytes);
     }
 
     /** See the core's `Sink`. */

@@ -161,6 +161,8 @@ async function load() {
             anisotropy: Number(query.get("anisotropy") ?? 16),
             errorTarget: Number(query.get("error") ?? 1),
             worker: query.get("worker") !== "0",
+            // As pages that hand on what they may not have been given.
+            cacheBytes: undefined,
         });
         fan = await loader.loadAsync(query.get("asset"), (event) => {
             loaded.push(event.loaded);

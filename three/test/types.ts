@@ -5,7 +5,7 @@ import { MeshLambertMaterial, PerspectiveCamera, Scene, WebGLRenderer } from "th
 import { WebGPURenderer } from "three/webgpu";
 
 export async function show(scene: Scene, camera: PerspectiveCamera, renderer: WebGLRenderer): Promise<FanMesh> {
-    const loader = new FanLoader({ cacheBytes: 2 ** 28, concurrency: 6, errorTarget: 1, worker: true });
+    const loader = new FanLoader({ cacheBytes: 2 ** 28, concurrency: 6, errorTarget: 1, worker: true, wasmUrl: undefined });
     const fan = await loader.loadAsync("bottle.fan", (event) => console.log(event.loaded));
     scene.add(fan);
     fan.update(camera, renderer);

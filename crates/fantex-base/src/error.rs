@@ -166,6 +166,16 @@ impl Error {
         self.context(path.display()).with_path(path)
     }
 
+    /// Has the sentence and the path name another file, for one that nobody else knows.
+    pub fn renamed(mut self, file: &Path, name: &Path) -> Self {
+        let [known, told] = [file, name].map(|path| path.display().to_string());
+        self.0.message = self.0.message.replace(&known, &told);
+        if self.path() == Some(file) {
+            self.0.path = Some(name.to_owned());
+        }
+        self
+    }
+
     /// Puts the place before the sentence: `line 12: ...`.
     pub fn at(self, place: Place) -> Self {
         let mut error = self.context(&place);

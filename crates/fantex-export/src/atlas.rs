@@ -67,7 +67,7 @@ pub fn export_atlas(
     let filled: Vec<_> = maps.iter().map(|_| Arc::new(Mutex::new(Vec::new()))).collect();
     let sinks = maps.iter().zip(&filled);
     let sinks = sinks.map(|(&map, bytes)| Box::new(MemorySink(map, Arc::clone(bytes))) as Box<dyn RowSink>);
-    let summary = job.run(&maps, &job.tangents(&maps), vec![sinks.collect()], progress)?;
+    let summary = job.run(&maps, &job.tangents(&maps), [Ok(sinks.collect())], progress)?;
     let picture = |(map, bytes): (&Map, Arc<Mutex<Vec<u8>>>)| AtlasPicture {
         map: map.kind,
         side: page.side,

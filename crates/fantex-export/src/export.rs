@@ -168,22 +168,29 @@ impl<'a> ModelFile<'a> {
         let job = Job::new(surface, self.options, progress)?;
         let maps = job.model_maps(progress);
         let (stem, is_binary) = (file_stem(self.output, object), self.gltf.is_binary());
+        let pages = job.layout.pages.len();
+        let name = |page: usize, map: &Map| {
+            let number = if pages > 1 { format!("-{}", page + 1) } else { String::new() };
+            format!("{stem}-{}{number}", map.kind.name())
+        };
+        let beside = [("png", !is_binary), ("ktx2", self.options.with_ktx2)];
+        for (page, map) in (0..pages).flat_map(|page| maps.iter().map(move |map| (page, map))) {
+            let written = beside.iter().filter(|(_, is_written)| *is_written);
+            let path = |extension| self.output.with_file_name(format!("{}.{extension}", name(page, map)));
+            written.map(|(extension, _)| path(extension)).try_for_each(|path| self.outputs.check(&path))?;
+        }
         let mut images = Vec::new();
-        let mut pages = Vec::new();
-        for (page, _) in job.layout.pages.iter().enumerate() {
-            let mut sinks: Vec<Box<dyn RowSink>> = Vec::new();
-            for map in &maps {
-                let number =
-                    if job.layout.pages.len() > 1 { format!("-{}", page + 1) } else { String::new() };
-                let name = format!("{stem}-{}{number}", map.kind.name());
+        let sinks = (0..pages).map(|page| {
+            let sink = |map| {
+                let name = name(page, map);
                 let (sink, file) = job.image(page, map, &name, is_binary, self.output, &mut self.outputs)?;
                 images.push((name, file));
-                sinks.push(sink);
-            }
-            pages.push(sinks);
-        }
+                Ok(sink)
+            };
+            maps.iter().map(sink).collect()
+        });
         let tangents = job.tangents(&maps);
-        let mut summary = job.run(&maps, &tangents, pages, progress)?;
+        let mut summary = job.run(&maps, &tangents, sinks, progress)?;
         let (mesh, layout) = (surface.mesh(), &job.layout);
         let page =
             |t: usize| layout.page_of_material.get(mesh.material_of(t)).copied().flatten().unwrap_or(0);
@@ -266,22 +273,26 @@ pub fn export_channels(
     }
     let mut outputs = Outputs::new(options.force);
     let mut sinks: Vec<Box<dyn RowSink>> = Vec::with_capacity(maps.len());
-    for (&(_, output), map) in channels.iter().zip(&maps) {
+    let mut cut_off = Vec::new();
+    for (&(kind, output), map) in channels.iter().zip(&maps) {
+        let extension = extension(output);
+        let largest = if extension == "exr" { 1.0 } else { surface.brightest(map, progress) };
+        if extension == "png" && largest > 1.0 {
+            cut_off.push((kind, largest));
+        }
         let file = outputs.create(output)?;
-        sinks.push(match extension(output).as_str() {
+        sinks.push(match extension.as_str() {
             "png" => Box::new(PngSink::new(file, output.into(), [page.side; 2], *map, depth)?),
-            "ktx2" => Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, Packing::of(map))?),
+            "ktx2" => {
+                let packing = Packing::of_single(map, largest);
+                Box::new(Ktx2Sink::new(file, output, [page.side; 2], map, packing)?)
+            }
             _ => Box::new(FloatSink::new(file, output.into(), page.side, map)),
         });
     }
-    let mut summary = job.run(&maps, &job.tangents(&maps), vec![sinks], progress)?;
+    let mut summary = job.run(&maps, &job.tangents(&maps), [Ok(sinks)], progress)?;
     summary.check_damage(options.strict)?;
-    for (&(kind, output), map) in channels.iter().zip(&maps) {
-        let largest = if extension(output) == "png" { surface.brightest(map, progress) } else { 1.0 };
-        if largest > 1.0 {
-            summary.cut_off.push((kind, largest));
-        }
-    }
+    summary.cut_off = cut_off;
     summary.files = outputs.commit()?;
     Ok(summary)
 }
@@ -343,7 +354,7 @@ impl<'a> Job<'a> {
         corner_tangents(self.surface.mesh(), &self.normals, |t| Some(self.layout.uv[t]))
     }
 
-    /// The sink of a model's picture, and its PNG file: beside the model, or unnamed where it goes into the model.
+    /// The sink of a model's picture, and its PNG file where that goes into the model.
     fn image(
         &self,
         page: usize,
@@ -352,7 +363,7 @@ impl<'a> Job<'a> {
         is_binary: bool,
         output: &Path,
         outputs: &mut Outputs,
-    ) -> Result<(Box<dyn RowSink>, File)> {
+    ) -> Result<(Box<dyn RowSink>, Option<File>)> {
         let side = self.layout.pages[page].side;
         let path = output.with_file_name(format!("{name}.png"));
         let failed = |source| Error::writing(output, source);
@@ -360,23 +371,24 @@ impl<'a> Job<'a> {
             true => tempfile::tempfile_in(folder_of(output)).map_err(failed)?,
             false => outputs.create(&path)?,
         };
-        let copy = file.try_clone().map_err(failed)?;
+        let inside = if is_binary { Some(file.try_clone().map_err(failed)?) } else { None };
         let named = if is_binary { output } else { &path };
-        let png = PngSink::new(copy, named.into(), [side; 2], *map, Depth::Eight)?;
+        let png = PngSink::new(file, named.into(), [side; 2], *map, Depth::Eight)?;
         if !self.options.with_ktx2 {
-            return Ok((Box::new(png), file));
+            return Ok((Box::new(png), inside));
         }
         let path = output.with_file_name(format!("{name}.ktx2"));
         let ktx2 = outputs.create(&path)?;
         let ktx2 = Ktx2Sink::new(ktx2, &path, [side; 2], map, Packing::of(map))?;
-        Ok((Box::new(Both(png, ktx2)), file))
+        Ok((Box::new(Both(png, ktx2)), inside))
     }
 
+    /// Makes all pages, one after the other. `sinks` gives those of a page, one per map, when it is made: each may have many open files.
     pub(crate) fn run(
         &self,
         maps: &[Map],
         tangents: &[Vec4],
-        pages: Vec<Vec<Box<dyn RowSink>>>,
+        sinks: impl IntoIterator<Item = Result<Vec<Box<dyn RowSink>>>>,
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
         let frames = Frames { normals: &self.normals, tangents };
@@ -384,7 +396,8 @@ impl<'a> Job<'a> {
         let total: u64 = self.layout.pages.iter().map(|p| u64::from(p.side).pow(2)).sum();
         let (mut done, mut covered, mut contested) = (0, 0, 0);
         progress.report(0, total);
-        for (page, mut sinks) in self.layout.pages.iter().zip(pages) {
+        for (page, sinks) in self.layout.pages.iter().zip(sinks) {
+            let mut sinks = sinks?;
             let memory = self.options.memory_bytes;
             let shown = (self.surface, &frames);
             let stats = make_page(page, maps, shown, memory, &mut sinks, (progress, &mut done, total))?;

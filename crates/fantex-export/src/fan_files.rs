@@ -20,7 +20,7 @@ use crate::materialx::materialx;
 use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, translation_of};
 use crate::pictures::{Ktx2Sink, Packing, PngSink, values_of_halves, write_exr};
 use crate::texels::RowSink as _;
-use crate::usd::{write_usda, write_usda_objects};
+use crate::usd::{check_file_name, write_usda, write_usda_objects};
 
 /// How files with fans are written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -140,13 +140,16 @@ impl<'a> FanFile<'a> {
         progress: &dyn Progress,
     ) -> Result<ExportSummary> {
         let (options, mesh) = (self.options, asset.mesh());
+        let stem = file_stem(self.output, object);
+        if self.gltf.is_none() {
+            check_file_name(&stem).map_err(|error| error.with_path(self.output))?;
+        }
         let packer = Packer::new(asset, &options.sheets, progress)?;
         let kinds = options.pictures.kinds();
         let bytes = |(sheet, map)| kinds.iter().map(move |&kind| (sheet, map, kind));
         let bytes = packer.pictures().flat_map(bytes).map(|(s, m, kind)| packer.picture_bytes(s, m, kind));
         packer.check_memory(bytes.max().unwrap_or(0))?;
         let sheets = packer.described();
-        let stem = file_stem(self.output, object);
         let mut files = SheetFiles {
             packer: &packer,
             sheets: &sheets,
@@ -258,8 +261,8 @@ struct SheetFiles<'a> {
     is_binary: bool,
     pictures: SheetPictures,
     outputs: &'a mut Outputs,
-    /// Names without extensions, and files, of the pictures that a glTF refers to.
-    images: Vec<(String, File)>,
+    /// Names without extensions of the pictures that a glTF refers to, and files of those that go into it.
+    images: Vec<(String, Option<File>)>,
 }
 
 impl SheetFiles<'_> {
@@ -294,11 +297,12 @@ impl SheetFiles<'_> {
             }
             false => self.outputs.create(&path)?,
         };
-        let copy = file.try_clone().map_err(|e| Error::writing(&path, e))?;
+        let copy = || file.try_clone().map_err(|e| Error::writing(&path, e));
+        let inside = if self.is_binary { Some(copy()?) } else { None };
         let named = if self.is_binary { self.output } else { &path };
-        let mut png = PngSink::new(copy, named.into(), size, *map, depth_of(map))?;
+        let mut png = PngSink::new(file, named.into(), size, *map, depth_of(map))?;
         png.write_samples(samples)?;
-        self.images.push((name, file));
+        self.images.push((name, inside));
         png.finish()
     }
 }

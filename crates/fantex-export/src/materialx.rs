@@ -236,27 +236,43 @@ impl Graph {
 
     /// The inputs of a material's `standard_surface`: nodes where a sheet has a picture, factors elsewhere.
     pub(crate) fn surface(&self, material: &Material) -> Vec<NodeInput> {
-        let value = |text: String| Input::Value(text);
-        let color = |c: Vec3| value(format!("{}, {}, {}", c.x, c.y, c.z));
-        let factors = [
-            ("base_color", "color3", "color", Some(color(material.base_color.truncate()))),
-            ("specular_roughness", "float", "roughness", Some(value(material.roughness.to_string()))),
-            ("metalness", "float", "metallic", Some(value(material.metallic.to_string()))),
-            ("emission_color", "color3", "emission", Some(color(material.emission))),
-            ("normal", "vector3", "normal", None),
-            ("opacity", "color3", "opacity", None),
-        ];
-        let mut inputs = vec![("base", "float", value("1".into())), ("emission", "float", value("1".into()))];
-        for (input, kind, output, factor) in factors {
-            let output = match (output, material.alpha) {
-                ("opacity", AlphaMode::Opaque) => continue,
-                ("opacity", AlphaMode::Mask(threshold)) => cut_out_name(threshold),
-                _ => output.to_owned(),
-            };
-            let is_drawn = self.outputs.iter().any(|(name, _)| *name == output);
-            let from = if is_drawn { Some(Input::Node(output)) } else { factor };
-            inputs.extend(from.map(|from| (input, kind, from)));
+        let number = |number: f32| Input::Value(number.to_string());
+        let color = |c: Vec3| Input::Value(format!("{}, {}, {}", c.x, c.y, c.z));
+        let picture = |output: &str| {
+            let is_drawn = self.outputs.iter().any(|(name, _)| name == output);
+            is_drawn.then(|| Input::Node(output.to_owned()))
+        };
+        let or = |output: &str, factor: Input| picture(output).unwrap_or(factor);
+        let own_color = or("color", color(material.base_color.truncate()));
+        let mut inputs = vec![("emission", "float", number(1.0))];
+        if material.unlit {
+            // Its colour is the picture, whatever shines on it.
+            inputs.extend([
+                ("base", "float", number(0.0)),
+                ("specular", "float", number(0.0)),
+                ("emission_color", "color3", own_color),
+            ]);
+        } else {
+            inputs.extend([
+                ("base", "float", number(1.0)),
+                ("base_color", "color3", own_color),
+                ("specular_roughness", "float", or("roughness", number(material.roughness))),
+                ("metalness", "float", or("metallic", number(material.metallic))),
+                ("emission_color", "color3", or("emission", color(material.emission))),
+            ]);
+            inputs.extend(picture("normal").map(|normal| ("normal", "vector3", normal)));
         }
+        let alpha = material.base_color.w;
+        let opacity = match material.alpha {
+            AlphaMode::Opaque => None,
+            AlphaMode::Mask(threshold) => {
+                Some((cut_out_name(threshold), if alpha < threshold { 0.0 } else { 1.0 }))
+            }
+            AlphaMode::Blend => Some(("opacity".to_owned(), alpha)),
+        };
+        inputs.extend(
+            opacity.map(|(output, factor)| ("opacity", "color3", or(&output, color(Vec3::splat(factor))))),
+        );
         inputs
     }
 }

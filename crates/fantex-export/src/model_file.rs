@@ -98,14 +98,15 @@ impl Gltf {
         self.is_binary
     }
 
-    /// Adds an asset. Its pictures are written already: each has the name of its file beside a .gltf, without an extension.
+    /// Adds an asset. Its pictures are written already: each has the name of its file beside a .gltf, without an extension, or goes into a
+    /// .glb.
     ///
     /// # Errors
     /// It cannot be written, or what was added exceeds what a `.glb` holds.
     pub(crate) fn add(
         &mut self,
         document: &Document<'_>,
-        images: Vec<(String, File)>,
+        images: Vec<(String, Option<File>)>,
         outputs: &mut Outputs,
     ) -> Result<()> {
         let mut buffer = self.take_buffer(outputs)?;
@@ -183,22 +184,22 @@ impl Gltf {
     /// Pictures inside go into the buffer, those beside the model are named.
     fn add_images(
         &mut self,
-        images: Vec<(String, File)>,
+        images: Vec<(String, Option<File>)>,
         repeats: bool,
         buffer: &mut BufWriter<File>,
     ) -> io::Result<()> {
         let wrap = if repeats { REPEAT } else { CLAMP_TO_EDGE };
-        for (name, mut file) in images {
+        for (name, inside) in images {
             let sampler = self.wraps.iter().position(|&known| known == wrap).unwrap_or(self.wraps.len());
             if sampler == self.wraps.len() {
                 self.wraps.push(wrap);
             }
             self.textures.push(json!({ "source": self.images.len(), "sampler": sampler }));
-            if !self.is_binary {
+            let Some(mut file) = inside else {
                 let name = format!("{name}.png");
                 self.images.push(json!({ "name": name, "uri": uri_escaped(&name) }));
                 continue;
-            }
+            };
             let bytes = file.metadata()?.len();
             self.images
                 .push(json!({ "name": name, "mimeType": "image/png", "bufferView": self.views.len() }));

@@ -336,6 +336,11 @@ impl Packing {
         if map.kind == ChannelMap::Normal { Self::Rgba16F } else { Self::of(map) }
     }
 
+    /// What suits a map alone in a file, which has no factor that tells how bright light is, whose numbers are so large at most.
+    pub(crate) fn of_single(map: &Map, largest: f32) -> Self {
+        if largest > 1.0 { Self::Rgba16F } else { Self::of(map) }
+    }
+
     /// What suits a map: two coordinates for normals, 16 bits where steps would show, floats where values exceed 1.
     pub(crate) fn of(map: &Map) -> Self {
         match (map.kind, map.components) {

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io;
 use std::io::{BufWriter, Write};
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{Material, Mesh};
 use glam::{DVec3, Vec2, Vec3};
 
@@ -26,14 +27,16 @@ pub(crate) fn write_usda(
         writeln!(out, "    double3 xformOp:translate = ({x}, {y}, {z})")?;
         writeln!(out, "    uniform token[] xformOpOrder = [\"xformOp:translate\"]")?;
     }
-    let is_double_sided = mesh.materials.iter().any(|material| material.double_sided);
+    let default_material = Material::default();
     for primitives in geometry.primitives.chunk_by(|a, b| a.part == b.part) {
         let part = primitives[0].part;
         let name = mesh.parts.names.get(part).map_or("", String::as_str);
+        let material = |primitive: &Primitive| mesh.materials.get(primitive.material);
+        let mut materials = primitives.iter().map(|p| material(p).unwrap_or(&default_material));
+        let is_double_sided = materials.any(|material| material.double_sided);
         write_mesh(&mut out, geometry, primitives, &identifier(name, part), is_double_sided)?;
     }
     writeln!(out, "    def Scope \"Materials\"\n    {{")?;
-    let default_material = Material::default();
     for (material, sheet) in geometry.looks() {
         let graph = Graph::of_sheet(pictures, sheet, &mesh.materials);
         let material =
@@ -52,7 +55,8 @@ pub(crate) fn write_usda_objects(root: &str, objects: &[[String; 2]], out: &File
         let name = plain(name);
         writeln!(
             out,
-            "    def \"Object_{number}_{name}\" (\n        prepend references = @@@./{file}@@@\n    )\n    {{\n    }}"
+            "    def \"Object_{number}_{name}\" (\n        prepend references = {}\n    )\n    {{\n    }}",
+            asset_path(file)
         )?;
     }
     writeln!(out, "}}")?;
@@ -66,6 +70,24 @@ fn write_start(out: &mut impl Write, root: &str) -> io::Result<()> {
         "#usda 1.0\n(\n    defaultPrim = \"{root}\"\n    doc = \"Written by fantex\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n"
     )?;
     writeln!(out, "def Xform \"{root}\"\n{{")
+}
+
+/// Refuses what USD allows in no path of a file.
+///
+/// # Errors
+/// The name has a control character.
+pub(crate) fn check_file_name(name: &str) -> Result<()> {
+    match name.chars().any(char::is_control) {
+        true => Err(Error::invalid(format!(
+            "USD refers to no file whose name has a control character, as {name:?} has; choose another name"
+        ))),
+        false => Ok(()),
+    }
+}
+
+/// The path of a file beside this one.
+fn asset_path(name: &str) -> String {
+    format!("@@@./{}@@@", name.replace("@@@", "\\@@@"))
 }
 
 /// The characters of a name that USD allows in names, `_` for the others.
@@ -101,6 +123,7 @@ fn write_mesh(
     )?;
     writeln!(out, "        uniform bool doubleSided = {}", u8::from(is_double_sided))?;
     writeln!(out, "        uniform token subdivisionScheme = \"none\"")?;
+    writeln!(out, "        uniform token subsetFamily:materialBind:familyType = \"partition\"")?;
     write_list(out, "        int[] faceVertexCounts", (0..triangles).map(|_| 3))?;
     write_list(out, "\n        int[] faceVertexIndices", indices)?;
     write_list(out, "\n        point3f[] points", geometry.positions[vertices.clone()].iter().map(triple))?;
@@ -189,7 +212,8 @@ fn write_shader(
             Input::Value(value) => match *kind {
                 "filename" => writeln!(
                     out,
-                    " = @@@./{value}@@@ (\n                    colorSpace = \"{space}\"\n                )"
+                    " = {} (\n                    colorSpace = \"{space}\"\n                )",
+                    asset_path(value)
                 )?,
                 "string" => writeln!(out, " = \"{value}\"")?,
                 "color3" => writeln!(out, " = ({value})")?,

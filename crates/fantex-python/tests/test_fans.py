@@ -207,6 +207,18 @@ def test_usd_is_valid(tmp_path, bottle_asset):
                 assert stage.GetAttributeAtPath(source), source
 
 
+def test_usd_passes_pixars_validators(tmp_path, bottle_asset):
+    usd = pytest.importorskip("pxr.Usd", reason="no usd-core")
+    validation = pytest.importorskip("pxr.UsdValidation", reason="usd-core has no validators")
+    bottle_asset.export_fans(tmp_path / "bottle.usda")
+    stage = usd.Stage.Open(str(tmp_path / "bottle.usda"))
+    context = validation.ValidationContext(validation.ValidationRegistry().GetOrLoadAllValidators())
+    errors = {error.GetName(): error.GetMessage() for error in context.Validate(stage)}
+    # usd-core comes without MaterialX's library.
+    errors.pop("MissingShaderIdInRegistry", None)
+    assert errors == {}
+
+
 @pytest.fixture(scope="module")
 def leaf_asset(tmp_path_factory, sphere):
     """With opacity in its colours."""

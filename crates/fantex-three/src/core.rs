@@ -4,7 +4,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fantex_store::{Asset, TexelFormat};
+use fantex_store::{Asset, ChannelKind, TexelFormat};
 use fantex_stream::drawing::{
     AtlasGrid, PAGE_ROW_SHIFT, PageWords, frame_records, group_records, mean_records, upload_rectangles,
 };
@@ -25,6 +25,15 @@ const MAX_FRAME_SECONDS: f32 = 0.1;
 
 /// Bytes of texels that a frame uploads.
 const UPLOAD_BYTES: usize = 2 << 20;
+
+/// What pages draw.
+const DRAWN: [ChannelKind; 5] = [
+    ChannelKind::BaseColor,
+    ChannelKind::Normal,
+    ChannelKind::OcclusionRoughnessMetallic,
+    ChannelKind::Emission,
+    ChannelKind::Light,
+];
 
 /// Has panics say in the console where they were.
 #[wasm_bindgen(start)]
@@ -65,7 +74,9 @@ struct Streaming {
     streamer: Streamer,
     grid: AtlasGrid,
     words: PageWords,
-    formats: Vec<AtlasFormat>,
+    drawn: Vec<(usize, AtlasFormat)>,
+    /// Bytes of texels of all channels, of which [`UPLOAD_BYTES`] are drawn.
+    upload_bytes: usize,
     /// Bytes of one upload, kept for the next.
     staging: Vec<u8>,
 }
@@ -74,7 +85,7 @@ impl std::fmt::Debug for Streaming {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Streaming")
             .field("grid", &self.grid)
-            .field("formats", &self.formats)
+            .field("drawn", &self.drawn)
             .finish_non_exhaustive()
     }
 }
@@ -119,12 +130,15 @@ impl FanCore {
         Ok(Self { asset: Arc::new(asset), file, connections, space, pages, streaming: None })
     }
 
-    /// Three numbers per channel: its kind and its format as files number them, and whether its values are sRGB.
+    /// Four numbers per channel: its kind and its format as files number them, whether its values are sRGB, and whether it is drawn.
     pub fn channels(&self) -> Vec<u32> {
-        let channels = self.asset.channels().iter();
+        let channels = self.asset.channels().iter().enumerate();
         let format = |format| TexelFormat::ALL.iter().position(|known| *known == format).unwrap_or(0) as u32;
         channels
-            .flat_map(|channel| [channel.kind as u32, format(channel.format), channel.srgb.into()])
+            .flat_map(|(index, channel)| {
+                let is_drawn = self.is_drawn(index);
+                [channel.kind as u32, format(channel.format), channel.srgb.into(), is_drawn.into()]
+            })
             .collect()
     }
 
@@ -176,7 +190,7 @@ impl FanCore {
 
     /// Columns and rows of the textures of an atlas, see [`begin`](Self::begin).
     pub fn atlas_extent(&self, has_blocks: bool, max_side: u32, atlas_bytes: f64) -> Vec<u32> {
-        let shape = atlas_shape(&self.atlas_formats(has_blocks), max_side, atlas_bytes);
+        let shape = atlas_shape(&self.drawn(has_blocks), max_side, atlas_bytes);
         AtlasGrid::new(shape, max_side).extent().to_vec()
     }
 
@@ -191,8 +205,8 @@ impl FanCore {
         max_anisotropy: f32,
         slice_milliseconds: u32,
     ) {
-        let formats = self.atlas_formats(has_blocks);
-        let atlas = atlas_shape(&formats, max_side, atlas_bytes);
+        let drawn = self.drawn(has_blocks);
+        let atlas = atlas_shape(&drawn, max_side, atlas_bytes);
         let grid = AtlasGrid::new(atlas, max_side);
         let options =
             ClusterLoaderOptions { block_compressed: has_blocks, ..ClusterLoaderOptions::default() };
@@ -202,7 +216,8 @@ impl FanCore {
         let options = StreamerOptions { atlas, max_anisotropy, ..StreamerOptions::default() };
         let streamer = Streamer::new(self.asset.clone(), Box::new(loader), options);
         let words = PageWords::new(self.asset.cover(), &self.pages);
-        self.streaming = Some(Streaming { streamer, grid, words, formats, staging: Vec::new() });
+        let upload_bytes = self.upload_bytes(&drawn, has_blocks);
+        self.streaming = Some(Streaming { streamer, grid, words, drawn, upload_bytes, staging: Vec::new() });
     }
 
     /// Hands over what has come, and asks for what a view needs. `view`, object space: the eye; unit vectors to the right, upwards and
@@ -211,7 +226,7 @@ impl FanCore {
         let view = stream_view(view, &self.space);
         let Some(streaming) = &mut self.streaming else { return };
         let frame = FrameOptions {
-            upload_bytes: UPLOAD_BYTES,
+            upload_bytes: streaming.upload_bytes,
             elapsed_seconds: seconds.clamp(0.0, MAX_FRAME_SECONDS),
         };
         let changes = streaming.streamer.update(view.as_ref(), frame);
@@ -220,14 +235,14 @@ impl FanCore {
 
     /// How far streaming is.
     pub fn progress(&self) -> FanProgress {
-        let Some(Streaming { streamer, .. }) = &self.streaming else {
+        let Some(Streaming { streamer, upload_bytes, .. }) = &self.streaming else {
             return FanProgress { share: 0.0, is_settled: false, uploaded_bytes: 0.0, damaged: 0 };
         };
         let figures = streamer.statistics();
         FanProgress {
             share: figures.complete_share(),
             is_settled: streamer.is_settled(),
-            uploaded_bytes: figures.uploaded_bytes as f64,
+            uploaded_bytes: figures.uploaded_bytes as f64 * UPLOAD_BYTES as f64 / *upload_bytes as f64,
             damaged: figures.damaged as u32,
         }
     }
@@ -247,16 +262,33 @@ impl FanCore {
 }
 
 impl FanCore {
-    /// Formats of texels in an atlas, per channel.
-    fn atlas_formats(&self, has_blocks: bool) -> Vec<AtlasFormat> {
+    /// Whether a page draws a channel: of several of a kind the first one.
+    fn is_drawn(&self, channel: usize) -> bool {
+        let kind = self.asset.channels()[channel].kind;
+        DRAWN.contains(&kind) && self.asset.channel_of_kind(kind) == Some(channel)
+    }
+
+    /// The channels that are drawn, and the formats of their texels in an atlas.
+    fn drawn(&self, has_blocks: bool) -> Vec<(usize, AtlasFormat)> {
+        let channels = self.asset.channels().iter().enumerate();
+        let drawn = channels.filter(|(index, _)| self.is_drawn(*index));
+        drawn.map(|(index, channel)| (index, AtlasFormat::of(channel.format, has_blocks))).collect()
+    }
+
+    /// Bytes of texels of all channels, of which [`UPLOAD_BYTES`] are drawn.
+    fn upload_bytes(&self, drawn: &[(usize, AtlasFormat)], has_blocks: bool) -> usize {
         let channels = self.asset.channels().iter();
-        channels.map(|channel| AtlasFormat::of(channel.format, has_blocks)).collect()
+        let all: usize = channels.map(|c| AtlasFormat::of(c.format, has_blocks).block_bytes()).sum();
+        let own: usize = drawn.iter().map(|(_, format)| format.block_bytes()).sum();
+        (UPLOAD_BYTES as u64 * all.max(1) as u64 / own.max(1) as u64) as usize
     }
 }
 
-/// What of so many bytes fits into textures of at most `max_side` texels.
-fn atlas_shape(formats: &[AtlasFormat], max_side: u32, atlas_bytes: f64) -> AtlasShape {
-    AtlasGrid::fitting(AtlasShape::within(atlas_bytes as u64, formats), max_side)
+/// What of so many bytes fits into textures of at most `max_side` texels; the least where nothing is drawn.
+fn atlas_shape(drawn: &[(usize, AtlasFormat)], max_side: u32, atlas_bytes: f64) -> AtlasShape {
+    let formats: Vec<AtlasFormat> = drawn.iter().map(|(_, format)| *format).collect();
+    let bytes = if formats.is_empty() { 0 } else { atlas_bytes as u64 };
+    AtlasGrid::fitting(AtlasShape::within(bytes, &formats), max_side)
 }
 
 impl Streaming {
@@ -272,8 +304,8 @@ impl Streaming {
 
     fn hand_over_texels(&mut self, ParcelUpload { place, texels, .. }: &ParcelUpload, sink: &Sink) {
         let [x, y] = self.grid.texel(*place);
-        for (channel, format) in self.formats.iter().enumerate() {
-            for rectangle in upload_rectangles(texels, channel, *format) {
+        for &(channel, format) in &self.drawn {
+            for rectangle in upload_rectangles(texels, channel, format) {
                 self.staging.clear();
                 rectangle.rows().for_each(|row| self.staging.extend_from_slice(row));
                 let ([right, down], [width, height]) = (rectangle.offset, rectangle.size);

@@ -156,7 +156,11 @@ pub fn change<T>(
     let version =
         object.version()?.ok_or_else(|| Error::not_found(format!("there is no {}", place.display())))?;
     fetch(place, target.file(), fetching)?;
-    let changed = change(target.file())?;
+    let changed = change(target.file()).map_err(|error| match error.kind() {
+        // The folder for temporary files is what cannot be written.
+        ErrorKind::Io => error,
+        _ => error.renamed(target.file(), place),
+    })?;
     target.finish(&Replace::Version(version), sending)?;
     Ok(changed)
 }
@@ -184,7 +188,7 @@ pub fn change_copy<T>(
     // It is to be written, and so not protected as an input.
     let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
     let copy = ReadLimits::new(options).run(|| copy_beside(&target, &target, place))?;
-    let changed = change(&copy).map_err(|error| named(error, &copy, place))?;
+    let changed = change(&copy).map_err(|error| named(error, &copy, [place; 2]))?;
     let permissions = target.metadata().map_err(reading)?.permissions();
     fs::set_permissions(&copy, permissions).map_err(writing)?;
     persist(copy, &target, true)?;
@@ -202,7 +206,7 @@ pub fn change_into<T>(
     change: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let copy = copy_beside(from, output, output)?;
-    let changed = change(&copy).map_err(|error| named(error, &copy, output))?;
+    let changed = change(&copy).map_err(|error| named(error, &copy, [from, output]))?;
     persist(copy, output, overwrite)?;
     Ok(changed)
 }
@@ -216,10 +220,10 @@ fn copy_beside(from: &Path, beside: &Path, name: &Path) -> Result<TempPath> {
     Ok(copy.into_temp_path())
 }
 
-/// An error in writing to a copy, which nobody knows, by the name that this is to have.
-fn named(error: Error, copy: &Path, name: &Path) -> Error {
+/// An error about a copy, which nobody knows, by the name of what it was made from; one in writing to it, by the name that it is to have.
+fn named(error: Error, copy: &Path, [from, name]: [&Path; 2]) -> Error {
     if error.path() != Some(copy) || error.kind() != ErrorKind::Io {
-        return error;
+        return error.renamed(copy, from);
     }
     let why = error.source().map_or_else(|| "it cannot be written".into(), ToString::to_string);
     let sentence = format!("cannot write {}: {why}; nothing was written", name.display());
@@ -252,6 +256,26 @@ fn fetch(place: &Path, path: &Path, progress: &dyn Progress) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_about_copies_name_what_they_were_made_from() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("a.fan");
+        fs::write(&place, "asset").unwrap();
+        let refuse = |copy: &Path| -> Result<()> {
+            let sentence = format!("cannot remove the channel from {}: it has no other", copy.display());
+            Err(Error::invalid(sentence).with_path(copy))
+        };
+        let none = fantex_bake::NoProgress;
+        let errors = [
+            change_copy(&place, [&none, &none], refuse).unwrap_err(),
+            change_into(&place, &folder.path().join("b.fan"), false, refuse).unwrap_err(),
+        ];
+        for error in errors {
+            let sentence = format!("cannot remove the channel from {}: it has no other", place.display());
+            assert_eq!((error.to_string(), error.path()), (sentence, Some(&*place)));
+        }
+    }
 
     #[test]
     fn addresses_are_told_from_paths() {

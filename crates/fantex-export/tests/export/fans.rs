@@ -1,7 +1,7 @@
 //! Fans for other programs: three look-ups in a sheet are the texture function.
 
 use fantex_bake::NoProgress;
-use fantex_base::Random;
+use fantex_base::{ErrorKind, Random};
 use fantex_cover::{CoverOptions, TexelBudget};
 use fantex_export::{
     ChannelMap, Depth, FanFileOptions, FanSheetOptions, FanSheets, ShaderLanguage, SheetPictures,
@@ -12,7 +12,7 @@ use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::color::linear_from_srgb;
 use fantex_texture::compare::psnr_db;
 use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::models::{check_glb, gltf_parts};
 use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, covered_and_baked, files};
@@ -126,7 +126,8 @@ fn files_keep_parts_and_materials() {
     );
     assert!(
         text.contains("\"ND_convert_float_color3\"")
-            && text.contains("color3f inputs:emission_color = (3, 1.5, 0)")
+            // The lamp is unlit: it shows its colour.
+            && text.contains("inputs:emission_color.connect = </Model/Materials/material_1_sheet_0/color.outputs:out>")
     );
     // The other material is opaque, and this one is cut out at its threshold.
     assert_eq!(text.matches("inputs:opacity.connect").count(), 1);
@@ -166,6 +167,65 @@ fn files_keep_parts_and_materials() {
     let tight = FanFileOptions { sheets, ..options };
     let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, &NoProgress).unwrap_err();
     assert!(refused.to_string().contains("give more --memory"), "{refused}");
+}
+
+/// What Pixar's reader wants, and what is each part's own.
+#[test]
+fn usd_has_families_of_subsets_and_names_any_file() {
+    let mut mesh = cleaned(generate::torus(8, 6));
+    let count = mesh.triangles.len();
+    mesh.materials =
+        [false, true].map(|double_sided| Material { double_sided, ..Material::default() }).to_vec();
+    mesh.triangle_materials = (0..count).map(|t| u32::from(t >= count / 2)).collect();
+    mesh.parts =
+        Parts { names: vec!["front".into(), "both".into()], of_triangle: mesh.triangle_materials.clone() };
+    let waves = baked(&mesh, &Waves::color(2.0), 5000, fantex_bake::BakeFormat::Rgba8);
+    let options = FanFileOptions::default();
+    export_fans(&waves.asset, &waves.path("a@@@b.usda"), &options, &NoProgress).unwrap();
+    let text = std::fs::read_to_string(waves.path("a@@@b.usda")).unwrap();
+    let sides = text.lines().filter(|line| line.contains("doubleSided"));
+    let sides: Vec<_> = sides.map(|line| line.rsplit(' ').next().unwrap()).collect();
+    assert_eq!(sides, ["0", "1"]);
+    let family = "uniform token subsetFamily:materialBind:familyType = \"partition\"";
+    assert_eq!(text.matches(family).count(), 2);
+    assert!(text.contains("@@@./a\\@@@b-fans-base-color.png@@@"));
+    let refused = export_fans(&waves.asset, &waves.path("a\nb.usda"), &options, &NoProgress).unwrap_err();
+    assert_eq!(refused.kind(), ErrorKind::InvalidArgument);
+    assert!(refused.to_string().contains("control character"), "{refused}");
+}
+
+#[test]
+fn unlit_materials_shine_and_factors_of_opacity_count() {
+    let mut mesh = cleaned(generate::torus(8, 6));
+    let count = mesh.triangles.len();
+    let glass = Material {
+        alpha: AlphaMode::Blend,
+        base_color: Vec4::new(0.5, 0.5, 1.0, 0.4),
+        emission: Vec3::new(3.0, 1.5, 0.0),
+        ..Material::default()
+    };
+    let sign = Material { unlit: true, base_color: Vec4::new(0.25, 0.5, 0.75, 1.0), ..Material::default() };
+    mesh.materials = vec![glass, sign];
+    mesh.triangle_materials = (0..count).map(|t| u32::from(t >= count / 2)).collect();
+    // Without colours of its own.
+    let kinds = vec![ChannelKind::OcclusionRoughnessMetallic];
+    let source = Waves { kinds, ..Waves::color(2.0) };
+    let waves = baked(&mesh, &source, 5000, fantex_bake::BakeFormat::Rgba8);
+    export_fans(&waves.asset, &waves.path("a.usda"), &FanFileOptions::default(), &NoProgress).unwrap();
+    let text = std::fs::read_to_string(waves.path("a.mtlx")).unwrap();
+    let surfaces: Vec<&str> = text.split("<standard_surface").skip(1).collect();
+    let [glass, sign] = surfaces[..] else { panic!("{text}") };
+    let has = |surface: &str, input: &str, value: &str| {
+        let input = format!("<input name=\"{input}\" ");
+        surface.lines().any(|line| line.contains(&input) && line.contains(&format!("value=\"{value}\"")))
+    };
+    assert!(has(glass, "base", "1") && has(glass, "opacity", "0.4, 0.4, 0.4"), "{glass}");
+    assert!(
+        has(glass, "emission_color", "3, 1.5, 0") && glass.contains("output=\"metallic_out\""),
+        "{glass}"
+    );
+    assert!(has(sign, "base", "0") && has(sign, "specular", "0"), "{sign}");
+    assert!(has(sign, "emission_color", "0.25, 0.5, 0.75") && !sign.contains("metal"), "{sign}");
 }
 
 /// All maps of sheets, with light that is brighter than 1.

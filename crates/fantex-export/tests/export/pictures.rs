@@ -1,18 +1,19 @@
 //! Single pictures, and KTX2 byte by byte.
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 
-use fantex_bake::{BakeFormat, NoProgress, Prefilter, Source, SourceChannel, TexelPoint};
+use fantex_bake::{BakeFormat, NoProgress, Prefilter, Progress, Source, SourceChannel, TexelPoint};
 use fantex_base::ErrorKind;
 use fantex_export::{ChannelMap, Depth, ExportOptions, UvChoice, export_channels, export_model};
 use fantex_mesh::generate::{cube, icosphere};
-use fantex_mesh::{Mesh, Model, SurfacePoint};
+use fantex_mesh::{Material, Mesh, Model, SurfacePoint};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::compare::psnr_db;
 use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, opened, worst_psnr_db};
+use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, files, opened, worst_psnr_db};
 
 const SIDE: u32 = 128;
 
@@ -153,6 +154,28 @@ fn check_descriptor(
     assert_eq!(offset, 8 * unit_bytes);
 }
 
+/// No factor beside them tells how bright it is.
+#[test]
+fn single_pictures_hold_light_brighter_than_one() {
+    let waves = Waves { kinds: vec![ChannelKind::Emission], brightness: 6.0, ..Waves::color(3.0) };
+    let baked = baked(&cleaned(icosphere(2)), &waves, 1 << 12, BakeFormat::Float);
+    let [exact, packed] =
+        ["a.exr", "a.ktx2"].map(|name| export(&baked, ChannelMap::Emission, Depth::Eight, name));
+    let (mut brightest, mut worst) = (0.0f32, 0.0f32);
+    for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+        let [a, b] = [&exact, &packed].map(|image| Vec4::from(image.linear_texel(x, y)).truncate());
+        brightest = brightest.max(a.max_element());
+        worst = worst.max((a - b).abs().max_element());
+    }
+    assert!(brightest > 4.0 && worst < 0.01, "{worst} of {brightest}");
+    let cut_off = ["b.png", "b.ktx2"].map(|name| {
+        let path = baked.path(name);
+        let channels = [(ChannelMap::Emission, &*path)];
+        export_channels(&baked.asset, &channels, Depth::Eight, &options(), &NoProgress).unwrap().cut_off.len()
+    });
+    assert_eq!(cut_off, [1, 0]);
+}
+
 #[test]
 fn a_missing_channel_is_named() {
     let baked = baked_bottle(1 << 14);
@@ -205,6 +228,28 @@ fn overlapping_coordinates_are_reported() {
     let options = ExportOptions { uv: UvChoice::OfAsset, ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &baked.path("x.glb"), &options, &NoProgress).unwrap();
     assert!(summary.overlapping_share > 0.9, "{summary:?}");
+}
+
+/// Models of many materials would have too many files open.
+#[test]
+fn pictures_of_a_page_are_begun_when_it_is_made() {
+    /// Texels made, and files that were there then.
+    struct Counts(PathBuf, Mutex<Vec<(u64, usize)>>);
+    impl Progress for Counts {
+        fn report(&self, done: u64, _: u64) {
+            self.1.lock().unwrap().push((done, files(&self.0).len()));
+        }
+    }
+    let mut mesh = with_uv(cube(2), 1.0);
+    mesh.materials = vec![Material::default(); 2];
+    mesh.triangle_materials = (0..mesh.triangles.len()).map(|t| t as u32 % 2).collect();
+    let baked = baked(&mesh, &Waves::color(3.0), 1 << 12, BakeFormat::Rgba8);
+    let counts = Counts(baked.folder.path().into(), Mutex::default());
+    let options =
+        ExportOptions { uv: UvChoice::OfAsset, side: Some(64), with_ktx2: true, ..ExportOptions::default() };
+    export_model(&baked.asset, &baked.path("x.gltf"), &options, &counts).unwrap();
+    // Beside the asset there are two for each page; the model comes last.
+    assert_eq!(counts.1.into_inner().unwrap(), [(0, 1), (64 * 64, 3), (2 * 64 * 64, 5)]);
 }
 
 #[test]
