@@ -24,7 +24,7 @@ pub struct Atlas {
 }
 
 /// A square picture of 8 bits per sample.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AtlasPicture {
     /// What it shows.
     pub map: ChannelMap,
@@ -32,6 +32,8 @@ pub struct AtlasPicture {
     pub side: u32,
     /// Samples per texel: 3, or 4 with opacity.
     pub components: usize,
+    /// What values were divided by to lie in 0..1: more than 1 for bright emission.
+    pub scale: f32,
     /// Row-major from the top; sRGB where the map is a colour.
     pub samples: Vec<u8>,
 }
@@ -72,6 +74,7 @@ pub fn export_atlas(
         map: map.kind,
         side: page.side,
         components: map.components.count(),
+        scale: map.scale,
         samples: std::mem::take(&mut *bytes.lock().unwrap_or_else(PoisonError::into_inner)),
     };
     let pictures = maps.iter().zip(filled).map(picture).collect();

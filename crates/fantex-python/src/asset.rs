@@ -69,7 +69,7 @@ type AtlasArrays<'py> = (
     Bound<'py, PyArray1<u32>>,
     Bound<'py, PyArray2<u32>>,
     Bound<'py, PyArray2<f32>>,
-    Vec<(&'static str, Bound<'py, PyArray3<u8>>)>,
+    Vec<(&'static str, Bound<'py, PyArray3<u8>>, f32)>,
 );
 
 impl Asset {
@@ -227,7 +227,7 @@ impl Asset {
         rendered(py, &picture, damage.into_iter().collect())
     }
 
-    /// Vertex mapping, faces, texture coordinates with v upwards, and pictures by name.
+    /// Vertex mapping, faces, texture coordinates with v upwards, and pictures with their names and with what their values were divided by.
     fn atlas<'py>(
         &self,
         py: Python<'py>,
@@ -244,7 +244,7 @@ impl Asset {
         let picture = |picture: &fantex::export::AtlasPicture| {
             let side = picture.side as usize;
             let samples = picture.samples.to_pyarray(py).reshape([side, side, picture.components])?;
-            Ok((picture.map.name(), samples))
+            Ok((picture.map.name(), samples, picture.scale))
         };
         let pictures = atlas.pictures.iter().map(picture).collect::<PyResult<_>>()?;
         Ok((atlas.mesh.vertices.to_pyarray(py), array(py, &atlas.mesh.triangles)?, array(py, &uv)?, pictures))

@@ -322,15 +322,16 @@ def test_light_and_opacity_go_to_trimesh(tmp_path, bottle, sphere):
         assert (material.alphaMode, material.alphaCutoff) == (mode, threshold)
 
 
-def test_materials_of_faces(tmp_path):
-    """Two triangles of two materials, one of which is cut out."""
-    model = tmp_path / "a.gltf"
+def two_triangles(folder, materials, **more):
+    """A glTF file with a triangle for each of two materials, the second above the first."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], "<f4")
-    (tmp_path / "a.bin").write_bytes(points.tobytes())
-    views = [{"buffer": 0, "byteOffset": offset, "byteLength": 36} for offset in (0, 36)]
-    accessor = {"componentType": 5126, "count": 3, "type": "VEC3"}
-    parts = [{"attributes": {"POSITION": number}, "material": number} for number in (0, 1)]
-    materials = [{"name": "wall"}, {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25}]
+    (folder / "a.bin").write_bytes(points.tobytes() + np.ascontiguousarray(points[:3, :2]).tobytes())
+    views = [{"buffer": 0, "byteOffset": start, "byteLength": size} for start, size in ((0, 36), (36, 36), (72, 24))]
+    accessors = [
+        {"bufferView": number, "componentType": 5126, "count": 3, "type": kind}
+        for number, kind in enumerate(("VEC3", "VEC3", "VEC2"))
+    ]
+    parts = [{"attributes": {"POSITION": number, "TEXCOORD_0": 2}, "material": number} for number in (0, 1)]
     gltf = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -338,11 +339,53 @@ def test_materials_of_faces(tmp_path):
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": parts}],
         "materials": materials,
-        "buffers": [{"uri": "a.bin", "byteLength": 72}],
+        "buffers": [{"uri": "a.bin", "byteLength": 96}],
         "bufferViews": views,
-        "accessors": [{"bufferView": number, **accessor} for number in (0, 1)],
+        "accessors": accessors,
+        **more,
     }
-    model.write_text(json.dumps(gltf))
+    (folder / "a.gltf").write_text(json.dumps(gltf))
+    return folder / "a.gltf"
+
+
+@pytest.fixture
+def lamp(tmp_path):
+    """An asset that emits 8, 4, 2 everywhere."""
+    light = np.tile(np.array([255, 188, 137], np.uint8), (4, 4, 1)).view(fantex.Picture)
+    light.save(tmp_path / "light.png")
+    material = {
+        "emissiveTexture": {"index": 0},
+        "emissiveFactor": [1, 1, 1],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}},
+    }
+    pictures = {"images": [{"uri": "light.png"}], "textures": [{"source": 0}]}
+    model = two_triangles(tmp_path, [material, material], extensionsUsed=["KHR_materials_emissive_strength"], **pictures)
+    return fantex.bake(model, tmp_path / "lamp.fan", texels=4000)
+
+
+def test_bright_light_keeps_its_scale(lamp):
+    light = lamp.sample(face=[0], barycentric=[[1 / 3] * 3], channel="emission")[0, :3]
+    np.testing.assert_allclose(light, [8, 4, 2], rtol=0.05)
+    atlas = lamp.atlas(64)
+    assert atlas.scales.keys() == atlas.images.keys() and atlas.scales["emission"] == pytest.approx(8, rel=0.05)
+    at = (atlas.uvs[atlas.faces[0]].mean(0) * [64, -64] + [0, 64]).astype(int)
+    encoded = atlas.images["emission"][at[1], at[0]] / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(linear * atlas.scales["emission"], light, rtol=0.05)
+
+
+def test_bright_light_goes_to_trimesh(lamp):
+    pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    with pytest.warns(UserWarning, match="emission of up to [78][.].* trimesh holds no more than 1"):
+        material = lamp.to_trimesh(64).visual.material
+    assert material.emissiveFactor.tolist() == [1, 1, 1]
+
+
+def test_materials_of_faces(tmp_path):
+    """One of the two is cut out."""
+    materials = [{"name": "wall"}, {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25}]
+    model = two_triangles(tmp_path, materials)
     asset = fantex.bake(model, tmp_path / "a.fan", texels=4000, source=fantex.solid("marble"), longest_edge=0)
     assert asset.materials == [fantex.Material("wall", "opaque", None), fantex.Material("leaf", "cut-out", 0.25)]
     heights = asset.positions[asset.faces].mean(1)[:, 2]

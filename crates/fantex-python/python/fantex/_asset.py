@@ -31,6 +31,8 @@ class Atlas(NamedTuple):
     uvs: np.ndarray
     #: By name: ``base-color``, ``orm`` (occlusion, roughness, metallic), ``normal`` (tangent space, +y up), ``emission``.
     images: Dict[str, Picture]
+    #: What values of a picture were divided by to lie in 0..1: more than 1 for bright emission.
+    scales: Dict[str, float]
 
 
 class Fans(NamedTuple):
@@ -295,8 +297,9 @@ class Asset:
             progress: called with ``(done, total)`` texels.
         """
         resolution, padding = _whole_or_none(resolution, "resolution"), _whole_or_none(padding, "padding")
-        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, amount(memory, "memory"), progress)
-        return Atlas(vmapping, faces, uvs, {name: image.view(Picture) for name, image in images})
+        vmapping, faces, uvs, pictures = self._native.atlas(resolution, padding, amount(memory, "memory"), progress)
+        images = {name: image.view(Picture) for name, image, _ in pictures}
+        return Atlas(vmapping, faces, uvs, images, {name: scale for name, _, scale in pictures})
 
     def export(
         self,
@@ -406,11 +409,12 @@ class Asset:
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
         """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow. Where some of the asset's :attr:`materials` blend, that
-        one does, else it is cut out where some are."""
+        one does, else it is cut out where some are. It warns where emission is brighter than 1, which trimesh has no place for: the brightest
+        is 1 then, the rest in proportion."""
         import trimesh
         from PIL import Image
 
-        vmapping, faces, uvs, images = self.atlas(resolution)
+        vmapping, faces, uvs, images, scales = self.atlas(resolution)
         maps = {
             "base-color": "baseColorTexture",
             "orm": "metallicRoughnessTexture",
@@ -423,6 +427,7 @@ class Asset:
             material.metallicFactor, material.roughnessFactor = 0.0, 1.0
         if "emissiveTexture" in textures:
             material.emissiveFactor = (1.0, 1.0, 1.0)
+            _warn_of_light(scales["emission"])
         cut_outs = [used.threshold for used in self.materials if used.alpha == "cut-out"]
         if any(used.alpha == "blend" for used in self.materials):
             material.alphaMode = "BLEND"
@@ -559,6 +564,12 @@ def _again(place: str, memory: int, baked: Optional[dict]) -> Asset:
     asset = Asset(place, memory=memory)
     asset.baked = baked
     return asset
+
+
+def _warn_of_light(largest: float) -> None:
+    """Warns the caller's caller of emission that trimesh's materials do not hold."""
+    if largest > 1:
+        _warn([f"emission of up to {largest:.3f} was divided by that, as trimesh holds no more than 1; export keeps it"], 4)
 
 
 def _rows(points: Any, name: str) -> Tuple[np.ndarray, bool]:
