@@ -61,8 +61,9 @@ pub(crate) struct Asset {
     sampler: fantex::Sampler,
 }
 
-/// Name, what it makes of opacity, threshold.
-type MaterialParts = (String, &'static str, Option<f32>);
+/// Name, what it makes of opacity, threshold; base colour, metallic, roughness, emission; whether it is unlit and seen from both sides.
+type MaterialParts =
+    (String, &'static str, Option<f32>, (f32, f32, f32, f32), f32, f32, (f32, f32, f32), bool, bool);
 
 type Nearest<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f64>>);
 type AtlasArrays<'py> = (
@@ -108,16 +109,19 @@ impl Asset {
         self.asset.channels().iter().map(|channel| name_of(channel.kind)).collect()
     }
 
-    /// Names of the materials, what each makes of opacity, and the thresholds of those that are cut out.
+    /// The materials, with the factors that count where the asset has no channel.
     #[getter]
     fn materials(&self) -> Vec<MaterialParts> {
-        let parts = |material: &Material| {
+        let parts = |material: &Material| -> MaterialParts {
             let (alpha, threshold) = match material.alpha {
                 AlphaMode::Opaque => ("opaque", None),
                 AlphaMode::Mask(threshold) => ("cut-out", Some(threshold)),
                 AlphaMode::Blend => ("blend", None),
             };
-            (material.name.clone(), alpha, threshold)
+            let Material { name, base_color, metallic, roughness, emission, unlit, double_sided, .. } =
+                material.clone();
+            let (base_color, emission) = (base_color.into(), emission.into());
+            (name, alpha, threshold, base_color, metallic, roughness, emission, unlit, double_sided)
         };
         match &self.asset.mesh().materials[..] {
             [] => vec![parts(&Material::default())],

@@ -317,14 +317,14 @@ def test_light_and_opacity_go_to_trimesh(tmp_path, bottle, sphere):
     asset = fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=lambda p, n: np.ones((len(p), 4)) / 2)
     for alpha, mode, threshold in (("blend", "BLEND", None), ("cut-out", "MASK", 0.5), ("opaque", None, None)):
         asset.paint(alpha=alpha)
-        assert asset.materials == [fantex.Material("", alpha, threshold)]
+        assert [used[:3] for used in asset.materials] == [("", alpha, threshold)]
         material = asset.to_trimesh(64).visual.material
         assert (material.alphaMode, material.alphaCutoff) == (mode, threshold)
 
 
 def two_triangles(folder, materials, **more):
-    """A glTF file with a triangle for each of two materials, the second above the first."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], "<f4")
+    """A glTF file with a triangle for each of two materials, the second above the first and smaller."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 1], [0, 0.5, 1]], "<f4")
     (folder / "a.bin").write_bytes(points.tobytes() + np.ascontiguousarray(points[:3, :2]).tobytes())
     views = [{"buffer": 0, "byteOffset": start, "byteLength": size} for start, size in ((0, 36), (36, 36), (72, 24))]
     accessors = [
@@ -387,9 +387,38 @@ def test_materials_of_faces(tmp_path):
     materials = [{"name": "wall"}, {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25}]
     model = two_triangles(tmp_path, materials)
     asset = fantex.bake(model, tmp_path / "a.fan", texels=4000, source=fantex.solid("marble"), longest_edge=0)
-    assert asset.materials == [fantex.Material("wall", "opaque", None), fantex.Material("leaf", "cut-out", 0.25)]
+    assert [used[:3] for used in asset.materials] == [("wall", "opaque", None), ("leaf", "cut-out", 0.25)]
+    assert [used.double_sided for used in asset.materials] == [False, False]
     heights = asset.positions[asset.faces].mean(1)[:, 2]
     assert asset.face_materials.dtype == np.uint32 and asset.face_materials.tolist() == heights.round().tolist()
+
+
+def gold_and_sign(folder):
+    """An asset of two materials whose textures have only colours: gold that glows, and an unlit sign."""
+    shine = {"metallicFactor": 1, "roughnessFactor": 0.125}
+    gold = {"name": "gold", "pbrMetallicRoughness": {**shine, "baseColorFactor": [1, 0.75, 0.25, 1]}}
+    gold["emissiveFactor"] = [0.25, 0.125, 0]
+    sign = {"name": "sign", "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True}
+    model = two_triangles(folder, [gold, sign], extensionsUsed=["KHR_materials_unlit"])
+    return fantex.bake(model, folder / "gold.fan", texels=4000)
+
+
+def test_factors_of_materials(tmp_path):
+    asset = gold_and_sign(tmp_path)
+    assert asset.channels == ["base-color"]
+    gold, sign = asset.materials
+    assert gold[:6] == ("gold", "opaque", None, (1, 0.75, 0.25, 1), 1, 0.125) and gold.emission == (0.25, 0.125, 0)
+    assert (gold.unlit, gold.double_sided, sign.unlit, sign.double_sided) == (False, False, True, True)
+
+
+def test_factors_go_to_trimesh(tmp_path):
+    pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    asset = gold_and_sign(tmp_path)
+    material = asset.to_trimesh(64).visual.material
+    # Gold has more of the surface.
+    assert (material.metallicFactor, material.roughnessFactor) == (1, 0.125)
+    assert material.emissiveFactor.tolist() == [0.25, 0.125, 0] and material.doubleSided
 
 
 def test_a_mesh_onto_another(tmp_path, sphere):

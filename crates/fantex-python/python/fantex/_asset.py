@@ -56,7 +56,8 @@ class Fans(NamedTuple):
 
 
 class Material(NamedTuple):
-    """What an asset says of a material beside its texels."""
+    """What an asset says of a material beside its texels. Colour, metalness, roughness and emission are those where the asset has no channel of
+    them: what is the same all over a material is in no texels."""
 
     #: Its name in the model, or empty.
     name: str
@@ -65,6 +66,18 @@ class Material(NamedTuple):
     alpha: str
     #: Of cut-outs, usually 0..1; None for others.
     threshold: Optional[float]
+    #: Linear RGBA, 0..1, without ``base-color``.
+    base_color: Tuple[float, float, float, float]
+    #: 0..1, without ``orm``.
+    metallic: float
+    #: 0..1, without ``orm``.
+    roughness: float
+    #: Linear RGB, which may exceed 1, without ``emission``.
+    emission: Tuple[float, float, float]
+    #: Its colour is what is seen, whatever light there is.
+    unlit: bool
+    #: It is seen from behind, too.
+    double_sided: bool
 
 
 class Asset:
@@ -409,7 +422,7 @@ class Asset:
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
         """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow. Where some of the asset's :attr:`materials` blend, that
-        one does, else it is cut out where some are. It warns where emission is brighter than 1, which trimesh has no place for: the brightest
+        one does, else it is cut out where some are. What is in no channel is that of the material with the largest area. It warns where emission is brighter than 1, which trimesh has no place for: the brightest
         is 1 then, the rest in proportion."""
         import trimesh
         from PIL import Image
@@ -423,18 +436,32 @@ class Asset:
         }
         textures = {maps[name]: Image.fromarray(np.asarray(image)) for name, image in images.items() if name in maps}
         material = trimesh.visual.material.PBRMaterial(**textures)
+        used = self._largest_material()
+        if "baseColorTexture" not in textures:
+            material.baseColorFactor = np.round(255 * np.clip(used.base_color, 0, 1)).astype(np.uint8)
         if "metallicRoughnessTexture" not in textures:
-            material.metallicFactor, material.roughnessFactor = 0.0, 1.0
+            material.metallicFactor, material.roughnessFactor = used.metallic, used.roughness
         if "emissiveTexture" in textures:
             material.emissiveFactor = (1.0, 1.0, 1.0)
             _warn_of_light(scales["emission"])
-        cut_outs = [used.threshold for used in self.materials if used.alpha == "cut-out"]
-        if any(used.alpha == "blend" for used in self.materials):
+        elif max(used.emission) > 0:
+            strength = max(1.0, *used.emission)
+            material.emissiveFactor = np.maximum(used.emission, 0) / strength
+            _warn_of_light(strength)
+        material.doubleSided = any(each.double_sided for each in self.materials)
+        cut_outs = [each.threshold for each in self.materials if each.alpha == "cut-out"]
+        if any(each.alpha == "blend" for each in self.materials):
             material.alphaMode = "BLEND"
         elif cut_outs:
             material.alphaMode, material.alphaCutoff = "MASK", cut_outs[0]
         visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
         return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
+
+    def _largest_material(self) -> Material:
+        """The material with the largest area."""
+        a, b, c = self.positions[self.faces].transpose(1, 0, 2)
+        areas = np.bincount(self.face_materials, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        return self.materials[int(areas.argmax())]
 
     def verify(self, *, texels: bool = False) -> dict:
         """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ...;

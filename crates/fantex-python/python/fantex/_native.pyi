@@ -19,6 +19,10 @@ Exported = Tuple[List[Any], List[str]]
 ObjectParts = Tuple[str, str, int, int, int, Point, Point, Optional[Tuple[int, int, float]]]
 # Name, place, bytes, triangles, texels, corners of the box, detail, parts.
 CoarseParts = Tuple[str, str, int, int, int, Point, Point, float, List[str]]
+Rgb = Tuple[float, float, float]
+Rgba = Tuple[float, float, float, float]
+# Name, alpha, threshold, base colour, metallic, roughness, emission, unlit, double-sided.
+MaterialParts = Tuple[str, str, Optional[float], Rgba, float, float, Rgb, bool, bool]
 
 NOTICES: str
 SOLIDS: List[str]
@@ -59,8 +63,7 @@ class Asset:
     positions: Doubles
     faces: Indices
     channels: List[str]
-    # Name, alpha, threshold.
-    materials: List[Tuple[str, str, Optional[float]]]
+    materials: List[MaterialParts]
     face_materials: Indices
     def figures(self) -> Dict[str, Any]: ...
     def nearest(self, points: Doubles) -> Tuple[Indices, Floats, Doubles]: ...
