@@ -21,7 +21,7 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{array, rows};
-use crate::export::{AtlasFiles, Exported, bits, channel_map, exported, fan_files};
+use crate::export::{AtlasFiles, Exported, bits, channel_map, damage_notes, exported, fan_files};
 use crate::mesh::{upwards, world_positions};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
@@ -71,6 +71,7 @@ type AtlasArrays<'py> = (
     Bound<'py, PyArray2<u32>>,
     Bound<'py, PyArray2<f32>>,
     Vec<(&'static str, Bound<'py, PyArray3<u8>>, f32)>,
+    Vec<String>,
 );
 
 impl Asset {
@@ -231,7 +232,8 @@ impl Asset {
         rendered(py, &picture, damage.into_iter().collect())
     }
 
-    /// Vertex mapping, faces, texture coordinates with v upwards, and pictures with their names and with what their values were divided by.
+    /// Vertex mapping, faces, texture coordinates with v upwards, and pictures with their names and with what their values were divided by; and what
+    /// is to be known, a sentence each.
     fn atlas<'py>(
         &self,
         py: Python<'py>,
@@ -251,7 +253,9 @@ impl Asset {
             Ok((picture.map.name(), samples, picture.scale))
         };
         let pictures = atlas.pictures.iter().map(picture).collect::<PyResult<_>>()?;
-        Ok((atlas.mesh.vertices.to_pyarray(py), array(py, &atlas.mesh.triangles)?, array(py, &uv)?, pictures))
+        let notes = damage_notes(asset.path(), atlas.summary.damage);
+        let (vertices, faces) = (atlas.mesh.vertices.to_pyarray(py), array(py, &atlas.mesh.triangles)?);
+        Ok((vertices, faces, array(py, &uv)?, pictures, notes))
     }
 
     /// Writes a `.glb` or `.gltf` with ordinary texture coordinates.
@@ -310,7 +314,8 @@ impl Asset {
         Ok(exported(asset.path(), written))
     }
 
-    /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures.
+    /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures;
+    /// and what is to be known, a sentence each.
     fn fans<'py>(
         &self,
         py: Python<'py>,
@@ -354,6 +359,7 @@ impl Asset {
         dict.set_item("sheet", fans.sheet_of_triangle.to_pyarray(py))?;
         dict.set_item("sheets", sheets)?;
         dict.set_item("scales", scales)?;
+        dict.set_item("notes", damage_notes(asset.path(), fans.damage))?;
         Ok(dict)
     }
 

@@ -19,8 +19,13 @@ pub(crate) type Exported = (Vec<PathBuf>, Vec<String>);
 
 /// What was written of the asset or world at a place.
 pub(crate) fn exported(place: &Path, written: ExportSummary) -> Exported {
-    let damage = written.damage.map(|(tiles, first)| stand_in_note(place, tiles, first));
-    (written.files.into_iter().map(|(path, _)| path).collect(), damage.into_iter().collect())
+    let notes = damage_notes(place, written.damage);
+    (written.files.into_iter().map(|(path, _)| path).collect(), notes)
+}
+
+/// What is to be known of texels of the asset or world at a place: numbers of damaged tiles, and the first.
+pub(crate) fn damage_notes(place: &Path, damage: Option<(u64, String)>) -> Vec<String> {
+    damage.map(|(tiles, first)| stand_in_note(place, tiles, first)).into_iter().collect()
 }
 
 /// How models with an atlas, and single channels, are written.

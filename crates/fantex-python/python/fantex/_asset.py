@@ -301,7 +301,7 @@ class Asset:
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
     ) -> Atlas:
-        """The asset for programs with ordinary texture coordinates, in memory.
+        """The asset for programs with ordinary texture coordinates, in memory. Where coarser texels stand in for damaged ones, it warns.
 
         Args:
             resolution: side of the pictures, a power of two; by default as many texels as the asset has, up to 8192.
@@ -309,10 +309,20 @@ class Asset:
             memory: bytes that texels may take.
             progress: called with ``(done, total)`` texels.
         """
+        atlas, notes = self._atlas(resolution, padding, memory, progress)
+        _warn(notes, 3)
+        return atlas
+
+    def _atlas(
+        self, resolution: Optional[int], padding: Optional[int], memory: float, progress: Optional[Progress]
+    ) -> Tuple[Atlas, List[str]]:
+        """An atlas, and what is to be known of it."""
         resolution, padding = _whole_or_none(resolution, "resolution"), _whole_or_none(padding, "padding")
-        vmapping, faces, uvs, pictures = self._native.atlas(resolution, padding, amount(memory, "memory"), progress)
+        vmapping, faces, uvs, pictures, notes = self._native.atlas(
+            resolution, padding, amount(memory, "memory"), progress
+        )
         images = {name: image.view(Picture) for name, image, _ in pictures}
-        return Atlas(vmapping, faces, uvs, images, {name: scale for name, _, scale in pictures})
+        return Atlas(vmapping, faces, uvs, images, {name: scale for name, _, scale in pictures}), notes
 
     def export(
         self,
@@ -383,7 +393,8 @@ class Asset:
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
     ) -> Fans:
-        """The asset for shaders that blend fans: three texture coordinates per corner, and sheets of tiles.
+        """The asset for shaders that blend fans: three texture coordinates per corner, and sheets of tiles. Where coarser texels
+        stand in for damaged ones, it warns.
 
         Args:
             gutter: texels around each tile that continue it, a power of two.
@@ -391,7 +402,9 @@ class Asset:
             memory: bytes that sheets may take.
         """
         gutter, largest_side = whole(gutter, "gutter"), whole(largest_side, "largest_side")
-        return Fans(**self._native.fans(gutter, largest_side, amount(memory, "memory"), progress))
+        fans = self._native.fans(gutter, largest_side, amount(memory, "memory"), progress)
+        _warn(fans.pop("notes"), 3)
+        return Fans(**fans)
 
     def export_fans(
         self,
@@ -423,11 +436,12 @@ class Asset:
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
         """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow. Where some of the asset's :attr:`materials` blend, that
         one does, else it is cut out where some are. What is in no channel is that of the material with the largest area. It warns where emission is brighter than 1, which trimesh has no place for: the brightest
-        is 1 then, the rest in proportion."""
+        is 1 then, the rest in proportion; and where coarser texels stand in for damaged ones."""
         import trimesh
         from PIL import Image
 
-        vmapping, faces, uvs, images, scales = self.atlas(resolution)
+        (vmapping, faces, uvs, images, scales), notes = self._atlas(resolution, None, 1 << 30, None)
+        _warn(notes, 3)
         maps = {
             "base-color": "baseColorTexture",
             "orm": "metallicRoughnessTexture",
