@@ -21,7 +21,7 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{array, rows};
-use crate::export::{AtlasFiles, Exported, bits, channel_map, damage_notes, exported, fan_files};
+use crate::export::{AtlasFiles, Exported, bits, channel_map, damage_notes, exported_fans, fan_files};
 use crate::mesh::{upwards, world_positions};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
@@ -272,7 +272,7 @@ impl Asset {
             check_is_path(&path)?;
             export_model(asset, &path, &options.options(), watch)
         })?;
-        Ok(exported(asset.path(), written))
+        Ok(options.exported(asset.path(), &path, written))
     }
 
     /// Writes channels, laid out like the pictures of a model, to files of their own.
@@ -294,7 +294,9 @@ impl Asset {
                 channels.iter().map(|(map, path)| (*map, path.as_path())).collect();
             export_channels(asset, &channels, depth, &options.options(), watch)
         })?;
-        Ok(exported(asset.path(), written))
+        // Notes on one picture are on its file, others on the asset.
+        let subject = if let [(_, path)] = &channels[..] { path } else { asset.path() };
+        Ok(options.exported(asset.path(), subject, written))
     }
 
     /// Writes the fans themselves: `.glb`; `.gltf` or `.usda` with sheets beside it; and shaders in the languages that are named.
@@ -311,7 +313,7 @@ impl Asset {
             check_is_path(&path)?;
             export_fans(asset, &path, &options, watch)
         })?;
-        Ok(exported(asset.path(), written))
+        Ok(exported_fans(asset.path(), &path, written))
     }
 
     /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures;

@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -380,6 +381,26 @@ def test_bright_light_goes_to_trimesh(lamp):
     with pytest.warns(UserWarning, match="emission of up to [78][.].* trimesh holds no more than 1"):
         material = lamp.to_trimesh(64).visual.material
     assert material.emissiveFactor.tolist() == [1, 1, 1]
+
+
+def test_exports_say_what_they_lack(tmp_path, lamp):
+    with pytest.warns(UserWarning) as told:
+        lamp.export_channels({"emission": tmp_path / "e.png"}, resolution=16)
+    said = [str(warning.message) for warning in told]
+    assert {warning.filename for warning in told} == {__file__}
+    assert any(re.search("e.png: 16 texels a side hold .* of the asset's density; give a larger resolution=", note) for note in said)
+    assert any(re.search("e.png: emission of up to [78][.].* is cut off at 1 in PNG", note) for note in said)
+    with pytest.warns(UserWarning, match="a padding of .* instead of the 64 asked for: .* give a larger resolution="):
+        lamp.export(tmp_path / "a.glb", resolution=128, padding=64)
+
+
+def test_models_say_what_they_lack(tmp_path, sphere):
+    settings = {"source": pattern, "largest_side": 64}
+    made = fantex.bake_model(sphere, tmp_path / "a.glb", texels=1e6, **settings)
+    assert any("64 texels a side hold" in note for note in made["notes"]), made["notes"]
+    # Who asks for a side does not ask for a density.
+    made = fantex.bake_model(sphere, tmp_path / "b.glb", source=pattern, resolution=64)
+    assert not any("texels a side" in note for note in made["notes"]), made["notes"]
 
 
 def test_materials_of_faces(tmp_path):

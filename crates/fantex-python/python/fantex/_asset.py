@@ -349,7 +349,7 @@ class Asset:
             overwrite: replace existing files.
 
         Returns:
-            The paths of all files.
+            The paths of all files. What these lack, such as texels or channels, are warnings.
         """
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
         return _written(self._native.export(os.fsdecode(path), {**options, "ktx2": ktx2}, progress))
@@ -375,7 +375,7 @@ class Asset:
             depth: bits per sample of PNG files, 8 or 16.
 
         Returns:
-            The paths of all files.
+            The paths of all files. What these lack, such as light brighter than 1, are warnings.
         """
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
         if not isinstance(paths, Mapping):
