@@ -313,6 +313,23 @@ def test_unlit_materials_emit_their_color(tmp_path, extension):
     assert tuple(inputs["Base Color"].default_value) == (0, 0, 0, 1) and inputs["Emission Strength"].default_value == 1
 
 
+def test_assets_that_cannot_be_shown_stay(tmp_path, extension, monkeypatch):
+    item = red_cube()
+    path = tmp_path / "a.fan"
+    asked = extension.fantex.Asset.fan_attributes
+    # As an asset of a thousand times the texels.
+    small = lambda asset, memory: asked(asset, memory=memory >> 20)
+    monkeypatch.setattr(extension.fantex.Asset, "fan_attributes", small)
+    with pytest.raises(RuntimeError, match="a.fan is baked, but cannot be shown: .* more than 8 GiB .* in the preferences"):
+        bake(path, million_texels=0.1)
+    assert fantex.open(path).verify()["ok"] and item[extension.BAKED_KEY] == str(path)
+    assert bpy.context.object == item and not item.hide_get()
+    with pytest.raises(RuntimeError, match="in the preferences"):
+        bpy.ops.fantex.import_fan(filepath=str(path))
+    monkeypatch.undo()
+    bake(path)
+
+
 def test_mistakes_are_told(tmp_path, extension):
     with pytest.raises(RuntimeError, match="nowhere.fan"):
         bpy.ops.fantex.import_fan(filepath=str(tmp_path / "nowhere.fan"))

@@ -5,8 +5,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+#[cfg(feature = "export")]
 use fantex::export::{ChannelMap, ExportSummary};
-use fantex::{Baker, Mesh, ModelKind, NoProgress, Progress, Source, model_notes};
+use fantex::{Baker, Mesh, NoProgress, Progress, Source};
+#[cfg(feature = "export")]
+use fantex::{ModelKind, model_notes};
 use fantex_mesh::{LoadOptions, load};
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{Mat3, Vec2};
@@ -204,6 +207,7 @@ fn parts_that_no_light_reaches_are_told_of() {
 }
 
 /// Pictures with less than was asked for have notes that say how to get it.
+#[cfg(feature = "export")]
 #[test]
 fn models_say_what_they_lack() {
     let summary = ExportSummary {
