@@ -55,6 +55,8 @@ def test_wrong_questions(waves):
         waves.sample([[0, 0, 1]], channel="roughness")
     with pytest.raises(IndexError, match="there is no face 99999999"):
         waves.sample(face=[99999999], barycentric=[[1, 0, 0]])
+    with pytest.raises(TypeError, match="strokes is of type int; expected a path"):
+        waves.paint(123)
     for length in (-1, float("nan"), float("inf"), [1, 2]):
         with pytest.raises(ValueError, match="footprint has"):
             waves.sample([0, 0, 1], footprint=length)

@@ -221,6 +221,10 @@ class Asset:
             ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z; for anisotropy the
             highlight's direction in x, y and z and its strength. NaN for points that are not finite, all 0
             with ``srgb``. One row alone, without the first axis, for one point.
+
+        Raises:
+            KeyError: the asset has no such channel.
+            IndexError: it has no such face.
         """
         is_single = False
         if points is not None:
@@ -543,6 +547,7 @@ class Asset:
             Numbers of ``strokes``, ``dabs`` and changed ``pages``, and of strokes of another asset that were ``unrecorded`` and are missing.
 
         Raises:
+            TypeError: ``strokes`` is nothing of that.
             KeyboardInterrupt: Ctrl-C, when all strokes are painted; none of them is kept.
         """
         options = {
@@ -563,6 +568,9 @@ class Asset:
                 painted = _native.paint(place, given, None, options)
         else:
             if not isinstance(strokes, Mapping):
+                if not isinstance(strokes, Iterable):
+                    kind = type(strokes).__name__
+                    raise TypeError(f"strokes is of type {kind}; expected a path, a dictionary, a list of strokes or an Asset")
                 strokes = {"version": 1, "strokes": list(strokes)}
             with tempfile.TemporaryDirectory() as folder:
                 path = os.path.join(folder, "strokes.json")
