@@ -58,15 +58,16 @@ pub fn export_atlas(
         )));
     };
     let maps = job.model_maps(progress);
-    let needed: u64 =
-        maps.iter().map(|map| u64::from(page.side).pow(2) * map.components.count() as u64).sum();
+    let bytes = |map: &Map| u64::from(page.side).pow(2) * map.components.count() as u64;
+    let needed: u64 = maps.iter().map(bytes).sum();
     if needed > options.memory_bytes {
         return Err(Error::too_large(format!(
             "pictures of {0} x {0} texels need {needed} bytes at once, but {1} are allowed; give a lower resolution or more memory",
             page.side, options.memory_bytes
         )));
     }
-    let filled: Vec<_> = maps.iter().map(|_| Arc::new(Mutex::new(Vec::new()))).collect();
+    let filled = maps.iter().map(|map| Arc::new(Mutex::new(Vec::with_capacity(bytes(map) as usize))));
+    let filled: Vec<_> = filled.collect();
     let sinks = maps.iter().zip(&filled);
     let sinks = sinks.map(|(&map, bytes)| Box::new(MemorySink(map, Arc::clone(bytes))) as Box<dyn RowSink>);
     let summary = job.run(&maps, &job.tangents(&maps), vec![sinks.collect()], progress)?;

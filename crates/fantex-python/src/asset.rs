@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use fantex::addresses::check_is_path;
 use fantex::export::{
-    ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels, export_fans,
-    export_model, fan_sheets,
+    AtlasPicture, ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels,
+    export_fans, export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
 use fantex::mesh::{AlphaMode, Material, lambda_step};
@@ -14,7 +14,9 @@ use fantex::render::FanSurface;
 use fantex::scene::FilterOptions;
 use fantex::store::{JUMP_BOUND, PREVIEW, PageCache, VerifyOptions, verify_asset};
 use fantex::{ChannelKind, Error, FileKind, Footprint, Progress, SurfacePoint, damage_note, not_verified};
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray,
+};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -247,12 +249,12 @@ impl Asset {
         let asset = self.asset.shared();
         let atlas = watched(py, progress.as_ref(), |watch| export_atlas(asset, &options, watch))?;
         let uv: Vec<[f32; 2]> = atlas.mesh.uv.iter().map(upwards).collect();
-        let picture = |picture: &fantex::export::AtlasPicture| {
+        let picture = |picture: AtlasPicture| {
             let side = picture.side as usize;
-            let samples = picture.samples.to_pyarray(py).reshape([side, side, picture.components])?;
+            let samples = picture.samples.into_pyarray(py).reshape([side, side, picture.components])?;
             Ok((picture.map.name(), samples, picture.scale))
         };
-        let pictures = atlas.pictures.iter().map(picture).collect::<PyResult<_>>()?;
+        let pictures = atlas.pictures.into_iter().map(picture).collect::<PyResult<_>>()?;
         let notes = damage_notes(asset.path(), atlas.summary.damage);
         let (vertices, faces) = (atlas.mesh.vertices.to_pyarray(py), array(py, &atlas.mesh.triangles)?);
         Ok((vertices, faces, array(py, &uv)?, pictures, notes))
@@ -295,7 +297,7 @@ impl Asset {
             export_channels(asset, &channels, depth, &options.options(), watch)
         })?;
         // Notes on one picture are on its file, others on the asset.
-        let subject = if let [(_, path)] = &channels[..] { path } else { asset.path() };
+        let subject = if let [(_, path)] = &channels[..] { path.as_path() } else { asset.path() };
         Ok(options.exported(asset.path(), subject, written))
     }
 
@@ -338,14 +340,14 @@ impl Asset {
                 let shape = [height, width, map.components];
                 match map.depth {
                     Depth::Eight => {
-                        pictures.set_item(map.map.name(), samples.to_pyarray(py).reshape(shape)?)?
+                        pictures.set_item(map.map.name(), samples.into_pyarray(py).reshape(shape)?)?
                     }
                     Depth::Sixteen => {
                         let wide: Vec<u16> = samples
                             .chunks_exact(2)
                             .map(|pair| u16::from_be_bytes([pair[0], pair[1]]))
                             .collect();
-                        pictures.set_item(map.map.name(), wide.to_pyarray(py).reshape(shape)?)?;
+                        pictures.set_item(map.map.name(), wide.into_pyarray(py).reshape(shape)?)?;
                     }
                 }
             }
