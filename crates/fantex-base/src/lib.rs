@@ -12,7 +12,7 @@
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
 //! | [`sweep`] | pairs of boxes that meet |
-//! | [`text`] | counts in messages, names in addresses |
+//! | [`text`] | counts and shares in messages, names in addresses |
 //! | [`union_find`] | disjoint sets |
 //! | [`zstandard`] | unpacking of Zstandard frames |
 

@@ -1,4 +1,4 @@
-//! Counts in messages: `1 triangle`, `2 triangles`, `69 451 tiles`; names in addresses.
+//! Counts and shares in messages: `1 triangle`, `2 triangles`, `69 451 tiles`, `9.9` percent; names in addresses.
 
 use std::borrow::Cow;
 use std::fmt;
