@@ -27,10 +27,33 @@ SOURCES = [
 ]
 
 
-def load(path, name, y_up, context):
-    """Opens an asset and adds an object that shows it."""
-    asset = fantex.open(path)
-    item = fans.build_object(asset, asset.fan_attributes(), name, y_up)
+def settings(context):
+    """The extension's preferences; None where it runs without being installed."""
+    addon = context.preferences.addons.get(__package__)
+    return addon and addon.preferences
+
+
+#: GiB that the pictures of an asset may take on their way into Blender, unless the preferences say otherwise.
+MEMORY = 8
+
+
+def fans_of(asset, context):
+    """What Blender shows of an asset. Raises ``fantex.Error``, which says how to allow more, where that takes too much memory."""
+    preferences = settings(context)
+    memory = preferences.memory if preferences else MEMORY
+    try:
+        return asset.fan_attributes(memory=memory << 30)
+    except fantex.Error as error:
+        if "memory=" not in str(error):
+            raise
+        raise fantex.Error(
+            f"{asset.place} takes more than {memory} GiB of memory to show; allow more in the extension's preferences"
+        ) from error
+
+
+def show(asset, name, y_up, context):
+    """Adds an object that shows an asset."""
+    item = fans.build_object(asset, fans_of(asset, context), name, y_up)
     context.collection.objects.link(item)
     return item
 
@@ -214,12 +237,16 @@ class FANTEX_OT_bake(bpy.types.Operator):
             return {"CANCELLED"}
         for note in bake.asset.baked["notes"]:
             self.report({"INFO"}, note)
+        # The next bake may replace it, whether it can be shown or not.
+        if original and original.is_editable:
+            original[BAKED_KEY] = bake.asset.place
         name = original.name if original else os.path.splitext(os.path.basename(self.filepath))[0]
-        item = fans.build_object(bake.asset, bake.asset.fan_attributes(), f"{name} fans", True)
-        context.collection.objects.link(item)
+        try:
+            item = show(bake.asset, f"{name} fans", True, context)
+        except (OSError, ValueError, MemoryError, fantex.Error) as error:
+            self.report({"ERROR"}, f"{bake.asset.place} is baked, but cannot be shown: {error}")
+            return {"CANCELLED"}
         if original:
-            if original.is_editable:
-                original[BAKED_KEY] = bake.asset.place
             item.matrix_world = original.matrix_world
             original.hide_set(True)
             original.select_set(False)
@@ -244,8 +271,8 @@ class FANTEX_OT_import(bpy.types.Operator, ImportHelper):
     def execute(self, context):
         name = os.path.splitext(os.path.basename(self.filepath))[0]
         try:
-            item = load(self.filepath, name, self.y_up, context)
-        except (OSError, fantex.Error) as error:
+            item = show(fantex.open(self.filepath), name, self.y_up, context)
+        except (OSError, MemoryError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         for other in context.selected_objects:
@@ -259,9 +286,9 @@ def is_fans(context):
     return context.object is not None and fans.ASSET_KEY in context.object
 
 
-def reload(item):
+def reload(item, context):
     asset = fantex.open(item[fans.ASSET_KEY])
-    fans.rebuild(item, asset, asset.fan_attributes(), bool(item.get(fans.Y_UP_KEY, False)))
+    fans.rebuild(item, asset, fans_of(asset, context), bool(item.get(fans.Y_UP_KEY, False)))
 
 
 class FANTEX_OT_reload(bpy.types.Operator):
@@ -277,8 +304,8 @@ class FANTEX_OT_reload(bpy.types.Operator):
 
     def execute(self, context):
         try:
-            reload(context.object)
-        except (OSError, fantex.Error) as error:
+            reload(context.object, context)
+        except (OSError, MemoryError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}
@@ -319,8 +346,8 @@ class FANTEX_OT_paint(bpy.types.Operator):
         return is_fans(context)
 
     def execute(self, context):
-        settings = context.preferences.addons.get(__package__)
-        program = (settings and settings.preferences.program) or shutil.which("fantex")
+        preferences = settings(context)
+        program = (preferences and preferences.program) or shutil.which("fantex")
         if not program:
             self.report({"ERROR"}, "The program fantex was not found; say where it is in the add-on's preferences")
             return {"CANCELLED"}
@@ -348,8 +375,8 @@ def watch(painter, session_uid):
         item = object_of(session_uid)
         if item is not None and fans.ASSET_KEY in item:
             try:
-                reload(item)
-            except (OSError, ValueError, fantex.Error) as error:
+                reload(item, bpy.context)
+            except (OSError, ValueError, MemoryError, fantex.Error) as error:
                 tell(f"{item.name} was not reloaded: {error}")
         return None
 
@@ -372,9 +399,17 @@ class FantexPreferences(bpy.types.AddonPreferences):
     bl_idname = __package__ or "fantex"
 
     program: StringProperty(name="Program", description="The command fantex, for painting", subtype="FILE_PATH")
+    memory: IntProperty(
+        name="Memory (GiB)",
+        description="What the pictures of an asset may take on their way into Blender",
+        default=MEMORY,
+        min=1,
+        max=1024,
+    )
 
     def draw(self, context):
         self.layout.prop(self, "program")
+        self.layout.prop(self, "memory")
 
 
 class FANTEX_PT_panel(bpy.types.Panel):

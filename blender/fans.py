@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Assets as meshes of Blender: three texture coordinates per corner, sheets of tiles, and the node group that blends them."""
 
-import tomllib
+from typing import NamedTuple, Optional, Tuple
 
 import bpy
-import fantex
 import numpy as np
 
 #: UV layers: the corner's places in the tiles of the fans at its triangle's corners, and its first two barycentric coordinates.
@@ -17,7 +16,7 @@ Y_UP_KEY = "fantex_y_up"
 
 #: Marks materials, node groups and images that are made here: a text that says how they are laid out. Others are the user's.
 MADE_KEY = "fantex_made"
-#: The number of a mesh's sheets. Their materials come first; further ones are the user's.
+#: The number of a mesh's materials that are made here. They come first; further ones are the user's.
 SHEETS_KEY = "fantex_sheets"
 #: Which channel an image has.
 CHANNEL_KEY = "fantex_channel"
@@ -32,7 +31,7 @@ def z_up(vectors):
 
 
 def build_object(asset, fans, name, y_up, in_light=False):
-    """A new object with the asset's mesh, its fans and their materials, one for each sheet.
+    """A new object with the asset's mesh, its fans and their materials, one for each sheet and each material of the asset that looks otherwise.
 
     Pictures of colours are sRGB bytes, which Cycles interpolates as such; ``in_light`` makes them floats in linear light, as fantex
     interpolates, of four times the size.
@@ -102,11 +101,45 @@ def remove_unused(material):
 
 def cut_out_threshold(asset):
     """The least alpha that is seen where the asset's materials are cut-outs; None where one of them blends, or all are opaque."""
-    materials = tomllib.loads(fantex.Mesh.of(asset).look()).get("materials", {}).values()
-    if any(material.get("opacity") == "blend" for material in materials):
+    if any(material.alpha == "blend" for material in asset.materials):
         return None
-    thresholds = [material.get("threshold", 0.5) for material in materials if material.get("opacity") == "mask"]
-    return min(thresholds, default=None)
+    return min((material.threshold for material in asset.materials if material.alpha == "cut-out"), default=None)
+
+
+class Factors(NamedTuple):
+    """What a material shows beside pictures; None where these show it."""
+
+    #: Linear RGB, and how much is seen.
+    color: Optional[Tuple[float, ...]]
+    metallic: Optional[float]
+    roughness: Optional[float]
+    #: Linear RGB, which may exceed 1.
+    emission: Optional[Tuple[float, ...]]
+    unlit: bool
+
+
+def factors_of(material, channels):
+    """The factors of an asset's material whose sheets have these channels."""
+    *color, alpha = material.base_color
+    if material.alpha != "blend":
+        alpha = 1.0 if material.alpha == "opaque" or alpha >= material.threshold else 0.0
+    is_shiny = "orm" not in channels and not material.unlit
+    return Factors(
+        color=None if "base-color" in channels else (*color, alpha),
+        metallic=material.metallic if is_shiny else None,
+        roughness=material.roughness if is_shiny else None,
+        emission=None if "emission" in channels or material.unlit else material.emission,
+        unlit=material.unlit,
+    )
+
+
+def slots_of(asset, fans):
+    """The slots of materials, each with the number of its sheet and its factors, and the slot of each face."""
+    factors = [factors_of(material, fans.sheets[0]) for material in asset.materials]
+    kinds = list(dict.fromkeys(factors))
+    kind = np.array([kinds.index(each) for each in factors])[asset.face_materials]
+    used, slots = np.unique(fans.sheet.astype(np.int64) * len(kinds) + kind, return_inverse=True)
+    return [(number // len(kinds), kinds[number % len(kinds)]) for number in used.tolist()], slots
 
 
 def with_sides_apart(positions, faces):
@@ -129,7 +162,8 @@ def with_sides_apart(positions, faces):
 
 
 def build_mesh(asset, fans, name, y_up, in_light=False, materials=()):
-    """A new mesh. Given materials of sheets are taken again: the user's as they are, others with new pictures where these fit."""
+    """A new mesh. Given materials are taken again: the user's as they are, others with new pictures where these fit."""
+    slots, slot_of_face = slots_of(asset, fans)
     positions, faces = with_sides_apart(asset.positions, asset.faces)
     if y_up:
         positions = z_up(positions)
@@ -140,7 +174,7 @@ def build_mesh(asset, fans, name, y_up, in_light=False, materials=()):
     mesh.loops.foreach_set("vertex_index", faces.astype(np.int32).ravel())
     mesh.polygons.add(len(faces))
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(faces), 3, dtype=np.int32))
-    mesh.polygons.foreach_set("material_index", fans.sheet.astype(np.int32))
+    mesh.polygons.foreach_set("material_index", slot_of_face.astype(np.int32))
     mesh.update(calc_edges=True)
     for slot, layer in enumerate(PLACES):
         coordinates = mesh.uv_layers.new(name=layer, do_init=False)
@@ -150,14 +184,19 @@ def build_mesh(asset, fans, name, y_up, in_light=False, materials=()):
     set_normals(mesh, asset, faces, y_up)
     shows_through = any("base-color" in sheet and sheet["base-color"].shape[2] == 4 for sheet in fans.sheets)
     threshold = cut_out_threshold(asset) if shows_through else None
-    for index, sheet in enumerate(fans.sheets):
-        title = name if len(fans.sheets) == 1 else f"{name} {index + 1}"
+    # Materials of one sheet share its node group, and its pictures.
+    groups, filled = {}, set()
+    for index, (number, factors) in enumerate(slots):
+        title = name if len(slots) == 1 else f"{name} {index + 1}"
         material = materials[index] if index < len(materials) else None
         is_users = material is not None and MADE_KEY not in material
-        if not is_users and not refill(material, sheet, fans, y_up, in_light, threshold):
-            material = build_material(title, sheet, fans, y_up, in_light, threshold)
+        shown = (fans.sheets[number], fans, y_up, in_light, threshold)
+        if not is_users and not refill(material, factors, filled, *shown):
+            if number not in groups:
+                groups[number] = build_group(title, *shown)
+            material = build_material(title, groups[number], factors, *shown)
         mesh.materials.append(material)
-    mesh[SHEETS_KEY] = len(fans.sheets)
+    mesh[SHEETS_KEY] = len(slots)
     mesh.validate(clean_customdata=False)
     return mesh
 
@@ -216,16 +255,17 @@ def samples_of(sheet, channel, y_up):
     return samples
 
 
-def layout_of(sheet, fans, y_up, in_light, threshold):
-    """Everything that a material depends on but the pixels of its pictures, as a text."""
+def layout_of(sheet, fans, y_up, in_light, threshold, factors=None):
+    """Everything that a material, or without factors its node group, depends on but the pixels of its pictures, as a text."""
     pictures = sorted((channel, samples.shape, samples.dtype.name) for channel, samples in sheet.items())
     scales = sorted(fans.scales.items())
-    return repr((pictures, scales, float(fans.delta), bool(y_up), bool(in_light), threshold))
+    return repr((pictures, scales, float(fans.delta), bool(y_up), bool(in_light), threshold, factors))
 
 
-def refill(material, sheet, fans, y_up, in_light, threshold):
-    """Gives the pictures of a material new pixels. False, and nothing is done, where the sheet is laid out otherwise."""
-    if material is None or material.get(MADE_KEY) != layout_of(sheet, fans, y_up, in_light, threshold):
+def refill(material, factors, filled, sheet, fans, y_up, in_light, threshold):
+    """Gives the pictures of a material new pixels, but those that are filled already. False, and nothing is done, where it is to be another
+    material."""
+    if material is None or material.get(MADE_KEY) != layout_of(sheet, fans, y_up, in_light, threshold, factors):
         return False
     images = {image[CHANNEL_KEY]: image for image in made_images(material)}
     shown = [channel for channel in SHOWN if channel in sheet]
@@ -234,27 +274,48 @@ def refill(material, sheet, fans, y_up, in_light, threshold):
         return False
     for channel in shown:
         image = images[channel]
-        fill(image, pixels_of(samples_of(sheet, channel, y_up), channel in COLORS, in_light))
+        if image not in filled:
+            fill(image, pixels_of(samples_of(sheet, channel, y_up), channel in COLORS, in_light))
+            filled.add(image)
     return True
 
 
-def build_material(name, sheet, fans, y_up, in_light=False, threshold=None):
-    """A new material for a sheet. With a threshold, its alpha is that of cut-outs."""
+def build_material(name, group, factors, sheet, fans, y_up, in_light=False, threshold=None):
+    """A new material for a sheet with that node group. With a threshold, its alpha is that of cut-outs."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
-    material[MADE_KEY] = layout_of(sheet, fans, y_up, in_light, threshold)
+    material[MADE_KEY] = layout_of(sheet, fans, y_up, in_light, threshold, factors)
     tree = material.node_tree
-    surface = tree.nodes["Principled BSDF"]
-    group = tree.nodes.new("ShaderNodeGroup")
-    group.node_tree = build_group(name, sheet, fans, y_up, in_light, threshold)
-    group.location = (-300, 300)
-    for output in group.outputs:
-        if output.name in surface.inputs:
-            tree.links.new(output, surface.inputs[output.name])
-    if "emission" in sheet:
-        surface.inputs["Emission Strength"].default_value = fans.scales["emission"]
-    if "orm" not in sheet:
-        surface.inputs["Roughness"].default_value = 1.0
+    inputs = tree.nodes["Principled BSDF"].inputs
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.location = (-300, 300)
+    # An unlit colour is emitted, and nothing is reflected.
+    places = {"Base Color": "Emission Color", "Alpha": "Alpha"} if factors.unlit else {key: key for key in inputs.keys()}
+    for output in node.outputs:
+        if output.name in places:
+            tree.links.new(output, inputs[places[output.name]])
+
+    def put(title, value):
+        inputs[title].default_value = value
+
+    if factors.unlit:
+        put("Base Color", (0, 0, 0, 1))
+        put("Specular IOR Level", 0)
+        put("Emission Strength", 1)
+    elif "emission" in sheet:
+        put("Emission Strength", fans.scales["emission"])
+    elif any(factors.emission):
+        strength = max(1, *factors.emission)
+        put("Emission Color", (*(light / strength for light in factors.emission), 1))
+        put("Emission Strength", strength)
+    if factors.color is not None:
+        *color, alpha = factors.color
+        put(places["Base Color"], (*color, 1))
+        put("Alpha", alpha)
+    if factors.roughness is not None:
+        put("Metallic", factors.metallic)
+        put("Roughness", factors.roughness)
     return material
 
 

@@ -275,6 +275,61 @@ def test_materials_come_along(tmp_path, extension):
     assert tuple(bpy.context.object.location) == (3, 4, 5)
 
 
+def test_factors_come_along(tmp_path, extension):
+    item = red_cube()
+    gold = colored("gold", (1, 0.75, 0.25, 1))
+    inputs = gold.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Metallic"].default_value, inputs["Roughness"].default_value = 1, 0.125
+    inputs["Emission Color"].default_value, inputs["Emission Strength"].default_value = (0.25, 0.125, 0, 1), 4
+    item.data.materials.append(gold)
+    max(item.data.polygons, key=lambda face: face.center.z).material_index = 1
+    shown = bake(tmp_path / "a.fan", source="MATERIALS")
+    asset = fantex.open(tmp_path / "a.fan")
+    assert asset.channels == ["base-color"] and len(shown.data.materials) == 2
+    for face, used in zip(shown.data.polygons, asset.face_materials):
+        inputs = shown.data.materials[face.material_index].node_tree.nodes["Principled BSDF"].inputs
+        is_gold = asset.materials[used].name == "gold"
+        assert (face.center.z > 0.99) == is_gold
+        assert inputs["Metallic"].default_value == is_gold
+        assert inputs["Roughness"].default_value == pytest.approx(0.125 if is_gold else 0.5)
+        light = np.array(inputs["Emission Color"].default_value)[:3] * inputs["Emission Strength"].default_value
+        np.testing.assert_allclose(light, (1, 0.5, 0) if is_gold else (0, 0, 0), atol=1e-5)
+        assert inputs["Base Color"].is_linked
+    # One picture for both.
+    assert len({group.name for material in shown.data.materials for group in extension.fans.made_groups(material)}) == 1
+    before = list(shown.data.materials)
+    assert bpy.ops.fantex.reload() == {"FINISHED"}
+    assert list(shown.data.materials) == before
+
+
+def test_unlit_materials_emit_their_color(tmp_path, extension):
+    look = tmp_path / "look.toml"
+    look.write_text("[materials.all]\nbase_color = [0.25, 0.5, 1]\nlighting = \"unlit\"\n")
+    red_cube()
+    shown = bake(tmp_path / "a.fan", source="LOOK", look=str(look))
+    assert fantex.open(tmp_path / "a.fan").materials[0].unlit
+    inputs = shown.data.materials[0].node_tree.nodes["Principled BSDF"].inputs
+    assert inputs["Emission Color"].is_linked and not inputs["Base Color"].is_linked
+    assert tuple(inputs["Base Color"].default_value) == (0, 0, 0, 1) and inputs["Emission Strength"].default_value == 1
+
+
+def test_assets_that_cannot_be_shown_stay(tmp_path, extension, monkeypatch):
+    item = red_cube()
+    path = tmp_path / "a.fan"
+    asked = extension.fantex.Asset.fan_attributes
+    # As an asset of a thousand times the texels.
+    small = lambda asset, memory: asked(asset, memory=memory >> 20)
+    monkeypatch.setattr(extension.fantex.Asset, "fan_attributes", small)
+    with pytest.raises(RuntimeError, match="a.fan is baked, but cannot be shown: .* more than 8 GiB .* in the preferences"):
+        bake(path, million_texels=0.1)
+    assert fantex.open(path).verify()["ok"] and item[extension.BAKED_KEY] == str(path)
+    assert bpy.context.object == item and not item.hide_get()
+    with pytest.raises(RuntimeError, match="in the preferences"):
+        bpy.ops.fantex.import_fan(filepath=str(path))
+    monkeypatch.undo()
+    bake(path)
+
+
 def test_mistakes_are_told(tmp_path, extension):
     with pytest.raises(RuntimeError, match="nowhere.fan"):
         bpy.ops.fantex.import_fan(filepath=str(tmp_path / "nowhere.fan"))

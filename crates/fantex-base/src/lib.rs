@@ -12,7 +12,7 @@
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
 //! | [`sweep`] | pairs of boxes that meet |
-//! | [`text`] | counts in messages, names in addresses |
+//! | [`text`] | counts and shares in messages, names in addresses |
 //! | [`union_find`] | disjoint sets |
 //! | [`zstandard`] | unpacking of Zstandard frames |
 
@@ -34,7 +34,7 @@ pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
 pub use json_problem::json_problem;
 pub use random::{Random, mix64};
-pub use text::{counted, grouped, numbered, uri_escaped};
+pub use text::{counted, grouped, numbered, percent, uri_escaped};
 pub use union_find::UnionFind;
 
 /// Files of the caller's folder as `(path in the workspace, content)`: `files!["gallery/": "bump.toml" "glow.toml"]`.

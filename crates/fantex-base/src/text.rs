@@ -1,4 +1,4 @@
-//! Counts in messages: `1 triangle`, `2 triangles`, `69 451 tiles`; names in addresses.
+//! Counts and shares in messages: `1 triangle`, `2 triangles`, `69 451 tiles`, `9.9` percent; names in addresses.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -32,6 +32,22 @@ pub fn numbered<N: PartialEq + From<u8>>(count: N, noun: &str) -> Cow<'_, str> {
 
 /// What stands for itself in an address: unreserved characters (RFC 3986, section 2.3).
 const ESCAPED: AsciiSet = NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+
+/// A share in percent, in as many digits as matter.
+///
+/// ```
+/// use fantex_base::percent;
+///
+/// let told = [0.714, 0.0994, 0.014, 0.0004, 0.0].map(percent);
+/// assert_eq!(told, ["71", "9.9", "1.4", "less than 0.1", "less than 0.1"]);
+/// ```
+pub fn percent(share: f64) -> String {
+    match 100.0 * share {
+        percent if percent >= 9.95 => format!("{percent:.0}"),
+        percent if percent >= 0.05 => format!("{percent:.1}"),
+        _ => "less than 0.1".to_owned(),
+    }
+}
 
 /// A path as the path of an address, with what does not stand for itself there as `%` and two digits; `/` stays between its parts.
 ///

@@ -24,7 +24,7 @@ pub struct Atlas {
 }
 
 /// A square picture of 8 bits per sample.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AtlasPicture {
     /// What it shows.
     pub map: ChannelMap,
@@ -32,6 +32,8 @@ pub struct AtlasPicture {
     pub side: u32,
     /// Samples per texel: 3, or 4 with opacity.
     pub components: usize,
+    /// What values were divided by to lie in 0..1: more than 1 for bright emission.
+    pub scale: f32,
     /// Row-major from the top; sRGB where the map is a colour.
     pub samples: Vec<u8>,
 }
@@ -56,15 +58,16 @@ pub fn export_atlas(
         )));
     };
     let maps = job.model_maps(progress);
-    let needed: u64 =
-        maps.iter().map(|map| u64::from(page.side).pow(2) * map.components.count() as u64).sum();
+    let bytes = |map: &Map| u64::from(page.side).pow(2) * map.components.count() as u64;
+    let needed: u64 = maps.iter().map(bytes).sum();
     if needed > options.memory_bytes {
         return Err(Error::too_large(format!(
             "pictures of {0} x {0} texels need {needed} bytes at once, but {1} are allowed; give a lower resolution or more memory",
             page.side, options.memory_bytes
         )));
     }
-    let filled: Vec<_> = maps.iter().map(|_| Arc::new(Mutex::new(Vec::new()))).collect();
+    let filled = maps.iter().map(|map| Arc::new(Mutex::new(Vec::with_capacity(bytes(map) as usize))));
+    let filled: Vec<_> = filled.collect();
     let sinks = maps.iter().zip(&filled);
     let sinks = sinks.map(|(&map, bytes)| Box::new(MemorySink(map, Arc::clone(bytes))) as Box<dyn RowSink>);
     let summary = job.run(&maps, &job.tangents(&maps), [Ok(sinks.collect())], progress)?;
@@ -72,6 +75,7 @@ pub fn export_atlas(
         map: map.kind,
         side: page.side,
         components: map.components.count(),
+        scale: map.scale,
         samples: std::mem::take(&mut *bytes.lock().unwrap_or_else(PoisonError::into_inner)),
     };
     let pictures = maps.iter().zip(filled).map(picture).collect();

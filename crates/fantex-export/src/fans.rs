@@ -22,7 +22,7 @@ use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSourc
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::export::{Components, Map, brightest, cancelled, scale_of};
+use crate::export::{Components, Map, brightest, cancelled, scale_of, told};
 use crate::pictures::{Depth, halves, samples};
 use crate::{ChannelMap, MAX_SIDE};
 
@@ -63,6 +63,8 @@ pub struct FanSheets {
     pub sheets: Vec<FanSheet>,
     /// Share of the sheets that tiles cover.
     pub used_share: f64,
+    /// Pages of the asset that could not be read and were replaced by coarser ones; the first, with its reason.
+    pub damage: Option<(u64, String)>,
 }
 
 /// What a picture of a sheet shows.
@@ -107,6 +109,7 @@ pub fn fan_sheets(
         sheets.sheets[drawn.sheet].pictures.push(drawn.samples);
         Ok(())
     })?;
+    sheets.damage = told(&packer.cache.damage());
     Ok(sheets)
 }
 
@@ -220,6 +223,7 @@ impl<'a> Packer<'a> {
                 .map(|plan| FanSheet { size: plan.size, pictures: Vec::new() })
                 .collect(),
             used_share: 0.0,
+            damage: None,
         };
         for (index, plan) in (0u32..).zip(&self.plans) {
             for &t in &plan.triangles {

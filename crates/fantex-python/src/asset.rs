@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use fantex::addresses::check_is_path;
 use fantex::export::{
-    ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels, export_fans,
-    export_model, fan_sheets,
+    AtlasPicture, ChannelMap, Depth, ExportOptions, FanSheetOptions, export_atlas, export_channels,
+    export_fans, export_model, fan_sheets,
 };
 use fantex::glam::{DVec3, Vec3};
 use fantex::mesh::{AlphaMode, Material, lambda_step};
@@ -14,14 +14,16 @@ use fantex::render::FanSurface;
 use fantex::scene::FilterOptions;
 use fantex::store::{JUMP_BOUND, PREVIEW, PageCache, VerifyOptions, verify_asset};
 use fantex::{ChannelKind, Error, FileKind, Footprint, Progress, SurfacePoint, damage_note, not_verified};
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray,
+};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{array, rows};
-use crate::export::{AtlasFiles, Exported, bits, channel_map, exported, fan_files};
+use crate::export::{AtlasFiles, Exported, bits, channel_map, damage_notes, exported_fans, fan_files};
 use crate::mesh::{upwards, world_positions};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::watched;
@@ -61,15 +63,17 @@ pub(crate) struct Asset {
     sampler: fantex::Sampler,
 }
 
-/// Name, what it makes of opacity, threshold.
-type MaterialParts = (String, &'static str, Option<f32>);
+/// Name, what it makes of opacity, threshold; base colour, metallic, roughness, emission; whether it is unlit and seen from both sides.
+type MaterialParts =
+    (String, &'static str, Option<f32>, (f32, f32, f32, f32), f32, f32, (f32, f32, f32), bool, bool);
 
 type Nearest<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f64>>);
 type AtlasArrays<'py> = (
     Bound<'py, PyArray1<u32>>,
     Bound<'py, PyArray2<u32>>,
     Bound<'py, PyArray2<f32>>,
-    Vec<(&'static str, Bound<'py, PyArray3<u8>>)>,
+    Vec<(&'static str, Bound<'py, PyArray3<u8>>, f32)>,
+    Vec<String>,
 );
 
 impl Asset {
@@ -108,16 +112,19 @@ impl Asset {
         self.asset.channels().iter().map(|channel| name_of(channel.kind)).collect()
     }
 
-    /// Names of the materials, what each makes of opacity, and the thresholds of those that are cut out.
+    /// The materials, with the factors that count where the asset has no channel.
     #[getter]
     fn materials(&self) -> Vec<MaterialParts> {
-        let parts = |material: &Material| {
+        let parts = |material: &Material| -> MaterialParts {
             let (alpha, threshold) = match material.alpha {
                 AlphaMode::Opaque => ("opaque", None),
                 AlphaMode::Mask(threshold) => ("cut-out", Some(threshold)),
                 AlphaMode::Blend => ("blend", None),
             };
-            (material.name.clone(), alpha, threshold)
+            let Material { name, base_color, metallic, roughness, emission, unlit, double_sided, .. } =
+                material.clone();
+            let (base_color, emission) = (base_color.into(), emission.into());
+            (name, alpha, threshold, base_color, metallic, roughness, emission, unlit, double_sided)
         };
         match &self.asset.mesh().materials[..] {
             [] => vec![parts(&Material::default())],
@@ -227,7 +234,8 @@ impl Asset {
         rendered(py, &picture, damage.into_iter().collect())
     }
 
-    /// Vertex mapping, faces, texture coordinates with v upwards, and pictures by name.
+    /// Vertex mapping, faces, texture coordinates with v upwards, and pictures with their names and with what their values were divided by; and what
+    /// is to be known, a sentence each.
     fn atlas<'py>(
         &self,
         py: Python<'py>,
@@ -241,13 +249,15 @@ impl Asset {
         let asset = self.asset.shared();
         let atlas = watched(py, progress.as_ref(), |watch| export_atlas(asset, &options, watch))?;
         let uv: Vec<[f32; 2]> = atlas.mesh.uv.iter().map(upwards).collect();
-        let picture = |picture: &fantex::export::AtlasPicture| {
+        let picture = |picture: AtlasPicture| {
             let side = picture.side as usize;
-            let samples = picture.samples.to_pyarray(py).reshape([side, side, picture.components])?;
-            Ok((picture.map.name(), samples))
+            let samples = picture.samples.into_pyarray(py).reshape([side, side, picture.components])?;
+            Ok((picture.map.name(), samples, picture.scale))
         };
-        let pictures = atlas.pictures.iter().map(picture).collect::<PyResult<_>>()?;
-        Ok((atlas.mesh.vertices.to_pyarray(py), array(py, &atlas.mesh.triangles)?, array(py, &uv)?, pictures))
+        let pictures = atlas.pictures.into_iter().map(picture).collect::<PyResult<_>>()?;
+        let notes = damage_notes(asset.path(), atlas.summary.damage);
+        let (vertices, faces) = (atlas.mesh.vertices.to_pyarray(py), array(py, &atlas.mesh.triangles)?);
+        Ok((vertices, faces, array(py, &uv)?, pictures, notes))
     }
 
     /// Writes a `.glb` or `.gltf` with ordinary texture coordinates.
@@ -264,7 +274,7 @@ impl Asset {
             check_is_path(&path)?;
             export_model(asset, &path, &options.options(), watch)
         })?;
-        Ok(exported(asset.path(), written))
+        Ok(options.exported(asset.path(), &path, written))
     }
 
     /// Writes channels, laid out like the pictures of a model, to files of their own.
@@ -286,7 +296,9 @@ impl Asset {
                 channels.iter().map(|(map, path)| (*map, path.as_path())).collect();
             export_channels(asset, &channels, depth, &options.options(), watch)
         })?;
-        Ok(exported(asset.path(), written))
+        // Notes on one picture are on its file, others on the asset.
+        let subject = if let [(_, path)] = &channels[..] { path.as_path() } else { asset.path() };
+        Ok(options.exported(asset.path(), subject, written))
     }
 
     /// Writes the fans themselves: `.glb`; `.gltf` or `.usda` with sheets beside it; and shaders in the languages that are named.
@@ -303,10 +315,11 @@ impl Asset {
             check_is_path(&path)?;
             export_fans(asset, &path, &options, watch)
         })?;
-        Ok(exported(asset.path(), written))
+        Ok(exported_fans(asset.path(), &path, written))
     }
 
-    /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures.
+    /// Fans for other programs: delta; per face, slot and corner coordinates with v upwards; each face's sheet; each sheet's pictures;
+    /// and what is to be known, a sentence each.
     fn fans<'py>(
         &self,
         py: Python<'py>,
@@ -327,14 +340,14 @@ impl Asset {
                 let shape = [height, width, map.components];
                 match map.depth {
                     Depth::Eight => {
-                        pictures.set_item(map.map.name(), samples.to_pyarray(py).reshape(shape)?)?
+                        pictures.set_item(map.map.name(), samples.into_pyarray(py).reshape(shape)?)?
                     }
                     Depth::Sixteen => {
                         let wide: Vec<u16> = samples
                             .chunks_exact(2)
                             .map(|pair| u16::from_be_bytes([pair[0], pair[1]]))
                             .collect();
-                        pictures.set_item(map.map.name(), wide.to_pyarray(py).reshape(shape)?)?;
+                        pictures.set_item(map.map.name(), wide.into_pyarray(py).reshape(shape)?)?;
                     }
                 }
             }
@@ -350,6 +363,7 @@ impl Asset {
         dict.set_item("sheet", fans.sheet_of_triangle.to_pyarray(py))?;
         dict.set_item("sheets", sheets)?;
         dict.set_item("scales", scales)?;
+        dict.set_item("notes", damage_notes(asset.path(), fans.damage))?;
         Ok(dict)
     }
 

@@ -11,7 +11,10 @@ use fantex::mesh::WorldFromMesh;
 use fantex::photos::CameraFrame;
 use fantex::store;
 use fantex::stream::{Replace, open_source};
-use fantex::{BakeFormat, Baked, Baker, Fit, LongestEdge, Merge, PhotoSet, Progress, Quality, Source};
+use fantex::{
+    BakeFormat, Baked, Baker, Fit, LongestEdge, Merge, ModelKind, PhotoSet, Progress, Quality, Source,
+    model_notes,
+};
 use numpy::PyReadonlyArray2;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -253,8 +256,13 @@ pub(crate) fn bake_model<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     check_is_path(&path).map_err(crate::watch::exception)?;
     let files = AtlasFiles::new(options)?;
-    Job::new(mesh, source, options)?
-        .run(py, progress.as_ref(), &path, |baker, file| baker.write_model(file, &files.options()))
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| {
+        let mut baked = baker.write_model(file, &files.options())?;
+        if let Some(written) = &baked.exported {
+            baked.notes.extend(model_notes(file, written, ModelKind::Baked { side: files.side }));
+        }
+        Ok(baked)
+    })
 }
 
 enum NamedSource {

@@ -6,27 +6,41 @@ use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
     SheetPictures, UvChoice,
 };
-use fantex::stand_in_note;
+use fantex::{ModelKind, model_notes, stand_in_note};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::mesh::Mesh;
 use crate::options::{choice, named, optional};
+use crate::watch::in_python;
 
 /// Files, and what is to be known of them, a sentence each.
 pub(crate) type Exported = (Vec<PathBuf>, Vec<String>);
 
-/// What was written of the asset or world at a place.
-pub(crate) fn exported(place: &Path, written: ExportSummary) -> Exported {
-    let damage = written.damage.map(|(tiles, first)| stand_in_note(place, tiles, first));
-    (written.files.into_iter().map(|(path, _)| path).collect(), damage.into_iter().collect())
+/// What was written of the asset or world at a place, to `output`.
+fn exported(place: &Path, output: &Path, written: ExportSummary, kind: ModelKind) -> Exported {
+    let notes = model_notes(output, &written, kind);
+    let mut notes: Vec<String> = notes.iter().map(|note| in_python(note, Some(output))).collect();
+    notes.extend(damage_notes(place, written.damage));
+    (written.files.into_iter().map(|(path, _)| path).collect(), notes)
+}
+
+/// What was written of the fans of the asset or world at a place, to `output`.
+pub(crate) fn exported_fans(place: &Path, output: &Path, written: ExportSummary) -> Exported {
+    exported(place, output, written, ModelKind::Exported { fans: true, padding: None })
+}
+
+/// What is to be known of texels of the asset or world at a place: numbers of damaged tiles, and the first.
+pub(crate) fn damage_notes(place: &Path, damage: Option<(u64, String)>) -> Vec<String> {
+    damage.map(|(tiles, first)| stand_in_note(place, tiles, first)).into_iter().collect()
 }
 
 /// How models with an atlas, and single channels, are written.
 pub(crate) struct AtlasFiles {
     uv: Uv,
-    side: Option<u32>,
+    /// Of the pictures.
+    pub(crate) side: Option<u32>,
     largest_side: u32,
     padding: Option<u32>,
     with_ktx2: bool,
@@ -59,6 +73,11 @@ impl AtlasFiles {
             force: optional(options, "overwrite")?.unwrap_or(false),
             memory_bytes: optional(options, "memory")?.unwrap_or(defaults.memory_bytes),
         })
+    }
+
+    /// What was written of the asset or world at a place, to `output`.
+    pub(crate) fn exported(&self, place: &Path, output: &Path, written: ExportSummary) -> Exported {
+        exported(place, output, written, ModelKind::Exported { fans: false, padding: self.padding })
     }
 
     pub(crate) fn options(&self) -> ExportOptions<'_> {

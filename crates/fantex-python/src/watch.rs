@@ -25,9 +25,12 @@ pyo3::create_exception!(
 );
 
 /// Flags and commands in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 21] = [
+const ARGUMENTS: [(&str, &str); 24] = [
     ("'fantex world --make-coarse'", "fantex.make_world(..., make_coarse=True)"),
     ("'fantex split'", "fantex.split"),
+    ("--channel displacement", "export_channels({\"displacement\": ...})"),
+    ("--channel light", "export_channels({\"light\": ...})"),
+    ("fewer --texels", "fewer texels="),
     ("--make-previews", "make_previews=True"),
     ("--make-coarse", "make_coarse=True"),
     ("use --force", "give overwrite=True"),

@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::asset::Asset;
-use crate::export::{AtlasFiles, Exported, exported, fan_files};
+use crate::export::{AtlasFiles, Exported, exported_fans, fan_files};
 use crate::picture::{Rendered, View, rendered};
 use crate::watch::{in_python, watched};
 
@@ -112,7 +112,7 @@ impl World {
             check_is_path(&path)?;
             export_world(&self.place, &self.world, &path, &options.options(), watch)
         })?;
-        Ok(exported(&self.place, written))
+        Ok(options.exported(&self.place, &path, written))
     }
 
     /// Writes one model, a node for each asset, with the fans themselves.
@@ -128,7 +128,7 @@ impl World {
             check_is_path(&path)?;
             export_world_fans(&self.place, &self.world, &path, &options, watch)
         })?;
-        Ok(exported(&self.place, written))
+        Ok(exported_fans(&self.place, &path, written))
     }
 }
 

@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -54,6 +55,8 @@ def test_wrong_questions(waves):
         waves.sample([[0, 0, 1]], channel="roughness")
     with pytest.raises(IndexError, match="there is no face 99999999"):
         waves.sample(face=[99999999], barycentric=[[1, 0, 0]])
+    with pytest.raises(TypeError, match="strokes is of type int; expected a path"):
+        waves.paint(123)
     for length in (-1, float("nan"), float("inf"), [1, 2]):
         with pytest.raises(ValueError, match="footprint has"):
             waves.sample([0, 0, 1], footprint=length)
@@ -317,20 +320,21 @@ def test_light_and_opacity_go_to_trimesh(tmp_path, bottle, sphere):
     asset = fantex.bake(sphere, tmp_path / "a.fan", texels=20_000, source=lambda p, n: np.ones((len(p), 4)) / 2)
     for alpha, mode, threshold in (("blend", "BLEND", None), ("cut-out", "MASK", 0.5), ("opaque", None, None)):
         asset.paint(alpha=alpha)
-        assert asset.materials == [fantex.Material("", alpha, threshold)]
+        assert [used[:3] for used in asset.materials] == [("", alpha, threshold)]
         material = asset.to_trimesh(64).visual.material
         assert (material.alphaMode, material.alphaCutoff) == (mode, threshold)
 
 
-def test_materials_of_faces(tmp_path):
-    """Two triangles of two materials, one of which is cut out."""
-    model = tmp_path / "a.gltf"
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], "<f4")
-    (tmp_path / "a.bin").write_bytes(points.tobytes())
-    views = [{"buffer": 0, "byteOffset": offset, "byteLength": 36} for offset in (0, 36)]
-    accessor = {"componentType": 5126, "count": 3, "type": "VEC3"}
-    parts = [{"attributes": {"POSITION": number}, "material": number} for number in (0, 1)]
-    materials = [{"name": "wall"}, {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25}]
+def two_triangles(folder, materials, **more):
+    """A glTF file with a triangle for each of two materials, the second above the first and smaller."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 1], [0, 0.5, 1]], "<f4")
+    (folder / "a.bin").write_bytes(points.tobytes() + np.ascontiguousarray(points[:3, :2]).tobytes())
+    views = [{"buffer": 0, "byteOffset": start, "byteLength": size} for start, size in ((0, 36), (36, 36), (72, 24))]
+    accessors = [
+        {"bufferView": number, "componentType": 5126, "count": 3, "type": kind}
+        for number, kind in enumerate(("VEC3", "VEC3", "VEC2"))
+    ]
+    parts = [{"attributes": {"POSITION": number, "TEXCOORD_0": 2}, "material": number} for number in (0, 1)]
     gltf = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -338,15 +342,106 @@ def test_materials_of_faces(tmp_path):
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": parts}],
         "materials": materials,
-        "buffers": [{"uri": "a.bin", "byteLength": 72}],
+        "buffers": [{"uri": "a.bin", "byteLength": 96}],
         "bufferViews": views,
-        "accessors": [{"bufferView": number, **accessor} for number in (0, 1)],
+        "accessors": accessors,
+        **more,
     }
-    model.write_text(json.dumps(gltf))
+    (folder / "a.gltf").write_text(json.dumps(gltf))
+    return folder / "a.gltf"
+
+
+@pytest.fixture
+def lamp(tmp_path):
+    """An asset that emits 8, 4, 2 everywhere."""
+    light = np.tile(np.array([255, 188, 137], np.uint8), (4, 4, 1)).view(fantex.Picture)
+    light.save(tmp_path / "light.png")
+    material = {
+        "emissiveTexture": {"index": 0},
+        "emissiveFactor": [1, 1, 1],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}},
+    }
+    pictures = {"images": [{"uri": "light.png"}], "textures": [{"source": 0}]}
+    model = two_triangles(tmp_path, [material, material], extensionsUsed=["KHR_materials_emissive_strength"], **pictures)
+    return fantex.bake(model, tmp_path / "lamp.fan", texels=4000)
+
+
+def test_bright_light_keeps_its_scale(lamp):
+    light = lamp.sample(face=[0], barycentric=[[1 / 3] * 3], channel="emission")[0, :3]
+    np.testing.assert_allclose(light, [8, 4, 2], rtol=0.05)
+    atlas = lamp.atlas(64)
+    assert atlas.scales.keys() == atlas.images.keys() and atlas.scales["emission"] == pytest.approx(8, rel=0.05)
+    at = (atlas.uvs[atlas.faces[0]].mean(0) * [64, -64] + [0, 64]).astype(int)
+    encoded = atlas.images["emission"][at[1], at[0]] / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(linear * atlas.scales["emission"], light, rtol=0.05)
+
+
+def test_bright_light_goes_to_trimesh(lamp):
+    pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    with pytest.warns(UserWarning, match="emission of up to [78][.].* trimesh holds no more than 1"):
+        material = lamp.to_trimesh(64).visual.material
+    assert material.emissiveFactor.tolist() == [1, 1, 1]
+
+
+def test_exports_say_what_they_lack(tmp_path, lamp):
+    with pytest.warns(UserWarning) as told:
+        lamp.export_channels({"emission": tmp_path / "e.png"}, resolution=16)
+    said = [str(warning.message) for warning in told]
+    assert {warning.filename for warning in told} == {__file__}
+    assert any(re.search("e.png: 16 texels a side hold .* of the asset's density; give a larger resolution=", note) for note in said)
+    assert any(re.search("e.png: emission of up to [78][.].* is cut off at 1 in PNG", note) for note in said)
+    with pytest.warns(UserWarning, match="a padding of .* instead of the 64 asked for: .* give a larger resolution="):
+        lamp.export(tmp_path / "a.glb", resolution=128, padding=64)
+
+
+def test_models_say_what_they_lack(tmp_path, sphere):
+    settings = {"source": pattern, "largest_side": 64}
+    made = fantex.bake_model(sphere, tmp_path / "a.glb", texels=1e6, **settings)
+    assert any("64 texels a side hold" in note for note in made["notes"]), made["notes"]
+    # Who asks for a side does not ask for a density.
+    made = fantex.bake_model(sphere, tmp_path / "b.glb", source=pattern, resolution=64)
+    assert not any("texels a side" in note for note in made["notes"]), made["notes"]
+
+
+def test_materials_of_faces(tmp_path):
+    """One of the two is cut out."""
+    materials = [{"name": "wall"}, {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25}]
+    model = two_triangles(tmp_path, materials)
     asset = fantex.bake(model, tmp_path / "a.fan", texels=4000, source=fantex.solid("marble"), longest_edge=0)
-    assert asset.materials == [fantex.Material("wall", "opaque", None), fantex.Material("leaf", "cut-out", 0.25)]
+    assert [used[:3] for used in asset.materials] == [("wall", "opaque", None), ("leaf", "cut-out", 0.25)]
+    assert [used.double_sided for used in asset.materials] == [False, False]
     heights = asset.positions[asset.faces].mean(1)[:, 2]
     assert asset.face_materials.dtype == np.uint32 and asset.face_materials.tolist() == heights.round().tolist()
+
+
+def gold_and_sign(folder):
+    """An asset of two materials whose textures have only colours: gold that glows, and an unlit sign."""
+    shine = {"metallicFactor": 1, "roughnessFactor": 0.125}
+    gold = {"name": "gold", "pbrMetallicRoughness": {**shine, "baseColorFactor": [1, 0.75, 0.25, 1]}}
+    gold["emissiveFactor"] = [0.25, 0.125, 0]
+    sign = {"name": "sign", "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True}
+    model = two_triangles(folder, [gold, sign], extensionsUsed=["KHR_materials_unlit"])
+    return fantex.bake(model, folder / "gold.fan", texels=4000)
+
+
+def test_factors_of_materials(tmp_path):
+    asset = gold_and_sign(tmp_path)
+    assert asset.channels == ["base-color"]
+    gold, sign = asset.materials
+    assert gold[:6] == ("gold", "opaque", None, (1, 0.75, 0.25, 1), 1, 0.125) and gold.emission == (0.25, 0.125, 0)
+    assert (gold.unlit, gold.double_sided, sign.unlit, sign.double_sided) == (False, False, True, True)
+
+
+def test_factors_go_to_trimesh(tmp_path):
+    pytest.importorskip("trimesh")
+    pytest.importorskip("PIL")
+    asset = gold_and_sign(tmp_path)
+    material = asset.to_trimesh(64).visual.material
+    # Gold has more of the surface.
+    assert (material.metallicFactor, material.roughnessFactor) == (1, 0.125)
+    assert material.emissiveFactor.tolist() == [0.25, 0.125, 0] and material.doubleSided
 
 
 def test_a_mesh_onto_another(tmp_path, sphere):

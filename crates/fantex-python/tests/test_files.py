@@ -211,19 +211,35 @@ def test_the_coordinates_of_a_model(tmp_path):
     assert (tmp_path / "a.glb").stat().st_size > 500
 
 
-def test_damage_is_said(tmp_path, waves):
-    content = bytearray(Path(waves.place).read_bytes())
-    # In several clusters, of which some hold the finest texels.
+def damaged_copy(asset, path):
+    """An asset, several clusters of which are damaged; some hold the finest texels."""
+    content = bytearray(Path(asset.place).read_bytes())
     for share in (0.3, 0.4, 0.55, 0.7):
         at = int(share * len(content))
         content[at : at + 64] = bytes([0x55]) * 64
-    (tmp_path / "a.fan").write_bytes(content)
-    damaged = fantex.open(tmp_path / "a.fan")
+    path.write_bytes(content)
+    return fantex.open(path)
+
+
+def test_damage_is_said(tmp_path, waves):
+    damaged = damaged_copy(waves, tmp_path / "a.fan")
     found = damaged.verify()
     assert not found["ok"] and "a.fan did not pass: it has" in found["fault"] and found["damaged_tiles"] > 0
     with pytest.warns(UserWarning, match="a.fan: coarser texels stand in for"):
         for eye in ((3, 0, 0), (-3, 0, 0), (0, 3, 0), (0, -3, 0), (0, 0, 3), (0, 0, -3)):
             damaged.render((400, 400), fantex.Camera(eye), samples=1, filter="nearest")
+
+
+@pytest.mark.parametrize("make", ["atlas", "fan_attributes", "to_trimesh"])
+def test_damage_is_said_of_what_is_in_memory(tmp_path, waves, make):
+    if make == "to_trimesh":
+        pytest.importorskip("trimesh")
+        pytest.importorskip("PIL")
+    damaged = damaged_copy(waves, tmp_path / "a.fan")
+    with pytest.warns(UserWarning, match="a.fan: coarser texels stand in for") as told:
+        getattr(damaged, make)()
+    # Of the line that asked for it.
+    assert {warning.filename for warning in told if "stand in" in str(warning.message)} == {__file__}
 
 
 def test_previews(tmp_path, sphere):

@@ -89,6 +89,8 @@ mod look_table;
 #[cfg(feature = "http")]
 mod merge;
 mod model;
+#[cfg(feature = "export")]
+mod model_notes;
 mod notes;
 mod preview;
 mod refined;
@@ -127,6 +129,8 @@ pub use look_table::{LookTable, look_texture};
 #[cfg(feature = "http")]
 pub use merge::{Merge, Merged};
 pub use model::Mesh;
+#[cfg(feature = "export")]
+pub use model_notes::{ModelKind, model_notes};
 pub use notes::{damage_note, not_verified, stand_in_note};
 pub use preview::{Preview, PreviewOptions};
 pub use refined::{LongestEdge, budget_texels};

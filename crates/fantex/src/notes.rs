@@ -47,6 +47,6 @@ pub fn not_verified(place: &Path, report: &VerifyReport) -> Error {
 }
 
 /// `69 451 tiles`.
-fn counted(number: u64, noun: &str) -> String {
+pub(crate) fn counted(number: u64, noun: &str) -> String {
     format!("{} {}", grouped(number, ' '), numbered(number, noun))
 }

@@ -1,11 +1,15 @@
-//! What bakes say: before long work begins, and where they cannot begin.
+//! What bakes say: before long work begins, and where they cannot begin. What is said of models.
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+#[cfg(feature = "export")]
+use fantex::export::{ChannelMap, ExportSummary};
 use fantex::{Baker, Mesh, NoProgress, Progress, Source};
+#[cfg(feature = "export")]
+use fantex::{ModelKind, model_notes};
 use fantex_mesh::{LoadOptions, load};
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{Mat3, Vec2};
@@ -200,4 +204,31 @@ fn parts_that_no_light_reaches_are_told_of() {
     assert_eq!(told(&[inward], sun, 1.0), None);
     // The hollow of a ball.
     assert_eq!(told(&[outward, cube(8, 0.0, 0.5, true)], sun, 0.0), None);
+}
+
+/// Pictures with less than was asked for have notes that say how to get it.
+#[cfg(feature = "export")]
+#[test]
+fn models_say_what_they_lack() {
+    let summary = ExportSummary {
+        sizes: vec![[64; 2]],
+        charts: 3,
+        padding: 16,
+        used_share: 0.5,
+        density_share: 0.33,
+        cut_off: vec![(ChannelMap::Emission, 8.0)],
+        ..ExportSummary::default()
+    };
+    let notes = |kind| model_notes(Path::new("a.png"), &summary, kind);
+    let cut_off = "a.png: emission of up to 8.000 is cut off at 1 in PNG; .exr and .ktx2 hold it";
+    let told = notes(ModelKind::Exported { fans: false, padding: Some(64) });
+    assert!(told[0].starts_with("a.png: 64 texels a side hold 33 % of the asset's density"), "{told:?}");
+    assert_eq!(told[1], cut_off);
+    assert!(
+        told[2].contains("a padding of 16 texels instead of the 64 asked for") && told.len() == 3,
+        "{told:?}"
+    );
+    assert!(notes(ModelKind::Baked { side: None })[0].contains("33 % of the density that was asked for"));
+    // Who asks for a side does not ask for a density.
+    assert_eq!(notes(ModelKind::Baked { side: Some(64) }), [cut_off]);
 }

@@ -10,10 +10,10 @@ use fantex::bake::{BakeSummary, LightMapNoise, Progress};
 use fantex::export::ExportOptions;
 use fantex::photos::PhotoReport;
 use fantex::store::Plan;
-use fantex::{BakeFormat, Baked, Baker, Error, FileKind, Fit, Mesh, Quality, Result};
+use fantex::{BakeFormat, Baked, Baker, Error, FileKind, Fit, Mesh, ModelKind, Quality, Result, model_notes};
 use serde::Serialize;
 
-use crate::commands::export::{ModelInfo, ModelKind, has_extension, model_notes};
+use crate::commands::export::{ModelInfo, has_extension};
 use crate::commands::info::CoverArgs;
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
@@ -421,7 +421,8 @@ impl BakeJob<'_> {
         };
         self.tell(&baked, &told, context)?;
         let exported = baked.exported.unwrap_or_default();
-        model_notes(self.output, &exported, &ModelKind::Baked, context);
+        let notes = model_notes(self.output, &exported, ModelKind::Baked { side: None });
+        notes.iter().for_each(|note| context.note(note));
         let (model, total) = (ModelInfo::new(&exported), self.started.elapsed().as_secs_f64());
         Ok(BakedModelInfo {
             output: self.output.to_path_buf(),

@@ -9,18 +9,22 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
+use fantex::base::percent;
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, FanFileOptions, FanSheetOptions, ShaderLanguage,
     SheetPictures, UvChoice, export_channels, export_fans, export_model,
 };
-use fantex::store::{Asset, ChannelKind};
+use fantex::store::Asset;
 use fantex::texture::Filter;
-use fantex::{Error, ErrorKind, FileKind, Result, World, export_world, export_world_fans, stand_in_note};
+use fantex::{
+    Error, ErrorKind, FileKind, ModelKind, Result, World, export_world, export_world_fans, model_notes,
+    stand_in_note,
+};
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
-use crate::text::{Choices, counted, grouped, megabytes, one_of, whole};
+use crate::text::{Choices, counted, megabytes, one_of, whole};
 
 /// Export an asset or a world for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
@@ -342,25 +346,13 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         ErrorKind::Damaged => error.in_file(&args.asset),
         _ => error,
     })?;
-    model_notes(&args.output, &summary, &ModelKind::Exported { fans: args.fans }, context);
-    if let Some(note) = note_of_padding(args, &summary) {
-        context.note(note);
-    }
+    let kind = ModelKind::Exported { fans: args.fans, padding: args.padding };
+    model_notes(&args.output, &summary, kind).iter().for_each(|note| context.note(note));
     if let Some((tiles, first)) = &summary.damage {
         context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
     }
     let seconds = started.elapsed().as_secs_f64();
     context.print(&info(args, &input, &summary, seconds), text)
-}
-
-/// Says that less padding was taken than was asked for, as in small pictures.
-fn note_of_padding(args: &ExportArgs, summary: &ExportSummary) -> Option<String> {
-    let asked = args.padding.filter(|&asked| summary.charts > 0 && summary.padding < asked)?;
-    Some(format!(
-        "{}: a padding of {} instead of the {asked} asked for: it is at most a quarter of the side; give a larger --size for more",
-        args.output.display(),
-        counted(u64::from(summary.padding), "texel")
-    ))
 }
 
 /// Refuses kinds of models that are written in another way, or by another command.
@@ -430,95 +422,6 @@ fn channel_file(output: &Path, kind: ChannelMap, count: usize) -> PathBuf {
     output.with_file_name(format!("{stem}-{}.{extension}", kind.name()))
 }
 
-/// Where fewer of the texels of an own packing lie on the surface, its pieces are narrow.
-const NARROW_SHARE: f64 = 0.05;
-
-/// A share in percent, in as many digits as matter.
-fn percent(share: f64) -> String {
-    match 100.0 * share {
-        percent if percent >= 9.95 => format!("{percent:.0}"),
-        percent if percent >= 0.05 => format!("{percent:.1}"),
-        _ => "less than 0.1".to_owned(),
-    }
-}
-
-/// How a model came about, which tells what to do about what it lacks.
-pub(crate) enum ModelKind {
-    /// From an asset; with tiles of fans instead of an atlas, or without.
-    Exported { fans: bool },
-    /// From a source.
-    Baked,
-}
-
-/// Notes on what a model lacks.
-pub(crate) fn model_notes(output: &Path, summary: &ExportSummary, kind: &ModelKind, context: &Context) {
-    let output = output.display();
-    if summary.density_share < 0.9 {
-        let percent = 100.0 * summary.density_share;
-        let side = summary.sizes.as_flattened().iter().max().copied().unwrap_or(0);
-        let held = format!("{output}: {side} texels a side hold {percent:.0} % of");
-        context.note(match kind {
-            ModelKind::Exported { .. } => {
-                format!("{held} the asset's density; give a larger --size for all of it")
-            }
-            ModelKind::Baked => {
-                format!("{held} the density that was asked for; an asset (.fan) holds all of it")
-            }
-        });
-    }
-    let is_atlas = !matches!(kind, ModelKind::Exported { fans: true });
-    if summary.charts > 0 && summary.used_share < NARROW_SHARE && is_atlas {
-        let option = if let ModelKind::Baked = kind { "fewer --texels" } else { "a smaller --size" };
-        context.note(format!(
-            "{output}: {} % of the texels lie on the surface: its pieces ({}) are long and narrow, and what keeps them apart takes the rest; \
-             give {option} if that is too much",
-            percent(summary.used_share),
-            grouped(summary.charts as u64)
-        ));
-    }
-    if summary.overlapping_share > 1e-3 {
-        context.note(format!(
-            "{output}: {:.1} % of the used texels are claimed by several triangles, and one of these shows there; without \
-             '--uv source' every triangle has texels of its own",
-            100.0 * summary.overlapping_share
-        ));
-    }
-    if summary.points > 0 && summary.charts > 0 {
-        let triangles = counted(summary.points as u64, "triangle");
-        context.note(format!(
-            "{output}: {triangles} too small to have an area in the picture, each in one colour"
-        ));
-    } else if summary.points > 0 {
-        context.note(format!(
-            "{output}: {} without area in the model's texture coordinates, each in one colour; without '--uv source' every triangle \
-             has texels of its own",
-            counted(summary.points as u64, "triangle")
-        ));
-    }
-    for (map, largest) in &summary.cut_off {
-        context.note(format!(
-            "{output}: {} of up to {largest:.3} is cut off at 1 in PNG; .exr and .ktx2 hold it",
-            map.name()
-        ));
-    }
-    for channel in &summary.left_out {
-        let (name, option) = match channel {
-            ChannelKind::Displacement => ("heights", "displacement"),
-            ChannelKind::Light => ("light map", "light"),
-            ChannelKind::Anisotropy => {
-                context.note(format!("{output}: stretched highlights are left out"));
-                continue;
-            }
-            _ => continue,
-        };
-        let how = match kind {
-            ModelKind::Exported { .. } => format!("write them with --channel {option}"),
-            ModelKind::Baked => format!("bake an asset, and export them with --channel {option}"),
-        };
-        context.note(format!("{output}: glTF has no place for the {name}; {how}"));
-    }
-}
-
 fn info(args: &ExportArgs, input: &Input, summary: &ExportSummary, seconds: f64) -> ExportInfo {
     ExportInfo {
         output: args.output.clone(),
@@ -557,15 +460,4 @@ fn sizes(extents: &[[u32; 2]]) -> String {
 
 pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn small_shares_are_not_nothing() {
-        let told = [0.714, 0.0994, 0.014, 0.0004, 0.0].map(percent);
-        assert_eq!(told, ["71", "9.9", "1.4", "less than 0.1", "less than 0.1"]);
-    }
 }

@@ -145,6 +145,9 @@ fn bright_light_keeps_its_strength() {
     let strength = opened(&path).materials[0].emission;
     assert!((strength.x - 5.4).abs() < 0.2, "{strength}");
     assert_eq!(strength.x, strength.z);
+    let atlas = export_atlas(&baked.asset, &ExportOptions::default(), &NoProgress).unwrap();
+    let scales: Vec<f32> = atlas.pictures.iter().map(|picture| picture.scale).collect();
+    assert_eq!(scales, [1.0, strength.x]);
     assert!(worst_psnr_db(&baked.asset, &path) > 35.0);
 }
 

@@ -31,6 +31,8 @@ class Atlas(NamedTuple):
     uvs: np.ndarray
     #: By name: ``base-color``, ``orm`` (occlusion, roughness, metallic), ``normal`` (tangent space, +y up), ``emission``.
     images: Dict[str, Picture]
+    #: What values of a picture were divided by to lie in 0..1: more than 1 for bright emission.
+    scales: Dict[str, float]
 
 
 class Fans(NamedTuple):
@@ -54,7 +56,8 @@ class Fans(NamedTuple):
 
 
 class Material(NamedTuple):
-    """What an asset says of a material beside its texels."""
+    """What an asset says of a material beside its texels. Colour, metalness, roughness and emission are those where the asset has no channel of
+    them: what is the same all over a material is in no texels."""
 
     #: Its name in the model, or empty.
     name: str
@@ -63,6 +66,18 @@ class Material(NamedTuple):
     alpha: str
     #: Of cut-outs, usually 0..1; None for others.
     threshold: Optional[float]
+    #: Linear RGBA, 0..1, without ``base-color``.
+    base_color: Tuple[float, float, float, float]
+    #: 0..1, without ``orm``.
+    metallic: float
+    #: 0..1, without ``orm``.
+    roughness: float
+    #: Linear RGB, which may exceed 1, without ``emission``.
+    emission: Tuple[float, float, float]
+    #: Its colour is what is seen, whatever light there is.
+    unlit: bool
+    #: It is seen from behind, too.
+    double_sided: bool
 
 
 class Asset:
@@ -206,6 +221,10 @@ class Asset:
             ``(n, 4)`` float32 linear RGBA; for normals unit vectors in x, y and z; for anisotropy the
             highlight's direction in x, y and z and its strength. NaN for points that are not finite, all 0
             with ``srgb``. One row alone, without the first axis, for one point.
+
+        Raises:
+            KeyError: the asset has no such channel.
+            IndexError: it has no such face.
         """
         is_single = False
         if points is not None:
@@ -286,7 +305,7 @@ class Asset:
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
     ) -> Atlas:
-        """The asset for programs with ordinary texture coordinates, in memory.
+        """The asset for programs with ordinary texture coordinates, in memory. Where coarser texels stand in for damaged ones, it warns.
 
         Args:
             resolution: side of the pictures, a power of two; by default as many texels as the asset has, up to 8192.
@@ -294,9 +313,20 @@ class Asset:
             memory: bytes that texels may take.
             progress: called with ``(done, total)`` texels.
         """
+        atlas, notes = self._atlas(resolution, padding, memory, progress)
+        _warn(notes, 3)
+        return atlas
+
+    def _atlas(
+        self, resolution: Optional[int], padding: Optional[int], memory: float, progress: Optional[Progress]
+    ) -> Tuple[Atlas, List[str]]:
+        """An atlas, and what is to be known of it."""
         resolution, padding = _whole_or_none(resolution, "resolution"), _whole_or_none(padding, "padding")
-        vmapping, faces, uvs, images = self._native.atlas(resolution, padding, amount(memory, "memory"), progress)
-        return Atlas(vmapping, faces, uvs, {name: image.view(Picture) for name, image in images})
+        vmapping, faces, uvs, pictures, notes = self._native.atlas(
+            resolution, padding, amount(memory, "memory"), progress
+        )
+        images = {name: image.view(Picture) for name, image, _ in pictures}
+        return Atlas(vmapping, faces, uvs, images, {name: scale for name, _, scale in pictures}), notes
 
     def export(
         self,
@@ -323,7 +353,7 @@ class Asset:
             overwrite: replace existing files.
 
         Returns:
-            The paths of all files.
+            The paths of all files. What these lack, such as texels or channels, are warnings.
         """
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
         return _written(self._native.export(os.fsdecode(path), {**options, "ktx2": ktx2}, progress))
@@ -349,7 +379,7 @@ class Asset:
             depth: bits per sample of PNG files, 8 or 16.
 
         Returns:
-            The paths of all files.
+            The paths of all files. What these lack, such as light brighter than 1, are warnings.
         """
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
         if not isinstance(paths, Mapping):
@@ -367,7 +397,8 @@ class Asset:
         memory: float = 1 << 30,
         progress: Optional[Progress] = None,
     ) -> Fans:
-        """The asset for shaders that blend fans: three texture coordinates per corner, and sheets of tiles.
+        """The asset for shaders that blend fans: three texture coordinates per corner, and sheets of tiles. Where coarser texels
+        stand in for damaged ones, it warns.
 
         Args:
             gutter: texels around each tile that continue it, a power of two.
@@ -375,7 +406,9 @@ class Asset:
             memory: bytes that sheets may take.
         """
         gutter, largest_side = whole(gutter, "gutter"), whole(largest_side, "largest_side")
-        return Fans(**self._native.fans(gutter, largest_side, amount(memory, "memory"), progress))
+        fans = self._native.fans(gutter, largest_side, amount(memory, "memory"), progress)
+        _warn(fans.pop("notes"), 3)
+        return Fans(**fans)
 
     def export_fans(
         self,
@@ -406,11 +439,13 @@ class Asset:
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
         """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow. Where some of the asset's :attr:`materials` blend, that
-        one does, else it is cut out where some are."""
+        one does, else it is cut out where some are. What is in no channel is that of the material with the largest area. It warns where emission is brighter than 1, which trimesh has no place for: the brightest
+        is 1 then, the rest in proportion; and where coarser texels stand in for damaged ones."""
         import trimesh
         from PIL import Image
 
-        vmapping, faces, uvs, images = self.atlas(resolution)
+        (vmapping, faces, uvs, images, scales), notes = self._atlas(resolution, None, 1 << 30, None)
+        _warn(notes, 3)
         maps = {
             "base-color": "baseColorTexture",
             "orm": "metallicRoughnessTexture",
@@ -419,17 +454,32 @@ class Asset:
         }
         textures = {maps[name]: Image.fromarray(np.asarray(image)) for name, image in images.items() if name in maps}
         material = trimesh.visual.material.PBRMaterial(**textures)
+        used = self._largest_material()
+        if "baseColorTexture" not in textures:
+            material.baseColorFactor = np.round(255 * np.clip(used.base_color, 0, 1)).astype(np.uint8)
         if "metallicRoughnessTexture" not in textures:
-            material.metallicFactor, material.roughnessFactor = 0.0, 1.0
+            material.metallicFactor, material.roughnessFactor = used.metallic, used.roughness
         if "emissiveTexture" in textures:
             material.emissiveFactor = (1.0, 1.0, 1.0)
-        cut_outs = [used.threshold for used in self.materials if used.alpha == "cut-out"]
-        if any(used.alpha == "blend" for used in self.materials):
+            _warn_of_light(scales["emission"])
+        elif max(used.emission) > 0:
+            strength = max(1.0, *used.emission)
+            material.emissiveFactor = np.maximum(used.emission, 0) / strength
+            _warn_of_light(strength)
+        material.doubleSided = any(each.double_sided for each in self.materials)
+        cut_outs = [each.threshold for each in self.materials if each.alpha == "cut-out"]
+        if any(each.alpha == "blend" for each in self.materials):
             material.alphaMode = "BLEND"
         elif cut_outs:
             material.alphaMode, material.alphaCutoff = "MASK", cut_outs[0]
         visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
         return trimesh.Trimesh(self.positions[vmapping], faces, visual=visual, process=False)
+
+    def _largest_material(self) -> Material:
+        """The material with the largest area."""
+        a, b, c = self.positions[self.faces].transpose(1, 0, 2)
+        areas = np.bincount(self.face_materials, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        return self.materials[int(areas.argmax())]
 
     def verify(self, *, texels: bool = False) -> dict:
         """Checks structure, checksums, and that the texture is continuous across every edge: ``ok``, ``largest_jump``, ...;
@@ -497,6 +547,7 @@ class Asset:
             Numbers of ``strokes``, ``dabs`` and changed ``pages``, and of strokes of another asset that were ``unrecorded`` and are missing.
 
         Raises:
+            TypeError: ``strokes`` is nothing of that.
             KeyboardInterrupt: Ctrl-C, when all strokes are painted; none of them is kept.
         """
         options = {
@@ -517,6 +568,9 @@ class Asset:
                 painted = _native.paint(place, given, None, options)
         else:
             if not isinstance(strokes, Mapping):
+                if not isinstance(strokes, Iterable):
+                    kind = type(strokes).__name__
+                    raise TypeError(f"strokes is of type {kind}; expected a path, a dictionary, a list of strokes or an Asset")
                 strokes = {"version": 1, "strokes": list(strokes)}
             with tempfile.TemporaryDirectory() as folder:
                 path = os.path.join(folder, "strokes.json")
@@ -559,6 +613,12 @@ def _again(place: str, memory: int, baked: Optional[dict]) -> Asset:
     asset = Asset(place, memory=memory)
     asset.baked = baked
     return asset
+
+
+def _warn_of_light(largest: float) -> None:
+    """Warns the caller's caller of emission that trimesh's materials do not hold."""
+    if largest > 1:
+        _warn([f"emission of up to {largest:.3f} was divided by that, as trimesh holds no more than 1; export keeps it"], 4)
 
 
 def _rows(points: Any, name: str) -> Tuple[np.ndarray, bool]:

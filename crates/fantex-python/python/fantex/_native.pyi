@@ -19,6 +19,10 @@ Exported = Tuple[List[Any], List[str]]
 ObjectParts = Tuple[str, str, int, int, int, Point, Point, Optional[Tuple[int, int, float]]]
 # Name, place, bytes, triangles, texels, corners of the box, detail, parts.
 CoarseParts = Tuple[str, str, int, int, int, Point, Point, float, List[str]]
+Rgb = Tuple[float, float, float]
+Rgba = Tuple[float, float, float, float]
+# Name, alpha, threshold, base colour, metallic, roughness, emission, unlit, double-sided.
+MaterialParts = Tuple[str, str, Optional[float], Rgba, float, float, Rgb, bool, bool]
 
 NOTICES: str
 SOLIDS: List[str]
@@ -59,8 +63,7 @@ class Asset:
     positions: Doubles
     faces: Indices
     channels: List[str]
-    # Name, alpha, threshold.
-    materials: List[Tuple[str, str, Optional[float]]]
+    materials: List[MaterialParts]
     face_materials: Indices
     def figures(self) -> Dict[str, Any]: ...
     def nearest(self, points: Doubles) -> Tuple[Indices, Floats, Doubles]: ...
@@ -70,7 +73,7 @@ class Asset:
     def render(self, options: Dict[str, Any]) -> Rendered: ...
     def atlas(
         self, resolution: Optional[int], padding: Optional[int], memory: int, progress: Progress
-    ) -> Tuple[Indices, Indices, Floats, List[Tuple[str, Bytes]]]: ...
+    ) -> Tuple[Indices, Indices, Floats, List[Tuple[str, Bytes, float]], List[str]]: ...
     def export(self, path: str, options: Dict[str, Any], progress: Progress) -> Exported: ...
     def export_channels(
         self, channels: List[Tuple[str, str]], depth: int, options: Dict[str, Any], progress: Progress
