@@ -95,7 +95,7 @@ impl Painter {
         match step {
             Some(_) => self.history.forget_undone(&mut self.editor),
             // Earlier steps would not fit what nothing tells of.
-            None => self.history.forget_all(&mut self.editor),
+            None => self.forget_history(),
         }
         self.history.take_up(step);
         // Texels that cannot be read keep nobody from opening the asset: its coarser levels stay as they are.

@@ -163,6 +163,52 @@ fn strokes_without_a_history_forget_the_one_before() {
     assert!(!painter.editor().attachment_names().iter().any(|name| name.starts_with("history/")));
 }
 
+/// A number that comes back is that of another layer.
+#[test]
+fn what_was_painted_on_deleted_layers_does_not_come_back_with_their_numbers() {
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let base = contents(&painter);
+    let layer = painter.add_layer(Layer::painted("dirt")).unwrap();
+    let stack = painter.layers().to_vec();
+    paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE);
+    let painted = contents(&painter);
+    painter.edit_layers("delete", Vec::clear).unwrap();
+    painter.set_layers("set", stack, &[]).unwrap();
+    assert_eq!(painter.layers()[0].id(), layer);
+    assert!(painted != base && contents(&painter) == base);
+    assert!(painter.undo().unwrap() && painter.undo().unwrap());
+    assert!(finest(&contents(&painter)) == finest(&painted));
+    assert!(painter.redo().unwrap() && painter.redo().unwrap());
+    assert!(contents(&painter) == base);
+}
+
+#[test]
+fn without_a_history_what_was_painted_on_deleted_layers_goes() {
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let is_painted = |painter: &Painter, layer: u64| {
+        let prefix = format!("layers/{layer:010}/");
+        painter.editor().attachment_names().iter().any(|name| name.starts_with(&prefix))
+    };
+    let mut painter = baked.painter();
+    let layers: Vec<u64> = ["first", "second"]
+        .map(|name| painter.add_layer(Layer::painted(name)).unwrap())
+        .into_iter()
+        .inspect(|&layer| paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE))
+        .collect();
+    painter.edit_layers("delete", |stack| stack.truncate(1)).unwrap();
+    assert!(layers.iter().all(|&layer| is_painted(&painter, layer)), "it can be undone");
+    painter.commit().unwrap();
+    drop(painter);
+    // With the history goes what only it could bring back.
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    paint_on(&mut painter, Target::Base, red(0.5), &LINE);
+    assert_eq!(layers.iter().map(|&layer| is_painted(&painter, layer)).collect::<Vec<_>>(), [true, false]);
+    painter.edit_layers("delete", Vec::clear).unwrap();
+    assert!(!layers.iter().any(|&layer| is_painted(&painter, layer)));
+}
+
 #[test]
 fn strokes_that_are_done_again_keep_their_place_in_the_log() {
     let baked = ball(60_000, BakeFormat::Rgba8);
