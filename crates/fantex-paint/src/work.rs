@@ -469,8 +469,8 @@ impl Painter {
     }
 
     /// The same, but what is covered is left to [`work_on`](Self::work_on); the stroke is not open any more. Where the area is
-    /// chosen by colour, commits first (unless the disk is full), so that what is compared is what is seen; it does not see the
-    /// open stroke itself.
+    /// chosen by colour, commits first (unless the disk is full), so that what is compared is what is seen, what the open
+    /// stroke has painted so far included.
     ///
     /// # Errors
     /// There is no such channel, or the commit or the log fails: then the stroke is dropped.
