@@ -71,6 +71,47 @@ fn a_stroke_that_nobody_ends_is_a_step_after_a_crash() {
     }
 }
 
+/// They would be looked for part by part, or listed and never read again.
+#[test]
+fn unfinished_steps_that_cannot_be_there_are_damage() {
+    const KEPT: &str = "history/unfinished";
+    let (stroke, step) = (ball(20_000, BakeFormat::Rgba8), ball(20_000, BakeFormat::Rgba8));
+    let (mut painter, _) = start(&stroke);
+    begin_stroke(&mut painter, Target::Base);
+    painter.commit().unwrap();
+    drop(painter);
+    let (mut painter, _) = start(&step);
+    assert!(painter.start_undo().unwrap());
+    painter.commit().unwrap();
+    drop(painter);
+    for (baked, kind, key, value) in [
+        (&stroke, "Stroke", "/step/id", 7_000_000_u64),
+        (&stroke, "Stroke", "/step/parts", u64::from(u32::MAX)),
+        (&step, "Step", "/step/id", 7_000_000),
+        (&step, "Step", "/step/parts", u64::from(u32::MAX)),
+        (&step, "Step", "/left/end", u64::from(u32::MAX)),
+        (&step, "Step", "/count", u64::from(u32::MAX)),
+    ] {
+        let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        let whole = editor.attachment(KEPT).unwrap().unwrap();
+        let mut kept: serde_json::Value = serde_json::from_slice(&whole).unwrap();
+        *kept.pointer_mut(&format!("/{kind}{key}")).unwrap() = value.into();
+        editor.attach(KEPT, kept.to_string().into_bytes()).unwrap();
+        editor.commit().unwrap();
+        drop(editor);
+        let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+        assert!(error.contains("its unfinished step cannot be there"), "{kind}{key}: {error}");
+        let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        editor.attach(KEPT, whole).unwrap();
+        editor.commit().unwrap();
+    }
+    assert!(
+        [&stroke, &step]
+            .into_iter()
+            .all(|baked| Painter::open(&baked.path, &PaintOptions::default()).is_ok())
+    );
+}
+
 #[test]
 fn a_stroke_without_a_history_that_nobody_ends_forgets_the_one_before() {
     let baked = ball(80_000, BakeFormat::Bc7);
