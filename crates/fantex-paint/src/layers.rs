@@ -44,6 +44,9 @@ pub(crate) const INDEX: &str = "layers/index";
 /// Greatest number of a layer that is read.
 const MAX_LAYER_ID: u64 = 1 << 48;
 
+/// Layers of an asset at most: much goes over all of them for each.
+const MAX_LAYERS: usize = 4096;
+
 /// What a layer shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -204,12 +207,17 @@ impl Layers {
     }
 }
 
-/// Refuses layers with which the asset could not be opened: numbers that are too large, looks that name files which do not lie with it,
+/// Refuses layers with which the asset could not be opened: too many, numbers that are too large, looks that name files which do not lie with it,
 /// groups that are nested too deeply.
 ///
 /// # Errors
 /// There is one, and that is not allowed.
 pub(crate) fn check_stack(stack: &[Layer], asset: &Path) -> Result<()> {
+    if stack.len() > MAX_LAYERS {
+        let count = stack.len();
+        let sentence = format!("there are {count} layers, but an asset has {MAX_LAYERS} at most: merge some");
+        return Err(Error::too_large(sentence));
+    }
     if let Some(layer) = stack.iter().find(|layer| layer.id >= MAX_LAYER_ID) {
         let sentence =
             format!("the layer number {} is too large: numbers go up to {}", layer.id, MAX_LAYER_ID - 1);

@@ -316,6 +316,19 @@ fn layers_with_numbers_that_could_not_be_read_again_are_refused() {
     }
 }
 
+#[test]
+fn too_many_layers_are_refused() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    painter.add_layer(Layer::painted("a")).unwrap();
+    let text = serde_json::to_string(&painter.layers()[0]).unwrap();
+    let numbered = |id: usize| text.replace("\"id\":0", &format!("\"id\":{id}"));
+    let layers: Vec<Layer> = (0..4097).map(|id| serde_json::from_str(&numbered(id)).unwrap()).collect();
+    let error = painter.set_layers("set", layers, &[]).unwrap_err().to_string();
+    assert!(error.contains("there are 4097 layers, but an asset has 4096 at most"), "{error}");
+    assert_eq!(painter.layers().len(), 1);
+}
+
 /// A texture that was being evaluated and cannot be read any more keeps nobody from opening the asset.
 #[test]
 fn layers_whose_pictures_are_gone_are_as_they_were() {
