@@ -297,7 +297,8 @@ impl Document {
                 FileKind::Look => return Err(is_look_error(path)),
                 FileKind::World => {
                     let sentence = format!(
-                        "{place} is a world, which can only be looked at: paint on one of its assets"
+                        "{place} is a world, which can only be looked at: paint on the asset that it was split from and split \
+                         that again, or, in a world of separate objects, on one of its assets"
                     );
                     return Err(Error::unsupported(sentence).with_path(path));
                 }

@@ -212,13 +212,18 @@ pub fn is_shaped_by_alpha(image: &Image) -> bool {
     image.has_alpha() && (0..image.height).any(|y| (0..image.width).any(|x| is_clear(x, y)))
 }
 
-/// The shape of an image, row-major: its alpha, or, where that is opaque everywhere, its brightness.
+/// A number of a picture as a share, 0..1: floats may hold any, or none.
+pub(crate) fn share_of(number: f32) -> f32 {
+    if number.is_nan() { 0.0 } else { number.clamp(0.0, 1.0) }
+}
+
+/// The shape of an image, row-major, 0..1: its alpha, or, where that is opaque everywhere, its brightness.
 pub(crate) fn coverage_of(image: &Image) -> Vec<f32> {
     let has_alpha = is_shaped_by_alpha(image);
     let covered = |x, y| {
         let [r, g, b, a] = image.linear_texel(x, y);
         // Luminance (ITU-R BT.709).
-        if has_alpha { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
+        share_of(if has_alpha { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b })
     };
     (0..image.height).flat_map(|y| (0..image.width).map(move |x| covered(x, y))).collect()
 }
@@ -359,5 +364,14 @@ mod tests {
         let grey = Stamp::new(&Image::from_linear_rgb(8, 4, &[[0.25, 0.25, 0.25, 1.0]; 32])).unwrap();
         assert!((grey.coverage(0.5, 0.2) - 0.25).abs() < 1e-6);
         assert_eq!(grey.coverage(0.0, 0.8), 0.0);
+    }
+
+    #[test]
+    fn a_stamp_of_floats_covers_at_most_wholly() {
+        let row = [4.0, -1.0, f32::NAN, 0.5];
+        let bright = row.map(|x| [x, x, x, 1.0]);
+        assert_eq!(coverage_of(&Image::from_linear_rgb(4, 1, &bright)), [1.0, 0.0, 0.0, 0.5]);
+        let clear = row.map(|a| [1.0, 1.0, 1.0, a]);
+        assert_eq!(coverage_of(&Image::from_linear_rgba(4, 1, &clear)), [1.0, 0.0, 0.0, 0.5]);
     }
 }

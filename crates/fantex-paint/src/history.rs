@@ -48,6 +48,16 @@ struct Index {
     undone: Vec<HistoryStep>,
 }
 
+impl Index {
+    /// Whether its steps, and one more, can be: each part is a name that is looked for.
+    fn can_be_there(&self, more: Option<&HistoryStep>) -> bool {
+        let steps = || self.done.iter().chain(&self.undone).chain(more);
+        let parts: u64 = steps().map(|step| u64::from(step.parts)).sum();
+        let are_numbered = self.next_id < u64::MAX && steps().all(|step| step.id < self.next_id);
+        parts <= MAX_ATTACHMENTS as u64 && are_numbered
+    }
+}
+
 /// The history of an asset.
 #[derive(Debug, Default)]
 pub struct History {
@@ -115,14 +125,15 @@ impl History {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
         let wrong = |why: &str| damaged(editor.asset(), "history", why);
         let index: Index = serde_json::from_slice(&bytes).map_err(|_| wrong("its index cannot be read"))?;
-        // Each part is a name that is looked for.
-        let steps = || index.done.iter().chain(&index.undone);
-        let parts: u64 = steps().map(|step| u64::from(step.parts)).sum();
-        let are_numbered = index.next_id < u64::MAX && steps().all(|step| step.id < index.next_id);
-        if parts > MAX_ATTACHMENTS as u64 || !are_numbered {
+        if !index.can_be_there(None) {
             return Err(wrong("its index names steps that cannot be there"));
         }
         Ok(Self { index, ..Self::default() })
+    }
+
+    /// Whether a step that was kept beside those that are listed, if there is one, can be there.
+    pub(crate) fn may_be_beside(&self, step: Option<&HistoryStep>) -> bool {
+        self.index.can_be_there(step)
     }
 
     /// Steps that can be undone, oldest first.

@@ -17,7 +17,7 @@ use crate::{HistoryStep, Painter, Target};
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct KeptStroke {
     /// It is not among those that can be undone yet; none where no history is kept.
-    step: Option<HistoryStep>,
+    pub(crate) step: Option<HistoryStep>,
     channels: Vec<usize>,
     is_base: bool,
     /// Group, column and row of the pages of level 0 that it has changed: their coarser levels are not made yet.
@@ -95,7 +95,7 @@ impl Painter {
         match step {
             Some(_) => self.history.forget_undone(&mut self.editor),
             // Earlier steps would not fit what nothing tells of.
-            None => self.history.forget_all(&mut self.editor),
+            None => self.forget_history(),
         }
         self.history.take_up(step);
         // Texels that cannot be read keep nobody from opening the asset: its coarser levels stay as they are.

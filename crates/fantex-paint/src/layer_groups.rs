@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fantex_base::union_find::UnionFind;
 use fantex_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +58,21 @@ impl Layer {
     }
 }
 
+/// The groups around layers, by the layers' numbers.
+struct Parents(BTreeMap<u64, u64>);
+
+impl Parents {
+    fn of(stack: &[Layer]) -> Self {
+        Self(stack.iter().filter_map(|layer| Some((layer.id, layer.parent?))).collect())
+    }
+
+    /// The groups around a layer, the innermost first; without end in a ring.
+    fn around(&self, id: u64) -> impl Iterator<Item = u64> {
+        let parent = |id: &u64| self.0.get(id).copied();
+        std::iter::successors(parent(&id), parent)
+    }
+}
+
 /// The groups around a layer, the innermost first.
 pub fn groups_around(stack: &[Layer], id: u64) -> Vec<u64> {
     let parent = |id: u64| stack.iter().find(|layer| layer.id() == id)?.parent;
@@ -65,7 +81,10 @@ pub fn groups_around(stack: &[Layer], id: u64) -> Vec<u64> {
 
 /// A layer and everything within it, in the order of the list.
 pub fn with_members(stack: &[Layer], id: u64) -> Vec<u64> {
-    let is_within = |layer: &&Layer| layer.id() == id || groups_around(stack, layer.id()).contains(&id);
+    let parents = Parents::of(stack);
+    let is_within = |layer: &&Layer| {
+        layer.id() == id || parents.around(layer.id()).take(stack.len()).any(|group| group == id)
+    };
     stack.iter().filter(is_within).map(Layer::id).collect()
 }
 
@@ -138,19 +157,14 @@ fn put(stack: &mut Vec<Layer>, moved: &[u64], id: u64, parent: Option<u64>, at: 
 /// Brings a list into order: members directly below their groups, in the order in which they are. What names no group of the list, or a
 /// group within itself, belongs to none.
 pub(crate) fn tidy(stack: &mut Vec<Layer>) {
-    let groups: BTreeSet<u64> =
-        stack.iter().filter(|layer| layer.group_kind().is_some()).map(Layer::id).collect();
-    let mut parents: BTreeMap<u64, u64> = BTreeMap::new();
-    for layer in stack.iter_mut() {
-        layer.parent = layer.parent.filter(|parent| groups.contains(parent));
-        let Some(parent) = layer.parent else { continue };
-        // As long as none of those before closes a ring, following them comes to an end.
-        let mut around = std::iter::successors(Some(parent), |id| parents.get(id).copied());
-        if around.any(|id| id == layer.id) {
-            layer.parent = None;
-        } else {
-            parents.insert(layer.id, parent);
-        }
+    let groups = (0..).zip(stack.iter()).filter(|(_, layer)| layer.group_kind().is_some());
+    let groups: BTreeMap<u64, u32> = groups.map(|(place, layer)| (layer.id, place)).collect();
+    let mut sets = UnionFind::new(stack.len());
+    for (place, layer) in (0..).zip(stack.iter_mut()) {
+        let parent = layer.parent.and_then(|parent| groups.get(&parent));
+        // As long as none of those before closes a ring, a layer without a parent closes one with what belongs to it.
+        let is_apart = parent.is_some_and(|&parent| sets.union(place, parent));
+        layer.parent = layer.parent.filter(|_| is_apart);
     }
     let mut members: BTreeMap<Option<u64>, Vec<Layer>> = BTreeMap::new();
     for layer in stack.drain(..) {
@@ -167,7 +181,9 @@ pub(crate) fn tidy(stack: &mut Vec<Layer>) {
 
 /// Refuses groups that are nested too deeply.
 pub(crate) fn check_depth(stack: &[Layer]) -> Result<()> {
-    let deep = stack.iter().find(|layer| groups_around(stack, layer.id).len() > MAX_GROUP_DEPTH);
+    let parents = Parents::of(stack);
+    let most = stack.len().min(MAX_GROUP_DEPTH + 1);
+    let deep = stack.iter().find(|layer| parents.around(layer.id).take(most).count() > MAX_GROUP_DEPTH);
     deep.map_or(Ok(()), |layer| {
         let name = &layer.name;
         Err(Error::invalid(format!(
@@ -368,6 +384,20 @@ mod tests {
         let mut stack = start.to_vec();
         remove_layer(&mut stack, 9);
         assert_eq!(listed(&stack), [(1, out), (4, out)]);
+    }
+
+    /// Each layer within the one before.
+    #[test]
+    fn long_lists_are_brought_into_order_at_once() {
+        let count = 60_000;
+        let mut stack: Vec<Layer> = (0..count).map(|n| group(n, Some(n + 1))).collect();
+        stack[count as usize - 1].parent = Some(0);
+        let begin = std::time::Instant::now();
+        tidy(&mut stack);
+        assert_eq!(stack.iter().filter(|layer| layer.parent.is_none()).count(), 1, "where the ring closes");
+        check_depth(&stack).unwrap_err();
+        assert_eq!(with_members(&stack[..20], 19).len(), 20);
+        assert!(begin.elapsed().as_secs() < 2, "{:?}", begin.elapsed());
     }
 
     #[test]

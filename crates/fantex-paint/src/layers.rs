@@ -44,6 +44,9 @@ pub(crate) const INDEX: &str = "layers/index";
 /// Greatest number of a layer that is read.
 const MAX_LAYER_ID: u64 = 1 << 48;
 
+/// Layers of an asset at most: much goes over all of them for each.
+const MAX_LAYERS: usize = 4096;
+
 /// What a layer shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -204,12 +207,17 @@ impl Layers {
     }
 }
 
-/// Refuses layers with which the asset could not be opened: numbers that are too large, looks that name files which do not lie with it,
+/// Refuses layers with which the asset could not be opened: too many, numbers that are too large, looks that name files which do not lie with it,
 /// groups that are nested too deeply.
 ///
 /// # Errors
 /// There is one, and that is not allowed.
 pub(crate) fn check_stack(stack: &[Layer], asset: &Path) -> Result<()> {
+    if stack.len() > MAX_LAYERS {
+        let count = stack.len();
+        let sentence = format!("there are {count} layers, but an asset has {MAX_LAYERS} at most: merge some");
+        return Err(Error::too_large(sentence));
+    }
     if let Some(layer) = stack.iter().find(|layer| layer.id >= MAX_LAYER_ID) {
         let sentence =
             format!("the layer number {} is too large: numbers go up to {}", layer.id, MAX_LAYER_ID - 1);
@@ -252,6 +260,11 @@ pub(crate) fn prefix(target: Target) -> String {
 /// The attachment that a stroke changes on a page of level 0.
 pub(crate) fn page_name(target: Target, id: PageId) -> String {
     format!("{}{:010}/{:05}/{:05}", prefix(target), id.group, id.page[1], id.page[0])
+}
+
+/// The layer of which an attachment holds something that was painted, on it or its mask.
+fn layer_of_name(name: &str) -> Option<u64> {
+    name.strip_prefix("layers/")?.split_once('/')?.0.parse().ok()
 }
 
 /// The page of any level whose base an attachment keeps, by its name after the prefix.
@@ -418,8 +431,8 @@ impl Painter {
         })
     }
 
-    /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays; what
-    /// is copied and merged comes first.
+    /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays; numbers
+    /// that come anew have nothing painted on them; what is copied and merged comes first.
     ///
     /// # Errors
     /// As [`add_layer`](Self::add_layer).
@@ -441,22 +454,24 @@ impl Painter {
     ) -> Result<()> {
         self.finish_work()?;
         self.end()?;
-        let before = self.layers.clone();
-        change(&mut self.layers);
-        tidy(&mut self.layers.stack);
+        let mut after = self.layers.clone();
+        change(&mut after);
+        tidy(&mut after.stack);
         let path = self.editor.asset().path().to_owned();
-        let checked = check_moves(&before, &self.layers, moves);
-        if checked.is_ok() && before == self.layers {
+        check_moves(&self.layers, &after, moves)?;
+        if after == self.layers {
             return Ok(());
         }
-        let checked = checked.and_then(|()| check_stack(&self.layers.stack, &path));
-        if let Err(error) = checked.and_then(|()| self.fills.update(&self.surface, &self.layers)) {
-            self.layers = before;
-            return Err(error);
-        }
+        check_stack(&after.stack, &path)?;
+        self.fills.update(&self.surface, &after)?;
         self.begin_step(label);
+        let before = std::mem::replace(&mut self.layers, after);
+        self.forget_leftovers(&before)?;
         moves.iter().try_for_each(|&step| self.move_painted(&before, step))?;
         self.forget_masks(&before)?;
+        if !self.options.history {
+            self.drop_deleted();
+        }
         let list = self.layers.encoded(&path)?;
         self.attach(INDEX, list)?;
         let mut stack = self.layers.stack.clone();
@@ -468,6 +483,28 @@ impl Painter {
         let pages = self.pages_to_flatten(&before.stack);
         self.work = Some(Work::Flatten(FlattenWork::new(label, before.stack, &pages)));
         Ok(())
+    }
+
+    /// Drops what lies under numbers that come anew: it was painted on deleted layers that had them.
+    fn forget_leftovers(&mut self, before: &Layers) -> Result<()> {
+        let numbers = |layers: &Layers| -> BTreeSet<u64> { layers.stack.iter().map(Layer::id).collect() };
+        let new = &numbers(&self.layers) - &numbers(before);
+        if new.is_empty() {
+            return Ok(());
+        }
+        let is_left = |name: &String| layer_of_name(name).is_some_and(|id| new.contains(&id));
+        let left: Vec<String> = self.editor.attachment_names().into_iter().filter(is_left).collect();
+        left.iter().try_for_each(|name| self.detach(name))
+    }
+
+    /// Drops what was painted on deleted layers, which no step of the history brings back.
+    pub(crate) fn drop_deleted(&mut self) {
+        let known: BTreeSet<u64> = self.layers.stack.iter().map(Layer::id).collect();
+        for name in self.editor.attachment_names() {
+            if layer_of_name(&name).is_some_and(|id| !known.contains(&id)) {
+                self.editor.detach(&name);
+            }
+        }
     }
 
     pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<()> {

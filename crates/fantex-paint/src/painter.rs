@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use crate::composite::{ClonedDab, PaintContext, composite, look_up_now};
 use crate::cover::{cover_page, cover_page_colored, touched_pages};
-use crate::dab::PlacedDab;
+use crate::dab::{PlacedDab, share_of};
 use crate::due_levels::DueLevels;
 use crate::graph::FillTextures;
 use crate::layer_groups::{COLLAPSED, load_collapsed};
@@ -38,7 +38,9 @@ use crate::smudge::{LaidDown, PagesUnder, SmudgeBuffer, SmudgeDab, buffer_of};
 use crate::stroke_page::{StrokePage, StrokePages};
 use crate::texel_page::{Rect, TexelPage, TexelPages};
 use crate::work::Work;
-use crate::{BlendMode, Dab, Decal, History, Paint, StrokeSettings, Surface, SurfacePoint, Target, Tool};
+use crate::{
+    BlendMode, Dab, Decal, History, Paint, PaintColor, StrokeSettings, Surface, SurfacePoint, Target, Tool,
+};
 
 // The painter: an asset that is being painted on.
 
@@ -227,6 +229,11 @@ impl Painter {
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
         self.check_tool(target, &paint)?;
+        for painted in &mut paint.channels {
+            if let PaintColor::Constant(color) = &mut painted.color {
+                color.w = share_of(color.w);
+            }
+        }
         if !matches!(target, Target::Mask(_))
             && let Some(relief) = Relief::of(&self.surface, self.editor.asset())
         {

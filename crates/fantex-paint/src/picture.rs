@@ -14,7 +14,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 use crate::composite::{PaintContext, tangent_from_picture};
 use crate::cover::{Patch, TexelUnder, Touch};
-use crate::dab::{Chart, coverage_of, tangent_axes};
+use crate::dab::{Chart, coverage_of, share_of, tangent_axes};
 use crate::texel_page::TexelPage;
 use crate::{PaintColor, Region, RegionTriangle, Surface, SurfacePoint, Symmetry};
 
@@ -72,7 +72,11 @@ impl Picture {
     fn from_texels([width, height]: [usize; 2], texels: impl Iterator<Item = Vec4>) -> Result<Self> {
         let what = format_args!("a picture of {width} x {height} texels");
         let _held = reserve(what, (width as u64 * height as u64).saturating_mul(TEXEL_BYTES))?;
-        let (extent, texels) = ([width, height], texels.map(|t| (t.xyz() * t.w).extend(t.w)).collect());
+        let premultiplied = |texel: Vec4| {
+            let alpha = share_of(texel.w);
+            (texel.xyz() * alpha).extend(alpha)
+        };
+        let (extent, texels) = ([width, height], texels.map(premultiplied).collect());
         let mut levels = vec![Level { extent, texels }];
         while let Some(coarser) = levels.last().and_then(Level::halved) {
             levels.push(coarser);
@@ -456,6 +460,14 @@ mod tests {
         assert_eq!(picture.at(Vec2::new(-0.5, 1.3), 0.0).w, 0.0);
         assert!((picture.at(Vec2::ZERO, 2.0).w - 0.5).abs() < 1e-6);
         assert_eq!(picture.color(Vec2::ZERO, 2.0), Vec4::new(1.0, 0.0, 0.0, 1.0));
+    }
+
+    #[test]
+    fn alphas_of_floats_are_shares() {
+        let texels = [4.0, -1.0, f32::NAN, 0.5].map(|a| [0.5, 0.5, 0.5, a]);
+        let picture = Picture::new(&Image::from_linear_rgba(4, 1, &texels)).unwrap();
+        assert_eq!(picture.levels[0].texels, [1.0, 0.0, 0.0, 0.5].map(|a| (Vec3::splat(0.5) * a).extend(a)));
+        assert_eq!(picture.at(Vec2::ZERO, 2.0).w, 0.375);
     }
 
     #[test]

@@ -16,7 +16,8 @@
 //! }
 //! ```
 
-use std::collections::HashSet;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -92,14 +93,16 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
     painter.add_channels(&kinds)?;
     // All are checked before the first one is applied.
     let mut prepared = Vec::with_capacity(file.strokes.len());
-    let mut known = HashSet::new();
+    let (mut known, pictures) = (HashSet::new(), RefCell::default());
     for (index, settings) in file.strokes.iter().enumerate() {
-        let preparation = Preparation { painter, stroke: index, settings, folder };
+        let preparation = Preparation { painter, stroke: index, settings, folder, pictures: &pictures };
         preparation.check_channels()?;
         let stroke = preparation.run(&mut summary.missed_samples)?;
         summary.missing_characters.extend(stroke.missing.chars().filter(|&c| known.insert(c)));
         prepared.push((settings, stroke));
     }
+    // Those that are used last go with their strokes.
+    drop(pictures);
     for (index, (settings, prepared)) in prepared.into_iter().enumerate() {
         if settings.unrecorded {
             summary.unrecorded += 1;
@@ -163,7 +166,8 @@ pub(crate) fn prepare_fill(
     settings: &StrokeSettings,
     folder: &Path,
 ) -> Result<Option<(Paint, FillArea)>> {
-    let prepared = Preparation { painter, stroke: 0, settings, folder }.run(&mut 0)?;
+    let pictures = RefCell::default();
+    let prepared = Preparation { painter, stroke: 0, settings, folder, pictures: &pictures }.run(&mut 0)?;
     let area = area_of(painter.surface(), settings, &prepared.paint, &prepared.stroke);
     Ok(area.map(|area| (prepared.paint, area)))
 }
@@ -237,6 +241,35 @@ pub(crate) struct Preparation<'a> {
     pub(crate) stroke: usize,
     pub(crate) settings: &'a StrokeSettings,
     pub(crate) folder: &'a Path,
+    pub(crate) pictures: &'a RefCell<Pictures>,
+}
+
+/// Pictures that strokes of one folder mention, each read once.
+#[derive(Debug, Default)]
+pub(crate) struct Pictures {
+    pictures: BTreeMap<(PathBuf, PictureUse), Arc<Picture>>,
+    stamps: BTreeMap<PathBuf, Arc<Stamp>>,
+}
+
+/// What of a picture counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum PictureUse {
+    /// Its colours.
+    Color,
+    /// Its numbers as they are, where they are of fixed point.
+    Numbers,
+    /// Where it covers.
+    Shape,
+}
+
+impl PictureUse {
+    /// In a channel.
+    pub(crate) fn of_kind(kind: ChannelKind) -> Self {
+        match kind {
+            ChannelKind::BaseColor | ChannelKind::Emission | ChannelKind::Light => Self::Color,
+            _ => Self::Numbers,
+        }
+    }
 }
 
 pub(crate) struct Prepared {
@@ -355,17 +388,35 @@ impl Preparation<'_> {
         })
     }
 
-    pub(crate) fn image(&self, path: &Path) -> Result<Image> {
+    fn image(&self, path: &Path) -> Result<Image> {
         let image = Image::load(self.folder.join(path));
         image.map_err(|source| self.of_stroke(malformed(source)))
     }
 
-    /// The same for a channel: where that holds no colour, fixed-point numbers are taken as they are.
-    pub(crate) fn image_for(&self, kind: ChannelKind, path: &Path) -> Result<Image> {
+    pub(crate) fn picture(&self, path: &Path, used: PictureUse) -> Result<Arc<Picture>> {
+        let key = (path.to_owned(), used);
+        if let Some(known) = self.pictures.borrow().pictures.get(&key) {
+            return Ok(Arc::clone(known));
+        }
         let image = self.image(path)?;
-        let is_color = matches!(kind, ChannelKind::BaseColor | ChannelKind::Emission | ChannelKind::Light);
-        let stays = is_color || matches!(image.samples, Samples::F32(_));
-        Ok(if stays { image } else { Image { space: ColorSpace::Linear, ..image } })
+        let picture = Arc::new(match used {
+            PictureUse::Shape => Picture::shape(&image)?,
+            PictureUse::Numbers if !matches!(image.samples, Samples::F32(_)) => {
+                Picture::new(&Image { space: ColorSpace::Linear, ..image })?
+            }
+            PictureUse::Color | PictureUse::Numbers => Picture::new(&image)?,
+        });
+        self.pictures.borrow_mut().pictures.insert(key, Arc::clone(&picture));
+        Ok(picture)
+    }
+
+    fn stamp(&self, path: &Path) -> Result<Arc<Stamp>> {
+        if let Some(known) = self.pictures.borrow().stamps.get(path) {
+            return Ok(Arc::clone(known));
+        }
+        let stamp = Arc::new(Stamp::new(&self.image(path)?)?);
+        self.pictures.borrow_mut().stamps.insert(path.to_owned(), Arc::clone(&stamp));
+        Ok(stamp)
     }
 
     pub(crate) fn graph(&self, look: &LookSettings) -> Result<TextureGraph> {
@@ -407,12 +458,11 @@ impl Preparation<'_> {
 
     fn stencil(&self) -> Result<Option<Arc<Projection>>> {
         let Some(settings) = &self.settings.stencil else { return Ok(None) };
-        let image = self.image(&settings.image)?;
-        let picture = match settings.by {
-            StencilBy::Shape => Picture::shape(&image)?,
-            StencilBy::Alpha => Picture::new(&image)?,
+        let used = match settings.by {
+            StencilBy::Shape => PictureUse::Shape,
+            StencilBy::Alpha => PictureUse::Color,
         };
-        let projection = self.projection(Arc::new(picture))?;
+        let projection = self.projection(self.picture(&settings.image, used)?)?;
         projection.map(|p| Some(Arc::new(p))).ok_or_else(|| {
             Error::invalid(format!(
                 "stroke {} has a stencil, but no camera: add a projection, which says from where the stencil is seen",
@@ -447,12 +497,11 @@ impl Preparation<'_> {
             let drawn = draw_text(&text.text, font.as_deref().unwrap_or(DEFAULT_FONT));
             let drawn = drawn.map_err(|error| self.of_stroke(error))?;
             *missing = drawn.missing;
-            (drawn.picture, self.mesh_length(text.size)? * drawn.lines, text.angle, text.mirrored)
+            (Arc::new(drawn.picture), self.mesh_length(text.size)? * drawn.lines, text.angle, text.mirrored)
         } else {
             return Ok(Vec::new());
         };
         self.finite("the size and angle of a decal", &[size, angle])?;
-        let shape = Arc::new(shape);
         let surface = self.painter.surface();
         let angle = angle.to_radians();
         let readable = self.settings.text.is_some();
@@ -464,9 +513,9 @@ impl Preparation<'_> {
         Ok(decals.collect())
     }
 
-    fn decal_shape(&self, path: Option<&Path>) -> Result<Picture> {
+    fn decal_shape(&self, path: Option<&Path>) -> Result<Arc<Picture>> {
         if let Some(path) = path {
-            return Picture::shape(&self.image(path)?);
+            return self.picture(path, PictureUse::Shape);
         }
         let colors = self.settings.channels.iter().map(|channel| &channel.color);
         let image = colors.filter_map(|color| match color {
@@ -479,7 +528,7 @@ impl Preparation<'_> {
                 self.stroke
             ))
         })?;
-        Picture::new(&self.image(first)?)
+        self.picture(first, PictureUse::Color)
     }
 
     fn dabs(&self, stamp: Option<&Arc<Stamp>>) -> Result<Vec<Dab>> {
@@ -530,10 +579,9 @@ impl Preparation<'_> {
     fn stroke(&self, missed: &mut usize) -> Result<Stroke> {
         let brush = self.brush()?;
         let stamp = match (&brush.stamp, brush.tip) {
-            (Some(path), _) => Some(Stamp::new(&self.image(path)?)?),
-            (None, tip) => tip.map(Stamp::of_tip).transpose()?,
+            (Some(path), _) => Some(self.stamp(path)?),
+            (None, tip) => tip.map(Stamp::of_tip).transpose()?.map(Arc::new),
         };
-        let stamp = stamp.map(Arc::new);
         let mut samples = Vec::with_capacity(self.settings.samples.len());
         for (index, sample) in self.settings.samples.iter().enumerate() {
             self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;

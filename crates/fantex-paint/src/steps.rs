@@ -187,7 +187,16 @@ impl Painter {
         match self.options.history {
             true => self.history.begin(label, &mut self.editor),
             // Its steps would not fit what comes now.
-            false => self.history.forget_all(&mut self.editor),
+            false => self.forget_history(),
+        }
+    }
+
+    /// Forgets all steps, and what only they could bring back.
+    pub(crate) fn forget_history(&mut self) {
+        let had_steps = !self.history.done().is_empty() || !self.history.undone().is_empty();
+        self.history.forget_all(&mut self.editor);
+        if had_steps {
+            self.drop_deleted();
         }
     }
 

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use fantex_base::{Error, Result};
 
-use crate::{Brush, FillSettings, Layer, MaskMeasure, Size, StrokeSettings, ToolSettings};
+use crate::{Brush, ColorSettings, FillSettings, Layer, MaskMeasure, Size, StrokeSettings, ToolSettings};
 
 /// Shares: how much of something.
 const SHARE: RangeInclusive<f32> = 0.0..=1.0;
@@ -19,6 +19,7 @@ impl StrokeSettings {
         self.symmetry.check()?;
         check_brush(&self.brush)?;
         self.check_tool()?;
+        self.check_colors()?;
         self.check_layers()?;
         self.check_places()?;
         if self.lacks_places() {
@@ -54,7 +55,21 @@ impl StrokeSettings {
         decal.into_iter().chain(text).try_for_each(|(key, size)| has_length(key, size))
     }
 
+    fn check_colors(&self) -> Result<()> {
+        self.channels.iter().enumerate().try_for_each(|(index, channel)| match channel.color {
+            ColorSettings::Linear([.., alpha]) => {
+                within(format_args!("channels[{index}].color.linear[3]"), alpha, SHARE)
+            }
+            _ => Ok(()),
+        })
+    }
+
     fn check_layers(&self) -> Result<()> {
+        if self.set_layers.is_none() && !self.layer_moves.is_empty() {
+            return Err(Error::invalid(
+                "`layer_moves` says what is copied and merged where `set_layers` replaces the layers; without that it does nothing",
+            ));
+        }
         if let Some(layer) = &self.layer {
             within("layer.opacity", layer.opacity, SHARE)?;
             let outside = layer.fill.as_ref().and_then(|fill| fill.outside);

@@ -11,10 +11,10 @@ use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use crate::error::malformed;
-use crate::replay::Preparation;
+use crate::replay::{PictureUse, Preparation};
 use crate::{
-    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, Picture, ProjectionView, Size,
-    Surface, Symmetry, Tool,
+    BlendMode, Brush, ColorFill, GroupKind, Layer, LayerMove, PaintColor, ProjectionView, Size, Surface,
+    Symmetry, Tool,
 };
 
 /// A stroke file.
@@ -516,7 +516,7 @@ pub(crate) fn color_of(
             return Ok(PaintColor::Texture(texture));
         }
         ColorSettings::Image(path) => {
-            let picture = Arc::new(Picture::new(&preparation.image_for(kind, path)?)?);
+            let picture = preparation.picture(path, PictureUse::of_kind(kind))?;
             let projection = preparation.projection(Arc::clone(&picture))?;
             return Ok(match projection {
                 Some(projection) => PaintColor::Projected(Arc::new(projection)),

@@ -170,9 +170,10 @@ impl Painter {
     /// Takes up what was left when the asset was last committed.
     pub(crate) fn take_up_work(&mut self) -> Result<()> {
         let Some(bytes) = self.editor.attachment(KEPT)? else { return Ok(()) };
-        let kept = serde_json::from_slice(&bytes).map_err(|_| {
+        let kept: Kept = serde_json::from_slice(&bytes).map_err(|_| {
             damaged(self.editor.asset(), "history", "what was left to be done cannot be read")
         })?;
+        self.check_kept(&kept)?;
         self.work = Some(match kept {
             Kept::Stroke(kept) => return self.end_kept_stroke(kept),
             Kept::Fill(kept) => {
@@ -197,6 +198,26 @@ impl Painter {
             Kept::Step(work) => Work::Step(work),
         });
         Ok(())
+    }
+
+    /// Refuses steps that cannot have been kept.
+    fn check_kept(&self, kept: &Kept) -> Result<()> {
+        let history = &self.history;
+        let can_be_there = match kept {
+            Kept::Stroke(kept) => history.may_be_beside(kept.step.as_ref()),
+            Kept::Fill(kept) => history.may_be_beside(kept.step.as_ref()),
+            Kept::Flatten(kept) => history.may_be_beside(kept.step.as_ref()),
+            Kept::Step(work) => {
+                let known = history.done().iter().chain(history.undone());
+                let mut same = known.filter(|step| step.id == work.step.id);
+                work.left.end.max(work.count) <= work.step.parts
+                    && same.any(|step| work.step.parts <= step.parts)
+            }
+        };
+        match can_be_there {
+            true => Ok(()),
+            false => Err(damaged(self.editor.asset(), "history", "its unfinished step cannot be there")),
+        }
     }
 
     /// Takes back the last step, or does the next one again; false where there is none.
@@ -470,8 +491,8 @@ impl Painter {
     }
 
     /// The same, but what is covered is left to [`work_on`](Self::work_on); the stroke is not open any more. Where the area is
-    /// chosen by colour, commits first (unless the disk is full), so that what is compared is what is seen; it does not see the
-    /// open stroke itself.
+    /// chosen by colour, commits first (unless the disk is full), so that what is compared is what is seen, what the open
+    /// stroke has painted so far included.
     ///
     /// # Errors
     /// There is no such channel, or the commit or the log fails: then the stroke is dropped.

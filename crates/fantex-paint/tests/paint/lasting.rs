@@ -71,6 +71,47 @@ fn a_stroke_that_nobody_ends_is_a_step_after_a_crash() {
     }
 }
 
+/// They would be looked for part by part, or listed and never read again.
+#[test]
+fn unfinished_steps_that_cannot_be_there_are_damage() {
+    const KEPT: &str = "history/unfinished";
+    let (stroke, step) = (ball(20_000, BakeFormat::Rgba8), ball(20_000, BakeFormat::Rgba8));
+    let (mut painter, _) = start(&stroke);
+    begin_stroke(&mut painter, Target::Base);
+    painter.commit().unwrap();
+    drop(painter);
+    let (mut painter, _) = start(&step);
+    assert!(painter.start_undo().unwrap());
+    painter.commit().unwrap();
+    drop(painter);
+    for (baked, kind, key, value) in [
+        (&stroke, "Stroke", "/step/id", 7_000_000_u64),
+        (&stroke, "Stroke", "/step/parts", u64::from(u32::MAX)),
+        (&step, "Step", "/step/id", 7_000_000),
+        (&step, "Step", "/step/parts", u64::from(u32::MAX)),
+        (&step, "Step", "/left/end", u64::from(u32::MAX)),
+        (&step, "Step", "/count", u64::from(u32::MAX)),
+    ] {
+        let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        let whole = editor.attachment(KEPT).unwrap().unwrap();
+        let mut kept: serde_json::Value = serde_json::from_slice(&whole).unwrap();
+        *kept.pointer_mut(&format!("/{kind}{key}")).unwrap() = value.into();
+        editor.attach(KEPT, kept.to_string().into_bytes()).unwrap();
+        editor.commit().unwrap();
+        drop(editor);
+        let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+        assert!(error.contains("its unfinished step cannot be there"), "{kind}{key}: {error}");
+        let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        editor.attach(KEPT, whole).unwrap();
+        editor.commit().unwrap();
+    }
+    assert!(
+        [&stroke, &step]
+            .into_iter()
+            .all(|baked| Painter::open(&baked.path, &PaintOptions::default()).is_ok())
+    );
+}
+
 #[test]
 fn a_stroke_without_a_history_that_nobody_ends_forgets_the_one_before() {
     let baked = ball(80_000, BakeFormat::Bc7);
@@ -163,6 +204,52 @@ fn strokes_without_a_history_forget_the_one_before() {
     assert!(!painter.editor().attachment_names().iter().any(|name| name.starts_with("history/")));
 }
 
+/// A number that comes back is that of another layer.
+#[test]
+fn what_was_painted_on_deleted_layers_does_not_come_back_with_their_numbers() {
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let base = contents(&painter);
+    let layer = painter.add_layer(Layer::painted("dirt")).unwrap();
+    let stack = painter.layers().to_vec();
+    paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE);
+    let painted = contents(&painter);
+    painter.edit_layers("delete", Vec::clear).unwrap();
+    painter.set_layers("set", stack, &[]).unwrap();
+    assert_eq!(painter.layers()[0].id(), layer);
+    assert!(painted != base && contents(&painter) == base);
+    assert!(painter.undo().unwrap() && painter.undo().unwrap());
+    assert!(finest(&contents(&painter)) == finest(&painted));
+    assert!(painter.redo().unwrap() && painter.redo().unwrap());
+    assert!(contents(&painter) == base);
+}
+
+#[test]
+fn without_a_history_what_was_painted_on_deleted_layers_goes() {
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let is_painted = |painter: &Painter, layer: u64| {
+        let prefix = format!("layers/{layer:010}/");
+        painter.editor().attachment_names().iter().any(|name| name.starts_with(&prefix))
+    };
+    let mut painter = baked.painter();
+    let layers: Vec<u64> = ["first", "second"]
+        .map(|name| painter.add_layer(Layer::painted(name)).unwrap())
+        .into_iter()
+        .inspect(|&layer| paint_on(&mut painter, Target::Layer(layer), red(1.0), &LINE))
+        .collect();
+    painter.edit_layers("delete", |stack| stack.truncate(1)).unwrap();
+    assert!(layers.iter().all(|&layer| is_painted(&painter, layer)), "it can be undone");
+    painter.commit().unwrap();
+    drop(painter);
+    // With the history goes what only it could bring back.
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    paint_on(&mut painter, Target::Base, red(0.5), &LINE);
+    assert_eq!(layers.iter().map(|&layer| is_painted(&painter, layer)).collect::<Vec<_>>(), [true, false]);
+    painter.edit_layers("delete", Vec::clear).unwrap();
+    assert!(!layers.iter().any(|&layer| is_painted(&painter, layer)));
+}
+
 #[test]
 fn strokes_that_are_done_again_keep_their_place_in_the_log() {
     let baked = ball(60_000, BakeFormat::Rgba8);
@@ -227,6 +314,19 @@ fn layers_with_numbers_that_could_not_be_read_again_are_refused() {
         drop(painter);
         assert_eq!(baked.painter().layers().len(), 1);
     }
+}
+
+#[test]
+fn too_many_layers_are_refused() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    painter.add_layer(Layer::painted("a")).unwrap();
+    let text = serde_json::to_string(&painter.layers()[0]).unwrap();
+    let numbered = |id: usize| text.replace("\"id\":0", &format!("\"id\":{id}"));
+    let layers: Vec<Layer> = (0..4097).map(|id| serde_json::from_str(&numbered(id)).unwrap()).collect();
+    let error = painter.set_layers("set", layers, &[]).unwrap_err().to_string();
+    assert!(error.contains("there are 4097 layers, but an asset has 4096 at most"), "{error}");
+    assert_eq!(painter.layers().len(), 1);
 }
 
 /// A texture that was being evaluated and cannot be read any more keeps nobody from opening the asset.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_mesh::{generate, shading_normals};
 use fantex_paint::{
-    FillArea, FillSettings, Layer, MaskMeasure, PaintOptions, Painter, Size, StrokeFile, StrokeLog, Symmetry,
-    Target, Tool, dabs_of, fill_triangles, replay,
+    ChannelPaint, FillArea, FillSettings, Layer, MaskMeasure, Paint, PaintColor, PaintOptions, Painter, Size,
+    StrokeFile, StrokeLog, Symmetry, Target, Tool, dabs_of, fill_triangles, replay,
 };
 use fantex_store::{
     Asset, AssetEditor, ChannelKind, EditOptions, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels,
@@ -394,6 +394,41 @@ fn only_strokes_that_make_layers_need_no_channels() {
 }
 
 #[test]
+fn colours_are_opaque_at_most() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let before = contents(&painter);
+    for (alpha, is_allowed) in [("1", true), ("0", true), ("1.5", false), ("-0.5", false)] {
+        let color = format!(r#"{{ "linear": [0.2, 0.2, 0.2, {alpha}] }}"#);
+        let text =
+            format!(r#"{{ "fill": "whole", "channels": [{{ "kind": "base_color", "color": {color} }}] }}"#);
+        let replayed = replay(&mut painter, &strokes(&text), baked.folder.path());
+        let expected = format!("stroke 0: `channels[0].color.linear[3]` is {alpha}, but must be 0 to 1");
+        assert_eq!(
+            replayed.map(|_| ()).map_err(|error| error.to_string()),
+            match is_allowed {
+                true => Ok(()),
+                false => Err(expected),
+            }
+        );
+        while painter.undo().unwrap() {}
+    }
+    // What comes from programs is cut off.
+    let line = stroke(painter.surface(), 60.0, &[Vec3::X, Vec3::Y]);
+    let with_alpha = |alpha| Paint {
+        channels: vec![ChannelPaint::new(0, PaintColor::Constant(Vec4::new(0.2, 0.2, 0.2, alpha)))],
+        ..red(1.0)
+    };
+    let painted = [1.0, 3.0].map(|alpha| {
+        paint_stroke(&mut painter, with_alpha(alpha), &line);
+        let painted = contents(&painter);
+        assert!(painter.undo().unwrap());
+        painted
+    });
+    assert!(painted[0] != before && painted[0] == painted[1]);
+}
+
+#[test]
 fn values_that_mean_nothing_are_refused() {
     let baked = ball(10_000, BakeFormat::Rgba8);
     let mut painter = baked.painter();
@@ -466,6 +501,8 @@ fn values_that_mean_nothing_are_refused() {
         let message = replayed(&format!(r#""set_layers": [], "layer_moves": {moves}"#)).unwrap_err();
         assert!(message.starts_with("stroke 0") && message.contains(expected), "{message}");
     }
+    let message = replayed(&format!(r#""layer_moves": [{{ "copy": [0, 1] }}], {somewhere}"#)).unwrap_err();
+    assert!(message.starts_with("stroke 0: `layer_moves`") && message.contains("`set_layers`"), "{message}");
     // The ends of ranges.
     for rest in [
         r#""fill": { "angle": 180 }"#,

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
+use fantex_base::{ReadLimits, ReadOptions};
 use fantex_paint::{PaintOptions, Painter, StrokeLog, replay};
 use fantex_store::{Asset, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -44,6 +45,24 @@ fn swipe(stencil: &str, camera: &str) -> String {
             "samples": [{{ "at": {{ "position": [-1, 0, 0.2] }} }}, {{ "at": {{ "position": [0, 0, 1] }} }},
                         {{ "at": {{ "position": [1, 0, 0.2] }} }}, {{ "at": {{ "position": [0, 0, -1] }} }}] }}"#
     )
+}
+
+#[test]
+fn pictures_of_many_strokes_are_held_once() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let shape = Image::from_linear_rgb(128, 128, &[[1.0; 4]; 128 * 128]);
+    shape.save(baked.folder.path().join("shape.png")).unwrap();
+    let text = format!(
+        r#"{{ "brush": {{ "size": {{ "texels": 9 }}, "stamp": "shape.png" }}, {CAMERA}, "stencil": {{ "image": "shape.png" }},
+            "channels": [{{ "kind": "base_color", "color": {{ "image": "shape.png" }} }}],
+            "samples": [{{ "at": {{ "position": [0, 0, 1] }} }}] }}"#
+    );
+    let file = strokes(&vec![text; 16].join(","));
+    let mut painter = baked.painter();
+    // Each time anew they would take 12 MB.
+    let options = ReadOptions { memory_bytes: 4 << 20, ..ReadOptions::default() };
+    let replayed = ReadLimits::new(options).run(|| replay(&mut painter, &file, baked.folder.path())).unwrap();
+    assert_eq!((replayed.strokes, replayed.untouching.len()), (16, 0));
 }
 
 /// A stroke over the rim of a thin plate: white over black, seen from above.

@@ -187,7 +187,7 @@ impl AssetEditor {
     fn flush_attachments(&mut self) -> Result<()> {
         let (mut batch, mut bytes) = (Vec::new(), 0);
         while bytes < ATTACHMENT_BATCH_BYTES
-            && let Some((name, contents)) = self.pending.attachments.pop_first()
+            && let Some((name, contents)) = self.pending.pop_first_attachment()
         {
             bytes += contents.as_ref().map_or(0, Vec::len);
             batch.push((name, contents));
@@ -203,8 +203,9 @@ impl AssetEditor {
             match written {
                 Ok(record) => self.replace_attachment(name, record),
                 Err(error) => {
-                    self.pending.attachments.insert(name, contents);
-                    self.pending.attachments.extend(attachments.map(|(attachment, _)| attachment));
+                    self.pending.insert_attachment(name, contents);
+                    attachments
+                        .for_each(|((name, contents), _)| self.pending.insert_attachment(name, contents));
                     return Err(error);
                 }
             }

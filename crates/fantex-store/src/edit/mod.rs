@@ -96,6 +96,26 @@ struct Pending {
     page_bytes: usize,
     /// None removes.
     attachments: BTreeMap<String, Option<Vec<u8>>>,
+    attachment_bytes: usize,
+}
+
+impl Pending {
+    fn insert_attachment(&mut self, name: String, contents: Option<Vec<u8>>) {
+        self.attachment_bytes += contents.as_ref().map_or(0, Vec::len);
+        let old = self.attachments.insert(name, contents);
+        self.attachment_bytes -= old.flatten().map_or(0, |old| old.len());
+    }
+
+    fn remove_attachment(&mut self, name: &str) {
+        let old = self.attachments.remove(name);
+        self.attachment_bytes -= old.flatten().map_or(0, |old| old.len());
+    }
+
+    fn pop_first_attachment(&mut self) -> Option<(String, Option<Vec<u8>>)> {
+        let (name, contents) = self.attachments.pop_first()?;
+        self.attachment_bytes -= contents.as_ref().map_or(0, Vec::len);
+        Some((name, contents))
+    }
 }
 
 /// Changes that are in the file already, though nothing committed names them.
@@ -254,23 +274,22 @@ impl AssetEditor {
                 "attachment {name:?} has {bytes} bytes; names may have up to 255 and contents up to {limit} bytes"
             )));
         }
-        self.pending.attachments.insert(name.to_owned(), Some(contents));
+        self.pending.insert_attachment(name.to_owned(), Some(contents));
         Ok(())
     }
 
     /// Removes an attachment, if there is one of that name.
     pub fn detach(&mut self, name: &str) {
         if self.flushed.attachments.contains_key(name) {
-            self.pending.attachments.insert(name.to_owned(), None);
+            self.pending.insert_attachment(name.to_owned(), None);
         } else {
-            self.pending.attachments.remove(name);
+            self.pending.remove_attachment(name);
         }
     }
 
     /// Bytes of changed pages and attachments in memory.
     pub fn pending_bytes(&self) -> usize {
-        let attachments = self.pending.attachments.values().flatten().map(Vec::len).sum::<usize>();
-        self.pending.page_bytes + attachments
+        self.pending.page_bytes + self.pending.attachment_bytes
     }
 
     /// True where a commit would change something.

@@ -391,6 +391,36 @@ fn discarding_returns_to_the_committed_state() {
     assert_eq!(editor.commit().unwrap().generation, 1);
 }
 
+/// The count of bytes is kept beside the attachments, through whatever happens to them.
+#[test]
+fn bytes_of_attachments_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let (mut editor, plan) = recorded_editor(&path);
+    editor.attach("a", vec![1; 100]).unwrap();
+    editor.attach("b", vec![2; 30]).unwrap();
+    editor.attach("c", Vec::new()).unwrap();
+    assert_eq!(editor.pending_bytes(), 130);
+    editor.attach("a", vec![3; 40]).unwrap();
+    editor.detach("b");
+    editor.detach("none");
+    assert_eq!(editor.pending_bytes(), 40);
+    editor.attach("b", vec![4; 7]).unwrap();
+    let from = plan.lock().unwrap().log.len();
+    plan.lock().unwrap().fail_from = Some(from);
+    editor.flush().unwrap_err();
+    assert_eq!(editor.pending_bytes(), 47);
+    plan.lock().unwrap().fail_from = None;
+    editor.flush().unwrap();
+    assert_eq!(editor.pending_bytes(), 0);
+    editor.detach("a");
+    assert_eq!(editor.pending_bytes(), 0);
+    editor.attach("a", vec![5; 9]).unwrap();
+    assert_eq!(editor.pending_bytes(), 9);
+    editor.discard().unwrap();
+    assert_eq!(editor.pending_bytes(), 0);
+}
+
 fn refused<T: std::fmt::Debug>(result: fantex_base::Result<T>, sentence: &str) {
     let error = result.unwrap_err().to_string();
     assert!(error.contains(sentence), "{error}");
