@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::shell::{Failure, data_folder, root, run as run_command, succeeds};
-use crate::test::{build_all, target_folder};
+use crate::test::{build_all, target_folder, threads};
 
 /// What the tests import.
 const PACKAGES: [(&str, &str); 4] =
@@ -24,6 +24,9 @@ const OPTIONAL: [(&str, &[(&str, &str)]); 6] = [
         &[("nbformat", "nbformat"), ("nbclient", "nbclient"), ("ipykernel", "ipykernel")],
     ),
 ];
+
+/// What runs tests side by side; without it they run one after another.
+const PARALLEL: [(&str, &str); 1] = [("pytest-xdist", "xdist")];
 
 /// Runs the tests with a virtual environment in the target folder. Without Python 3.10 or the packages they are left out, and `list`
 /// says so. The package is put together from the library that the other tests have built; `slow` builds a wheel instead, in release,
@@ -74,6 +77,10 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
         target_folder().join("debug").join(format!("fantex{}", std::env::consts::EXE_SUFFIX)),
     );
     tests.args(PYTEST).current_dir(&source);
+    if has(&PARALLEL) {
+        // Who has nothing left takes tests from others.
+        tests.args(["--dist", "worksteal", "-n"]).arg(threads().to_string());
+    }
     eprintln!("> python -m pytest");
     let result = run_command(&mut tests);
     // Blender as a module is large, and for one version of Python only.

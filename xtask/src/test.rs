@@ -24,9 +24,7 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     let list = skipped_list()?;
     // What an earlier run has left.
     std::fs::remove_file(&list).unwrap_or_default();
-    // Many tests wait for servers, browsers or windows: others run meanwhile.
-    let cores = available_parallelism().map_or(1, NonZero::get);
-    let threads = format!("--test-threads={}", cores + cores.div_ceil(2));
+    let threads = format!("--test-threads={}", threads());
     let has_nextest = succeeds(&mut cargo_command(&["nextest", "--version"]));
     let mut arguments = match has_nextest {
         true => vec!["nextest", "run", "--workspace", "--no-fail-fast", &*threads],
@@ -55,6 +53,12 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     let python = python::run(&list, slow);
     eprintln!("{}", summary(&std::fs::read_to_string(&list).unwrap_or_default(), slow));
     result.and(documentation).and(examples).and(python)
+}
+
+/// How many tests run side by side: many wait for servers, browsers or windows, and others run meanwhile.
+pub(crate) fn threads() -> usize {
+    let cores = available_parallelism().map_or(1, NonZero::get);
+    cores + cores.div_ceil(2)
 }
 
 /// Runs the tests of the Python package alone.
