@@ -483,7 +483,7 @@ impl PointFinder<'_> {
             normal_steps: self.normal_steps(point),
             uv,
             vertex_color: vertex_color(self.mesh, point.at.index(), inside),
-            to_eye: None,
+            eye: None,
             time: self.time,
             filtering: Filtering::Area,
         }
@@ -633,7 +633,8 @@ impl<'a> Answers<'a> {
         let uv: &'u [UvPoint] = uv;
         let moved = self.at.iter().zip(places).enumerate().map(|(index, (at, (position, normal)))| {
             let uv = &uv[index * sets..(index + 1) * sets];
-            ShadingPoint { position, normal, uv, ..*at }
+            // Bakes have no eye.
+            ShadingPoint { position, normal, uv, eye: None, ..*at }
         });
         moved.collect()
     }

@@ -127,7 +127,7 @@ fn coordinates() {
                 normal_steps: steps,
                 uv: &[],
                 vertex_color: Vec4::ONE,
-                to_eye: Some(normal),
+                eye: Some(normal.into()),
                 time: 0.0,
                 filtering: Filtering::Own,
             }

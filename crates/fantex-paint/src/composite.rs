@@ -354,7 +354,7 @@ pub(crate) fn shade<R>(
         uv: &uv,
         // Off the triangle, colours must not be extrapolated.
         vertex_color: vertex_color(mesh, index, lambda.clamp(Vec3::ZERO, Vec3::ONE)),
-        to_eye: None,
+        eye: None,
         time: 0.0,
         filtering: Filtering::Area,
     })

@@ -18,8 +18,8 @@ use fantex_texture::look::{
     NormalSpace, Opacity, Relief, Slot, TangentSpace, height_change, normal_by_map,
 };
 use fantex_texture::material::{TangentFrame, roughness_with_variance, vertex_color};
-use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
-use glam::{Vec2, Vec3, Vec4};
+use fantex_texture::{Eye, Filtering, ShadingPoint, Stretch, Texture, UvPoint};
+use glam::{Mat3, Vec2, Vec3, Vec4};
 
 use crate::image_surface::ImageSurface;
 use crate::surface::CornerNormals;
@@ -58,6 +58,14 @@ impl<'a> LookSurface<'a> {
     pub fn at_time(mut self, seconds: f32) -> Self {
         if let Materials::Textures(surface) = &mut self.0 {
             surface.time = seconds;
+        }
+        self
+    }
+
+    /// The surface of an object whose place in its scene has this linear part: what depends on the eye counts with angles there.
+    pub fn in_scene(mut self, scene_from_object: Mat3) -> Self {
+        if let Materials::Textures(surface) = &mut self.0 {
+            surface.stretch = Stretch::of(scene_from_object);
         }
         self
     }
@@ -104,6 +112,7 @@ struct TextureSurface<'a> {
     tangents: LookTangents<'a>,
     materials: Vec<Arc<LookMaterial>>,
     time: f32,
+    stretch: Option<Stretch>,
     opposed: OpposedTriangles,
 }
 
@@ -115,7 +124,7 @@ impl<'a> TextureSurface<'a> {
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = LookTangents::new(mesh, normals.all(), &materials);
         let (space, opposed) = (ObjectSpace::of(mesh), OpposedTriangles::of(&mesh.triangles));
-        Self { mesh, space, normals, tangents, materials, time: 0.0, opposed }
+        Self { mesh, space, normals, tangents, materials, time: 0.0, stretch: None, opposed }
     }
 
     fn material_of(&self, triangle: usize) -> &LookMaterial {
@@ -253,7 +262,7 @@ impl Surface for TextureSurface<'_> {
         for hits in hits.chunk_by(|a, b| std::ptr::eq(material_of(a), material_of(b))) {
             let material = material_of(&hits[0]);
             let own = |hit: &Hit| LookPoint::new(self, hit);
-            let own: Vec<LookPoint> = hits.iter().map(own).collect();
+            let own: Vec<LookPoint<'_>> = hits.iter().map(own).collect();
             let at: Vec<ShadingPoint<'_>> = own.iter().map(LookPoint::shading_point).collect();
             let mut columns = Columns { at: &at, asked: Vec::new() };
             let slots = Slots::new(material, |slot| columns.of(slot));
@@ -407,7 +416,7 @@ impl Slots<Column<'_>> {
 
 /// What a [`ShadingPoint`] borrows, and the rest of it.
 #[derive(Clone, Copy, Debug)]
-struct LookPoint {
+struct LookPoint<'a> {
     position: Vec3,
     position_steps: [Vec3; 2],
     normal: Vec3,
@@ -415,13 +424,13 @@ struct LookPoint {
     uv: [UvPoint; MAX_UV_SETS],
     uv_sets: usize,
     vertex_color: Vec4,
-    to_eye: Vec3,
+    eye: Eye<'a>,
     time: f32,
 }
 
-impl LookPoint {
-    fn new(surface: &TextureSurface<'_>, hit: &Hit) -> Self {
-        let TextureSurface { mesh, space, normals, time, .. } = surface;
+impl<'a> LookPoint<'a> {
+    fn new(surface: &'a TextureSurface<'_>, hit: &Hit) -> Self {
+        let TextureSurface { mesh, space, normals, time, stretch, .. } = surface;
         let positions = mesh.triangle_positions(hit.triangle()).map(|p| space.point(p));
         let (position, position_steps) = hit.interpolate(positions);
         let (normal, normal_steps) = smooth_normal(mesh, normals, hit);
@@ -441,7 +450,7 @@ impl LookPoint {
             uv,
             uv_sets: sets.len().min(MAX_UV_SETS),
             vertex_color: vertex_color(mesh, hit.triangle(), hit.at.lambda),
-            to_eye: hit.to_eye,
+            eye: Eye { direction: hit.to_eye, stretch: stretch.as_ref() },
             time: *time,
         }
     }
@@ -454,7 +463,7 @@ impl LookPoint {
             normal_steps: self.normal_steps,
             uv: &self.uv[..self.uv_sets],
             vertex_color: self.vertex_color,
-            to_eye: Some(self.to_eye),
+            eye: Some(self.eye),
             time: self.time,
             filtering: Filtering::Own,
         }
@@ -650,7 +659,7 @@ mod tests {
             normal_steps: [Vec3::ZERO; 2],
             uv,
             vertex_color: Vec4::ONE,
-            to_eye: None,
+            eye: None,
             time: 0.0,
             filtering: Filtering::Own,
         }

@@ -122,7 +122,7 @@ impl Cookie {
                 normal_steps: [Vec3::ZERO; 2],
                 uv: &[UvPoint { uv, steps }],
                 vertex_color: Vec4::ONE,
-                to_eye: None,
+                eye: None,
                 time,
                 filtering: Filtering::Own,
             }),

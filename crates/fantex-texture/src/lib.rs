@@ -12,6 +12,7 @@ pub mod compare;
 mod container;
 pub mod coordinates;
 pub mod environment;
+mod eye;
 pub mod filter;
 mod frames;
 mod image;
@@ -34,6 +35,7 @@ mod volume;
 pub mod warp;
 
 pub use color_ramp::*;
+pub use eye::*;
 pub use fantex_base::srgb as color;
 pub use frames::*;
 pub use image::*;

@@ -4,6 +4,7 @@ use std::fmt;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::Eye;
 use crate::combine::TextureUse;
 use crate::look::Slot;
 
@@ -26,8 +27,8 @@ pub struct ShadingPoint<'a> {
     pub uv: &'a [UvPoint],
     /// Linear RGBA of the model's vertex colours, white where it has none.
     pub vertex_color: Vec4,
-    /// Unit vector to the eye, object space; `None` in a bake, which has no eye.
-    pub to_eye: Option<Vec3>,
+    /// The eye; `None` in a bake, which has none.
+    pub eye: Option<Eye<'a>>,
     /// Seconds since the start of an animation.
     pub time: f32,
     /// How discrete textures are filtered.
@@ -206,7 +207,7 @@ mod tests {
                 normal_steps: [Vec3::X, Vec3::ZERO],
                 uv: &uv,
                 vertex_color: Vec4::ONE,
-                to_eye: None,
+                eye: None,
                 time: 2.0,
                 filtering: Filtering::Own,
             };

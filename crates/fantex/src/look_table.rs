@@ -100,7 +100,7 @@ impl LookTable {
             normal_steps: [Vec3::ZERO; 2],
             uv: &[UvPoint { uv: at.truncate(), steps }],
             vertex_color: Vec4::ONE,
-            to_eye: None,
+            eye: None,
             time: self.time,
             filtering: Filtering::Area,
         })

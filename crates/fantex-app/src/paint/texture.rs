@@ -150,7 +150,7 @@ impl ChosenTexture {
                 normal_steps: [Vec3::ZERO; 2],
                 uv: &[uv],
                 vertex_color: Vec4::ONE,
-                to_eye: None,
+                eye: None,
                 time: 0.0,
                 filtering: Filtering::Area,
             });

@@ -274,7 +274,7 @@ fn solid_point(position: Vec3, width: f32) -> ShadingPoint<'static> {
         normal_steps: [Vec3::ZERO; 2],
         uv: &[],
         vertex_color: Vec4::ONE,
-        to_eye: None,
+        eye: None,
         time: 0.0,
         filtering: Filtering::Area,
     }

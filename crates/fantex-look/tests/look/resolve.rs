@@ -24,7 +24,7 @@ fn at(position: Vec3, time: f32, uv: &[UvPoint]) -> ShadingPoint<'_> {
         normal_steps: [Vec3::ZERO; 2],
         uv,
         vertex_color: Vec4::new(0.1, 0.2, 0.3, 1.0),
-        to_eye: Some(Vec3::new(0.6, 0.0, 0.8)),
+        eye: Some(Vec3::new(0.6, 0.0, 0.8).into()),
         time,
         filtering: Filtering::Own,
     }

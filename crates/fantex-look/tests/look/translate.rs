@@ -69,7 +69,7 @@ fn value(slot: &Slot) -> Vec4 {
         normal_steps: [Vec3::ZERO; 2],
         uv: &uv,
         vertex_color: Vec4::new(0.5, 1.0, 0.5, 1.0),
-        to_eye: None,
+        eye: None,
         time: 0.0,
         filtering: Filtering::Own,
     })

@@ -234,7 +234,7 @@ impl Parameter {
             }
             // Unlike the arc cosine, precise on level ground, too.
             Self::Slope { up } => at.normal.cross(up).length().atan2(at.normal.dot(up)).to_degrees(),
-            Self::Facing => at.to_eye.map_or(1.0, |to_eye| at.normal.dot(to_eye).abs()),
+            Self::Facing => at.eye.map_or(1.0, |eye| eye.cosine(at.normal).abs()),
             Self::U { set } => at.uv.get(set).map_or(0.0, |point| point.uv.x),
             Self::V { set } => at.uv.get(set).map_or(0.0, |point| point.uv.y),
             Self::Time => at.time,

@@ -10,7 +10,6 @@ use fantex_base::{Error, Result};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::form::{mirrored, mirrored_steps};
 use super::level::{Level, halve};
 use super::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout};
 use crate::{Dependence, Image, ShadingPoint, Texture};
@@ -366,11 +365,8 @@ impl CubeTexture {
 
     /// Unit direction and its change along the footprint's edges.
     fn direction(&self, at: &ShadingPoint<'_>) -> (Vec3, [Vec3; 2]) {
-        match (self.source, at.to_eye) {
-            (DirectionSource::Reflection, Some(to_eye)) => {
-                let steps = mirrored_steps(at.normal, at.normal_steps, to_eye, [Vec3::ZERO; 2]);
-                (mirrored(at.normal, to_eye), steps)
-            }
+        match (self.source, at.eye) {
+            (DirectionSource::Reflection, Some(eye)) => eye.mirrored_with_steps(at.normal, at.normal_steps),
             (DirectionSource::Reflection | DirectionSource::Normal, _) => (at.normal, at.normal_steps),
             (DirectionSource::Position { center }, _) => {
                 let from_center = at.position - center;
@@ -378,7 +374,7 @@ impl CubeTexture {
                 let scale = if scale.is_finite() { scale } else { 0.0 };
                 ((from_center * scale).normalize_or(at.normal), at.position_steps.map(|step| step * scale))
             }
-            (DirectionSource::View, Some(to_eye)) => (-to_eye, [Vec3::ZERO; 2]),
+            (DirectionSource::View, Some(eye)) => (-eye.direction, [Vec3::ZERO; 2]),
             (DirectionSource::View, None) => (-at.normal, at.normal_steps.map(|step| -step)),
         }
     }

@@ -6,7 +6,7 @@ use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
 use super::shape::{foot_on_sphere, leave_sphere};
 use super::{BoxMap, CylinderMap, HemisphereMap, Mapping, PlanarMap, SphereMap};
 use crate::invalid_option::singular;
-use crate::{Allowed, ShadingPoint, UvPoint};
+use crate::{Allowed, Eye, ShadingPoint, UvPoint};
 
 // S-maps: texture coordinates of a placed intermediate surface.
 
@@ -320,7 +320,7 @@ impl TwoPartMapping {
                 let steps = at.position_steps.map(|step| self.s_map.local_direction(step));
                 (ShapePoint { position, normal: shape.foot(position).normal }, steps)
             }
-            _ => (self.hit(at.position, at.normal, at.to_eye), [0, 1].map(|edge| self.hit_step(at, edge))),
+            _ => (self.hit(at.position, at.normal, at.eye), [0, 1].map(|edge| self.hit_step(at, edge))),
         };
         let mapping = shape.mapping();
         let uv = mapping.uv(point.position, point.normal);
@@ -329,14 +329,14 @@ impl TwoPartMapping {
     }
 
     /// Where the ray reaches the intermediate surface, in its own space. If it does not, the nearest point of the surface.
-    fn hit(&self, p: Vec3, n: Vec3, to_eye: Option<Vec3>) -> ShapePoint {
+    fn hit(&self, p: Vec3, n: Vec3, eye: Option<Eye<'_>>) -> ShapePoint {
         let shape = self.s_map.shape();
         let local = self.s_map.local_point(p);
         let (origin, direction) = match self.o_map {
             OMap::SurfaceNormal => return shape.foot(local),
             OMap::ObjectNormal => (local, n),
             OMap::Centroid { center } => (self.s_map.local_point(center), p - center),
-            OMap::Reflection => (local, reflected(to_eye.unwrap_or(n), n)),
+            OMap::Reflection => (local, eye.map_or(n, |eye| eye.mirrored(n))),
         };
         let ray_end = shape.leave(origin, self.s_map.local_direction(direction));
         ray_end.unwrap_or_else(|| shape.foot(local))
@@ -355,14 +355,10 @@ impl TwoPartMapping {
         let beside = |side: f32| {
             let shift = 0.5 * side * share;
             let n = (at.normal + dn * shift).try_normalize().unwrap_or(at.normal);
-            self.hit(at.position + dp * shift, n, at.to_eye).position
+            self.hit(at.position + dp * shift, n, at.eye).position
         };
         (beside(1.0) - beside(-1.0)) / share
     }
-}
-
-fn reflected(to_eye: Vec3, n: Vec3) -> Vec3 {
-    2.0 * n.dot(to_eye) * n - to_eye
 }
 
 fn bounded(change: Vec2) -> Vec2 {

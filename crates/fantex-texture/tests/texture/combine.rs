@@ -129,9 +129,8 @@ fn parameters_change_as_their_steps_say() {
     let n = Vec3::new(0.5, 0.6, 0.62).normalize();
     let (right, down) = n.any_orthonormal_pair();
     let steps = [right * 0.01, down * 0.02];
-    let to_eye = Some(Vec3::new(0.1, 0.9, 0.3).normalize());
-    let at =
-        ShadingPoint { uv: &uv, position_steps: steps, normal_steps: steps, to_eye, ..shading_point(n, n) };
+    let eye = Some(Vec3::new(0.1, 0.9, 0.3).normalize().into());
+    let at = ShadingPoint { uv: &uv, position_steps: steps, normal_steps: steps, eye, ..shading_point(n, n) };
     for parameter in [
         Parameter::Along { origin: Vec3::ONE, direction: Vec3::new(1.0, 2.0, -0.5) },
         Parameter::Distance { center: Vec3::X },

@@ -48,7 +48,7 @@ pub(crate) fn shading_point(position: Vec3, normal: Vec3) -> ShadingPoint<'stati
         normal_steps: [Vec3::ZERO; 2],
         uv: &[],
         vertex_color: Vec4::ONE,
-        to_eye: Some(normal),
+        eye: Some(normal.into()),
         time: 0.0,
         filtering: Filtering::Own,
     }

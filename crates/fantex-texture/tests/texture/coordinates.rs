@@ -281,7 +281,7 @@ fn blurred_images_have_the_blurs_width() {
                     normal_steps: [Vec3::ZERO; 2],
                     uv: &uv,
                     vertex_color: Vec4::ONE,
-                    to_eye: None,
+                    eye: None,
                     time: 0.0,
                     filtering: Filtering::Own,
                 })

@@ -513,7 +513,7 @@ fn cube_textures_look_in_the_direction_they_are_told() {
         normal_steps: [Vec3::ZERO; 2],
         uv: &[],
         vertex_color: Vec4::ONE,
-        to_eye: Some(to_eye),
+        eye: Some(to_eye.into()),
         time: 0.0,
         filtering: Filtering::Own,
     };
@@ -531,7 +531,7 @@ fn cube_textures_look_in_the_direction_they_are_told() {
     let center = Vec3::new(0.0, 2.0, 1.0);
     near(shown(&texture(DirectionSource::Position { center }), &point), Vec3::new(1.0, 0.0, 1.0));
     // A bake has no eye.
-    let baked = ShadingPoint { to_eye: None, ..point };
+    let baked = ShadingPoint { eye: None, ..point };
     near(shown(&texture(DirectionSource::Reflection), &baked), normal);
     assert!(texture(DirectionSource::Reflection).is_view_dependent());
     assert!(!texture(DirectionSource::Normal).is_view_dependent());
@@ -541,7 +541,7 @@ fn cube_textures_look_in_the_direction_they_are_told() {
     // In a room, what is seen depends on the place.
     let room = EnvironmentProxy::Box { min: Vec3::splat(-4.0), max: Vec3::splat(4.0) };
     let inside = CubeTexture { proxy: Some((room, Vec3::ZERO)), ..texture(DirectionSource::View) };
-    let upwards = ShadingPoint { to_eye: Some(Vec3::NEG_Y), ..point };
+    let upwards = ShadingPoint { eye: Some(Vec3::NEG_Y.into()), ..point };
     near(shown(&inside, &upwards), Vec3::new(1.0, 4.0, 2.0));
     // Over a footprint that holds half the sphere, the mean.
     let wide = ShadingPoint { normal_steps: [Vec3::X * 2.0, Vec3::Z * 2.0], normal: Vec3::Y, ..point };

@@ -190,7 +190,7 @@ fn seen(texture: &PolygonsTexture, uv: [f32; 2], steps: [Vec2; 2]) -> Vec4 {
         normal_steps: [Vec3::ZERO; 2],
         uv: &[UvPoint { uv: uv.into(), steps }],
         vertex_color: Vec4::ONE,
-        to_eye: None,
+        eye: None,
         time: 0.0,
         filtering: Filtering::Own,
     })

@@ -41,7 +41,7 @@ fn ball_point(random: &mut Random, step: f32) -> ShadingPoint<'static> {
     ShadingPoint {
         position_steps: [right * step, down * step],
         normal_steps: [right * step * (2.0 + tilt.x), down * step * (2.0 + tilt.y)],
-        to_eye: Some((n + 0.5 * random.vector()).normalize()),
+        eye: Some((n + 0.5 * random.vector()).normalize().into()),
         ..shading_point(0.4 * n, n)
     }
 }
@@ -151,7 +151,9 @@ fn rays_arrive_where_they_point() {
                 let at = ball_point(&mut random, 0.0);
                 let (p, n) = (at.position, at.normal);
                 let ray = match o_map {
-                    OMap::Reflection => 2.0 * n.dot(at.to_eye.unwrap()) * n - at.to_eye.unwrap(),
+                    OMap::Reflection => {
+                        2.0 * n.dot(at.eye.unwrap().direction) * n - at.eye.unwrap().direction
+                    }
                     OMap::ObjectNormal => n,
                     OMap::Centroid { center } => p - center,
                     OMap::SurfaceNormal => continue,
@@ -307,7 +309,7 @@ fn any_numbers_are_refused_or_mapped() {
         let at = ShadingPoint {
             position_steps: [any3(), any3()],
             normal_steps: [any3(), any3()],
-            to_eye: Some(any3()),
+            eye: Some(any3().into()),
             ..shading_point(any3(), any3())
         };
         let kind = ShapeKind::ALL[round % 5];

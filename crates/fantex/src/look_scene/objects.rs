@@ -63,7 +63,8 @@ impl Object {
     pub(super) fn surface(&self, time: f32, filter: FilterOptions) -> Box<dyn Surface + '_> {
         match &self.shape {
             Shape::Model { mesh, materials } => {
-                Box::new(LookSurface::new(mesh, materials.clone()).at_time(time))
+                let place = self.world_from_object.matrix3.as_mat3();
+                Box::new(LookSurface::new(mesh, materials.clone()).at_time(time).in_scene(place))
             }
             Shape::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
         }
@@ -368,7 +369,7 @@ impl Heights {
             normal_steps: [Vec3::ZERO; 2],
             uv: &uv,
             vertex_color: vertex_color(mesh, point.at.index(), point.at.lambda),
-            to_eye: None,
+            eye: None,
             time: 0.0,
             filtering: Filtering::Area,
         };
