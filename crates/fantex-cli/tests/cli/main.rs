@@ -17,6 +17,7 @@ mod photographs;
 mod previews;
 mod round_trip;
 mod serve;
+mod stretched;
 #[cfg(unix)]
 mod unsent;
 mod worlds;
