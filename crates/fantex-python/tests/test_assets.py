@@ -371,6 +371,8 @@ def test_bright_light_keeps_its_scale(lamp):
     np.testing.assert_allclose(light, [8, 4, 2], rtol=0.05)
     atlas = lamp.atlas(64)
     assert atlas.scales.keys() == atlas.images.keys() and atlas.scales["emission"] == pytest.approx(8, rel=0.05)
+    _, _, _, images = atlas
+    assert images is atlas.images and pickle.loads(pickle.dumps(atlas)).scales == atlas.scales
     at = (atlas.uvs[atlas.faces[0]].mean(0) * [64, -64] + [0, 64]).astype(int)
     encoded = atlas.images["emission"][at[1], at[0]] / 255.0
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

@@ -20,9 +20,7 @@ from ._picture import Camera, Picture, _srgb8, _taken, _view, _warn
 MIB = 1 << 20
 
 
-class Atlas(NamedTuple):
-    """A mesh with ordinary texture coordinates and its pictures."""
-
+class _AtlasParts(NamedTuple):
     #: ``(k,)`` uint32: which vertex of the asset each vertex is.
     vmapping: np.ndarray
     #: ``(m, 3)`` uint32, rows as in the asset's faces.
@@ -31,8 +29,21 @@ class Atlas(NamedTuple):
     uvs: np.ndarray
     #: By name: ``base-color``, ``orm`` (occlusion, roughness, metallic), ``normal`` (tangent space, +y up), ``emission``.
     images: Dict[str, Picture]
+
+
+class Atlas(_AtlasParts):
+    """A mesh with ordinary texture coordinates and its pictures: ``vmapping, faces, uvs, images``, and beside these the scales."""
+
     #: What values of a picture were divided by to lie in 0..1: more than 1 for bright emission.
     scales: Dict[str, float]
+
+    def __new__(cls, vmapping, faces, uvs, images, scales):
+        parts = super().__new__(cls, vmapping, faces, uvs, images)
+        parts.scales = scales
+        return parts
+
+    def __getnewargs__(self):
+        return (*self, self.scales)
 
 
 class Fans(NamedTuple):
@@ -438,13 +449,17 @@ class Asset:
         return _written(self._native.export_fans(os.fsdecode(path), options, progress))
 
     def to_trimesh(self, resolution: Optional[int] = None) -> Any:
-        """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow. Where some of the asset's :attr:`materials` blend, that
-        one does, else it is cut out where some are. What is in no channel is that of the material with the largest area. It warns where emission is brighter than 1, which trimesh has no place for: the brightest
-        is 1 then, the rest in proportion; and where coarser texels stand in for damaged ones."""
+        """A ``trimesh.Trimesh`` with an atlas and one material; needs trimesh and Pillow.
+
+        Where some of the asset's :attr:`materials` blend, that one does, else it is cut out where some are. What is in no channel is
+        that of the material with the largest area. It warns where coarser texels stand in for damaged ones, and where emission is
+        brighter than 1, which trimesh has no place for: the brightest is 1 then, the rest in proportion.
+        """
         import trimesh
         from PIL import Image
 
-        (vmapping, faces, uvs, images, scales), notes = self._atlas(resolution, None, 1 << 30, None)
+        atlas, notes = self._atlas(resolution, None, 1 << 30, None)
+        vmapping, faces, uvs, images = atlas
         _warn(notes, 3)
         maps = {
             "base-color": "baseColorTexture",
@@ -461,7 +476,7 @@ class Asset:
             material.metallicFactor, material.roughnessFactor = used.metallic, used.roughness
         if "emissiveTexture" in textures:
             material.emissiveFactor = (1.0, 1.0, 1.0)
-            _warn_of_light(scales["emission"])
+            _warn_of_light(atlas.scales["emission"])
         elif max(used.emission) > 0:
             strength = max(1.0, *used.emission)
             material.emissiveFactor = np.maximum(used.emission, 0) / strength
