@@ -276,26 +276,43 @@ def test_materials_come_along(tmp_path, extension):
 
 
 def test_factors_come_along(tmp_path, extension):
+    """Two materials that differ in colours alone: what they share is in no picture."""
     item = red_cube()
-    gold = colored("gold", (1, 0.75, 0.25, 1))
-    inputs = gold.node_tree.nodes["Principled BSDF"].inputs
-    inputs["Metallic"].default_value, inputs["Roughness"].default_value = 1, 0.125
-    inputs["Emission Color"].default_value, inputs["Emission Strength"].default_value = (0.25, 0.125, 0, 1), 4
-    item.data.materials.append(gold)
+    item.data.materials.append(colored("gold", (1, 0.75, 0.25, 1)))
+    for material in item.data.materials:
+        inputs = material.node_tree.nodes["Principled BSDF"].inputs
+        inputs["Metallic"].default_value, inputs["Roughness"].default_value = 1, 0.125
+        inputs["Emission Color"].default_value, inputs["Emission Strength"].default_value = (0.25, 0.125, 0, 1), 4
     max(item.data.polygons, key=lambda face: face.center.z).material_index = 1
     shown = bake(tmp_path / "a.fan", source="MATERIALS")
     asset = fantex.open(tmp_path / "a.fan")
-    assert asset.channels == ["base-color"] and len(shown.data.materials) == 2
+    assert asset.channels == ["base-color"] and len(asset.materials) == 2
+    [material] = shown.data.materials
+    inputs = material.node_tree.nodes["Principled BSDF"].inputs
+    assert inputs["Metallic"].default_value == 1 and inputs["Roughness"].default_value == pytest.approx(0.125)
+    light = np.array(inputs["Emission Color"].default_value)[:3] * inputs["Emission Strength"].default_value
+    np.testing.assert_allclose(light, (1, 0.5, 0), atol=1e-5)
+    assert inputs["Base Color"].is_linked
+    assert bpy.ops.fantex.reload() == {"FINISHED"} and list(shown.data.materials) == [material]
+
+
+def test_lit_and_unlit_materials_share_pictures(tmp_path, extension):
+    look = tmp_path / "look.toml"
+    look.write_text(
+        "[materials.red]\nbase_color = [1, 0, 0]\n"
+        "[materials.gold]\nbase_color = [1, 0.75, 0.25]\nlighting = \"unlit\"\n"
+    )
+    item = red_cube()
+    item.data.materials[0].name = "red"
+    item.data.materials.append(colored("gold", (1, 0.75, 0.25, 1)))
+    max(item.data.polygons, key=lambda face: face.center.z).material_index = 1
+    shown = bake(tmp_path / "a.fan", source="LOOK", look=str(look))
+    asset = fantex.open(tmp_path / "a.fan")
+    assert len(shown.data.materials) == 2
     for face, used in zip(shown.data.polygons, asset.face_materials):
         inputs = shown.data.materials[face.material_index].node_tree.nodes["Principled BSDF"].inputs
-        is_gold = asset.materials[used].name == "gold"
-        assert (face.center.z > 0.99) == is_gold
-        assert inputs["Metallic"].default_value == is_gold
-        assert inputs["Roughness"].default_value == pytest.approx(0.125 if is_gold else 0.5)
-        light = np.array(inputs["Emission Color"].default_value)[:3] * inputs["Emission Strength"].default_value
-        np.testing.assert_allclose(light, (1, 0.5, 0) if is_gold else (0, 0, 0), atol=1e-5)
-        assert inputs["Base Color"].is_linked
-    # One picture for both.
+        assert inputs["Emission Color"].is_linked == asset.materials[used].unlit == (face.center.z > 0.99)
+        assert inputs["Base Color"].is_linked != asset.materials[used].unlit
     assert len({group.name for material in shown.data.materials for group in extension.fans.made_groups(material)}) == 1
     before = list(shown.data.materials)
     assert bpy.ops.fantex.reload() == {"FINISHED"}
@@ -320,11 +337,11 @@ def test_assets_that_cannot_be_shown_stay(tmp_path, extension, monkeypatch):
     # As an asset of a thousand times the texels.
     small = lambda asset, memory: asked(asset, memory=memory >> 20)
     monkeypatch.setattr(extension.fantex.Asset, "fan_attributes", small)
-    with pytest.raises(RuntimeError, match="a.fan is baked, but cannot be shown: .* more than 8 GiB .* in the preferences"):
+    with pytest.raises(RuntimeError, match="a.fan is baked, but cannot be shown: .* more than 8 GiB .*'s preferences"):
         bake(path, million_texels=0.1)
     assert fantex.open(path).verify()["ok"] and item[extension.BAKED_KEY] == str(path)
     assert bpy.context.object == item and not item.hide_get()
-    with pytest.raises(RuntimeError, match="in the preferences"):
+    with pytest.raises(RuntimeError, match="in the extension's preferences"):
         bpy.ops.fantex.import_fan(filepath=str(path))
     monkeypatch.undo()
     bake(path)

@@ -419,11 +419,11 @@ def test_materials_of_faces(tmp_path):
 
 
 def gold_and_sign(folder):
-    """An asset of two materials whose textures have only colours: gold that glows, and an unlit sign."""
+    """An asset of two materials that differ in colours alone, and so have no other channel: gold that glows, and an unlit sign."""
     shine = {"metallicFactor": 1, "roughnessFactor": 0.125}
     gold = {"name": "gold", "pbrMetallicRoughness": {**shine, "baseColorFactor": [1, 0.75, 0.25, 1]}}
-    gold["emissiveFactor"] = [0.25, 0.125, 0]
-    sign = {"name": "sign", "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True}
+    sign = {"name": "sign", "pbrMetallicRoughness": shine, "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True}
+    gold["emissiveFactor"] = sign["emissiveFactor"] = [0.25, 0.125, 0]
     model = two_triangles(folder, [gold, sign], extensionsUsed=["KHR_materials_unlit"])
     return fantex.bake(model, folder / "gold.fan", texels=4000)
 
