@@ -137,7 +137,8 @@ def slots_of(asset, fans):
     """The slots of materials, each with the number of its sheet and its factors, and the slot of each face."""
     factors = [factors_of(material, fans.sheets[0]) for material in asset.materials]
     kinds = list(dict.fromkeys(factors))
-    kind = np.array([kinds.index(each) for each in factors])[asset.face_materials]
+    number_of = {kind: number for number, kind in enumerate(kinds)}
+    kind = np.array([number_of[each] for each in factors])[asset.face_materials]
     used, slots = np.unique(fans.sheet.astype(np.int64) * len(kinds) + kind, return_inverse=True)
     return [(number // len(kinds), kinds[number % len(kinds)]) for number in used.tolist()], slots
 

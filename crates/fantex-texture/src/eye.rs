@@ -24,6 +24,14 @@ impl Stretch {
         let is_needed = !keeps_angles && object_from_scene.is_finite();
         is_needed.then_some(Self { scene_from_object, object_from_scene })
     }
+
+    fn direction(&self, own: Vec3) -> Vec3 {
+        (self.scene_from_object * own).normalize_or(own)
+    }
+
+    fn normal(&self, own: Vec3) -> Vec3 {
+        (self.object_from_scene.transpose() * own).normalize_or(own)
+    }
 }
 
 /// The eye as seen from a point.
@@ -52,7 +60,9 @@ impl Eye<'_> {
 
     /// The direction that a mirror with a unit normal shows to the eye; all in object space.
     pub fn mirrored(&self, normal: Vec3) -> Vec3 {
-        self.mirrored_with_steps(normal, [Vec3::ZERO; 2]).0
+        let Some(stretch) = self.stretch else { return mirrored(normal, self.direction) };
+        let shown = mirrored(stretch.normal(normal), stretch.direction(self.direction));
+        (stretch.object_from_scene * shown).normalize_or(normal)
     }
 
     /// The same with its change along a footprint's edges, from that of the normal.
@@ -61,30 +71,27 @@ impl Eye<'_> {
             let steps = mirrored_steps(normal, normal_steps, self.direction, [Vec3::ZERO; 2]);
             return (mirrored(normal, self.direction), steps);
         };
-        let normals = stretch.object_from_scene.transpose();
-        let (normal, steps) = unit(normals * normal, normal_steps.map(|step| normals * step));
-        let to_eye = stretch.direction(self.direction);
-        let steps = mirrored_steps(normal, steps, to_eye, [Vec3::ZERO; 2]);
-        let back = stretch.object_from_scene;
-        unit(back * mirrored(normal, to_eye), steps.map(|step| back * step))
+        let mirror = || {
+            let (normal, steps) =
+                unit_with_steps(stretch.object_from_scene.transpose(), normal, normal_steps)?;
+            let to_eye = stretch.direction(self.direction);
+            let steps = mirrored_steps(normal, steps, to_eye, [Vec3::ZERO; 2]);
+            unit_with_steps(stretch.object_from_scene, mirrored(normal, to_eye), steps)
+        };
+        mirror().unwrap_or((normal, normal_steps))
     }
 }
 
-impl Stretch {
-    fn direction(&self, own: Vec3) -> Vec3 {
-        (self.scene_from_object * own).normalize_or(own)
-    }
-
-    fn normal(&self, own: Vec3) -> Vec3 {
-        (self.object_from_scene.transpose() * own).normalize_or(own)
-    }
-}
-
-/// A vector of length one, and its change: of `v / |v|` that is `(dv - u (u . dv)) / |v|`.
-fn unit(vector: Vec3, changes: [Vec3; 2]) -> (Vec3, [Vec3; 2]) {
-    let unit = vector.normalize_or_zero();
-    let scale = vector.length().max(f32::MIN_POSITIVE).recip();
-    (unit, changes.map(|change| (change - unit * unit.dot(change)) * scale))
+/// A vector as a matrix maps it, normalised, with its change: of `v / |v|` that is `(dv - u (u . dv)) / |v|`. Nothing where it has no
+/// direction.
+pub(crate) fn unit_with_steps(matrix: Mat3, vector: Vec3, steps: [Vec3; 2]) -> Option<(Vec3, [Vec3; 2])> {
+    let mapped = matrix * vector;
+    let unit = mapped.try_normalize()?;
+    let steps = steps.map(|step| {
+        let change = matrix * step;
+        (change - unit * unit.dot(change)) / mapped.length()
+    });
+    Some((unit, steps))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3, EulerRot, Mat2, Mat3, Mat4, Qua
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::eye::unit_with_steps;
 use crate::invalid_option::singular;
 use crate::look::Slot;
 use crate::{Allowed, Dependence, List2, List3, Scale, ShadingPoint, Texture, UvPoint};
@@ -240,13 +241,7 @@ impl SpaceMatrix {
         let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis]
             .map(|change| (change.truncate() - position * change.w) / w);
         let normal_matrix = Mat3::from_cols(x, y, z).inverse().transpose();
-        let scaled = normal_matrix * at.normal;
-        let Some(normal) = scaled.try_normalize() else { return (at.normal, at.normal_steps) };
-        let steps = at.normal_steps.map(|step| {
-            let change = normal_matrix * step;
-            (change - normal * normal.dot(change)) / scaled.length()
-        });
-        (normal, steps)
+        unit_with_steps(normal_matrix, at.normal, at.normal_steps).unwrap_or((at.normal, at.normal_steps))
     }
 }
 
