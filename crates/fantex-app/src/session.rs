@@ -402,11 +402,6 @@ impl SessionRunner {
         Self { steps: session.steps.into_iter(), number: 0, wait: None }
     }
 
-    /// Whether something is waited for at this frame that takes time, not frames.
-    pub fn is_waiting(&self, frame: u64) -> bool {
-        self.wait.as_ref().is_some_and(|wait| wait.frame <= frame)
-    }
-
     /// What to do in this frame.
     ///
     /// # Errors

@@ -18,17 +18,11 @@ use crate::viewer::{PathState, PictureSize, Request, Viewer};
 /// Frames over which a drag is spread.
 const DRAG_FRAMES: u32 = 6;
 
-/// Seconds between frames while a session waits for what is done elsewhere. Where software draws, frames would take the
-/// processor from it.
-const PAUSE_SECONDS: f32 = 0.05;
-
 /// A session at work.
 pub(super) struct Driver {
     runner: SessionRunner,
     frame: u64,
     input: InputQueue,
-    /// The session waits, but not for frames.
-    is_waiting: bool,
 }
 
 /// Keys and mouse of the session.
@@ -46,15 +40,7 @@ struct InputQueue {
 
 impl Driver {
     pub(super) fn new(runner: SessionRunner) -> Self {
-        Self { runner, frame: 0, input: InputQueue::default(), is_waiting: false }
-    }
-
-    /// Asks for the next frame.
-    pub(super) fn wake(&self, ctx: &egui::Context) {
-        match self.is_waiting {
-            true => ctx.request_repaint_after_secs(PAUSE_SECONDS),
-            false => ctx.request_repaint(),
-        }
+        Self { runner, frame: 0, input: InputQueue::default() }
     }
 
     /// Does what is next. Returns whether there is more to do.
@@ -93,7 +79,6 @@ impl Driver {
             Act::End => return Ok(false),
             Act::Do(step) => self.act(ctx, viewer, step)?,
         }
-        self.is_waiting = self.runner.is_waiting(self.frame) && !self.input.is_busy();
         Ok(true)
     }
 

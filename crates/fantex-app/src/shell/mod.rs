@@ -352,10 +352,8 @@ impl<'a> Shell<'a> {
 
     /// Asks for the next frame where something goes on.
     fn wake(&self, ctx: &egui::Context, goes_on: bool) {
-        if goes_on {
+        if goes_on || self.workspace.driver.is_some() {
             ctx.request_repaint();
-        } else if let Some(driver) = &self.workspace.driver {
-            driver.wake(ctx);
         } else if !self.scene.is_settled() || self.scene.captures_due() > 0 {
             ctx.request_repaint_after_secs(0.016);
         } else if !self.workspace.viewer.pacing.is_settled() && self.workspace.viewer.document.is_some() {
@@ -463,8 +461,8 @@ impl eframe::App for Shell<'_> {
         self.answers();
         self.save_pictures(ctx);
         self.drive(ctx);
-        if let Some(driver) = &self.workspace.driver {
-            driver.wake(ctx);
+        if self.workspace.driver.is_some() {
+            ctx.request_repaint();
         }
     }
 
