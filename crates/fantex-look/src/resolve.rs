@@ -128,7 +128,7 @@ impl<'a> Resolver<'a> {
     fn make(&mut self, table: &TextureTable, key: &Key) -> Result<Node> {
         use TextureTable as T;
         Ok(match table {
-            T::Image(table) => self.image(table, key)?,
+            T::Image(table) => self.image(table, false, key)?,
             T::Volume(table) => self.volume(table, key)?,
             T::Asset(table) => self.asset(table, key)?,
             T::Frames(table) => self.frames(table, key)?,
@@ -489,13 +489,25 @@ impl Resolver<'_> {
 
     fn normal_map(&mut self, table: &NormalMapTable, key: &Key) -> Result<Relief> {
         Ok(Relief::Normal {
-            texture: self.node(&table.texture, key)?,
+            texture: self.normals(&table.texture, key)?,
             scale: table.scale,
             space: match table.space {
                 NormalSpaceName::Tangent => NormalSpace::Tangent(self.tangent_space(table)),
                 NormalSpaceName::Object => NormalSpace::Object,
             },
         })
+    }
+
+    /// The texture of a normal map.
+    fn normals(&mut self, input: &Input, key: &Key) -> Result<Node> {
+        let file = self.file;
+        if let Input::Texture(named) = input
+            && named.is_plain()
+            && let Some(TextureTable::Image(table)) = file.look().textures.get(&named.texture.0)
+        {
+            return self.image(table, true, &Key::of(["textures", &named.texture.0]));
+        }
+        self.node(input, key)
     }
 
     /// That of a set of texture coordinates; where the map is an image of the model, of the coordinates as the model transforms them.

@@ -1,6 +1,6 @@
 //! A model's own materials as tables of a look.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use fantex_base::Result;
@@ -47,7 +47,12 @@ pub fn materials_of_model(
 }
 
 fn load_images(mesh: &Mesh, images: &LookImages) -> Result<ModelImages> {
-    let kept = |used: material::ImageUse| ImageUse { space: used.space, alpha: used.alpha };
+    let normals: BTreeSet<usize> =
+        mesh.materials.iter().filter_map(|m| Some(m.normal_texture.as_ref()?.image)).collect();
+    let kept = |used: material::ImageUse| {
+        let is_normals = used.space == ColorSpace::Linear && normals.contains(&used.image);
+        ImageUse { space: used.space, alpha: used.alpha, is_normals }
+    };
     let read = |source: &ImageSource, used| images.of_model(source, kept(used));
     let loaded = read_used_images(mesh, |texture| has_set(mesh, texture), read)?;
     Ok(loaded.into_iter().map(|(used, texture)| ((used.image, kept(used)), texture)).collect())

@@ -29,12 +29,15 @@ use crate::{Key, problem};
 pub(crate) struct ImageUse {
     pub(crate) space: ColorSpace,
     pub(crate) alpha: AlphaUse,
+    /// Texels are normals, and brought to unit length.
+    pub(crate) is_normals: bool,
 }
 
 impl ImageUse {
     fn texture(self, image: Image) -> Arc<ImageTexture> {
         let is_fixed_point = !matches!(image.samples, Samples::F32(_));
         let image = if is_fixed_point { Image { space: self.space, ..image } } else { image };
+        let image = if self.is_normals { image.with_unit_normals() } else { image };
         Arc::new(ImageTexture::with_alpha_use(Arc::new(image), self.alpha))
     }
 }
@@ -68,8 +71,9 @@ impl LookImages {
 pub(crate) type ModelImages = HashMap<(usize, ImageUse), Arc<ImageTexture>>;
 
 impl Resolver<'_> {
-    pub(super) fn image(&mut self, table: &ImageTable, key: &Key) -> Result<Node> {
-        let image_use = ImageUse { space: table.color_space, alpha: table.alpha };
+    /// `is_normals`: whether a normal map is made of it.
+    pub(super) fn image(&mut self, table: &ImageTable, is_normals: bool, key: &Key) -> Result<Node> {
+        let image_use = ImageUse { space: table.color_space, alpha: table.alpha, is_normals };
         let mut texture = match (&table.image, table.model_image) {
             (Some(_), Some(_)) => return self.refuse(key, problem::exclusive("image", "model_image")),
             (None, None) => return self.refuse(key, problem::one_needed(&["image", "model_image"])),
@@ -252,7 +256,7 @@ impl Resolver<'_> {
         let coordinates = self.coordinates(&table.coordinates, &key.name("coordinates"))?;
         let matrix = self.accept(&key.name("matrix"), TextureMatrix::new(table.matrix))?;
         let options = self.sample_options(table.wrap, table.filter);
-        let image_use = ImageUse { space: table.color_space, alpha: AlphaUse::Coverage };
+        let image_use = ImageUse { space: table.color_space, alpha: AlphaUse::Coverage, is_normals: false };
         let frames = table.images.iter().enumerate().map(|(index, name)| {
             let texture = self.image_file(name, image_use, &key.name("images").index(index))?;
             let coordinates = coordinates.clone();

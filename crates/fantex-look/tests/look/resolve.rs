@@ -5,7 +5,7 @@ use std::path::Path;
 use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_mesh::{CleanOptions, Mesh, clean, generate};
 use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Relief, Slot};
-use fantex_texture::{Filtering, ShadingPoint, UvPoint};
+use fantex_texture::{ColorSpace, Depth, Filtering, Image, ShadingPoint, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
 fn cube() -> Mesh {
@@ -183,6 +183,34 @@ fn materials_take_what_is_said_and_keep_the_rest() {
     assert_eq!(material.metallic.evaluate_number(&point), 0.5);
     assert!(matches!(material.opacity, Opacity::Mask { threshold } if threshold == 0.75));
     assert!(matches!(material.relief.as_slice(), [Relief::Bump { height, .. }] if *height == 0.5));
+}
+
+#[test]
+fn normal_maps_are_of_unit_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let normals = [Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, -0.28, 0.96)];
+    // As a lossy file may have left them.
+    let texels = [normals[0] * 0.7, normals[1] * 0.9].map(|n| (n * 0.5 + 0.5).extend(1.0).to_array());
+    let picture = Image::from_linear_rgb(2, 1, &texels).converted(Depth::U8, ColorSpace::Linear);
+    picture.save(folder.path().join("n.png")).unwrap();
+    let text = "[materials.m]\nnormal_map = { texture = \"n\" }\nbase_color = \"n\"\n\
+                [textures.n]\nkind = \"image\"\nimage = \"n.png\"\ncolor_space = \"linear\"\nfilter = \"nearest\"\n";
+    let file = LookFile::parse(text, &folder.path().join("look.toml")).unwrap();
+    let (mesh, images) = (cube(), LookImages::default());
+    let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+    let material = resolver.material("m", &LookMaterial::default()).unwrap();
+    let [Relief::Normal { texture, .. }] = material.relief.as_slice() else {
+        panic!("{:?}", material.relief)
+    };
+    for (expected, u) in normals.into_iter().zip([0.25, 0.75]) {
+        let uv = [UvPoint { uv: Vec2::new(u, 0.5), steps: [Vec2::ZERO; 2] }];
+        let point = at(Vec3::ZERO, 0.0, &uv);
+        let texel = texture.evaluate(&point).truncate() * 2.0 - 1.0;
+        assert!((texel - expected).length() < 0.02 && (texel.length() - 1.0).abs() < 0.007, "{texel}");
+        // The picture itself is what it was.
+        let color = material.base_color.evaluate(&point).truncate() * 2.0 - 1.0;
+        assert!(color.length() < 0.92, "{color}");
+    }
 }
 
 #[test]

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material};
+use glam::Vec3;
 
 use super::MaterialTextures;
-use crate::{Image, ImageTexture};
+use crate::{ColorSpace, Depth, Image, ImageTexture, Samples};
 
 // Cut-outs whose coverage survives minification.
 //
@@ -124,4 +125,52 @@ pub fn coverage_scale(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32
 pub fn roughness_with_variance(perceptual_roughness: f32, slope_variance: f32) -> f32 {
     let alpha2 = perceptual_roughness.clamp(0.0, 1.0).powi(4);
     (alpha2 + 2.0 * slope_variance.max(0.0)).min(1.0).sqrt().sqrt()
+}
+
+/// Lengths that rounding of each coordinate to bytes explains are at most this far from one.
+const ROUNDED_LENGTHS: f32 = 0.01;
+
+impl Image {
+    /// The picture of encoded normals (`[-1,1]` as `[0,1]`) with all of them of unit length: those that a lossy file or a painter has made
+    /// shorter would else count as spread of bumps. Texels that are no direction, and images with fewer than three linear channels, stay
+    /// as they are.
+    #[must_use]
+    pub fn with_unit_normals(mut self) -> Self {
+        let channels = usize::from(self.channels);
+        let is_linear = self.space == ColorSpace::Linear || self.samples.depth() == Depth::F32;
+        if channels < 3 || !is_linear {
+            return self;
+        }
+        match &mut self.samples {
+            Samples::U8(samples) => {
+                let number = |unit: f32| (unit * 255.0).round() as u8;
+                bring_to_unit_length(samples, channels, |&byte| f32::from(byte) / 255.0, number);
+            }
+            Samples::U16(samples) => {
+                let number = |unit: f32| (unit * 65535.0).round() as u16;
+                bring_to_unit_length(samples, channels, |&number| f32::from(number) / 65535.0, number);
+            }
+            Samples::F32(samples) => bring_to_unit_length(samples, channels, |&number| number, |unit| unit),
+        }
+        self
+    }
+}
+
+/// Normals in the first three of some channels.
+fn bring_to_unit_length<T>(
+    samples: &mut [T],
+    channels: usize,
+    unit: impl Fn(&T) -> f32,
+    sample: impl Fn(f32) -> T,
+) {
+    for texel in samples.chunks_exact_mut(channels) {
+        let normal = Vec3::new(unit(&texel[0]), unit(&texel[1]), unit(&texel[2])) * 2.0 - 1.0;
+        if (normal.length() - 1.0).abs() > ROUNDED_LENGTHS
+            && let Some(normal) = normal.try_normalize()
+        {
+            for (own, coordinate) in texel.iter_mut().zip(normal.to_array()) {
+                *own = sample(0.5 + 0.5 * coordinate);
+            }
+        }
+    }
 }
