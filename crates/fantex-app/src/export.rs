@@ -85,7 +85,7 @@ impl Map {
 }
 
 /// What is exported.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ExportSettings {
     pub preset: Preset,
     /// Columns and rows of the pictures; as the asset's density wants by default.
@@ -99,16 +99,15 @@ pub struct ExportSettings {
 /// # Errors
 /// The asset cannot be read, or a file not be written.
 pub fn export(
-    asset: &Path,
+    asset: &Arc<Asset>,
     output: &Path,
     settings: &ExportSettings,
     progress: &dyn Progress,
 ) -> Result<Vec<PathBuf>> {
-    let asset = Arc::new(Asset::open(asset)?);
     check_folder_of(output)?;
     let folder = temporary_folder(folder_of(output)).map_err(|source| Error::writing(output, source))?;
     let name = output.file_name().ok_or_else(|| Error::invalid("the model to write has no name"))?;
-    let names = write(&asset, &folder.path().join(name), settings, progress)?;
+    let names = write(asset, &folder.path().join(name), settings, progress)?;
     if progress.is_cancelled() {
         return Err(Error::cancelled("exporting was cancelled"));
     }

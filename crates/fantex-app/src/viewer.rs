@@ -20,7 +20,7 @@ use crate::camera::{
 use crate::command::Command;
 use crate::display::{DisplaySettings, ShadingView};
 use crate::document::{Content, Document};
-use crate::export::Preset;
+use crate::export::ExportSettings;
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
 use crate::light::{MapKey, Surroundings, SurroundingsMap};
@@ -34,7 +34,7 @@ use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
-pub use exporting::Exporting;
+pub use exporting::{Exporting, HandedOver};
 pub use keys::{BRUSH_KEY, KeyPhase};
 pub use opening::{Asked, Opening};
 
@@ -63,7 +63,7 @@ pub enum Request {
 }
 
 /// A file that is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FileDialog {
     Open,
     Surroundings,
@@ -77,10 +77,10 @@ pub enum FileDialog {
     Look,
     LoadPath,
     SavePath,
-    /// Where an asset is exported to.
-    Export(Preset),
-    /// Where an asset is copied to.
-    SaveCopy,
+    /// Where this asset is exported to.
+    Export(PathBuf, ExportSettings),
+    /// Where this asset is copied to.
+    SaveCopy(PathBuf),
 }
 
 /// Ends of names of pictures.
@@ -363,7 +363,6 @@ impl Viewer {
         self.poll_opening();
         self.poll_ground();
         self.poll_map();
-        self.poll_export();
         self.poll_readout();
         let now = self.now();
         if let Some(camera) = self.live.as_mut().and_then(|live| live.poll(now)) {
@@ -383,6 +382,7 @@ impl Viewer {
                 document.content = Content::Asset(asset);
             }
         }
+        self.poll_export();
         self.light_alone();
         self.poll_leaving();
     }
@@ -487,11 +487,7 @@ impl Viewer {
             Command::Cancel => self.cancel(),
             Command::Quit => self.request(Request::Quit),
             Command::Export => self.ask_export(),
-            Command::SaveCopy => {
-                if self.can_export() {
-                    self.request(Request::Dialog(FileDialog::SaveCopy));
-                }
-            }
+            Command::SaveCopy => self.ask_copy(),
             Command::Screenshot => self.request_picture(1),
             Command::LargeScreenshot(times) => self.request_picture(times),
             Command::WindowScreenshot => {
@@ -706,8 +702,8 @@ impl Viewer {
             FileDialog::Look => paint.texture.look = Some(path),
             FileDialog::LoadPath => self.load_path(&path),
             FileDialog::SavePath => self.save_path(&path),
-            FileDialog::Export(_) => self.export_to(path),
-            FileDialog::SaveCopy => self.copy_to(path),
+            FileDialog::Export(asset, settings) => self.export_of(asset, path, settings),
+            FileDialog::SaveCopy(asset) => self.copy_of(asset, path),
         }
     }
 

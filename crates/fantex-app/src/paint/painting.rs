@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
@@ -23,7 +24,7 @@ use crate::paint::{
     SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::readout::Values;
-use crate::viewer::Wake;
+use crate::viewer::{HandedOver, Wake};
 
 /// For so long it is told that the pen went down beside the model.
 const MISSED_SECONDS: f64 = 4.0;
@@ -239,6 +240,19 @@ impl Painting {
     /// It is not left after all.
     pub fn stay(&mut self) {
         self.leaving = Leaving::Stays;
+    }
+
+    /// Asks for the asset with all that was painted, to be copied.
+    pub fn hand_over(&mut self) -> Receiver<HandedOver> {
+        self.apply_placing();
+        let (sender, handed) = channel();
+        self.thread.order(Order::HandOver(sender));
+        handed
+    }
+
+    /// What was handed over last is in another file.
+    pub fn take_copied(&self) {
+        self.thread.order(Order::Copied);
     }
 
     pub fn give_up_work(&self) {

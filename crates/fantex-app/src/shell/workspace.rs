@@ -160,7 +160,7 @@ impl Dialogs {
         if self.open.iter().any(|(open, _)| *open == dialog) {
             return;
         }
-        let (title, filter, extensions) = match dialog {
+        let (title, filter, extensions) = match &dialog {
             FileDialog::Open => ("Open a model or an asset", "Models and assets", MODELS),
             FileDialog::Surroundings => ("Choose surroundings", "Pictures", PICTURES),
             FileDialog::Sticker => ("Choose a picture", "Pictures", PICTURES),
@@ -169,15 +169,17 @@ impl Dialogs {
             FileDialog::Stamp => ("Choose a stamp", "Pictures", PICTURES),
             FileDialog::LoadPath => ("Load a camera path", "Camera paths", &["json"][..]),
             FileDialog::SavePath => ("Save the camera path", "Camera paths", &["json"][..]),
-            FileDialog::Export(Preset::Blender) => ("Export the asset", "glTF", &["gltf"][..]),
-            FileDialog::Export(_) => ("Export the asset", "glTF", &["glb"][..]),
-            FileDialog::SaveCopy => ("Save a copy", "Assets", &["fan"][..]),
+            FileDialog::Export(_, settings) if settings.preset == Preset::Blender => {
+                ("Export the asset", "glTF", &["gltf"][..])
+            }
+            FileDialog::Export(..) => ("Export the asset", "glTF", &["glb"][..]),
+            FileDialog::SaveCopy(_) => ("Save a copy", "Assets", &["fan"][..]),
         };
         let window = AsyncFileDialog::new().set_title(title).add_filter(filter, extensions);
-        let name = match dialog {
+        let name = match &dialog {
             FileDialog::SavePath => Some(format!("{stem}-path.json")),
-            FileDialog::Export(preset) => Some(format!("{stem}.{}", preset.extension())),
-            FileDialog::SaveCopy => Some(format!("{stem}-copy.fan")),
+            FileDialog::Export(_, settings) => Some(format!("{stem}.{}", settings.preset.extension())),
+            FileDialog::SaveCopy(_) => Some(format!("{stem}-copy.fan")),
             _ => None,
         };
         let work = move || {
@@ -203,7 +205,7 @@ impl Dialogs {
                 JobState::Lost => None,
             };
             if chosen.is_some() || job.seconds() < SHOWN_SECONDS {
-                answers.push((*dialog, chosen));
+                answers.push((dialog.clone(), chosen));
             }
             false
         });

@@ -168,6 +168,7 @@ impl Viewer {
 
     fn begin_at_once(&mut self, wanted: Wanted) {
         self.asked = None;
+        self.removal = None;
         self.departure = None;
         self.paints = wanted.paints;
         if let Some(painting) = &mut self.painting {
@@ -311,6 +312,7 @@ impl Viewer {
                     self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
                 );
                 self.live = None;
+                self.removal = None;
                 self.document = Some(*document);
                 self.new_model = Some(model);
                 if !keeps_camera {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use eframe::egui::{Key, Modifiers};
 use fantex::glam::DVec2;
 use fantex::paint::{PaintOptions, Painter};
-use fantex::store::Asset;
+use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
 use fantex_app::document::{Document, Place};
@@ -80,6 +80,10 @@ fn with_full_disk(folder: &Path) -> Viewer {
 fn what_is_not_saved_is_lost_only_where_that_is_asked_for_again() {
     let folder = tempfile::tempdir().unwrap();
     let mut viewer = with_full_disk(folder.path());
+    let copy = folder.path().join("copy.fan");
+    viewer.copy_to(copy.clone());
+    wait_until(&mut viewer, "it waits for ever", |viewer| viewer.exporting.is_none());
+    assert!(said(&viewer, "copy.fan was not written. The disk is full") && !copy.exists());
     assert!(!viewer.may_close());
     assert!(said(&viewer, "Close again to lose what is not saved."));
     viewer.command(Command::Close);
@@ -172,8 +176,9 @@ fn opening_again_can_be_cancelled() {
     wait_until(&mut viewer, "it does not save", |viewer| {
         viewer.painting.as_mut().unwrap().leave() == fantex_app::paint::Leave::Free
     });
+    viewer.removal = Some(ChannelKind::BaseColor);
     viewer.command(Command::Reload);
-    assert!(viewer.opening.is_some() && viewer.painting.is_none());
+    assert!(viewer.opening.is_some() && viewer.painting.is_none() && viewer.removal.is_none());
     viewer.command(Command::Cancel);
     assert!(viewer.document.is_none(), "no scene without its painter");
     viewer.paints = true;
