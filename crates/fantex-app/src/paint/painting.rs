@@ -352,8 +352,7 @@ impl Painting {
 
     /// Keeps the brush among the presets, on the disk too.
     pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices) {
-        self.presets.keep(&settings.brush);
-        self.save_presets(notices);
+        self.change_presets(|presets| presets.keep(&settings.brush), notices);
     }
 
     /// What the model's materials make of the opacity.
@@ -363,14 +362,18 @@ impl Painting {
     }
 
     pub fn drop_brush(&mut self, name: &str, notices: &mut Notices) {
-        self.presets.brushes.retain(|brush| brush.name != name);
-        self.save_presets(notices);
+        self.change_presets(|presets| presets.brushes.retain(|brush| brush.name != name), notices);
     }
 
-    fn save_presets(&self, notices: &mut Notices) {
-        if let Some(file) = &self.presets_file
-            && let Err(error) = self.presets.save(file)
-        {
+    /// Changes the presets as they are on the disk: other windows keep theirs there, too.
+    fn change_presets(&mut self, change: impl FnOnce(&mut Presets), notices: &mut Notices) {
+        let file = self.presets_file.as_deref();
+        // A file that is damaged or gone takes those that are known here.
+        if let Some(presets) = file.filter(|file| file.exists()).and_then(|file| Presets::load(file).ok()) {
+            self.presets = presets;
+        }
+        change(&mut self.presets);
+        if let Some(Err(error)) = self.presets_file.as_deref().map(|file| self.presets.save(file)) {
             notices.error(error.to_string());
         }
     }
