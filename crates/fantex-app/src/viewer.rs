@@ -161,6 +161,8 @@ pub struct Viewer {
     pub document: Option<Document>,
     pub opening: Option<Opening>,
     pub exporting: Option<Exporting>,
+    /// Files beside a model of which the user was told that exporting to its name again replaces them.
+    told_replaced: Vec<PathBuf>,
     /// A look that is shown instead of a document.
     pub live: Option<LiveLook>,
     /// The model that looks are shown on, where they name none.

@@ -178,7 +178,7 @@ impl Dialogs {
         let window = AsyncFileDialog::new().set_title(title).add_filter(filter, extensions);
         let name = match &dialog {
             FileDialog::SavePath => Some(format!("{stem}-path.json")),
-            FileDialog::Export(_, settings) => Some(format!("{stem}.{}", settings.preset.extension())),
+            FileDialog::Export(_, settings) => Some(format!("{stem}-export.{}", settings.preset.extension())),
             FileDialog::SaveCopy(_) => Some(format!("{stem}-copy.fan")),
             _ => None,
         };

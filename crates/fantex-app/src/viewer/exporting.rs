@@ -7,11 +7,11 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 
 use fantex::bake::Progress;
 use fantex::base::files::{persist, temporary_file};
-use fantex::base::{Error, Result};
+use fantex::base::{Error, Result, counted};
 use fantex::store::{Asset, WriterLock};
 
 use crate::document::{OpenProgress, Place};
-use crate::export::{ExportSettings, export};
+use crate::export::{ExportSettings, Exported, export};
 use crate::job::{Job, JobState};
 use crate::viewer::{FileDialog, Request, Viewer};
 
@@ -29,7 +29,7 @@ enum Work {
     Asked,
     /// Until what was painted on it is in its file.
     Waiting(Task, Receiver<HandedOver>),
-    Running(Task, Arc<OpenProgress>, Job<Result<Vec<PathBuf>>>),
+    Running(Task, Arc<OpenProgress>, Job<Result<Exported>>),
 }
 
 /// An asset whose file holds all that was painted on it, or why it does not.
@@ -155,11 +155,14 @@ impl Viewer {
     fn begin_writing(&mut self, task: Task, asset: Option<Arc<Asset>>) {
         let progress = Arc::new(OpenProgress::default());
         let (Task { from, to, what }, for_thread) = (task.clone(), progress.clone());
+        // Where nobody is asked, nobody can say so.
+        let (told, asks) = (std::mem::take(&mut self.told_replaced), self.asks);
+        let may_replace = move |path: &Path| !asks || told.iter().any(|told| told == path);
         let work = move || {
             let asset = asset.map_or_else(|| Asset::open(&from).map(Arc::new), Ok)?;
             match what {
-                What::Export(settings) => export(&asset, &to, &settings, &*for_thread),
-                What::Copy => copy(&asset, &to, &*for_thread).map(|()| vec![to]),
+                What::Export(settings) => export(&asset, &to, &settings, may_replace, &*for_thread),
+                What::Copy => copy(&asset, &to, &*for_thread).map(|()| Exported::Written(vec![to])),
             }
         };
         match Job::spawn("export", self.waker(), work) {
@@ -218,9 +221,20 @@ impl Viewer {
         }
     }
 
-    fn take_written(&mut self, task: &Task, result: Result<Vec<PathBuf>>) {
+    fn take_written(&mut self, task: &Task, result: Result<Exported>) {
         match result {
-            Ok(files) => {
+            Ok(Exported::Replaces(files)) => {
+                let to = task.to.display();
+                self.notices.warning(format!(
+                    "{to} was not written: {} there already. Export to this name again to replace what is there.",
+                    listed(&files)
+                ));
+                self.told_replaced = files;
+                if let What::Export(settings) = &task.what {
+                    self.exporting = Some(Exporting { settings: settings.clone(), work: Work::Asked });
+                }
+            }
+            Ok(Exported::Written(files)) => {
                 if let (What::Copy, Some(painting)) = (&task.what, &self.painting)
                     && self.asset_path().as_ref() == Some(&task.from)
                 {
@@ -230,6 +244,18 @@ impl Viewer {
             }
             Err(error) if error.is_cancelled() => {}
             Err(error) => self.notices.error(error.to_string()),
+        }
+    }
+}
+
+/// `a.png is`, `a.png and 2 files more are`.
+fn listed(files: &[PathBuf]) -> String {
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    match files {
+        [] => "nothing is".into(),
+        [one] => format!("{} is", name(one)),
+        [first, others @ ..] => {
+            format!("{} and {} are", name(first), counted(others.len() as u64, "more file"))
         }
     }
 }

@@ -16,7 +16,7 @@ use fantex::texture::{Image, Samples};
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
 use fantex_app::document::{Document, Place};
-use fantex_app::export::{ExportSettings, Preset, export};
+use fantex_app::export::{ExportSettings, Exported, Preset, export};
 use fantex_app::paint::{LayerAction, NewAsset, PenEvent, PenPhase, bake_model};
 use fantex_app::viewer::{Exporting, FileDialog, Request, SceneInput, Viewer};
 
@@ -40,7 +40,8 @@ fn presets_write_what_programs_want() {
     let asset = Arc::new(Asset::open(&at("torus.fan")).unwrap());
     let run = |preset: Preset, name: &str| {
         let settings = ExportSettings { preset, side: Some(256), points_down: preset.points_down() };
-        let files = export(&asset, &at(name), &settings, &NoProgress).unwrap();
+        let exported = export(&asset, &at(name), &settings, |_| false, &NoProgress).unwrap();
+        let Exported::Written(files) = exported else { panic!("{exported:?}") };
         files
             .into_iter()
             .map(|path| path.file_name().unwrap().to_string_lossy().into_owned())
@@ -72,6 +73,44 @@ fn presets_write_what_programs_want() {
     assert_eq!(std::fs::read(of_user).unwrap(), b"mine");
 }
 
+/// Pictures of that name may be those that the model was made of.
+#[test]
+fn files_beside_a_model_are_replaced_once_that_is_asked_for_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = Arc::new(Asset::open(&crate::painting::small_asset(folder.path())).unwrap());
+    let mut viewer = empty();
+    viewer.asks = true;
+    let place = Place::File(asset.path().to_owned());
+    viewer.document = Some(Document::of_asset(place, asset));
+    // Of one the name is known before anything is written, of the other only then.
+    for (preset, model, picture) in
+        [(Preset::Unity, "u.glb", "u_BaseMap.png"), (Preset::Blender, "b.gltf", "b-base-color.png")]
+    {
+        let [model, picture] = [model, picture].map(|name| folder.path().join(name));
+        let settings = ExportSettings { preset, side: Some(64), ..ExportSettings::default() };
+        std::fs::write(&model, "before").unwrap();
+        std::fs::write(&picture, "mine").unwrap();
+        let read = || [&model, &picture].map(|path| std::fs::read(path).unwrap());
+        let mut write = || {
+            viewer.export_to(model.clone(), settings.clone());
+            while viewer.exporting.as_ref().is_some_and(|exporting| !exporting.is_asked()) {
+                viewer.poll();
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            viewer.exporting.as_ref().map(|exporting| exporting.settings.clone())
+        };
+        assert_eq!(write(), Some(settings.clone()), "it can be asked for again");
+        assert_eq!(read(), [b"before".to_vec(), b"mine".to_vec()]);
+        assert_eq!(write(), None);
+        assert!(read().iter().all(|bytes| bytes.len() > 10));
+    }
+    let told = viewer
+        .notices
+        .log()
+        .any(|text| text.contains("u.glb was not written: u_BaseMap.png is there already"));
+    assert!(told);
+}
+
 /// Wants to go on for so many questions.
 struct Patience(AtomicU32);
 
@@ -92,7 +131,7 @@ fn exports_that_are_cancelled_leave_all_files_as_they_were() {
     let mut cancelled = 0;
     for questions in [0, 1, 2, 3, 5, 8, 12, 20, 40] {
         let patience = Patience(AtomicU32::new(questions));
-        if export(&asset, &folder.path().join("y.glb"), &settings, &patience).is_ok() {
+        if export(&asset, &folder.path().join("y.glb"), &settings, |_| false, &patience).is_ok() {
             break;
         }
         cancelled += 1;
