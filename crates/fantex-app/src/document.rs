@@ -584,7 +584,7 @@ fn replay_onto(
     drop(painter);
     progress.enter(Stage::Baking)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan");
+    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan", &[]);
     // With two names there is an asset at `path` at any time; some file systems know one name only.
     std::fs::hard_link(path, &old)
         .or_else(|_| std::fs::rename(path, &old))

@@ -274,8 +274,9 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     files::write_whole(path, true, |out| out.write_all(bytes))
 }
 
-/// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder.
-pub fn next_free(folder: &Path, stem: &str, extension: &str) -> PathBuf {
+/// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder, and is not one of `taken`.
+pub fn next_free(folder: &Path, stem: &str, extension: &str, taken: &[PathBuf]) -> PathBuf {
     let name = |i: u32| folder.join(format!("{stem}-{i:03}.{extension}"));
-    (1..10_000).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(10_000))
+    let is_free = |path: &PathBuf| !path.exists() && !taken.contains(path);
+    (1..10_000).map(name).find(is_free).unwrap_or_else(|| name(10_000))
 }

@@ -210,6 +210,8 @@ pub struct Viewer {
     /// What draws.
     pub adapter: String,
     pub picture_folder: PathBuf,
+    /// Pictures that were asked for and are not in their files yet.
+    named_pictures: Vec<PathBuf>,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
     /// A drag that changes the brush.
@@ -493,7 +495,7 @@ impl Viewer {
             Command::Screenshot => self.request_picture(1),
             Command::LargeScreenshot(times) => self.request_picture(times),
             Command::WindowScreenshot => {
-                let path = next_free(&self.picture_folder, &format!("{}-window", self.stem()), "png");
+                let path = self.next_picture(&format!("{}-window", self.stem()));
                 self.request(Request::WindowPicture(path));
             }
             Command::FrameAll => {
@@ -594,9 +596,17 @@ impl Viewer {
 
     fn request_picture(&mut self, times: u32) {
         if self.document.is_some() || self.live.is_some() {
-            let path = next_free(&self.picture_folder, &self.stem(), "png");
+            let path = self.next_picture(&self.stem());
             self.request(Request::Picture { path, size: PictureSize::Times(times) });
         }
+    }
+
+    /// A name for a picture. It may be long until there is a file of it.
+    fn next_picture(&mut self, stem: &str) -> PathBuf {
+        self.named_pictures.retain(|path| !path.exists());
+        let path = next_free(&self.picture_folder, stem, "png", &self.named_pictures);
+        self.named_pictures.push(path.clone());
+        path
     }
 
     /// The document's name without extension, for names of pictures.

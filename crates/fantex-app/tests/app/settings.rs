@@ -101,10 +101,10 @@ fn failures_name_the_file() {
 #[test]
 fn names_count_up() {
     let folder = tempfile::tempdir().unwrap();
-    let first = next_free(folder.path(), "bunny", "png");
+    let first = next_free(folder.path(), "bunny", "png", &[]);
     assert!(first.ends_with("bunny-001.png"));
     std::fs::write(first, b"").unwrap();
-    assert!(next_free(folder.path(), "bunny", "png").ends_with("bunny-002.png"));
+    assert!(next_free(folder.path(), "bunny", "png", &[]).ends_with("bunny-002.png"));
 }
 
 #[test]

@@ -12,7 +12,7 @@ use fantex_app::document::{PAINTER_SHARE, Stage};
 use fantex_app::light::Surroundings;
 use fantex_app::scene_view::PrepareScene;
 use fantex_app::settings::Settings;
-use fantex_app::viewer::{PathState, SceneInput, Viewer};
+use fantex_app::viewer::{PathState, Request, SceneInput, Viewer};
 
 fn viewer() -> Viewer {
     let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
@@ -338,4 +338,24 @@ fn pasted_pictures_are_taken_as_dropped_ones() {
     assert!(
         viewer.notices.shown().any(|notice| notice.text.contains("cannot be pasted: its texels do not fit"))
     );
+}
+
+/// The first one may still be drawn, or encoded, when the next one is asked for.
+#[test]
+fn pictures_have_names_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::with_model();
+    viewer.picture_folder = folder.path().to_owned();
+    viewer.command(Command::LargeScreenshot(4));
+    viewer.command(Command::Screenshot);
+    viewer.command(Command::WindowScreenshot);
+    viewer.command(Command::WindowScreenshot);
+    let names = viewer.take_requests().into_iter().map(|request| match request {
+        Request::Picture { path, .. } | Request::WindowPicture(path) => {
+            path.file_name().unwrap().to_string_lossy().into_owned()
+        }
+        other => panic!("{other:?}"),
+    });
+    let expected = ["torus-001.png", "torus-002.png", "torus-window-001.png", "torus-window-002.png"];
+    assert_eq!(names.collect::<Vec<_>>(), expected);
 }
