@@ -129,9 +129,13 @@ impl Workspace {
         self.lost.is_some() && self.losses.len() <= MAX_LOSSES
     }
 
-    /// Ends the session where it was, with nothing of the user's lost: waits for the last commit, and keeps the settings.
+    /// Ends the session where it was, with nothing of the user's lost: waits for the last commit and for pictures, and keeps the settings.
     pub(super) fn finish(&mut self) {
+        self.viewer.cancel_export();
         self.viewer.painting = None;
+        for error in self.pictures.finish() {
+            eprintln!("fantex-app: {error}");
+        }
         if let Some(file) = &self.settings_file
             && let Err(error) = self.viewer.settings.save(file)
         {
@@ -290,6 +294,16 @@ impl PictureFiles {
             false
         });
         std::mem::take(done)
+    }
+
+    /// Waits for what is being written; returns what went wrong.
+    fn finish(&mut self) -> Vec<Error> {
+        let arrived: Vec<_> = self.windows.try_iter().collect();
+        arrived.into_iter().for_each(|(path, image)| self.save(path, Ok(image)));
+        let jobs = self.jobs.drain(..);
+        let written = jobs.map(|(path, job)| job.wait().unwrap_or_else(|| Err(lost_picture(&path))));
+        let done = self.done.drain(..).map(|(_, written)| written);
+        done.chain(written).filter_map(Result::err).collect()
     }
 
     /// Pictures that are not in their files yet.

@@ -55,6 +55,14 @@ impl Exporting {
         matches!(self.work, Work::Asked)
     }
 
+    /// What is being written.
+    pub fn written_to(&self) -> Option<&Path> {
+        match &self.work {
+            Work::Asked => None,
+            Work::Waiting(task, _) | Work::Running(task, ..) => Some(&task.to),
+        }
+    }
+
     /// How much is done, 0..1.
     pub fn share(&self) -> f32 {
         match &self.work {
@@ -174,7 +182,8 @@ impl Viewer {
         }
     }
 
-    pub(super) fn cancel_export(&mut self) {
+    /// Gives up what is being written.
+    pub fn cancel_export(&mut self) {
         if let Some(Exporting { work: Work::Running(_, progress, _), .. }) = self.exporting.take() {
             progress.cancel();
         }

@@ -45,13 +45,14 @@ impl Viewer {
     /// Whether what is open may be left at once. Else the departure is told why, or comes by itself once all is saved.
     pub(super) fn may_leave(&mut self, departure: Departure) -> bool {
         self.departure = None;
+        let unwritten = if departure == Departure::Quit { self.unwritten() } else { None };
         match self.loss() {
-            Leave::Free => true,
             Leave::Waits => {
                 self.departure = Some(departure);
                 false
             }
             Leave::Loses(reason) => self.may_lose(&reason, departure),
+            Leave::Free => unwritten.is_none_or(|reason| self.may_lose(&reason, departure)),
         }
     }
 
@@ -73,7 +74,8 @@ impl Viewer {
     /// Goes on with what has waited for being saved.
     pub(super) fn poll_leaving(&mut self) {
         let is_failed = |painting: &Painting| matches!(painting.save, SaveState::Failed(_));
-        if !self.painting.as_ref().is_some_and(is_failed) && self.changed_look().is_none() {
+        let is_lost = self.painting.as_ref().is_some_and(is_failed) || self.changed_look().is_some();
+        if !is_lost && self.unwritten().is_none() {
             self.warned = None;
         }
         match self.departure.take() {
@@ -97,6 +99,12 @@ impl Viewer {
             None | Some(Leave::Free) => self.changed_look().map_or(Leave::Free, Leave::Loses),
             Some(leave) => leave,
         }
+    }
+
+    /// What ends with the program before it is written.
+    fn unwritten(&self) -> Option<String> {
+        let path = self.exporting.as_ref()?.written_to()?;
+        Some(format!("{} is still being written.", path.display()))
     }
 
     /// What of a look is not in its file.

@@ -209,6 +209,23 @@ fn one_thing_is_written_at_a_time_and_nothing_of_an_address() {
 }
 
 #[test]
+fn closing_does_not_end_a_copy_without_a_word() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = crate::painting::small_asset(folder.path());
+    let mut viewer = empty();
+    let asset = Arc::new(Asset::open(&path).unwrap());
+    viewer.document = Some(Document::of_asset(Place::File(path), asset));
+    let copy = folder.path().join("copy.fan");
+    viewer.copy_to(copy.clone());
+    assert!(!viewer.may_close());
+    assert!(said(&viewer, "copy.fan is still being written. Close again to lose what is not saved."));
+    viewer.command(Command::Close);
+    assert!(viewer.document.is_none(), "it goes on without");
+    wait_until(&mut viewer, "it is not written", |viewer| viewer.exporting.is_none());
+    assert!(copy.exists() && viewer.may_close());
+}
+
+#[test]
 fn keys_of_a_text_leave_strokes_alone() {
     let folder = tempfile::tempdir().unwrap();
     let mut viewer = seen(with_painting(folder.path()));
