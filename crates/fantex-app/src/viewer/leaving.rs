@@ -4,6 +4,9 @@ use crate::paint::{Leave, Painting, SaveState};
 use crate::viewer::opening::Wanted;
 use crate::viewer::{Request, Viewer};
 
+/// Who is told what is lost and asks again within this time, means it.
+const WARNED_SECONDS: f64 = 10.0;
+
 /// What waits until what is painted on is saved.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Departure {
@@ -116,12 +119,14 @@ impl Viewer {
 
     /// Tells what a departure loses; true where that was told before.
     fn may_lose(&mut self, reason: &str, departure: Departure) -> bool {
-        if self.warned.as_ref() == Some(&departure) {
+        let now = self.now();
+        let is_told = |(told, at): &(Departure, f64)| *told == departure && now - at < WARNED_SECONDS;
+        if self.warned.as_ref().is_some_and(is_told) {
             return true;
         }
         let (reason, again) = (reason.trim_end_matches('.'), departure.again());
         self.notices.error(format!("{reason}. {again} to lose what is not saved."));
-        self.warned = Some(departure);
+        self.warned = Some((departure, now));
         false
     }
 }

@@ -142,6 +142,10 @@ fn a_look_with_changes_is_left_once_that_is_asked_for_again() {
     viewer.live.as_mut().unwrap().set(1, 0.125);
     viewer.command(Command::Close);
     assert!(viewer.live.is_some() && said(&viewer, "What was changed of ball.toml is not saved."));
+    // Hours later it is told again.
+    viewer.notices.now += 7200.0;
+    viewer.command(Command::Close);
+    assert!(viewer.live.is_some());
     viewer.command(Command::Close);
     assert!(viewer.live.is_none());
 }
