@@ -35,6 +35,24 @@ impl Place {
         if url_of(Path::new(text)).is_some() { Self::Url(text.to_owned()) } else { Self::File(text.into()) }
     }
 
+    /// Whether both are the same file or address, however a file is spelled.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::File(path), Self::File(other)) => real_path(path) == real_path(other),
+            _ => self == other,
+        }
+    }
+
+    /// The asset that is painted on where this is, which may not be there yet.
+    pub fn painted(&self) -> Self {
+        match self {
+            Self::File(path) if matches!(FileKind::of(path), Ok(FileKind::Model)) => {
+                Self::File(asset_beside(path))
+            }
+            place => place.clone(),
+        }
+    }
+
     /// Its last part, for titles.
     pub fn name(&self) -> String {
         match self {
@@ -47,6 +65,12 @@ impl Place {
             }
         }
     }
+}
+
+/// A file's real path, where links and dots lead. The file need not be there.
+fn real_path(path: &Path) -> PathBuf {
+    let beside = || Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(beside).unwrap_or_else(|| path.to_owned())
 }
 
 impl std::fmt::Display for Place {

@@ -14,9 +14,7 @@ use crate::document::{
 };
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
-use crate::paint::{
-    Alone, LayerAction, NewAsset, PaintCommand, Painting, PenEvent, PenPhase, Viewpoint, asset_beside,
-};
+use crate::paint::{Alone, LayerAction, NewAsset, PaintCommand, Painting, PenEvent, PenPhase, Viewpoint};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::leaving::Departure;
 use crate::viewer::{SceneInput, Viewer};
@@ -181,20 +179,18 @@ impl Viewer {
         {
             return self.open_look(path, wanted.is_all);
         }
-        // Those that are given up may still keep the file for themselves.
-        let before: Vec<Opening> = self.given_up.drain(..).chain(self.opening.take()).collect();
-        before.iter().for_each(|opening| opening.progress.cancel());
+        // Those that are given up may still keep the file for themselves, and nobody waits for others.
+        let (before, others): (Vec<_>, Vec<_>) =
+            self.given_up.drain(..).chain(self.opening.take()).partition(|opening| {
+                opening.progress.cancel();
+                wanted.paints && opening.wanted.paints && opening.place().painted().is_same(&place.painted())
+            });
+        self.given_up = others;
         let progress = Arc::new(OpenProgress::default());
         let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
         let streaming = self.settings.streaming;
         // Only one writer can have an asset open; it ends with its last commit.
-        let is_same = self.document.as_ref().is_some_and(|document| {
-            let beside = match &place {
-                Place::File(path) => Place::File(asset_beside(path)),
-                Place::Url(_) => place.clone(),
-            };
-            document.place == place || document.place == beside
-        });
+        let is_same = self.document.as_ref().is_some_and(|document| document.place.is_same(&place.painted()));
         let leaving = if is_same || !wanted.paints { self.painting.take() } else { None };
         let (brushes_file, wake) = (self.brushes_file.clone(), self.waker());
         let (memory, Wanted { paints, answer, change, .. }) = (self.paint_memory_bytes, wanted.clone());

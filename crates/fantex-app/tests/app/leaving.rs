@@ -192,6 +192,20 @@ fn opening_again_can_be_cancelled() {
     assert_eq!(crate::errors(&viewer.notices), 0);
 }
 
+/// Its own lock does not keep the program out.
+#[test]
+fn an_asset_is_opened_again_under_another_spelling() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = seen(with_painting(folder.path()));
+    viewer.document.as_mut().unwrap().exchange = viewer.painting.as_ref().map(|p| p.exchange().clone());
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    let path = folder.path().join("sub/../torus.fan");
+    viewer.open(&path.to_string_lossy());
+    wait_opened(&mut viewer);
+    assert_eq!(viewer.document.as_ref().unwrap().place, Place::File(path));
+    assert!(viewer.painting.is_some() && crate::errors(&viewer.notices) == 0);
+}
+
 #[test]
 fn one_thing_is_written_at_a_time_and_nothing_of_an_address() {
     let folder = tempfile::tempdir().unwrap();

@@ -94,6 +94,35 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
     );
 }
 
+/// A large model takes its time until it is given up, also while something else is opened.
+#[test]
+fn what_is_given_up_does_not_hold_up_what_comes_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = save_torus(folder.path());
+    let second = folder.path().join("second.ply");
+    std::fs::copy(&first, &second).unwrap();
+    let (go_on, waits) = std::sync::mpsc::channel();
+    let waits = Mutex::new(waits);
+    let prepare: PrepareScene = Arc::new(move |document, _, _| {
+        if document.place.name() == "torus.ply" {
+            waits.lock().unwrap().recv().unwrap();
+        }
+        Err(Error::unavailable("there are no graphics here"))
+    });
+    let mut viewer = Viewer::new(Settings::default(), Some(prepare), Arc::new(|| {}));
+    viewer.open(&first.to_string_lossy());
+    let started = Instant::now();
+    while viewer.opening.as_ref().unwrap().stage() != Stage::Preparing {
+        assert!(started.elapsed() < Duration::from_secs(60), "it is not read");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    viewer.command(Command::Cancel);
+    viewer.open(&second.to_string_lossy());
+    wait(&mut viewer);
+    assert!(viewer.notices.log().any(|text| text.contains("no graphics")));
+    go_on.send(()).unwrap();
+}
+
 /// How far the preparation is, is told while it goes on: of what is painted on that of its painter comes first.
 #[test]
 fn preparing_is_told_in_shares() {
