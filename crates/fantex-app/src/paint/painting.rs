@@ -120,6 +120,8 @@ pub struct Painting {
     pub seen_alone: Option<Alone>,
     /// What is known of whether it may be left.
     leaving: Leaving,
+    /// The worker has ended before its time.
+    is_gone: bool,
     /// To be painted on as soon as there is such a thing.
     pub(super) wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
@@ -167,6 +169,7 @@ impl Painting {
             moving: None,
             seen_alone: None,
             leaving: Leaving::default(),
+            is_gone: false,
             wanted_target: None,
             thumbnails: BTreeMap::new(),
         })
@@ -219,8 +222,6 @@ impl Painting {
         match &self.save {
             SaveState::Failed(reason) => Leave::Loses(reason.clone()),
             _ if self.is_saved() => Leave::Free,
-            // Nobody is left who could save it.
-            _ if self.thread.is_gone() => Leave::Free,
             // What takes long goes on changing it, and is left to whoever opens it next.
             save if self.leaving == Leaving::Saved
                 && (self.work.is_some() || *save == SaveState::Saved && !self.thread.is_unsaved()) =>
@@ -379,6 +380,17 @@ impl Painting {
     }
 
     pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices) {
+        let is_gone = self.thread.is_gone();
+        self.take_reports(settings, notices);
+        if is_gone && !std::mem::replace(&mut self.is_gone, true) {
+            let reason = "The program has failed while it painted: nothing more is painted or saved. Open the asset again; it \
+                          holds what was saved before";
+            notices.error(format!("{reason}."));
+            (self.save, self.work) = (SaveState::Failed(reason.into()), None);
+        }
+    }
+
+    fn take_reports(&mut self, settings: &mut PaintSettings, notices: &mut Notices) {
         for report in self.thread.reports() {
             match report {
                 Report::State(snapshot) => {
@@ -548,5 +560,39 @@ impl Painting {
                 size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex::bake::NoProgress;
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
+    use fantex::paint::PaintOptions;
+
+    use super::*;
+    use crate::paint::{NewAsset, bake_model};
+
+    #[test]
+    fn a_worker_that_has_failed_is_told_once_and_nothing_waits_for_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("torus.fan");
+        let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+        let new = NewAsset { texels: Some(5_000), ..NewAsset::default() };
+        bake_model(&mesh, &new, &path, &NoProgress).unwrap();
+        let painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        let mut painting = Painting::new(painter, None, Arc::new(|| {})).unwrap();
+        painting.thread.order(Order::EditLayers("fail", Box::new(|_| panic!("on purpose"))));
+        let handed = painting.hand_over();
+        assert!(handed.recv().is_err(), "it waits for ever");
+        let (mut settings, mut notices) = (PaintSettings::default(), Notices::default());
+        while !painting.thread.is_gone() {
+            std::thread::yield_now();
+        }
+        painting.poll(&mut settings, &mut notices);
+        painting.poll(&mut settings, &mut notices);
+        let told = notices.log().filter(|text| text.contains("failed while it painted")).count();
+        assert_eq!(told, 1);
+        assert!(matches!(painting.leave(), Leave::Loses(_)));
     }
 }

@@ -212,9 +212,8 @@ impl Viewer {
                 }
                 Err(TryRecvError::Disconnected) => {
                     let [from, to] = [&task.from, &task.to].map(|path| path.display());
-                    self.notices.error(format!(
-                        "{to} was not written: {from} was left before all that was painted on it was saved."
-                    ));
+                    self.notices
+                        .error(format!("{to} was not written: what was painted on {from} was not saved."));
                 }
             },
             Work::Running(task, progress, job) => match job.poll() {
