@@ -1,5 +1,6 @@
 //! Models and assets that are open, and what is worth telling about them.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
@@ -31,8 +32,10 @@ pub enum Place {
 }
 
 impl Place {
-    pub fn parse(text: &str) -> Self {
-        if url_of(Path::new(text)).is_some() { Self::Url(text.to_owned()) } else { Self::File(text.into()) }
+    /// What was typed.
+    pub fn parse(text: impl AsRef<OsStr>) -> Self {
+        let path = Path::new(text.as_ref());
+        url_of(path).map_or_else(|| Self::File(path.to_owned()), |url| Self::Url(url.to_owned()))
     }
 
     /// Whether both are the same file or address, however a file is spelled.

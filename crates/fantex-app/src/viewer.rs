@@ -669,7 +669,7 @@ impl Viewer {
     pub fn take_dropped(&mut self, path: PathBuf) {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         if !extension.is_some_and(|extension| PICTURES.contains(&extension.as_str())) {
-            return self.open(&path.to_string_lossy());
+            return self.open_file(path);
         }
         self.take_picture(path);
     }
@@ -706,7 +706,7 @@ impl Viewer {
         }
         let paint = &mut self.settings.paint;
         match dialog {
-            FileDialog::Open => self.open(&path.to_string_lossy()),
+            FileDialog::Open => self.open_file(path),
             FileDialog::Surroundings => self.settings.light.surroundings = Surroundings::File(path),
             FileDialog::Stamp => paint.brush.stamp = Some(path),
             FileDialog::Sticker => paint.picture = Some(path),

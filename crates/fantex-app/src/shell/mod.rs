@@ -4,6 +4,7 @@
 //! then, the window's own contents included. So the window ends and another one, with another device, goes on with the
 //! `Workspace`.
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -48,7 +49,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Ok(session) => session,
         Err(error) => return failed(&error),
     };
-    if let Some(Err(error)) = arguments.file.as_deref().map(|file| Place::parse(file).check()) {
+    if let Some(Err(error)) = arguments.file.as_ref().map(|file| Place::parse(file).check()) {
         return failed(&error);
     }
     let settings_file = arguments.settings_file();
@@ -186,7 +187,7 @@ impl<'a> Shell<'a> {
             viewer.notices.warning(text);
         }
         if let Some(place) = workspace.to_open.take() {
-            viewer.open_or_fail(&place);
+            viewer.open_or_fail(place);
         }
         Some(Self {
             scene: SceneView::new(gpu),
@@ -548,7 +549,7 @@ F1 shows keys and mouse."
 )]
 pub struct Arguments {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3://, gs:// or az:// address) or a look (.toml)
-    pub file: Option<String>,
+    pub file: Option<OsString>,
     /// Paint on it: a model becomes an asset beside it first
     #[arg(long)]
     pub paint: bool,

@@ -11,6 +11,7 @@ use fantex::base::{Error, ErrorKind, ReadLimits, ReadOptions, Result};
 use fantex::texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
+use crate::document::Place;
 use crate::export::Preset;
 use crate::job::{Job, JobState};
 use crate::scene_view::lost_picture;
@@ -46,7 +47,7 @@ pub(super) struct Workspace {
     pub(super) is_ending: bool,
     pub(super) settings_file: Option<PathBuf>,
     /// To be opened with the first window.
-    pub(super) to_open: Option<String>,
+    pub(super) to_open: Option<Place>,
     /// Why the last window's device is lost, if it is.
     pub(super) lost: Option<String>,
     /// When devices were lost.
@@ -102,7 +103,7 @@ impl Workspace {
             failure: None,
             is_ending: false,
             settings_file: start.settings_file,
-            to_open: start.arguments.file,
+            to_open: start.arguments.file.map(Place::parse),
             lost: None,
             losses: Vec::new(),
             open_window,

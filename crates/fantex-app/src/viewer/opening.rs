@@ -1,6 +1,6 @@
 //! Files and addresses on their way to the screen.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::FileKind;
@@ -107,9 +107,14 @@ impl Viewer {
         self.begin_opening(Place::parse(text), false);
     }
 
+    /// The same for a file that was chosen.
+    pub fn open_file(&mut self, path: PathBuf) {
+        self.begin_opening(Place::File(path), false);
+    }
+
     /// The same for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
-    pub fn open_or_fail(&mut self, text: &str) {
-        let wanted = self.wanted(Place::parse(text), false);
+    pub fn open_or_fail(&mut self, place: Place) {
+        let wanted = self.wanted(place, false);
         self.begin(Wanted { is_all: true, ..wanted });
     }
 
@@ -150,7 +155,7 @@ impl Viewer {
         match LiveLook::open(path, self.look_model.clone(), self.waker()) {
             Ok(live) => {
                 self.settings.camera.mode = CameraMode::Orbit;
-                self.settings.remember(&absolute(&Place::File(path.to_owned())));
+                self.remember(&Place::File(path.to_owned()));
                 self.live = Some(live);
             }
             Err(error) => self.fail_opening(error.to_string(), is_all),
@@ -294,7 +299,7 @@ impl Viewer {
                 self.leave_lost_painting();
             }
             Ok(Loaded::Document(document, model, painting)) => {
-                self.settings.remember(&absolute(&wanted.place));
+                self.remember(&wanted.place);
                 for note in document.notes.iter().filter(|_| painting.is_some()) {
                     self.notices.info(note.clone());
                 }
@@ -326,6 +331,13 @@ impl Viewer {
         }
     }
 
+    /// Puts a place at the top of the recent ones, which are text.
+    fn remember(&mut self, place: &Place) {
+        if let Some(text) = absolute(place) {
+            self.settings.remember(&text);
+        }
+    }
+
     fn fail_opening(&mut self, reason: String, is_all: bool) {
         if is_all {
             self.failure = Some(reason);
@@ -335,12 +347,13 @@ impl Viewer {
     }
 }
 
-/// A place that means the same from every folder.
-fn absolute(place: &Place) -> String {
+/// A place that means the same from every folder; none where that is no text.
+fn absolute(place: &Place) -> Option<String> {
     match place {
-        Place::Url(url) => url.clone(),
+        Place::Url(url) => Some(url.clone()),
         Place::File(path) => {
-            std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned()
+            let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+            path.into_os_string().into_string().ok()
         }
     }
 }

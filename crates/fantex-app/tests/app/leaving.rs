@@ -153,7 +153,7 @@ fn a_look_with_changes_is_left_once_that_is_asked_for_again() {
 #[test]
 fn a_look_that_cannot_be_read_ends_the_program() {
     let mut viewer = empty();
-    viewer.open_or_fail("none.toml");
+    viewer.open_or_fail(Place::parse("none.toml"));
     assert!(viewer.failure.is_some_and(|failure| failure.contains("none.toml")));
 }
 

@@ -8,7 +8,7 @@ use fantex::glam::{DVec2, DVec3};
 use fantex::scene::Camera;
 use fantex_app::camera::{CameraMode, Ground, ViewPreset};
 use fantex_app::command::{Command, shortcuts};
-use fantex_app::document::{PAINTER_SHARE, Stage};
+use fantex_app::document::{PAINTER_SHARE, Place, Stage};
 use fantex_app::light::Surroundings;
 use fantex_app::scene_view::PrepareScene;
 use fantex_app::settings::Settings;
@@ -387,4 +387,22 @@ fn pictures_have_names_of_their_own() {
     });
     let expected = ["torus-001.png", "torus-002.png", "torus-window-001.png", "torus-window-002.png"];
     assert_eq!(names.collect::<Vec<_>>(), expected);
+}
+
+/// Names of files are bytes there.
+#[cfg(target_os = "linux")]
+#[test]
+fn files_whose_names_are_no_text_are_opened() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9.ply"));
+    std::fs::rename(save_torus(folder.path()), &path).unwrap();
+    let mut viewer = viewer();
+    viewer.take_dropped(path.clone());
+    wait(&mut viewer);
+    assert!(viewer.document.is_some() && viewer.settings.recent.is_empty());
+    let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
+    viewer.open_or_fail(Place::parse(path));
+    wait(&mut viewer);
+    assert!(viewer.document.is_some() && viewer.failure.is_none());
 }
