@@ -16,6 +16,7 @@ use clap::Parser;
 use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
 use fantex::base::files::remove_temporaries;
+use fantex::base::text::parse_number;
 use fantex::base::{Error, Result};
 use fantex::gpu::Gpu;
 use fantex::texture::Image;
@@ -556,7 +557,7 @@ pub struct Arguments {
     /// The model that a look (.toml) is shown on, where it names none
     #[arg(long, value_name = "MODEL")]
     pub on: Option<PathBuf>,
-    /// Memory for pages while painting, such as 512M (KiB, MiB, GiB: K, M, G)
+    /// Memory for pages while painting, such as 512M or 1.5G
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub memory: Option<usize>,
     /// Let models and layers name files outside their folders
@@ -589,15 +590,10 @@ fn window_size(text: &str) -> Result<[f32; 2], &'static str> {
 /// Less than that is too little for a dab.
 const MIN_MEMORY: usize = 16 << 20;
 
-fn memory_size(text: &str) -> Result<usize, &'static str> {
-    let units = [('K', 10), ('M', 20), ('G', 30)];
-    let found = units.into_iter().find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, shift)));
-    let (digits, shift) = found.unwrap_or((text, 0));
-    let count = digits.parse::<usize>().ok();
-    let bytes = count.and_then(|count| count.checked_mul(1usize << shift));
-    bytes
-        .filter(|&bytes| bytes >= MIN_MEMORY)
-        .ok_or("expected at least 16M: a whole number of bytes, or one with K, M or G behind it")
+fn memory_size(text: &str) -> Result<usize> {
+    let bytes = parse_number(text, 1024)?;
+    let bytes = usize::try_from(bytes).ok().filter(|&bytes| bytes >= MIN_MEMORY);
+    bytes.ok_or_else(|| Error::invalid("expected at least 16M, and no more than a machine can have"))
 }
 
 impl Arguments {
