@@ -151,14 +151,18 @@ impl Viewer {
 
     /// Shows a look, and follows its file.
     fn open_look(&mut self, path: &Path, is_all: bool) {
-        self.close();
+        self.cancel_opening();
         match LiveLook::open(path, self.look_model.clone(), self.waker()) {
             Ok(live) => {
+                self.close();
                 self.settings.camera.mode = CameraMode::Orbit;
                 self.remember(&Place::File(path.to_owned()));
                 self.live = Some(live);
             }
-            Err(error) => self.fail_opening(error.to_string(), is_all),
+            Err(error) => {
+                self.fail_opening(error.to_string(), is_all);
+                self.stay();
+            }
         }
     }
 

@@ -151,6 +151,18 @@ fn a_look_with_changes_is_left_once_that_is_asked_for_again() {
 }
 
 #[test]
+fn a_look_that_cannot_be_read_leaves_what_is_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    wait_painted(&mut viewer);
+    wait_until(&mut viewer, "it does not save", |viewer| viewer.painting.as_ref().unwrap().is_saved());
+    viewer.paints = false;
+    viewer.open("none.toml");
+    assert!(viewer.painting.is_some() && viewer.document.is_some() && viewer.paints);
+    assert_eq!(crate::errors(&viewer.notices), 1);
+}
+
+#[test]
 fn a_look_that_cannot_be_read_ends_the_program() {
     let mut viewer = empty();
     viewer.open_or_fail(Place::parse("none.toml"));
