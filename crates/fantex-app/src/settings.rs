@@ -1,5 +1,6 @@
 //! What the viewer remembers from one start to the next.
 
+use std::fs::OpenOptions;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -264,14 +265,26 @@ pub(crate) fn continued(error: Error, rest: &str) -> Error {
     }
 }
 
-/// Writes a file beside its place and moves it there, so that at the place there is never half a file. Folders above are made.
+/// Writes a file beside its place and moves it there, so that at the place there is never half a file. Where a symbolic link leads, there is
+/// the place; who may read and write the file stays. Folders above are made.
 ///
 /// # Errors
 /// The operating system refuses.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let failed = |source| Error::writing(path, source);
     let folder = files::folder_of(path);
-    std::fs::create_dir_all(folder).map_err(|source| Error::writing(path, source))?;
-    files::write_whole(path, true, |out| out.write_all(bytes))
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let Ok(target) = path.canonicalize() else {
+        return files::write_whole(path, true, |out| out.write_all(bytes));
+    };
+    // What must not be written is not replaced either.
+    let there = OpenOptions::new().write(true).open(&target).map_err(failed)?;
+    let permissions = there.metadata().map_err(failed)?.permissions();
+    drop(there);
+    files::write_whole(&target, true, |out| {
+        out.write_all(bytes)?;
+        out.get_ref().set_permissions(permissions)
+    })
 }
 
 /// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder, and is not one of `taken`.
