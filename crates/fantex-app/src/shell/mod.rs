@@ -456,7 +456,7 @@ impl eframe::App for Shell<'_> {
         if let Some(failure) = self.workspace.viewer.failure.take() {
             self.fail(ctx, failure);
         }
-        if self.workspace.viewer.take_quit() {
+        if self.workspace.viewer.take_quit() || self.workspace.is_asked_to_end() {
             ctx.send_viewport_cmd(ViewportCommand::Close);
         }
         let is_closing = ctx.input(|i| i.viewport().close_requested()) && !self.workspace.is_ending;

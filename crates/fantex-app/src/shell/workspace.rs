@@ -1,13 +1,17 @@
 //! What outlives a window and its GPU: where a device is lost, the next window goes on with it.
 
 use std::path::PathBuf;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui;
 use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use fantex::base::files::remove_temporaries;
 use fantex::base::{Error, ErrorKind, ReadLimits, ReadOptions, Result};
+use fantex::signals::on_end_request;
 use fantex::texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
@@ -53,8 +57,36 @@ pub(super) struct Workspace {
     /// When devices were lost.
     losses: Vec<Instant>,
     pub(super) open_window: OpenWindow,
+    end_requests: EndRequests,
+    /// Those that were followed.
+    ended: u32,
     started: Instant,
 }
+
+/// How often the program was asked to end from outside, by Ctrl-C or by the system.
+#[derive(Clone, Debug, Default)]
+struct EndRequests(Arc<AtomicU32>);
+
+/// Who asks so often is obeyed at once: the window does not answer.
+const MAX_END_REQUESTS: u32 = 3;
+
+impl EndRequests {
+    fn listen(&self, window: OpenWindow) {
+        let requests = self.0.clone();
+        let act = move || {
+            if requests.fetch_add(1, Relaxed) + 1 >= MAX_END_REQUESTS {
+                remove_temporaries();
+                std::process::exit(EXIT_INTERRUPTED);
+            }
+            window.wake();
+        };
+        // Where nobody can listen, they end the program.
+        on_end_request(act).unwrap_or_default();
+    }
+}
+
+/// The exit code of a program that was interrupted: 128 + SIGINT.
+const EXIT_INTERRUPTED: i32 = 130;
 
 /// The window that is woken: the one that is open.
 #[derive(Clone, Debug, Default)]
@@ -95,6 +127,8 @@ impl Workspace {
         #[cfg(target_os = "linux")]
         crate::pen::x11::listen(None, viewer.pen.clone()).ok();
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
+        let end_requests = EndRequests::default();
+        end_requests.listen(open_window.clone());
         Self {
             viewer,
             dialogs: Dialogs::new(wake.clone()),
@@ -107,6 +141,8 @@ impl Workspace {
             lost: None,
             losses: Vec::new(),
             open_window,
+            end_requests,
+            ended: 0,
             started: Instant::now(),
         }
     }
@@ -115,6 +151,12 @@ impl Workspace {
     pub(super) fn tick(&mut self) -> f64 {
         self.viewer.notices.now = self.started.elapsed().as_secs_f64();
         self.viewer.notices.now
+    }
+
+    /// Whether the program is asked to end from outside, once for each request.
+    pub(super) fn is_asked_to_end(&mut self) -> bool {
+        let asked = self.end_requests.0.load(Relaxed);
+        std::mem::replace(&mut self.ended, asked) < asked
     }
 
     /// The device is lost: the window ends, for another one to take its place.
