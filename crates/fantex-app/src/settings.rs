@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{CameraMode, FlyMotion};
 use crate::display::DisplaySettings;
-use crate::light::LightSettings;
+use crate::light::{LightSettings, Surroundings};
 use crate::paint::PaintSettings;
 
 /// How many recent files are remembered.
@@ -181,13 +181,24 @@ impl Settings {
         }
     }
 
-    /// Writes the settings, whole or not at all.
+    /// Writes the settings, whole or not at all. Files whose names are no text are not remembered.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let text = serde_json::to_vec_pretty(self).map_err(|source| Error::writing(path, source.into()))?;
-        write_whole(path, &text)
+        let mut settings = self.clone();
+        let paint = &mut settings.paint;
+        for file in
+            [&mut paint.picture, &mut paint.brush.stamp, &mut paint.texture.look, &mut paint.stencil.image]
+        {
+            file.take_if(|file| file.to_str().is_none());
+        }
+        let surroundings = &mut settings.light.surroundings;
+        if matches!(surroundings, Surroundings::File(file) if file.to_str().is_none()) {
+            *surroundings = Surroundings::default();
+        }
+        let text = serde_json::to_vec_pretty(&settings);
+        write_whole(path, &text.map_err(|source| Error::writing(path, source.into()))?)
     }
 
     /// Puts a file at the top of the recent ones.
