@@ -882,4 +882,5 @@ mod exporting;
 mod keys;
 mod leaving;
 mod opening;
+mod painting;
 mod pointing;
