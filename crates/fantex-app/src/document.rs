@@ -1,5 +1,6 @@
 //! Models and assets that are open, and what is worth telling about them.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
@@ -31,8 +32,28 @@ pub enum Place {
 }
 
 impl Place {
-    pub fn parse(text: &str) -> Self {
-        if url_of(Path::new(text)).is_some() { Self::Url(text.to_owned()) } else { Self::File(text.into()) }
+    /// What was typed.
+    pub fn parse(text: impl AsRef<OsStr>) -> Self {
+        let path = Path::new(text.as_ref());
+        url_of(path).map_or_else(|| Self::File(path.to_owned()), |url| Self::Url(url.to_owned()))
+    }
+
+    /// Whether both are the same file or address, however a file is spelled.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::File(path), Self::File(other)) => real_path(path) == real_path(other),
+            _ => self == other,
+        }
+    }
+
+    /// The asset that is painted on where this is, which may not be there yet.
+    pub fn painted(&self) -> Self {
+        match self {
+            Self::File(path) if matches!(FileKind::of(path), Ok(FileKind::Model)) => {
+                Self::File(asset_beside(path))
+            }
+            place => place.clone(),
+        }
     }
 
     /// Its last part, for titles.
@@ -47,6 +68,12 @@ impl Place {
             }
         }
     }
+}
+
+/// A file's real path, where links and dots lead. The file need not be there.
+fn real_path(path: &Path) -> PathBuf {
+    let beside = || Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(beside).unwrap_or_else(|| path.to_owned())
 }
 
 impl std::fmt::Display for Place {
@@ -584,7 +611,7 @@ fn replay_onto(
     drop(painter);
     progress.enter(Stage::Baking)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan");
+    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan", &[]);
     // With two names there is an asset at `path` at any time; some file systems know one name only.
     std::fs::hard_link(path, &old)
         .or_else(|_| std::fs::rename(path, &old))

@@ -85,7 +85,7 @@ impl Map {
 }
 
 /// What is exported.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ExportSettings {
     pub preset: Preset,
     /// Columns and rows of the pictures; as the asset's density wants by default.
@@ -94,26 +94,57 @@ pub struct ExportSettings {
     pub points_down: bool,
 }
 
-/// Writes an asset as a preset wants it; files that are there are replaced, once all is written. Returns what was written.
+/// What became of an export.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Exported {
+    Written(Vec<PathBuf>),
+    /// Nothing: these files lie beside the model, would be replaced, and may not be.
+    Replaces(Vec<PathBuf>),
+}
+
+/// Writes an asset as a preset wants it, all or nothing. The model replaces one that is there; a file beside it is replaced where
+/// `may_replace` says so.
 ///
 /// # Errors
 /// The asset cannot be read, or a file not be written.
 pub fn export(
-    asset: &Path,
+    asset: &Arc<Asset>,
     output: &Path,
     settings: &ExportSettings,
+    may_replace: impl Fn(&Path) -> bool,
     progress: &dyn Progress,
-) -> Result<Vec<PathBuf>> {
-    let asset = Arc::new(Asset::open(asset)?);
+) -> Result<Exported> {
     check_folder_of(output)?;
+    let paths = |names: &[PathBuf]| names.iter().map(|name| output.with_file_name(name)).collect();
+    let replaced = |names: &[PathBuf]| {
+        let mut paths: Vec<PathBuf> = paths(names);
+        paths.retain(|path| path != output && path.exists() && !may_replace(path));
+        Some(paths).filter(|paths| !paths.is_empty())
+    };
+    // Before what takes long, as far as their names are known.
+    let known: Vec<PathBuf> = pictures(asset, output, settings.preset).map(|(name, _)| name).collect();
+    if let Some(paths) = replaced(&known) {
+        return Ok(Exported::Replaces(paths));
+    }
     let folder = temporary_folder(folder_of(output)).map_err(|source| Error::writing(output, source))?;
     let name = output.file_name().ok_or_else(|| Error::invalid("the model to write has no name"))?;
-    let names = write(&asset, &folder.path().join(name), settings, progress)?;
+    let names = write(asset, &folder.path().join(name), settings, progress)?;
     if progress.is_cancelled() {
         return Err(Error::cancelled("exporting was cancelled"));
     }
+    if let Some(paths) = replaced(&names) {
+        return Ok(Exported::Replaces(paths));
+    }
     folder.move_files(&names, folder_of(output), true)?;
-    Ok(names.iter().map(|name| output.with_file_name(name)).collect())
+    Ok(Exported::Written(paths(&names)))
+}
+
+/// Names of the pictures that a preset wants besides the model's own, as far as the asset has such channels.
+fn pictures(asset: &Asset, output: &Path, preset: Preset) -> impl Iterator<Item = (PathBuf, Map)> {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let is_there = |map: Map| asset.channel_of_kind(map.channel().channel()).is_some();
+    let wanted = preset.pictures().iter().filter(move |(_, map)| is_there(*map));
+    wanted.map(move |(end, map)| (PathBuf::from(format!("{stem}_{end}.png")), *map))
 }
 
 /// Writes all files into the folder of `output`. Returns their names.
@@ -132,18 +163,13 @@ fn write(
     };
     let written = summary.files.iter().filter_map(|(path, _)| path.file_name());
     let mut names: Vec<PathBuf> = written.map(PathBuf::from).collect();
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    for (end, map) in settings.preset.pictures() {
-        if asset.channel_of_kind(map.channel().channel()).is_none() {
-            continue;
-        }
-        let name = PathBuf::from(format!("{stem}_{end}.png"));
+    for (name, map) in pictures(asset, output, settings.preset) {
         let path = output.with_file_name(&name);
         let write = |map| export_channels(asset, &[(map, &*path)], Depth::Eight, &options, progress);
         match map {
             Map::Channel(channel) => {
-                write(*channel)?;
-                if *channel == ChannelMap::Normal && settings.points_down {
+                write(channel)?;
+                if channel == ChannelMap::Normal && settings.points_down {
                     turned_over(Image::load(&path)?).save(&path)?;
                 }
             }

@@ -1,5 +1,6 @@
 //! What the viewer remembers from one start to the next.
 
+use std::fs::OpenOptions;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{CameraMode, FlyMotion};
 use crate::display::DisplaySettings;
-use crate::light::LightSettings;
+use crate::light::{LightSettings, Surroundings};
 use crate::paint::PaintSettings;
 
 /// How many recent files are remembered.
@@ -180,13 +181,24 @@ impl Settings {
         }
     }
 
-    /// Writes the settings, whole or not at all.
+    /// Writes the settings, whole or not at all. Files whose names are no text are not remembered.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let text = serde_json::to_vec_pretty(self).map_err(|source| Error::writing(path, source.into()))?;
-        write_whole(path, &text)
+        let mut settings = self.clone();
+        let paint = &mut settings.paint;
+        for file in
+            [&mut paint.picture, &mut paint.brush.stamp, &mut paint.texture.look, &mut paint.stencil.image]
+        {
+            file.take_if(|file| file.to_str().is_none());
+        }
+        let surroundings = &mut settings.light.surroundings;
+        if matches!(surroundings, Surroundings::File(file) if file.to_str().is_none()) {
+            *surroundings = Surroundings::default();
+        }
+        let text = serde_json::to_vec_pretty(&settings);
+        write_whole(path, &text.map_err(|source| Error::writing(path, source.into()))?)
     }
 
     /// Puts a file at the top of the recent ones.
@@ -264,18 +276,31 @@ pub(crate) fn continued(error: Error, rest: &str) -> Error {
     }
 }
 
-/// Writes a file beside its place and moves it there, so that at the place there is never half a file. Folders above are made.
+/// Writes a file beside its place and moves it there, so that at the place there is never half a file. Where a symbolic link leads, there is
+/// the place; who may read and write the file stays. Folders above are made.
 ///
 /// # Errors
 /// The operating system refuses.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let failed = |source| Error::writing(path, source);
     let folder = files::folder_of(path);
-    std::fs::create_dir_all(folder).map_err(|source| Error::writing(path, source))?;
-    files::write_whole(path, true, |out| out.write_all(bytes))
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let Ok(target) = path.canonicalize() else {
+        return files::write_whole(path, true, |out| out.write_all(bytes));
+    };
+    // What must not be written is not replaced either.
+    let there = OpenOptions::new().write(true).open(&target).map_err(failed)?;
+    let permissions = there.metadata().map_err(failed)?.permissions();
+    drop(there);
+    files::write_whole(&target, true, |out| {
+        out.write_all(bytes)?;
+        out.get_ref().set_permissions(permissions)
+    })
 }
 
-/// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder.
-pub fn next_free(folder: &Path, stem: &str, extension: &str) -> PathBuf {
+/// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder, and is not one of `taken`.
+pub fn next_free(folder: &Path, stem: &str, extension: &str, taken: &[PathBuf]) -> PathBuf {
     let name = |i: u32| folder.join(format!("{stem}-{i:03}.{extension}"));
-    (1..10_000).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(10_000))
+    let is_free = |path: &PathBuf| !path.exists() && !taken.contains(path);
+    (1..10_000).map(name).find(is_free).unwrap_or_else(|| name(10_000))
 }

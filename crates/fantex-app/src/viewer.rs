@@ -20,7 +20,7 @@ use crate::camera::{
 use crate::command::Command;
 use crate::display::{DisplaySettings, ShadingView};
 use crate::document::{Content, Document};
-use crate::export::Preset;
+use crate::export::ExportSettings;
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
 use crate::light::{MapKey, Surroundings, SurroundingsMap};
@@ -34,7 +34,7 @@ use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
-pub use exporting::Exporting;
+pub use exporting::{Exporting, HandedOver};
 pub use keys::{BRUSH_KEY, KeyPhase};
 pub use opening::{Asked, Opening};
 
@@ -63,7 +63,7 @@ pub enum Request {
 }
 
 /// A file that is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FileDialog {
     Open,
     Surroundings,
@@ -77,10 +77,10 @@ pub enum FileDialog {
     Look,
     LoadPath,
     SavePath,
-    /// Where an asset is exported to.
-    Export(Preset),
-    /// Where an asset is copied to.
-    SaveCopy,
+    /// Where this asset is exported to.
+    Export(PathBuf, ExportSettings),
+    /// Where this asset is copied to.
+    SaveCopy(PathBuf),
 }
 
 /// Ends of names of pictures.
@@ -161,6 +161,8 @@ pub struct Viewer {
     pub document: Option<Document>,
     pub opening: Option<Opening>,
     pub exporting: Option<Exporting>,
+    /// Files beside a model of which the user was told that exporting to its name again replaces them.
+    told_replaced: Vec<PathBuf>,
     /// A look that is shown instead of a document.
     pub live: Option<LiveLook>,
     /// The model that looks are shown on, where they name none.
@@ -208,14 +210,16 @@ pub struct Viewer {
     /// What draws.
     pub adapter: String,
     pub picture_folder: PathBuf,
+    /// Pictures that were asked for and are not in their files yet.
+    named_pictures: Vec<PathBuf>,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
     /// A drag that changes the brush.
     brush_drag: Option<keys::BrushDrag>,
     /// All is shown when the brush's key is let go.
     frames_on_release: bool,
-    /// The user was told what is lost by this.
-    warned: Option<leaving::Departure>,
+    /// The user was told what is lost by this, and when.
+    warned: Option<(leaving::Departure, f64)>,
     /// The shading to go back to when nothing is seen instead of the base colour any more.
     shading_before_alone: Option<ShadingView>,
     /// What was opened has not been framed yet with the panels that it brings.
@@ -363,7 +367,6 @@ impl Viewer {
         self.poll_opening();
         self.poll_ground();
         self.poll_map();
-        self.poll_export();
         self.poll_readout();
         let now = self.now();
         if let Some(camera) = self.live.as_mut().and_then(|live| live.poll(now)) {
@@ -383,6 +386,7 @@ impl Viewer {
                 document.content = Content::Asset(asset);
             }
         }
+        self.poll_export();
         self.light_alone();
         self.poll_leaving();
     }
@@ -487,15 +491,11 @@ impl Viewer {
             Command::Cancel => self.cancel(),
             Command::Quit => self.request(Request::Quit),
             Command::Export => self.ask_export(),
-            Command::SaveCopy => {
-                if self.can_export() {
-                    self.request(Request::Dialog(FileDialog::SaveCopy));
-                }
-            }
+            Command::SaveCopy => self.ask_copy(),
             Command::Screenshot => self.request_picture(1),
             Command::LargeScreenshot(times) => self.request_picture(times),
             Command::WindowScreenshot => {
-                let path = next_free(&self.picture_folder, &format!("{}-window", self.stem()), "png");
+                let path = self.next_picture(&format!("{}-window", self.stem()));
                 self.request(Request::WindowPicture(path));
             }
             Command::FrameAll => {
@@ -596,9 +596,17 @@ impl Viewer {
 
     fn request_picture(&mut self, times: u32) {
         if self.document.is_some() || self.live.is_some() {
-            let path = next_free(&self.picture_folder, &self.stem(), "png");
+            let path = self.next_picture(&self.stem());
             self.request(Request::Picture { path, size: PictureSize::Times(times) });
         }
+    }
+
+    /// A name for a picture. It may be long until there is a file of it.
+    fn next_picture(&mut self, stem: &str) -> PathBuf {
+        self.named_pictures.retain(|path| !path.exists());
+        let path = next_free(&self.picture_folder, stem, "png", &self.named_pictures);
+        self.named_pictures.push(path.clone());
+        path
     }
 
     /// The document's name without extension, for names of pictures.
@@ -661,7 +669,7 @@ impl Viewer {
     pub fn take_dropped(&mut self, path: PathBuf) {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         if !extension.is_some_and(|extension| PICTURES.contains(&extension.as_str())) {
-            return self.open(&path.to_string_lossy());
+            return self.open_file(path);
         }
         self.take_picture(path);
     }
@@ -698,7 +706,7 @@ impl Viewer {
         }
         let paint = &mut self.settings.paint;
         match dialog {
-            FileDialog::Open => self.open(&path.to_string_lossy()),
+            FileDialog::Open => self.open_file(path),
             FileDialog::Surroundings => self.settings.light.surroundings = Surroundings::File(path),
             FileDialog::Stamp => paint.brush.stamp = Some(path),
             FileDialog::Sticker => paint.picture = Some(path),
@@ -706,8 +714,8 @@ impl Viewer {
             FileDialog::Look => paint.texture.look = Some(path),
             FileDialog::LoadPath => self.load_path(&path),
             FileDialog::SavePath => self.save_path(&path),
-            FileDialog::Export(_) => self.export_to(path),
-            FileDialog::SaveCopy => self.copy_to(path),
+            FileDialog::Export(asset, settings) => self.export_of(asset, path, settings),
+            FileDialog::SaveCopy(asset) => self.copy_of(asset, path),
         }
     }
 
@@ -874,4 +882,5 @@ mod exporting;
 mod keys;
 mod leaving;
 mod opening;
+mod painting;
 mod pointing;

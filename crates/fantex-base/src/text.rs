@@ -1,9 +1,12 @@
-//! Counts and shares in messages: `1 triangle`, `2 triangles`, `69 451 tiles`, `9.9` percent; names in addresses.
+//! Counts and shares in messages: `1 triangle`, `2 triangles`, `69 451 tiles`, `9.9` percent; numbers as people type them (`64k`); names in
+//! addresses.
 
 use std::borrow::Cow;
 use std::fmt;
 
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+
+use crate::{Error, Result};
 
 /// A count with its noun, in the number that the count asks for.
 ///
@@ -70,4 +73,38 @@ pub fn grouped(number: u64, separator: char) -> String {
         text.push(digit);
     }
     text
+}
+
+/// Letters behind a number: thousands, and so on.
+pub const LETTERS: [char; 4] = ['k', 'M', 'G', 'T'];
+
+/// Not digits with at most one point and one known letter.
+fn syntax() -> Error {
+    Error::invalid("expected a number such as 500, 64k, 5.59M or 16G")
+}
+
+/// Parses a whole number above zero as people type it: `500`, `64k`, `5.59M`, `16G`. `kilo` is what `k` stands for.
+///
+/// # Errors
+/// It is no such number.
+pub fn parse_number(text: &str, kilo: u64) -> Result<u64> {
+    let last = text.chars().last().ok_or_else(syntax)?;
+    let power = LETTERS.iter().position(|l| l.eq_ignore_ascii_case(&last)).map_or(0, |p| p as u32 + 1);
+    let number = if power > 0 { &text[..text.len() - 1] } else { text };
+    let unit = u128::from(kilo.pow(power));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
+    let is_digits = |s: &str| s.bytes().all(|b| b.is_ascii_digit());
+    if whole.is_empty() && fraction.is_empty() || !is_digits(whole) || !is_digits(fraction) {
+        return Err(syntax());
+    }
+    if whole.len() > 20 || fraction.len() > 15 {
+        return Err(Error::invalid("the number is too large"));
+    }
+    let digits = |s: &str| s.bytes().fold(0_u128, |n, b| n * 10 + u128::from(b - b'0'));
+    let value = digits(whole) * unit + digits(fraction) * unit / 10_u128.pow(fraction.len() as u32);
+    match u64::try_from(value) {
+        Ok(0) => Err(Error::invalid("expected a number above zero")),
+        Ok(value) => Ok(value),
+        Err(_) => Err(Error::invalid("the number is too large")),
+    }
 }

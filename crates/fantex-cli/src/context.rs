@@ -17,6 +17,7 @@ use fantex::base::files::{check_folder_of, exists, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
 use fantex::base::random::folded_seed;
 use fantex::look::ResolveOptions;
+use fantex::signals::on_end_request;
 use fantex::stream::{ObjectTarget, Replace};
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -65,8 +66,7 @@ impl Context {
             seed: common.seed,
             json: common.json,
             quiet: common.quiet,
-            interrupt: Interrupt::listen()
-                .map_err(|error| Error::unavailable(format!("cannot listen to Ctrl-C: {error}")))?,
+            interrupt: Interrupt::listen()?,
         })
     }
 
@@ -307,10 +307,10 @@ impl State {
 
 impl Interrupt {
     /// Listens to Ctrl-C (and termination requests) from now on.
-    pub(crate) fn listen() -> Result<Self, ctrlc::Error> {
+    pub(crate) fn listen() -> Result<Self> {
         let interrupt = Self::default();
         let heard = interrupt.clone();
-        keep_ignoring_hang_ups(|| ctrlc::set_handler(move || heard.request()))?;
+        on_end_request(move || heard.request())?;
         Ok(interrupt)
     }
 
@@ -347,26 +347,6 @@ impl Interrupt {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// Sets handlers of signals. A program that `nohup` has started goes on when its terminal is closed.
-#[cfg(unix)]
-#[expect(unsafe_code, reason = "how signals are ignored")]
-fn keep_ignoring_hang_ups<T>(set: impl FnOnce() -> T) -> T {
-    // SAFETY: the signal is ignored, so no code runs as its handler.
-    let before = unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
-    let result = set();
-    if before == libc::SIG_IGN {
-        // SAFETY: as above.
-        unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
-    }
-    result
-}
-
-/// Other systems have no such signal.
-#[cfg(not(unix))]
-fn keep_ignoring_hang_ups<T>(set: impl FnOnce() -> T) -> T {
-    set()
 }
 
 /// Keeps Ctrl-C from ending the program at once.

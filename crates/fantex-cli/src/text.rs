@@ -6,6 +6,7 @@ use std::str::FromStr;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fantex::Error;
 use fantex::base::numbered;
+use fantex::base::text::{LETTERS, parse_number};
 use fantex::cover::{CoverStats, TexelBudget};
 
 /// A number of things (texels, triangles): `64k` is 64 000, `4M` four million, `16G` sixteen thousand million.
@@ -16,13 +17,13 @@ impl FromStr for Count {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        parse(text, 1000).map(Self)
+        parse_number(text, 1000).map(Self)
     }
 }
 
 /// Parses a number of bytes: `512M` is 512 MiB, `4G` 4 GiB.
 pub(crate) fn bytes(text: &str) -> Result<u64, Error> {
-    parse(text, 1024)
+    parse_number(text, 1024)
 }
 
 impl fmt::Display for Count {
@@ -33,35 +34,6 @@ impl fmt::Display for Count {
             (rest, letter) = (rest / 1000, letters.next());
         }
         write!(f, "{rest}{}", letter.map(String::from).unwrap_or_default())
-    }
-}
-
-const LETTERS: [char; 4] = ['k', 'M', 'G', 'T'];
-
-/// Not digits with at most one point and one known letter.
-fn syntax() -> Error {
-    Error::invalid("expected a number such as 500, 64k, 5.59M or 16G")
-}
-
-fn parse(text: &str, kilo: u64) -> Result<u64, Error> {
-    let last = text.chars().last().ok_or_else(syntax)?;
-    let power = LETTERS.iter().position(|l| l.eq_ignore_ascii_case(&last)).map_or(0, |p| p as u32 + 1);
-    let number = if power > 0 { &text[..text.len() - 1] } else { text };
-    let unit = u128::from(kilo.pow(power));
-    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
-    let is_digits = |s: &str| s.bytes().all(|b| b.is_ascii_digit());
-    if whole.is_empty() && fraction.is_empty() || !is_digits(whole) || !is_digits(fraction) {
-        return Err(syntax());
-    }
-    if whole.len() > 20 || fraction.len() > 15 {
-        return Err(Error::invalid("the number is too large"));
-    }
-    let digits = |s: &str| s.bytes().fold(0_u128, |n, b| n * 10 + u128::from(b - b'0'));
-    let value = digits(whole) * unit + digits(fraction) * unit / 10_u128.pow(fraction.len() as u32);
-    match u64::try_from(value) {
-        Ok(0) => Err(Error::invalid("expected a number above zero")),
-        Ok(value) => Ok(value),
-        Err(_) => Err(Error::invalid("the number is too large")),
     }
 }
 

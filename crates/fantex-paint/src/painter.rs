@@ -539,6 +539,18 @@ impl Painter {
         self.keep_work()?;
         self.room.commit(&mut self.editor)
     }
+
+    /// The same where the file was replaced or removed: all is in the file that is open, to be copied from [`asset`](AssetEditor::asset), and in
+    /// no other one.
+    ///
+    /// # Errors
+    /// As [`commit`](Self::commit).
+    pub fn commit_detached(&mut self) -> Result<CommitSummary> {
+        self.editor.set_detached(true);
+        let committed = self.commit();
+        self.editor.set_detached(false);
+        committed
+    }
 }
 
 impl OpenStroke {

@@ -46,6 +46,7 @@
 //! | `paint` | [`paint`]: strokes, layers, undo |
 //! | `photos` | [`photos`]: photographs with cameras as a source |
 //! | `export` | [`export`]: models with ordinary texture coordinates, unwrapping |
+//! | `signals` | [`signals`]: requests to end a program |
 //!
 //! # Modules
 //!
@@ -94,6 +95,8 @@ mod model_notes;
 mod notes;
 mod preview;
 mod refined;
+#[cfg(feature = "signals")]
+pub mod signals;
 mod split;
 #[cfg(feature = "http")]
 mod staging;

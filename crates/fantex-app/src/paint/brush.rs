@@ -311,9 +311,9 @@ impl Presets {
     /// Writes them, whole or not at all.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// The operating system refuses, or the name of a stamp's file is no text.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let text = serde_json::to_vec_pretty(self).unwrap_or_default();
+        let text = serde_json::to_vec_pretty(self).map_err(|source| Error::writing(path, source.into()))?;
         write_whole(path, &text)
     }
 

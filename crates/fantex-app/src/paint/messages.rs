@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 use fantex::glam::Vec4;
 use fantex::paint::{
@@ -12,6 +13,7 @@ use fantex::store::Asset;
 use fantex::stream::ParcelLoader;
 
 use crate::paint::{Alone, Thumbnail, Viewpoint};
+use crate::viewer::HandedOver;
 
 /// A change of all layers.
 pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
@@ -83,6 +85,10 @@ pub enum Order {
     Commit,
     /// Commit all but what is not applied, and tell [`Report::MayLeave`] where nothing is left to write.
     Leave,
+    /// Commit, and hand over the asset as it is then, to be copied; where its file is gone, the one that is open.
+    HandOver(Sender<HandedOver>),
+    /// What was handed over is in another file.
+    Copied,
     /// Commit and end.
     Close,
 }

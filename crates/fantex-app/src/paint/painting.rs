@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 
 use fantex::base::Aabb;
 use fantex::glam::{DVec2, DVec3, Vec4};
@@ -23,7 +24,7 @@ use crate::paint::{
     SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
 };
 use crate::readout::Values;
-use crate::viewer::Wake;
+use crate::viewer::{HandedOver, Wake};
 
 /// For so long it is told that the pen went down beside the model.
 const MISSED_SECONDS: f64 = 4.0;
@@ -119,6 +120,8 @@ pub struct Painting {
     pub seen_alone: Option<Alone>,
     /// What is known of whether it may be left.
     leaving: Leaving,
+    /// The worker has ended before its time.
+    is_gone: bool,
     /// To be painted on as soon as there is such a thing.
     pub(super) wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
@@ -166,6 +169,7 @@ impl Painting {
             moving: None,
             seen_alone: None,
             leaving: Leaving::default(),
+            is_gone: false,
             wanted_target: None,
             thumbnails: BTreeMap::new(),
         })
@@ -218,8 +222,6 @@ impl Painting {
         match &self.save {
             SaveState::Failed(reason) => Leave::Loses(reason.clone()),
             _ if self.is_saved() => Leave::Free,
-            // Nobody is left who could save it.
-            _ if self.thread.is_gone() => Leave::Free,
             // What takes long goes on changing it, and is left to whoever opens it next.
             save if self.leaving == Leaving::Saved
                 && (self.work.is_some() || *save == SaveState::Saved && !self.thread.is_unsaved()) =>
@@ -239,6 +241,19 @@ impl Painting {
     /// It is not left after all.
     pub fn stay(&mut self) {
         self.leaving = Leaving::Stays;
+    }
+
+    /// Asks for the asset with all that was painted, to be copied.
+    pub fn hand_over(&mut self) -> Receiver<HandedOver> {
+        self.apply_placing();
+        let (sender, handed) = channel();
+        self.thread.order(Order::HandOver(sender));
+        handed
+    }
+
+    /// What was handed over last is in another file.
+    pub fn take_copied(&self) {
+        self.thread.order(Order::Copied);
     }
 
     pub fn give_up_work(&self) {
@@ -338,8 +353,7 @@ impl Painting {
 
     /// Keeps the brush among the presets, on the disk too.
     pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices) {
-        self.presets.keep(&settings.brush);
-        self.save_presets(notices);
+        self.change_presets(|presets| presets.keep(&settings.brush), notices);
     }
 
     /// What the model's materials make of the opacity.
@@ -349,19 +363,34 @@ impl Painting {
     }
 
     pub fn drop_brush(&mut self, name: &str, notices: &mut Notices) {
-        self.presets.brushes.retain(|brush| brush.name != name);
-        self.save_presets(notices);
+        self.change_presets(|presets| presets.brushes.retain(|brush| brush.name != name), notices);
     }
 
-    fn save_presets(&self, notices: &mut Notices) {
-        if let Some(file) = &self.presets_file
-            && let Err(error) = self.presets.save(file)
-        {
+    /// Changes the presets as they are on the disk: other windows keep theirs there, too.
+    fn change_presets(&mut self, change: impl FnOnce(&mut Presets), notices: &mut Notices) {
+        let file = self.presets_file.as_deref();
+        // A file that is damaged or gone takes those that are known here.
+        if let Some(presets) = file.filter(|file| file.exists()).and_then(|file| Presets::load(file).ok()) {
+            self.presets = presets;
+        }
+        change(&mut self.presets);
+        if let Some(Err(error)) = self.presets_file.as_deref().map(|file| self.presets.save(file)) {
             notices.error(error.to_string());
         }
     }
 
     pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices) {
+        let is_gone = self.thread.is_gone();
+        self.take_reports(settings, notices);
+        if is_gone && !std::mem::replace(&mut self.is_gone, true) {
+            let reason = "The program has failed while it painted: nothing more is painted or saved. Open the asset again; it \
+                          holds what was saved before";
+            notices.error(format!("{reason}."));
+            (self.save, self.work) = (SaveState::Failed(reason.into()), None);
+        }
+    }
+
+    fn take_reports(&mut self, settings: &mut PaintSettings, notices: &mut Notices) {
         for report in self.thread.reports() {
             match report {
                 Report::State(snapshot) => {
@@ -531,5 +560,39 @@ impl Painting {
                 size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex::bake::NoProgress;
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
+    use fantex::paint::PaintOptions;
+
+    use super::*;
+    use crate::paint::{NewAsset, bake_model};
+
+    #[test]
+    fn a_worker_that_has_failed_is_told_once_and_nothing_waits_for_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("torus.fan");
+        let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+        let new = NewAsset { texels: Some(5_000), ..NewAsset::default() };
+        bake_model(&mesh, &new, &path, &NoProgress).unwrap();
+        let painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        let mut painting = Painting::new(painter, None, Arc::new(|| {})).unwrap();
+        painting.thread.order(Order::EditLayers("fail", Box::new(|_| panic!("on purpose"))));
+        let handed = painting.hand_over();
+        assert!(handed.recv().is_err(), "it waits for ever");
+        let (mut settings, mut notices) = (PaintSettings::default(), Notices::default());
+        while !painting.thread.is_gone() {
+            std::thread::yield_now();
+        }
+        painting.poll(&mut settings, &mut notices);
+        painting.poll(&mut settings, &mut notices);
+        let told = notices.log().filter(|text| text.contains("failed while it painted")).count();
+        assert_eq!(told, 1);
+        assert!(matches!(painting.leave(), Leave::Loses(_)));
     }
 }

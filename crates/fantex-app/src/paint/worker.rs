@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicBool, AtomicU64};
@@ -10,30 +10,23 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fantex::base::{Error, Result};
+use fantex::base::Result;
 use fantex::glam::DVec2;
 use fantex::paint::{Decal, FillArea, GroupKind, Layer, LayerPlace, LiveStroke, Painter, Sample, move_layer};
-use fantex::store::{ChannelKind, PageId, group_pages, is_disk_full};
-use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
+use fantex::store::{ChannelKind, PageId, group_pages};
+use fantex::stream::AtlasFormat;
 
 use crate::paint::exchange::{page_texels, parcel_texels};
-use crate::paint::messages::{Order, Report, SaveState, Snapshot, StrokeStart};
+use crate::paint::messages::{Order, Report, Snapshot, StrokeStart};
 use crate::paint::thumbnails::Thumbnails;
 use crate::paint::{Alone, Exchange, Viewpoint};
 use crate::viewer::Wake;
+use saving::Saving;
 
-/// Between strokes, changes are committed after this delay.
-const IDLE_COMMIT_DELAY: Duration = Duration::from_millis(700);
-
-/// During strokes and long jobs, changes are committed after this delay, but not before ten times what the last commit took: each keeps the
-/// whole stroke so far.
-const MAX_COMMIT_DELAY: Duration = Duration::from_millis(1700);
+mod saving;
 
 /// Time slice per step of a long job.
 const TIME_SLICE: Duration = Duration::from_millis(25);
-
-/// Delay after a failed commit.
-const RETRY_DELAY: Duration = Duration::from_secs(3);
 
 /// Orders that arrive within this time are shown together.
 const COALESCE_WINDOW: Duration = Duration::from_millis(6);
@@ -49,9 +42,6 @@ const THUMBNAIL_DELAY: Duration = Duration::from_millis(150);
 
 /// Requested pages that are answered per turn of the loop.
 const MAX_PAGES_PER_TURN: usize = 32;
-
-/// After this many commits the loader is given a newer state of the file, so that the older one can be reclaimed.
-const MAX_COMMITS_PER_LOADER: u32 = 20;
 
 /// Steps of the history that are listed, the newest ones.
 const MAX_LISTED_STEPS: usize = 1000;
@@ -105,6 +95,7 @@ impl PaintThread {
             previewed: BTreeSet::new(),
             outdated: BTreeSet::new(),
             saving: Saving::default(),
+            is_astray: false,
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
         let thread = Some(thread.spawn(move || worker.run())?);
@@ -156,28 +147,6 @@ impl Drop for PaintThread {
     }
 }
 
-/// When to commit.
-#[derive(Debug, Default)]
-struct Saving {
-    /// When the oldest change was made that is not in the file.
-    changed: Option<Instant>,
-    /// When a commit failed.
-    failed: Option<Instant>,
-    /// Commits since the file was last opened for loading.
-    commits: u32,
-    /// How long the last one took.
-    took: Duration,
-}
-
-impl Saving {
-    /// When to commit, if nothing else happens.
-    fn due(&self, is_drawing: bool) -> Option<Instant> {
-        let changed = self.changed?;
-        let due = changed + if is_drawing { MAX_COMMIT_DELAY.max(10 * self.took) } else { IDLE_COMMIT_DELAY };
-        Some(self.failed.map_or(due, |failed| due.max(failed + RETRY_DELAY)))
-    }
-}
-
 struct Worker {
     painter: Painter,
     orders: Receiver<Order>,
@@ -214,6 +183,8 @@ struct Worker {
     /// Coarser pages that show what was taken away.
     outdated: BTreeSet<PageId>,
     saving: Saving,
+    /// What was painted last was written to a file that has no name any more.
+    is_astray: bool,
 }
 
 impl Worker {
@@ -229,6 +200,8 @@ impl Worker {
         (self.wake)();
         while self.turn() {}
         // What was asked for is done; what takes long is left to whoever opens the asset next.
+        // Nobody waits for what is handed over once that is finished.
+        self.waiting.retain(|order| !matches!(order, Order::HandOver(_)));
         while !self.waiting.is_empty() {
             self.check(|worker| worker.painter.finish_work());
             self.is_stuck |= self.painter.has_work();
@@ -457,6 +430,11 @@ impl Worker {
                     self.tell(Report::MayLeave);
                 }
             }
+            Order::HandOver(to) => {
+                // Who asked may have given it up.
+                to.send(self.hand_over()).ok();
+            }
+            Order::Copied => self.is_astray = false,
             Order::Release(loader) => drop(loader),
             // The loop's.
             Order::Pages | Order::Look(_) | Order::Close => {}
@@ -638,80 +616,6 @@ impl Worker {
         }
     }
 
-    /// When to commit next, if nothing else happens.
-    fn save_due(&self) -> Option<Instant> {
-        let due = self.saving.due(self.is_drawing()).filter(|_| !self.is_placing)?;
-        // A commit would make all levels that are due at once.
-        Some(if self.has_levels_due { due + MAX_COMMIT_DELAY } else { due })
-    }
-
-    fn note_changes(&mut self) {
-        // What may be taken away again is not to be saved.
-        if self.is_placing {
-            return;
-        }
-        if self.painter.editor().has_changes() {
-            if self.saving.changed.is_none() {
-                self.saving.changed = Some(Instant::now());
-                if self.saving.failed.is_none() {
-                    self.tell(Report::Save(SaveState::Changed));
-                }
-            }
-        } else if self.saving.changed.take().is_some() {
-            self.saving.failed = None;
-            self.tell(Report::Save(SaveState::Saved));
-        }
-    }
-
-    fn save(&mut self) {
-        if !self.painter.editor().has_changes() {
-            return;
-        }
-        if self.saving.failed.is_none() {
-            self.tell(Report::Save(SaveState::Saving));
-            (self.wake)();
-        }
-        let begun = Instant::now();
-        match self.painter.commit() {
-            Ok(_) => {
-                let (commits, took) = (self.saving.commits + 1, begun.elapsed());
-                self.saving = Saving { commits, took, ..Saving::default() };
-                if self.saving.commits >= MAX_COMMITS_PER_LOADER && self.stroke.is_none() {
-                    self.offer_newer();
-                }
-                self.tell(Report::Save(SaveState::Saved));
-            }
-            Err(error) => {
-                self.saving.failed = Some(Instant::now());
-                self.tell(Report::Save(SaveState::Failed(save_problem(
-                    &error,
-                    self.painter.editor().asset().path(),
-                ))));
-            }
-        }
-    }
-
-    /// Lets pages be loaded from what is committed, so that the space of older states can be used again.
-    fn offer_newer(&mut self) {
-        let Some(formats) = self.exchange.formats() else { return };
-        let asset = self.painter.editor().asset().clone();
-        let stored = asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, true));
-        let block_compressed = stored.zip(&*formats).all(|(stored, &format)| stored == format);
-        let options = ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() };
-        match ClusterLoader::open(asset.clone(), &options) {
-            // For another device that has taken over meanwhile there is another one later.
-            Ok(_) if self.exchange.formats().as_ref() != Some(&formats) => {}
-            Ok(loader) => {
-                self.saving.commits = 0;
-                // What is seen alone looks different from any file.
-                let differing = if self.seen_alone.is_some() { self.all_pages() } else { Vec::new() };
-                self.exchange.offer(Box::new(loader), asset.clone(), &differing);
-                self.tell(Report::Newer(asset));
-            }
-            Err(error) => self.tell(Report::Failed(error.to_string())),
-        }
-    }
-
     fn tell_state(&mut self) {
         // What is taken back may be anything.
         let steps = self.painter.history().done().len();
@@ -730,18 +634,6 @@ impl Worker {
             undone: names(history.undone()),
         })));
     }
-}
-
-/// What the user can do about it.
-fn save_problem(error: &Error, path: &Path) -> String {
-    if !is_disk_full(error) {
-        return format!("Not saved: {error}");
-    }
-    let name = PathBuf::from(path.file_name().unwrap_or_default());
-    format!(
-        "The disk is full: what you paint stays in memory. Make room, and {} is saved by itself.",
-        name.display()
-    )
 }
 
 // Long jobs: time-sliced, cancellable, visible tiles first.
@@ -855,6 +747,7 @@ fn ends_placing(order: &Order) -> bool {
             | Order::SeeAlone(_)
             | Order::Collapse(..)
             | Order::Leave
+            | Order::Copied
             | Order::Close
     )
 }
@@ -869,6 +762,7 @@ fn must_wait(order: &Order) -> bool {
             | Order::GiveUp
             | Order::Commit
             | Order::Leave
+            | Order::Copied
             | Order::Pick(_)
             | Order::Probe(_)
             | Order::SeeAlone(_)

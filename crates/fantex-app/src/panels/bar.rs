@@ -147,6 +147,7 @@ fn undo(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
 fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     let has_document = viewer.document.is_some();
     let is_painting = viewer.painting.is_some();
+    let has_scene = has_document || viewer.live.is_some();
     ui.menu_button("File", |ui| {
         ui.set_min_width(220.0);
         item(ui, (true, is_painting), "Open…", Command::OpenDialog, commands);
@@ -162,13 +163,13 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
             });
         });
         item(ui, (has_document, is_painting), "Open again", Command::Reload, commands);
-        item(ui, (has_document, is_painting), "Close", Command::Close, commands);
+        item(ui, (has_scene, is_painting), "Close", Command::Close, commands);
         ui.separator();
         let is_asset = viewer.asset_path().is_some();
         item(ui, (is_asset, is_painting), "Save a copy…", Command::SaveCopy, commands);
         item(ui, (is_asset, is_painting), "Export…", Command::Export, commands);
         ui.separator();
-        item(ui, (has_document, is_painting), "Save picture", Command::Screenshot, commands);
+        item(ui, (has_scene, is_painting), "Save picture", Command::Screenshot, commands);
         item(ui, (has_document, is_painting), "Save large picture", Command::LargeScreenshot(4), commands);
         item(ui, (true, is_painting), "Save picture of the window", Command::WindowScreenshot, commands);
         ui.separator();
@@ -176,7 +177,7 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     });
     ui.menu_button("View", |ui| {
         ui.set_min_width(220.0);
-        item(ui, (has_document, is_painting), "Show all", Command::FrameAll, commands);
+        item(ui, (has_scene, is_painting), "Show all", Command::FrameAll, commands);
         for (preset, label) in ViewPreset::ALL {
             item(ui, (has_document, is_painting), label, Command::View(preset), commands);
         }

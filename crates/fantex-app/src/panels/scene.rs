@@ -130,10 +130,14 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<P
             matches!(event, egui::Event::PointerMoved(_) | egui::Event::PointerButton { pressed: true, .. })
         };
         let mut readings = viewer.pen.take(i.events.iter().filter(has_reading).count()).into_iter();
+        // Where a touch was that the system has taken back: no button is let go, but of the touch that draws the pointer goes next.
+        let mut cancelled = None;
         for event in &i.events {
+            let taken_back = cancelled.take();
             let of_tablet = if has_reading(&event) { readings.next().flatten() } else { None };
             let (phase, at) = match event {
-                egui::Event::Touch { force, phase, .. } => {
+                egui::Event::Touch { force, phase, pos, .. } => {
+                    cancelled = (*phase == egui::TouchPhase::Cancel).then_some(*pos);
                     let is_over = matches!(phase, egui::TouchPhase::End | egui::TouchPhase::Cancel);
                     pressure = if is_over { 1.0 } else { force.unwrap_or(1.0).clamp(0.0, 1.0) };
                     continue;
@@ -148,6 +152,10 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<P
                     (PenPhase::Up, *pos)
                 }
                 egui::Event::PointerMoved(pos) => (PenPhase::Move, *pos),
+                egui::Event::PointerGone => match taken_back {
+                    Some(pos) => (PenPhase::Up, pos),
+                    None => continue,
+                },
                 _ => continue,
             };
             let pressure = felt(of_tablet.unwrap_or(pressure), softness);

@@ -126,9 +126,7 @@ impl Driver {
             Step::Asks(asks) => viewer.asks = asks,
             Step::Export { path, preset, side } => {
                 let points_down = preset.points_down();
-                viewer.choose_export(ExportSettings { preset, side: Some(side), points_down });
-                viewer.take_requests();
-                viewer.export_to(path);
+                viewer.export_to(path, ExportSettings { preset, side: Some(side), points_down });
             }
             Step::SaveCopy(path) => viewer.copy_to(path),
             Step::AddChannels(kinds) => {

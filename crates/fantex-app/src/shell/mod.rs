@@ -4,6 +4,7 @@
 //! then, the window's own contents included. So the window ends and another one, with another device, goes on with the
 //! `Workspace`.
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -14,6 +15,8 @@ use std::time::Duration;
 use clap::Parser;
 use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
+use fantex::base::files::remove_temporaries;
+use fantex::base::text::parse_number;
 use fantex::base::{Error, Result};
 use fantex::gpu::Gpu;
 use fantex::texture::Image;
@@ -47,7 +50,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Ok(session) => session,
         Err(error) => return failed(&error),
     };
-    if let Some(Err(error)) = arguments.file.as_deref().map(|file| Place::parse(file).check()) {
+    if let Some(Err(error)) = arguments.file.as_ref().map(|file| Place::parse(file).check()) {
         return failed(&error);
     }
     let settings_file = arguments.settings_file();
@@ -79,6 +82,8 @@ pub fn run(arguments: Arguments) -> ExitCode {
         }
     }
     workspace.finish();
+    // Of what is given up with the program.
+    remove_temporaries();
     match (workspace.failure, workspace.lost) {
         (Some(failure), _) => failed(&failure),
         (None, Some(reason)) => failed(&fantex::gpu::device_lost(&reason)),
@@ -183,7 +188,7 @@ impl<'a> Shell<'a> {
             viewer.notices.warning(text);
         }
         if let Some(place) = workspace.to_open.take() {
-            viewer.open_or_fail(&place);
+            viewer.open_or_fail(place);
         }
         Some(Self {
             scene: SceneView::new(gpu),
@@ -451,7 +456,7 @@ impl eframe::App for Shell<'_> {
         if let Some(failure) = self.workspace.viewer.failure.take() {
             self.fail(ctx, failure);
         }
-        if self.workspace.viewer.take_quit() {
+        if self.workspace.viewer.take_quit() || self.workspace.is_asked_to_end() {
             ctx.send_viewport_cmd(ViewportCommand::Close);
         }
         let is_closing = ctx.input(|i| i.viewport().close_requested()) && !self.workspace.is_ending;
@@ -545,14 +550,14 @@ F1 shows keys and mouse."
 )]
 pub struct Arguments {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan, also at an https://, s3://, gs:// or az:// address) or a look (.toml)
-    pub file: Option<String>,
+    pub file: Option<OsString>,
     /// Paint on it: a model becomes an asset beside it first
     #[arg(long)]
     pub paint: bool,
     /// The model that a look (.toml) is shown on, where it names none
     #[arg(long, value_name = "MODEL")]
     pub on: Option<PathBuf>,
-    /// Memory for pages while painting, such as 512M (KiB, MiB, GiB: K, M, G)
+    /// Memory for pages while painting, such as 512M or 1.5G
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub memory: Option<usize>,
     /// Let models and layers name files outside their folders
@@ -585,15 +590,10 @@ fn window_size(text: &str) -> Result<[f32; 2], &'static str> {
 /// Less than that is too little for a dab.
 const MIN_MEMORY: usize = 16 << 20;
 
-fn memory_size(text: &str) -> Result<usize, &'static str> {
-    let units = [('K', 10), ('M', 20), ('G', 30)];
-    let found = units.into_iter().find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, shift)));
-    let (digits, shift) = found.unwrap_or((text, 0));
-    let count = digits.parse::<usize>().ok();
-    let bytes = count.and_then(|count| count.checked_mul(1usize << shift));
-    bytes
-        .filter(|&bytes| bytes >= MIN_MEMORY)
-        .ok_or("expected at least 16M: a whole number of bytes, or one with K, M or G behind it")
+fn memory_size(text: &str) -> Result<usize> {
+    let bytes = parse_number(text, 1024)?;
+    let bytes = usize::try_from(bytes).ok().filter(|&bytes| bytes >= MIN_MEMORY);
+    bytes.ok_or_else(|| Error::invalid("expected at least 16M, and no more than a machine can have"))
 }
 
 impl Arguments {

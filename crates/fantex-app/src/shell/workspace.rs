@@ -1,16 +1,21 @@
 //! What outlives a window and its GPU: where a device is lost, the next window goes on with it.
 
 use std::path::PathBuf;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui;
 use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use fantex::base::files::remove_temporaries;
 use fantex::base::{Error, ErrorKind, ReadLimits, ReadOptions, Result};
+use fantex::signals::on_end_request;
 use fantex::texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
+use crate::document::Place;
 use crate::export::Preset;
 use crate::job::{Job, JobState};
 use crate::scene_view::lost_picture;
@@ -46,14 +51,42 @@ pub(super) struct Workspace {
     pub(super) is_ending: bool,
     pub(super) settings_file: Option<PathBuf>,
     /// To be opened with the first window.
-    pub(super) to_open: Option<String>,
+    pub(super) to_open: Option<Place>,
     /// Why the last window's device is lost, if it is.
     pub(super) lost: Option<String>,
     /// When devices were lost.
     losses: Vec<Instant>,
     pub(super) open_window: OpenWindow,
+    end_requests: EndRequests,
+    /// Those that were followed.
+    ended: u32,
     started: Instant,
 }
+
+/// How often the program was asked to end from outside, by Ctrl-C or by the system.
+#[derive(Clone, Debug, Default)]
+struct EndRequests(Arc<AtomicU32>);
+
+/// Who asks so often is obeyed at once: the window does not answer.
+const MAX_END_REQUESTS: u32 = 3;
+
+impl EndRequests {
+    fn listen(&self, window: OpenWindow) {
+        let requests = self.0.clone();
+        let act = move || {
+            if requests.fetch_add(1, Relaxed) + 1 >= MAX_END_REQUESTS {
+                remove_temporaries();
+                std::process::exit(EXIT_INTERRUPTED);
+            }
+            window.wake();
+        };
+        // Where nobody can listen, they end the program.
+        on_end_request(act).unwrap_or_default();
+    }
+}
+
+/// The exit code of a program that was interrupted: 128 + SIGINT.
+const EXIT_INTERRUPTED: i32 = 130;
 
 /// The window that is woken: the one that is open.
 #[derive(Clone, Debug, Default)]
@@ -94,6 +127,8 @@ impl Workspace {
         #[cfg(target_os = "linux")]
         crate::pen::x11::listen(None, viewer.pen.clone()).ok();
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
+        let end_requests = EndRequests::default();
+        end_requests.listen(open_window.clone());
         Self {
             viewer,
             dialogs: Dialogs::new(wake.clone()),
@@ -102,10 +137,12 @@ impl Workspace {
             failure: None,
             is_ending: false,
             settings_file: start.settings_file,
-            to_open: start.arguments.file,
+            to_open: start.arguments.file.map(Place::parse),
             lost: None,
             losses: Vec::new(),
             open_window,
+            end_requests,
+            ended: 0,
             started: Instant::now(),
         }
     }
@@ -114,6 +151,12 @@ impl Workspace {
     pub(super) fn tick(&mut self) -> f64 {
         self.viewer.notices.now = self.started.elapsed().as_secs_f64();
         self.viewer.notices.now
+    }
+
+    /// Whether the program is asked to end from outside, once for each request.
+    pub(super) fn is_asked_to_end(&mut self) -> bool {
+        let asked = self.end_requests.0.load(Relaxed);
+        std::mem::replace(&mut self.ended, asked) < asked
     }
 
     /// The device is lost: the window ends, for another one to take its place.
@@ -129,9 +172,13 @@ impl Workspace {
         self.lost.is_some() && self.losses.len() <= MAX_LOSSES
     }
 
-    /// Ends the session where it was, with nothing of the user's lost: waits for the last commit, and keeps the settings.
+    /// Ends the session where it was, with nothing of the user's lost: waits for the last commit and for pictures, and keeps the settings.
     pub(super) fn finish(&mut self) {
+        self.viewer.cancel_export();
         self.viewer.painting = None;
+        for error in self.pictures.finish() {
+            eprintln!("fantex-app: {error}");
+        }
         if let Some(file) = &self.settings_file
             && let Err(error) = self.viewer.settings.save(file)
         {
@@ -160,7 +207,7 @@ impl Dialogs {
         if self.open.iter().any(|(open, _)| *open == dialog) {
             return;
         }
-        let (title, filter, extensions) = match dialog {
+        let (title, filter, extensions) = match &dialog {
             FileDialog::Open => ("Open a model or an asset", "Models and assets", MODELS),
             FileDialog::Surroundings => ("Choose surroundings", "Pictures", PICTURES),
             FileDialog::Sticker => ("Choose a picture", "Pictures", PICTURES),
@@ -169,15 +216,17 @@ impl Dialogs {
             FileDialog::Stamp => ("Choose a stamp", "Pictures", PICTURES),
             FileDialog::LoadPath => ("Load a camera path", "Camera paths", &["json"][..]),
             FileDialog::SavePath => ("Save the camera path", "Camera paths", &["json"][..]),
-            FileDialog::Export(Preset::Blender) => ("Export the asset", "glTF", &["gltf"][..]),
-            FileDialog::Export(_) => ("Export the asset", "glTF", &["glb"][..]),
-            FileDialog::SaveCopy => ("Save a copy", "Assets", &["fan"][..]),
+            FileDialog::Export(_, settings) if settings.preset == Preset::Blender => {
+                ("Export the asset", "glTF", &["gltf"][..])
+            }
+            FileDialog::Export(..) => ("Export the asset", "glTF", &["glb"][..]),
+            FileDialog::SaveCopy(_) => ("Save a copy", "Assets", &["fan"][..]),
         };
         let window = AsyncFileDialog::new().set_title(title).add_filter(filter, extensions);
-        let name = match dialog {
+        let name = match &dialog {
             FileDialog::SavePath => Some(format!("{stem}-path.json")),
-            FileDialog::Export(preset) => Some(format!("{stem}.{}", preset.extension())),
-            FileDialog::SaveCopy => Some(format!("{stem}-copy.fan")),
+            FileDialog::Export(_, settings) => Some(format!("{stem}-export.{}", settings.preset.extension())),
+            FileDialog::SaveCopy(_) => Some(format!("{stem}-copy.fan")),
             _ => None,
         };
         let work = move || {
@@ -203,7 +252,7 @@ impl Dialogs {
                 JobState::Lost => None,
             };
             if chosen.is_some() || job.seconds() < SHOWN_SECONDS {
-                answers.push((*dialog, chosen));
+                answers.push((dialog.clone(), chosen));
             }
             false
         });
@@ -288,6 +337,16 @@ impl PictureFiles {
             false
         });
         std::mem::take(done)
+    }
+
+    /// Waits for what is being written; returns what went wrong.
+    fn finish(&mut self) -> Vec<Error> {
+        let arrived: Vec<_> = self.windows.try_iter().collect();
+        arrived.into_iter().for_each(|(path, image)| self.save(path, Ok(image)));
+        let jobs = self.jobs.drain(..);
+        let written = jobs.map(|(path, job)| job.wait().unwrap_or_else(|| Err(lost_picture(&path))));
+        let done = self.done.drain(..).map(|(_, written)| written);
+        done.chain(written).filter_map(Result::err).collect()
     }
 
     /// Pictures that are not in their files yet.

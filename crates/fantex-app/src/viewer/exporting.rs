@@ -3,16 +3,16 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError};
 
 use fantex::bake::Progress;
 use fantex::base::files::{persist, temporary_file};
-use fantex::base::{Error, Result};
-use fantex::store::Asset;
+use fantex::base::{Error, Result, counted};
+use fantex::store::{Asset, WriterLock};
 
 use crate::document::{OpenProgress, Place};
-use crate::export::{ExportSettings, export};
+use crate::export::{ExportSettings, Exported, export};
 use crate::job::{Job, JobState};
-use crate::paint::PaintCommand;
 use crate::viewer::{FileDialog, Request, Viewer};
 
 /// What is to be exported, until it is written.
@@ -27,18 +27,25 @@ enum Work {
     /// The user is choosing.
     #[default]
     Asked,
-    /// Until what was painted on it is in the file.
-    Waiting {
-        from: PathBuf,
-        to: PathBuf,
-        what: What,
-    },
-    Running(Arc<OpenProgress>, Job<Result<Vec<PathBuf>>>),
+    /// Until what was painted on it is in its file.
+    Waiting(Task, Receiver<HandedOver>),
+    Running(Task, Arc<OpenProgress>, Job<Result<Exported>>),
 }
 
-#[derive(Clone, Copy, Debug)]
+/// An asset whose file holds all that was painted on it, or why it does not.
+pub type HandedOver = Result<Arc<Asset>, String>;
+
+/// What is written.
+#[derive(Clone, Debug)]
+struct Task {
+    from: PathBuf,
+    to: PathBuf,
+    what: What,
+}
+
+#[derive(Clone, Debug)]
 enum What {
-    Export,
+    Export(ExportSettings),
     Copy,
 }
 
@@ -48,10 +55,18 @@ impl Exporting {
         matches!(self.work, Work::Asked)
     }
 
+    /// What is being written.
+    pub fn written_to(&self) -> Option<&Path> {
+        match &self.work {
+            Work::Asked => None,
+            Work::Waiting(task, _) | Work::Running(task, ..) => Some(&task.to),
+        }
+    }
+
     /// How much is done, 0..1.
     pub fn share(&self) -> f32 {
         match &self.work {
-            Work::Running(progress, _) => progress.counted(),
+            Work::Running(_, progress, _) => progress.counted(),
             _ => 0.0,
         }
     }
@@ -59,18 +74,24 @@ impl Exporting {
 
 impl Viewer {
     pub(super) fn ask_export(&mut self) {
-        if self.can_export() && !self.is_writing() {
+        if self.exportable().is_some() && !self.is_writing() {
             self.exporting.get_or_insert_default();
         }
     }
 
-    /// Whether there is an asset that can be exported or copied; of one at an address it is told why not.
-    pub(super) fn can_export(&mut self) -> bool {
-        let is_there = self.asset_path().is_some();
-        if !is_there && self.document.as_ref().is_some_and(|document| document.asset().is_some()) {
+    pub(super) fn ask_copy(&mut self) {
+        if let Some(from) = self.exportable() {
+            self.request(Request::Dialog(FileDialog::SaveCopy(from)));
+        }
+    }
+
+    /// The asset that can be exported or copied; of one at an address it is told why not.
+    fn exportable(&mut self) -> Option<PathBuf> {
+        let path = self.asset_path();
+        if path.is_none() && self.document.as_ref().is_some_and(|document| document.asset().is_some()) {
             self.notices.warning("What lies at an address can only be looked at: download it first.");
         }
-        is_there
+        path
     }
 
     /// Whether something is being written, which is told: one thing at a time is.
@@ -87,37 +108,83 @@ impl Viewer {
         if self.is_writing() {
             return;
         }
-        self.request(Request::Dialog(FileDialog::Export(settings.preset)));
-        self.exporting = Some(Exporting { settings, work: Work::Asked });
-    }
-
-    /// Writes what was chosen.
-    pub fn export_to(&mut self, path: PathBuf) {
-        if self.is_writing() {
-            return;
-        }
-        let settings = self.exporting.take().unwrap_or_default().settings;
-        self.begin_export(path, What::Export, settings);
-    }
-
-    /// Writes the asset as it is to another file.
-    pub fn copy_to(&mut self, path: PathBuf) {
-        if self.is_writing() {
-            return;
-        }
-        self.begin_export(path, What::Copy, ExportSettings::default());
-    }
-
-    fn begin_export(&mut self, to: PathBuf, what: What, settings: ExportSettings) {
         self.exporting = None;
-        let Some(from) = self.can_export().then(|| self.asset_path()).flatten() else { return };
-        self.paint_command(&PaintCommand::Save);
-        self.exporting = Some(Exporting { settings, work: Work::Waiting { from, to, what } });
-        self.poll_export();
+        if let Some(from) = self.exportable() {
+            self.request(Request::Dialog(FileDialog::Export(from, settings.clone())));
+            self.exporting = Some(Exporting { settings, work: Work::Asked });
+        }
     }
 
-    pub(super) fn cancel_export(&mut self) {
-        if let Some(Exporting { work: Work::Running(progress, _), .. }) = self.exporting.take() {
+    /// Exports the asset that is open.
+    pub fn export_to(&mut self, path: PathBuf, settings: ExportSettings) {
+        if let Some(from) = self.exportable() {
+            self.export_of(from, path, settings);
+        }
+    }
+
+    /// Writes the asset that is open, as it is, to another file.
+    pub fn copy_to(&mut self, path: PathBuf) {
+        if let Some(from) = self.exportable() {
+            self.copy_of(from, path);
+        }
+    }
+
+    /// As [`export_to`](Self::export_to), of the asset that was open when it was asked where to.
+    pub(super) fn export_of(&mut self, from: PathBuf, to: PathBuf, settings: ExportSettings) {
+        self.write(Task { from, to, what: What::Export(settings) });
+    }
+
+    /// As [`copy_to`](Self::copy_to), of the asset that was open when it was asked where to.
+    pub(super) fn copy_of(&mut self, from: PathBuf, to: PathBuf) {
+        self.write(Task { from, to, what: What::Copy });
+    }
+
+    fn write(&mut self, task: Task) {
+        if self.is_writing() {
+            return;
+        }
+        self.exporting = None;
+        if self.asset_path().as_ref() != Some(&task.from) {
+            let [from, to] = [&task.from, &task.to].map(|path| path.display());
+            return self.notices.warning(format!("{to} was not written: {from} is not open any more."));
+        }
+        match &mut self.painting {
+            Some(painting) => {
+                let handed = painting.hand_over();
+                let settings = ExportSettings::default();
+                self.exporting = Some(Exporting { settings, work: Work::Waiting(task, handed) });
+                self.poll_export();
+            }
+            None => self.begin_writing(task, None),
+        }
+    }
+
+    /// `asset`: what is written, where its painter has handed it over.
+    fn begin_writing(&mut self, task: Task, asset: Option<Arc<Asset>>) {
+        let progress = Arc::new(OpenProgress::default());
+        let (Task { from, to, what }, for_thread) = (task.clone(), progress.clone());
+        // Where nobody is asked, nobody can say so.
+        let (told, asks) = (std::mem::take(&mut self.told_replaced), self.asks);
+        let may_replace = move |path: &Path| !asks || told.iter().any(|told| told == path);
+        let work = move || {
+            let asset = asset.map_or_else(|| Asset::open(&from).map(Arc::new), Ok)?;
+            match what {
+                What::Export(settings) => export(&asset, &to, &settings, may_replace, &*for_thread),
+                What::Copy => copy(&asset, &to, &*for_thread).map(|()| Exported::Written(vec![to])),
+            }
+        };
+        match Job::spawn("export", self.waker(), work) {
+            Ok(job) => {
+                let settings = ExportSettings::default();
+                self.exporting = Some(Exporting { settings, work: Work::Running(task, progress, job) });
+            }
+            Err(error) => self.notices.error(format!("cannot start a thread to write: {error}")),
+        }
+    }
+
+    /// Gives up what is being written.
+    pub fn cancel_export(&mut self) {
+        if let Some(Exporting { work: Work::Running(_, progress, _), .. }) = self.exporting.take() {
             progress.cancel();
         }
     }
@@ -132,52 +199,71 @@ impl Viewer {
     }
 
     pub(super) fn poll_export(&mut self) {
-        let Some(exporting) = &self.exporting else { return };
-        match &exporting.work {
-            Work::Asked => {}
-            Work::Waiting { from, to, .. } if self.asset_path().as_ref() != Some(from) => {
-                let [from, to] = [from, to].map(|path| path.display());
+        let Some(exporting) = self.exporting.take() else { return };
+        match exporting.work {
+            Work::Asked => self.exporting = Some(exporting),
+            Work::Waiting(task, handed) => match handed.try_recv() {
+                Ok(Ok(asset)) => self.begin_writing(task, Some(asset)),
+                Ok(Err(reason)) => {
+                    self.notices.error(format!("{} was not written. {reason}", task.to.display()));
+                }
+                Err(TryRecvError::Empty) => {
+                    self.exporting = Some(Exporting { work: Work::Waiting(task, handed), ..exporting });
+                }
+                Err(TryRecvError::Disconnected) => {
+                    let [from, to] = [&task.from, &task.to].map(|path| path.display());
+                    self.notices
+                        .error(format!("{to} was not written: what was painted on {from} was not saved."));
+                }
+            },
+            Work::Running(task, progress, job) => match job.poll() {
+                JobState::Running => {
+                    self.exporting =
+                        Some(Exporting { work: Work::Running(task, progress, job), ..exporting });
+                }
+                JobState::Done(result) => self.take_written(&task, result),
+                JobState::Lost => {
+                    self.notices.error("nothing was exported: the program failed on it");
+                }
+            },
+        }
+    }
+
+    fn take_written(&mut self, task: &Task, result: Result<Exported>) {
+        match result {
+            Ok(Exported::Replaces(files)) => {
+                let to = task.to.display();
                 self.notices.warning(format!(
-                    "{to} was not written: {from} was left before all that was painted on it was saved."
+                    "{to} was not written: {} there already. Export to this name again to replace what is there.",
+                    listed(&files)
                 ));
-                self.exporting = None;
-            }
-            Work::Waiting { from, to, what } => {
-                if self.painting.as_ref().is_some_and(|painting| !painting.is_saved()) {
-                    return;
-                }
-                let (from, to, what) = (from.clone(), to.clone(), *what);
-                let settings = exporting.settings.clone();
-                self.exporting = None;
-                let progress = Arc::new(OpenProgress::default());
-                let for_thread = progress.clone();
-                let work = move || match what {
-                    What::Export => export(&from, &to, &settings, &*for_thread),
-                    What::Copy => copy(&from, &to, &*for_thread).map(|()| vec![to]),
-                };
-                match Job::spawn("export", self.waker(), work) {
-                    Ok(job) => {
-                        let settings = ExportSettings::default();
-                        self.exporting = Some(Exporting { settings, work: Work::Running(progress, job) });
-                    }
-                    Err(error) => self.notices.error(format!("cannot start a thread to write: {error}")),
+                self.told_replaced = files;
+                if let What::Export(settings) = &task.what {
+                    self.exporting = Some(Exporting { settings: settings.clone(), work: Work::Asked });
                 }
             }
-            Work::Running(_, job) => {
-                let result = match job.poll() {
-                    JobState::Running => return,
-                    JobState::Done(result) => result,
-                    JobState::Lost => {
-                        Err(Error::unavailable("nothing was exported: the program failed on it"))
-                    }
-                };
-                self.exporting = None;
-                match result {
-                    Ok(files) => self.notices.info(said(&files)),
-                    Err(error) if error.is_cancelled() => {}
-                    Err(error) => self.notices.error(error.to_string()),
+            Ok(Exported::Written(files)) => {
+                if let (What::Copy, Some(painting)) = (&task.what, &self.painting)
+                    && self.asset_path().as_ref() == Some(&task.from)
+                {
+                    painting.take_copied();
                 }
+                self.notices.info(said(&files));
             }
+            Err(error) if error.is_cancelled() => {}
+            Err(error) => self.notices.error(error.to_string()),
+        }
+    }
+}
+
+/// `a.png is`, `a.png and 2 files more are`.
+fn listed(files: &[PathBuf]) -> String {
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    match files {
+        [] => "nothing is".into(),
+        [one] => format!("{} is", name(one)),
+        [first, others @ ..] => {
+            format!("{} and {} are", name(first), counted(others.len() as u64, "more file"))
         }
     }
 }
@@ -195,12 +281,14 @@ const COPIED_AT_ONCE: usize = 1 << 20;
 
 /// Copies an asset, which a painter may go on changing. As long as it is open for reading here, no space of the file that its generation or
 /// a later one names is written again. The copy gets its name once all its checksums are right.
-fn copy(from: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
+fn copy(asset: &Asset, to: &Path, progress: &dyn Progress) -> Result<()> {
+    let from = asset.path();
     let is_same = || Some(std::fs::canonicalize(from).ok()? == std::fs::canonicalize(to).ok()?);
     if is_same() == Some(true) {
         return Err(Error::invalid(format!("{} is the asset itself: choose another name", to.display())));
     }
-    let asset = Asset::open(from)?;
+    // Nobody else is to paint on what is replaced.
+    let lock = to.exists().then(|| WriterLock::acquire(to)).transpose()?;
     let failed = |source| Error::writing(to, source);
     let mut copied = temporary_file(to, "").map_err(failed)?;
     let length = asset.file_bytes();
@@ -226,8 +314,9 @@ fn copy(from: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
         let sentence = format!("{to} was not written: what was read of {from} does not match its checksums");
         Error::damaged(sentence).with_source(error)
     })?;
-    drop(asset);
-    persist(copied.into_temp_path(), to, true)
+    persist(copied.into_temp_path(), to, true)?;
+    drop(lock);
+    Ok(())
 }
 
 /// Checks all texels and attachments of an asset against their checksums.

@@ -4,6 +4,9 @@ use crate::paint::{Leave, Painting, SaveState};
 use crate::viewer::opening::Wanted;
 use crate::viewer::{Request, Viewer};
 
+/// Who is told what is lost and asks again within this time, means it.
+const WARNED_SECONDS: f64 = 10.0;
+
 /// What waits until what is painted on is saved.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Departure {
@@ -45,13 +48,14 @@ impl Viewer {
     /// Whether what is open may be left at once. Else the departure is told why, or comes by itself once all is saved.
     pub(super) fn may_leave(&mut self, departure: Departure) -> bool {
         self.departure = None;
+        let unwritten = if departure == Departure::Quit { self.unwritten() } else { None };
         match self.loss() {
-            Leave::Free => true,
             Leave::Waits => {
                 self.departure = Some(departure);
                 false
             }
             Leave::Loses(reason) => self.may_lose(&reason, departure),
+            Leave::Free => unwritten.is_none_or(|reason| self.may_lose(&reason, departure)),
         }
     }
 
@@ -73,7 +77,8 @@ impl Viewer {
     /// Goes on with what has waited for being saved.
     pub(super) fn poll_leaving(&mut self) {
         let is_failed = |painting: &Painting| matches!(painting.save, SaveState::Failed(_));
-        if !self.painting.as_ref().is_some_and(is_failed) && self.changed_look().is_none() {
+        let is_lost = self.painting.as_ref().is_some_and(is_failed) || self.changed_look().is_some();
+        if !is_lost && self.unwritten().is_none() {
             self.warned = None;
         }
         match self.departure.take() {
@@ -99,6 +104,12 @@ impl Viewer {
         }
     }
 
+    /// What ends with the program before it is written.
+    fn unwritten(&self) -> Option<String> {
+        let path = self.exporting.as_ref()?.written_to()?;
+        Some(format!("{} is still being written.", path.display()))
+    }
+
     /// What of a look is not in its file.
     fn changed_look(&self) -> Option<String> {
         let live = self.live.as_ref().filter(|live| live.is_changed())?;
@@ -108,12 +119,14 @@ impl Viewer {
 
     /// Tells what a departure loses; true where that was told before.
     fn may_lose(&mut self, reason: &str, departure: Departure) -> bool {
-        if self.warned.as_ref() == Some(&departure) {
+        let now = self.now();
+        let is_told = |(told, at): &(Departure, f64)| *told == departure && now - at < WARNED_SECONDS;
+        if self.warned.as_ref().is_some_and(is_told) {
             return true;
         }
         let (reason, again) = (reason.trim_end_matches('.'), departure.again());
         self.notices.error(format!("{reason}. {again} to lose what is not saved."));
-        self.warned = Some(departure);
+        self.warned = Some((departure, now));
         false
     }
 }

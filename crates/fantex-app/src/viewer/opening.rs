@@ -1,25 +1,21 @@
 //! Files and addresses on their way to the screen.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::FileKind;
 use fantex::base::{Error, Result};
-use fantex::glam::DVec2;
 
-use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
-use crate::display::ShadingView;
+use crate::camera::{CameraMode, ViewPreset, Walker};
 use crate::document::{
     Answer, ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage,
 };
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
-use crate::paint::{
-    Alone, LayerAction, NewAsset, PaintCommand, Painting, PenEvent, PenPhase, Viewpoint, asset_beside,
-};
+use crate::paint::{NewAsset, Painting};
 use crate::scene_view::{PrepareScene, SceneModel};
+use crate::viewer::Viewer;
 use crate::viewer::leaving::Departure;
-use crate::viewer::{SceneInput, Viewer};
 
 /// What is to be opened, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,9 +105,14 @@ impl Viewer {
         self.begin_opening(Place::parse(text), false);
     }
 
+    /// The same for a file that was chosen.
+    pub fn open_file(&mut self, path: PathBuf) {
+        self.begin_opening(Place::File(path), false);
+    }
+
     /// The same for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
-    pub fn open_or_fail(&mut self, text: &str) {
-        let wanted = self.wanted(Place::parse(text), false);
+    pub fn open_or_fail(&mut self, place: Place) {
+        let wanted = self.wanted(place, false);
         self.begin(Wanted { is_all: true, ..wanted });
     }
 
@@ -148,14 +149,18 @@ impl Viewer {
 
     /// Shows a look, and follows its file.
     fn open_look(&mut self, path: &Path, is_all: bool) {
-        self.close();
+        self.cancel_opening();
         match LiveLook::open(path, self.look_model.clone(), self.waker()) {
             Ok(live) => {
+                self.close();
                 self.settings.camera.mode = CameraMode::Orbit;
-                self.settings.remember(&absolute(&Place::File(path.to_owned())));
+                self.remember(&Place::File(path.to_owned()));
                 self.live = Some(live);
             }
-            Err(error) => self.fail_opening(error.to_string(), is_all),
+            Err(error) => {
+                self.fail_opening(error.to_string(), is_all);
+                self.stay();
+            }
         }
     }
 
@@ -168,6 +173,7 @@ impl Viewer {
 
     fn begin_at_once(&mut self, wanted: Wanted) {
         self.asked = None;
+        self.removal = None;
         self.departure = None;
         self.paints = wanted.paints;
         if let Some(painting) = &mut self.painting {
@@ -180,20 +186,18 @@ impl Viewer {
         {
             return self.open_look(path, wanted.is_all);
         }
-        // Those that are given up may still keep the file for themselves.
-        let before: Vec<Opening> = self.given_up.drain(..).chain(self.opening.take()).collect();
-        before.iter().for_each(|opening| opening.progress.cancel());
+        // Those that are given up may still keep the file for themselves, and nobody waits for others.
+        let (before, others): (Vec<_>, Vec<_>) =
+            self.given_up.drain(..).chain(self.opening.take()).partition(|opening| {
+                opening.progress.cancel();
+                wanted.paints && opening.wanted.paints && opening.place().painted().is_same(&place.painted())
+            });
+        self.given_up = others;
         let progress = Arc::new(OpenProgress::default());
         let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
         let streaming = self.settings.streaming;
         // Only one writer can have an asset open; it ends with its last commit.
-        let is_same = self.document.as_ref().is_some_and(|document| {
-            let beside = match &place {
-                Place::File(path) => Place::File(asset_beside(path)),
-                Place::Url(_) => place.clone(),
-            };
-            document.place == place || document.place == beside
-        });
+        let is_same = self.document.as_ref().is_some_and(|document| document.place.is_same(&place.painted()));
         let leaving = if is_same || !wanted.paints { self.painting.take() } else { None };
         let (brushes_file, wake) = (self.brushes_file.clone(), self.waker());
         let (memory, Wanted { paints, answer, change, .. }) = (self.paint_memory_bytes, wanted.clone());
@@ -297,7 +301,7 @@ impl Viewer {
                 self.leave_lost_painting();
             }
             Ok(Loaded::Document(document, model, painting)) => {
-                self.settings.remember(&absolute(&wanted.place));
+                self.remember(&wanted.place);
                 for note in document.notes.iter().filter(|_| painting.is_some()) {
                     self.notices.info(note.clone());
                 }
@@ -311,6 +315,7 @@ impl Viewer {
                     self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
                 );
                 self.live = None;
+                self.removal = None;
                 self.document = Some(*document);
                 self.new_model = Some(model);
                 if !keeps_camera {
@@ -328,26 +333,6 @@ impl Viewer {
         }
     }
 
-    fn fail_opening(&mut self, reason: String, is_all: bool) {
-        if is_all {
-            self.failure = Some(reason);
-        } else {
-            self.notices.error(reason);
-        }
-    }
-}
-
-/// A place that means the same from every folder.
-fn absolute(place: &Place) -> String {
-    match place {
-        Place::Url(url) => url.clone(),
-        Place::File(path) => {
-            std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned()
-        }
-    }
-}
-
-impl Viewer {
     /// Paints on what is open, or goes back to looking at it.
     pub(super) fn toggle_painting(&mut self) {
         let paints = !self.paints;
@@ -358,67 +343,6 @@ impl Viewer {
             }
             None => self.paints = paints,
         }
-    }
-
-    /// Something of the painter; nothing where nothing is painted on.
-    pub fn paint_command(&mut self, command: &PaintCommand) {
-        let view = self.viewpoint();
-        let Some(painting) = &mut self.painting else { return };
-        match command {
-            PaintCommand::Project => {
-                painting.project(&mut self.settings.paint, &view, &mut self.notices);
-            }
-            command => painting.command(command, &mut self.settings.paint),
-        }
-    }
-
-    /// Takes a brush from those that are kept, by its name.
-    ///
-    /// # Errors
-    /// There is none of this name.
-    pub fn take_preset(&mut self, name: &str) -> Result<()> {
-        let kept = self.painting.as_ref().map_or(&[][..], |painting| &painting.presets.brushes);
-        let brush = kept.iter().find(|brush| brush.name == name);
-        let none = || Error::not_found(format!("there is no brush named {name:?}"));
-        self.settings.paint.brush = brush.ok_or_else(none)?.clone();
-        Ok(())
-    }
-
-    pub fn layer_action(&mut self, action: &LayerAction) {
-        if let Some(painting) = &mut self.painting
-            && let Err(reason) = painting.layer_action(action, &self.settings.paint)
-        {
-            self.notices.warning(reason);
-        }
-        self.light_alone();
-    }
-
-    /// Shows the height alone, or no longer.
-    pub fn see_height(&mut self, is_seen: bool) {
-        if let Some(painting) = &mut self.painting {
-            painting.see_alone(is_seen.then_some(Alone::Height));
-        }
-        self.light_alone();
-    }
-
-    /// What is seen instead of the base colour is seen without light.
-    pub(crate) fn light_alone(&mut self) {
-        let is_seen = self.painting.as_ref().is_some_and(|painting| painting.seen_alone.is_some());
-        let now = &mut self.settings.display.shading;
-        match (is_seen, self.shading_before_alone) {
-            (true, None) => {
-                self.shading_before_alone = Some(std::mem::replace(now, ShadingView::BaseColor));
-            }
-            (false, Some(before)) => {
-                *now = before;
-                self.shading_before_alone = None;
-            }
-            _ => {}
-        }
-    }
-
-    pub fn viewpoint(&self) -> Viewpoint {
-        Viewpoint { rig: self.rig, pixels: self.scene_pixels, pixels_per_point: self.pixels_per_point }
     }
 
     /// Where another file could not be opened, what was painted on is not open any more either.
@@ -432,40 +356,29 @@ impl Viewer {
         }
     }
 
-    /// Lets the pen paint; what is left of the input moves the camera.
-    pub(super) fn paint(&mut self, input: &SceneInput) -> SceneInput {
-        let pen = self.drag_brush(input);
-        let view = self.viewpoint();
-        let mut left = input.clone();
-        let Some(painting) = &mut self.painting else { return left };
-        let settings = &mut self.settings.paint;
-        painting.follow_placing(settings, &view, &mut self.notices);
-        let is_for_pen = !input.turns_sun || painting.has_hand_down();
-        // A button that is let go ends what it began, whatever is held.
-        let pen: Vec<PenEvent> =
-            pen.into_iter().filter(|event| is_for_pen || event.phase == PenPhase::Up).collect();
-        painting.pen(&pen, settings, &view, input.modifiers, &mut self.notices);
-        // With Ctrl wheel and right button are for the brush.
-        if input.turns_sun && !painting.is_drawing() {
-            settings.brush.change_size(input.wheel as f32);
-            self.change_brush(input.side_drag - input.middle_drag);
-            left.wheel = 0.0;
+    /// Puts a place at the top of the recent ones, which are text.
+    fn remember(&mut self, place: &Place) {
+        if let Some(text) = absolute(place) {
+            self.settings.remember(&text);
         }
-        let Some(painting) = &self.painting else { return left };
-        let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };
-        let sun = if input.turns_sun && !painting.has_stroke_begun() { input.drag } else { DVec2::ZERO };
-        let (mut side, middle) = (input.side_drag - input.middle_drag, input.middle_drag);
-        if input.turns_sun {
-            side = DVec2::ZERO;
+    }
+
+    fn fail_opening(&mut self, reason: String, is_all: bool) {
+        if is_all {
+            self.failure = Some(reason);
+        } else {
+            self.notices.error(reason);
         }
-        // Shift lets the right button do what the middle one does.
-        let (turned, shifted) =
-            if input.modifiers[0] { (DVec2::ZERO, side + middle) } else { (side, middle) };
-        left.drag = turn + turned + sun;
-        left.turns_sun = input.turns_sun && sun != DVec2::ZERO;
-        left.side_drag = shifted;
-        left.is_double_click = false;
-        left.movement = MoveInput::default();
-        left
+    }
+}
+
+/// A place that means the same from every folder; none where that is no text.
+fn absolute(place: &Place) -> Option<String> {
+    match place {
+        Place::Url(url) => Some(url.clone()),
+        Place::File(path) => {
+            let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+            path.into_os_string().into_string().ok()
+        }
     }
 }

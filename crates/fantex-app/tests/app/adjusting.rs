@@ -1,7 +1,7 @@
 //! Size and hardness of the brush by drags and wheel, as hand and keys ask for them.
 
 use eframe::egui::{Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2};
-use eframe::egui::{TouchPhase, Vec2, pos2, vec2};
+use eframe::egui::{TouchDeviceId, TouchId, TouchPhase, Vec2, pos2, vec2};
 use egui_kittest::Harness;
 use fantex::glam::DVec3;
 use fantex_app::camera::ViewPreset;
@@ -249,4 +249,33 @@ fn the_keys_are_listed() {
         assert!(PAINT_GESTURES.iter().any(|(listed, _)| *listed == keys), "{keys}");
     }
     assert_eq!(keys_of(true, &Command::FrameAll).as_deref(), Some("F"));
+}
+
+/// The system takes a touch for itself, as for a gesture of its own: no button is let go then.
+#[test]
+fn a_touch_that_is_taken_back_lifts_the_pen() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path());
+    let at = middle(&harness);
+    let touch = |id: u64, phase| Event::Touch {
+        device_id: TouchDeviceId(0),
+        id: TouchId(id),
+        phase,
+        pos: at,
+        force: Some(0.5),
+    };
+    let button = PointerButton::Primary;
+    let pressed = Event::PointerButton { pos: at, button, pressed: true, modifiers: Modifiers::NONE };
+    let is_down = |harness: &mut Harness<'static, Viewer>, events: Vec<Event>| {
+        // As the window has them: in one frame.
+        harness.input_mut().events.extend(events);
+        harness.run_steps(1);
+        harness.state().painting.as_ref().unwrap().has_hand_down()
+    };
+    harness.event(Event::PointerMoved(at));
+    harness.run_steps(1);
+    assert!(is_down(&mut harness, vec![touch(1, TouchPhase::Start), Event::PointerMoved(at), pressed]));
+    assert!(is_down(&mut harness, vec![touch(2, TouchPhase::Cancel)]), "another finger");
+    assert!(is_down(&mut harness, vec![Event::PointerGone]), "a mouse that leaves the window");
+    assert!(!is_down(&mut harness, vec![touch(1, TouchPhase::Cancel), Event::PointerGone]));
 }

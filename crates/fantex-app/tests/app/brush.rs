@@ -14,6 +14,7 @@ use fantex_app::paint::{
     StencilSettings, SymmetryKind, SymmetrySettings, TIPS, TextureChoice, Viewpoint, parse_hex,
     plane_outline, preview_stroke, text_hex,
 };
+use fantex_app::settings::Settings;
 
 #[test]
 fn pixels_become_world_units_where_the_stroke_begins() {
@@ -37,6 +38,28 @@ fn sizes_stay_within_bounds() {
     assert_eq!(settings.size, BrushSettings::WORLD_SIZE[1]);
     settings.change_size(-1e6);
     assert_eq!(settings.size, BrushSettings::WORLD_SIZE[0]);
+}
+
+/// JSON holds no such name; all the rest is not to be lost for that.
+#[cfg(unix)]
+#[test]
+fn stamps_whose_names_are_no_text_are_not_remembered() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let [brushes, file] = ["brushes.json", "settings.json"].map(|name| folder.path().join(name));
+    let stamp = std::path::PathBuf::from(std::ffi::OsStr::from_bytes(b"caf\xe9.png"));
+    let brush = BrushSettings { name: "Mine".into(), stamp: Some(stamp), ..BrushSettings::default() };
+    let mut presets = Presets::default();
+    presets.save(&brushes).unwrap();
+    presets.keep(&brush);
+    assert!(presets.save(&brushes).is_err());
+    assert_eq!(Presets::load(&brushes).unwrap(), Presets::default());
+    let mut settings = Settings::default();
+    settings.paint.brush = brush;
+    settings.save(&file).unwrap();
+    let (again, problem) = Settings::load(&file);
+    assert!(problem.is_none());
+    assert_eq!((again.paint.brush.name.as_str(), again.paint.brush.stamp), ("Mine", None));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Exports for other programs.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
@@ -16,9 +16,9 @@ use fantex::texture::{Image, Samples};
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
 use fantex_app::document::{Document, Place};
-use fantex_app::export::{ExportSettings, Preset, export};
+use fantex_app::export::{ExportSettings, Exported, Preset, export};
 use fantex_app::paint::{LayerAction, NewAsset, PenEvent, PenPhase, bake_model};
-use fantex_app::viewer::{FileDialog, Request, SceneInput, Viewer};
+use fantex_app::viewer::{Exporting, FileDialog, Request, SceneInput, Viewer};
 
 use crate::panels::{empty, wait_painted, with_painting};
 
@@ -37,9 +37,11 @@ fn presets_write_what_programs_want() {
     bake_model(&mesh, &new, &at("torus.fan"), &NoProgress).unwrap();
     let of_user = at("y_MetallicSmoothness.part.png");
     std::fs::write(&of_user, "mine").unwrap();
+    let asset = Arc::new(Asset::open(&at("torus.fan")).unwrap());
     let run = |preset: Preset, name: &str| {
         let settings = ExportSettings { preset, side: Some(256), points_down: preset.points_down() };
-        let files = export(&at("torus.fan"), &at(name), &settings, &NoProgress).unwrap();
+        let exported = export(&asset, &at(name), &settings, |_| false, &NoProgress).unwrap();
+        let Exported::Written(files) = exported else { panic!("{exported:?}") };
         files
             .into_iter()
             .map(|path| path.file_name().unwrap().to_string_lossy().into_owned())
@@ -71,6 +73,44 @@ fn presets_write_what_programs_want() {
     assert_eq!(std::fs::read(of_user).unwrap(), b"mine");
 }
 
+/// Pictures of that name may be those that the model was made of.
+#[test]
+fn files_beside_a_model_are_replaced_once_that_is_asked_for_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = Arc::new(Asset::open(&crate::painting::small_asset(folder.path())).unwrap());
+    let mut viewer = empty();
+    viewer.asks = true;
+    let place = Place::File(asset.path().to_owned());
+    viewer.document = Some(Document::of_asset(place, asset));
+    // Of one the name is known before anything is written, of the other only then.
+    for (preset, model, picture) in
+        [(Preset::Unity, "u.glb", "u_BaseMap.png"), (Preset::Blender, "b.gltf", "b-base-color.png")]
+    {
+        let [model, picture] = [model, picture].map(|name| folder.path().join(name));
+        let settings = ExportSettings { preset, side: Some(64), ..ExportSettings::default() };
+        std::fs::write(&model, "before").unwrap();
+        std::fs::write(&picture, "mine").unwrap();
+        let read = || [&model, &picture].map(|path| std::fs::read(path).unwrap());
+        let mut write = || {
+            viewer.export_to(model.clone(), settings.clone());
+            while viewer.exporting.as_ref().is_some_and(|exporting| !exporting.is_asked()) {
+                viewer.poll();
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            viewer.exporting.as_ref().map(|exporting| exporting.settings.clone())
+        };
+        assert_eq!(write(), Some(settings.clone()), "it can be asked for again");
+        assert_eq!(read(), [b"before".to_vec(), b"mine".to_vec()]);
+        assert_eq!(write(), None);
+        assert!(read().iter().all(|bytes| bytes.len() > 10));
+    }
+    let told = viewer
+        .notices
+        .log()
+        .any(|text| text.contains("u.glb was not written: u_BaseMap.png is there already"));
+    assert!(told);
+}
+
 /// Wants to go on for so many questions.
 struct Patience(AtomicU32);
 
@@ -85,13 +125,13 @@ impl Progress for Patience {
 #[test]
 fn exports_that_are_cancelled_leave_all_files_as_they_were() {
     let folder = tempfile::tempdir().unwrap();
-    let asset = crate::painting::small_asset(folder.path());
+    let asset = Arc::new(Asset::open(&crate::painting::small_asset(folder.path())).unwrap());
     std::fs::write(folder.path().join("y.glb"), "before").unwrap();
     let settings = ExportSettings { preset: Preset::Unity, side: Some(128), ..ExportSettings::default() };
     let mut cancelled = 0;
     for questions in [0, 1, 2, 3, 5, 8, 12, 20, 40] {
         let patience = Patience(AtomicU32::new(questions));
-        if export(&asset, &folder.path().join("y.glb"), &settings, &patience).is_ok() {
+        if export(&asset, &folder.path().join("y.glb"), &settings, |_| false, &patience).is_ok() {
             break;
         }
         cancelled += 1;
@@ -145,9 +185,13 @@ fn copies_hold_what_is_painted_so_far() {
     wait_painted(&mut viewer);
     draw(&mut viewer, [0.5, 0.85], [0.6, 0.84]);
     viewer.command(Command::SaveCopy);
-    assert_eq!(viewer.take_requests(), [Request::Dialog(FileDialog::SaveCopy)], "it asks where to");
+    assert_eq!(
+        viewer.take_requests(),
+        [Request::Dialog(FileDialog::SaveCopy(original.clone()))],
+        "it asks where to"
+    );
     let copy = folder.path().join("copy.fan");
-    viewer.take_file(FileDialog::SaveCopy, copy.clone());
+    viewer.take_file(FileDialog::SaveCopy(original.clone()), copy.clone());
     wait_written(&mut viewer);
     assert!(viewer.notices.log().any(|text| text.starts_with("Saved") && text.contains("copy.fan")));
     assert!(verify(&copy, &VerifyOptions::default()).unwrap().ok);
@@ -176,25 +220,65 @@ fn copies_hold_what_is_painted_so_far() {
     assert!(contents(&original) == copied);
 }
 
-/// The asset that was to be copied is not open any more: nothing else is copied instead.
-#[test]
-fn copies_that_wait_are_given_up_with_their_asset() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut viewer = with_painting(folder.path());
+/// A viewer that paints on an asset, seen from above, and where that lies.
+fn painting_in(folder: &Path) -> (Viewer, PathBuf) {
+    let mut viewer = with_painting(folder);
     (viewer.scene_pixels, viewer.pixels_per_point) = ([500, 500], 1.0);
     viewer.show(ViewPreset::Top);
     wait_painted(&mut viewer);
-    let copy = folder.path().join("copy.fan");
+    let path = viewer.asset_path().unwrap();
+    (viewer, path)
+}
+
+/// Another asset is opened before the question where to is answered, or while the copy waits for the painter.
+#[test]
+fn copies_are_of_the_asset_that_they_were_asked_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut viewer, path) = painting_in(folder.path());
     draw(&mut viewer, [0.5, 0.85], [0.6, 0.84]);
-    viewer.copy_to(copy.clone());
-    assert!(viewer.exporting.is_some());
+    viewer.command(Command::SaveCopy);
+    viewer.choose_export(ExportSettings::default());
+    let asked = viewer.take_requests();
+    let dialogs = asked.into_iter().map(|request| match request {
+        Request::Dialog(dialog) => dialog,
+        other => panic!("{other:?}"),
+    });
+    let dialogs: Vec<FileDialog> = dialogs.collect();
+    assert!(viewer.exporting.as_ref().is_some_and(Exporting::is_asked));
+    let first = folder.path().join("first.fan");
+    viewer.copy_to(first.clone());
     viewer.close();
-    let other = Asset::open(&crate::painting::small_asset(tempfile::tempdir().unwrap().path())).unwrap();
-    let place = Place::File(folder.path().join("other.fan"));
+    let elsewhere = tempfile::tempdir().unwrap();
+    let other = Asset::open(&crate::painting::small_asset(elsewhere.path())).unwrap();
+    let place = Place::File(other.path().to_owned());
     viewer.document = Some(Document::of_asset(place, Arc::new(other)));
+    wait_written(&mut viewer);
+    assert_eq!(contents(&first), contents(&path), "all that was painted before it was left");
+    for (dialog, name) in dialogs.into_iter().zip(["second.fan", "second.glb"]) {
+        viewer.take_file(dialog, folder.path().join(name));
+        assert!(viewer.exporting.is_none() && !folder.path().join(name).exists());
+        assert!(viewer.notices.log().any(|text| text.contains(&format!("{name} was not written"))));
+    }
+}
+
+/// What is painted where another program has removed the file can still be copied, to the old name, too.
+#[test]
+fn what_is_painted_on_a_file_that_is_gone_can_be_copied() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut viewer, path) = painting_in(folder.path());
+    std::fs::remove_file(&path).unwrap();
+    draw(&mut viewer, [0.5, 0.85], [0.6, 0.84]);
+    let copy = folder.path().join("copy.fan");
+    for to in [&copy, &path] {
+        viewer.copy_to(to.clone());
+        wait_written(&mut viewer);
+    }
+    assert_eq!(contents(&copy).0, ["paint"]);
+    assert!(std::fs::read(&copy).unwrap() == std::fs::read(&path).unwrap());
+    // Nothing is lost that is in a copy.
+    wait_painted(&mut viewer);
     viewer.poll();
-    assert!(viewer.exporting.is_none() && !copy.exists());
-    assert!(viewer.notices.log().any(|text| text.contains("copy.fan was not written")));
+    assert!(viewer.may_close());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use eframe::egui::{Key, Modifiers};
 use fantex::glam::DVec2;
 use fantex::paint::{PaintOptions, Painter};
-use fantex::store::Asset;
+use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
 use fantex_app::document::{Document, Place};
@@ -80,6 +80,10 @@ fn with_full_disk(folder: &Path) -> Viewer {
 fn what_is_not_saved_is_lost_only_where_that_is_asked_for_again() {
     let folder = tempfile::tempdir().unwrap();
     let mut viewer = with_full_disk(folder.path());
+    let copy = folder.path().join("copy.fan");
+    viewer.copy_to(copy.clone());
+    wait_until(&mut viewer, "it waits for ever", |viewer| viewer.exporting.is_none());
+    assert!(said(&viewer, "copy.fan was not written. The disk is full") && !copy.exists());
     assert!(!viewer.may_close());
     assert!(said(&viewer, "Close again to lose what is not saved."));
     viewer.command(Command::Close);
@@ -138,14 +142,30 @@ fn a_look_with_changes_is_left_once_that_is_asked_for_again() {
     viewer.live.as_mut().unwrap().set(1, 0.125);
     viewer.command(Command::Close);
     assert!(viewer.live.is_some() && said(&viewer, "What was changed of ball.toml is not saved."));
+    // Hours later it is told again.
+    viewer.notices.now += 7200.0;
+    viewer.command(Command::Close);
+    assert!(viewer.live.is_some());
     viewer.command(Command::Close);
     assert!(viewer.live.is_none());
 }
 
 #[test]
+fn a_look_that_cannot_be_read_leaves_what_is_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    wait_painted(&mut viewer);
+    wait_until(&mut viewer, "it does not save", |viewer| viewer.painting.as_ref().unwrap().is_saved());
+    viewer.paints = false;
+    viewer.open("none.toml");
+    assert!(viewer.painting.is_some() && viewer.document.is_some() && viewer.paints);
+    assert_eq!(crate::errors(&viewer.notices), 1);
+}
+
+#[test]
 fn a_look_that_cannot_be_read_ends_the_program() {
     let mut viewer = empty();
-    viewer.open_or_fail("none.toml");
+    viewer.open_or_fail(Place::parse("none.toml"));
     assert!(viewer.failure.is_some_and(|failure| failure.contains("none.toml")));
 }
 
@@ -172,8 +192,9 @@ fn opening_again_can_be_cancelled() {
     wait_until(&mut viewer, "it does not save", |viewer| {
         viewer.painting.as_mut().unwrap().leave() == fantex_app::paint::Leave::Free
     });
+    viewer.removal = Some(ChannelKind::BaseColor);
     viewer.command(Command::Reload);
-    assert!(viewer.opening.is_some() && viewer.painting.is_none());
+    assert!(viewer.opening.is_some() && viewer.painting.is_none() && viewer.removal.is_none());
     viewer.command(Command::Cancel);
     assert!(viewer.document.is_none(), "no scene without its painter");
     viewer.paints = true;
@@ -181,6 +202,20 @@ fn opening_again_can_be_cancelled() {
     wait_opened(&mut viewer);
     assert!(viewer.painting.is_some());
     assert_eq!(crate::errors(&viewer.notices), 0);
+}
+
+/// Its own lock does not keep the program out.
+#[test]
+fn an_asset_is_opened_again_under_another_spelling() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = seen(with_painting(folder.path()));
+    viewer.document.as_mut().unwrap().exchange = viewer.painting.as_ref().map(|p| p.exchange().clone());
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    let path = folder.path().join("sub/../torus.fan");
+    viewer.open(&path.to_string_lossy());
+    wait_opened(&mut viewer);
+    assert_eq!(viewer.document.as_ref().unwrap().place, Place::File(path));
+    assert!(viewer.painting.is_some() && crate::errors(&viewer.notices) == 0);
 }
 
 #[test]
@@ -201,6 +236,23 @@ fn one_thing_is_written_at_a_time_and_nothing_of_an_address() {
     viewer.command(Command::SaveCopy);
     assert!(viewer.exporting.is_none() && viewer.take_requests().is_empty());
     assert!(said(&viewer, "download it first"));
+}
+
+#[test]
+fn closing_does_not_end_a_copy_without_a_word() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = crate::painting::small_asset(folder.path());
+    let mut viewer = empty();
+    let asset = Arc::new(Asset::open(&path).unwrap());
+    viewer.document = Some(Document::of_asset(Place::File(path), asset));
+    let copy = folder.path().join("copy.fan");
+    viewer.copy_to(copy.clone());
+    assert!(!viewer.may_close());
+    assert!(said(&viewer, "copy.fan is still being written. Close again to lose what is not saved."));
+    viewer.command(Command::Close);
+    assert!(viewer.document.is_none(), "it goes on without");
+    wait_until(&mut viewer, "it is not written", |viewer| viewer.exporting.is_none());
+    assert!(copy.exists() && viewer.may_close());
 }
 
 #[test]

@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+use egui_kittest::kittest::Queryable;
 use fantex_app::live::LiveLook;
+use fantex_app::viewer::Request;
 
 const LOOK: &str = r##"# A ball of marble.
 [picture]
@@ -118,4 +120,23 @@ fn what_is_changed_here_is_not_replaced() {
     live.discard();
     assert!(!live.is_changed());
     assert_eq!((live.numbers[1].value, live.numbers[2].value), (0.5, 0.75));
+}
+
+/// The menus do with a look what their keys do.
+#[test]
+fn menus_save_pictures_of_looks_and_close_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::empty();
+    viewer.live = Some(open(folder.path()).0);
+    let mut harness = crate::panels::harness(viewer, [1280.0, 800.0]);
+    for line in ["Save picture", "Close"] {
+        for label in ["File", line] {
+            let found = harness.query_all_by_label_contains(label);
+            found.min_by(|a, b| a.rect().top().total_cmp(&b.rect().top())).unwrap().click();
+            harness.run_steps(3);
+        }
+    }
+    let viewer = harness.state_mut();
+    assert!(matches!(viewer.take_requests()[..], [Request::Picture { .. }]));
+    assert!(viewer.live.is_none());
 }

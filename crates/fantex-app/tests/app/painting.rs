@@ -17,8 +17,8 @@ use fantex_app::camera::ViewPreset;
 use fantex_app::notices::Notices;
 use fantex_app::paint::{
     Alone, BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool,
-    Painting, PenEvent, PenPhase, PictureUse, SaveState, Section, StencilSettings, StencilUse, StickerKind,
-    SymmetryKind, TextureChoice, Viewpoint,
+    Painting, PenEvent, PenPhase, PictureUse, Presets, SaveState, Section, StencilSettings, StencilUse,
+    StickerKind, SymmetryKind, TextureChoice, Viewpoint,
 };
 
 /// A torus with 60 000 texels.
@@ -781,4 +781,33 @@ fn a_new_mask_is_chosen_once_it_is_there() {
     studio.painting.layer_action(&LayerAction::AddMask(id, true), &studio.settings).unwrap();
     studio.wait();
     assert_eq!(studio.painting.target, Target::Mask(id));
+}
+
+/// Two windows that were opened before either keeps a brush.
+#[test]
+fn brushes_of_all_windows_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("brushes.json");
+    let first = small_asset(folder.path());
+    let second = folder.path().join("second.fan");
+    std::fs::copy(&first, &second).unwrap();
+    let mut notices = Notices::default();
+    let mut windows = [first, second].map(|path| {
+        let painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        Painting::new(painter, Some(file.clone()), Arc::new(|| {})).unwrap()
+    });
+    windows.iter_mut().for_each(|window| window.load_presets(&mut notices));
+    let mut settings = PaintSettings::default();
+    for (window, name) in windows.iter_mut().zip(["Moss", "Rust"]) {
+        settings.brush.name = name.into();
+        window.keep_brush(&settings, &mut notices);
+    }
+    let kept = || {
+        let brushes = Presets::load(&file).unwrap().brushes;
+        ["Moss", "Rust"].map(|name| brushes.iter().any(|brush| brush.name == name))
+    };
+    assert_eq!(kept(), [true; 2]);
+    windows[0].drop_brush("Rust", &mut notices);
+    assert_eq!(kept(), [true, false]);
+    assert_eq!(crate::errors(&notices), 0);
 }

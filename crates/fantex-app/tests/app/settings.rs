@@ -98,13 +98,29 @@ fn failures_name_the_file() {
     assert!(error.to_string().contains("below"));
 }
 
+/// Files of settings and looks may lie elsewhere, with a link where they are looked for.
+#[cfg(unix)]
+#[test]
+fn links_and_permissions_stay() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let folder = tempfile::tempdir().unwrap();
+    let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+    std::fs::write(&file, b"first").unwrap();
+    std::fs::set_permissions(&file, PermissionsExt::from_mode(0o640)).unwrap();
+    symlink("file", &link).unwrap();
+    write_whole(&link, b"second").unwrap();
+    assert!(link.is_symlink());
+    assert_eq!(std::fs::read(&file).unwrap(), b"second");
+    assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o640);
+}
+
 #[test]
 fn names_count_up() {
     let folder = tempfile::tempdir().unwrap();
-    let first = next_free(folder.path(), "bunny", "png");
+    let first = next_free(folder.path(), "bunny", "png", &[]);
     assert!(first.ends_with("bunny-001.png"));
     std::fs::write(first, b"").unwrap();
-    assert!(next_free(folder.path(), "bunny", "png").ends_with("bunny-002.png"));
+    assert!(next_free(folder.path(), "bunny", "png", &[]).ends_with("bunny-002.png"));
 }
 
 #[test]

@@ -9,7 +9,12 @@ fn the_arguments_are_consistent() {
     let arguments = Arguments::parse_from(["fantex-app", "a.fan", "--size", "800x600"]);
     assert_eq!(arguments.size, Some([800.0, 600.0]));
     assert!(Arguments::try_parse_from(["fantex-app", "--size", "8"]).is_err());
-    for (text, bytes) in [("512M", Some(512 << 20)), ("16777216", Some(16 << 20)), ("2G", Some(2 << 30))] {
+    for (text, bytes) in [
+        ("512M", Some(512 << 20)),
+        ("16777216", Some(16 << 20)),
+        ("2G", Some(2 << 30)),
+        ("1.5g", Some(3 << 29)),
+    ] {
         assert_eq!(Arguments::parse_from(["fantex-app", "--memory", text]).memory, bytes);
     }
     for text in ["1K", "x", "99999999999G"] {

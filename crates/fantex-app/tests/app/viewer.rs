@@ -8,11 +8,11 @@ use fantex::glam::{DVec2, DVec3};
 use fantex::scene::Camera;
 use fantex_app::camera::{CameraMode, Ground, ViewPreset};
 use fantex_app::command::{Command, shortcuts};
-use fantex_app::document::{PAINTER_SHARE, Stage};
+use fantex_app::document::{PAINTER_SHARE, Place, Stage};
 use fantex_app::light::Surroundings;
 use fantex_app::scene_view::PrepareScene;
 use fantex_app::settings::Settings;
-use fantex_app::viewer::{PathState, SceneInput, Viewer};
+use fantex_app::viewer::{PathState, Request, SceneInput, Viewer};
 
 fn viewer() -> Viewer {
     let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
@@ -92,6 +92,35 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
         ["torus.ply", "other.ply"].iter().all(|name| asked.iter().any(|asked| asked == name)),
         "{asked:?}"
     );
+}
+
+/// A large model takes its time until it is given up, also while something else is opened.
+#[test]
+fn what_is_given_up_does_not_hold_up_what_comes_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = save_torus(folder.path());
+    let second = folder.path().join("second.ply");
+    std::fs::copy(&first, &second).unwrap();
+    let (go_on, waits) = std::sync::mpsc::channel();
+    let waits = Mutex::new(waits);
+    let prepare: PrepareScene = Arc::new(move |document, _, _| {
+        if document.place.name() == "torus.ply" {
+            waits.lock().unwrap().recv().unwrap();
+        }
+        Err(Error::unavailable("there are no graphics here"))
+    });
+    let mut viewer = Viewer::new(Settings::default(), Some(prepare), Arc::new(|| {}));
+    viewer.open(&first.to_string_lossy());
+    let started = Instant::now();
+    while viewer.opening.as_ref().unwrap().stage() != Stage::Preparing {
+        assert!(started.elapsed() < Duration::from_secs(60), "it is not read");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    viewer.command(Command::Cancel);
+    viewer.open(&second.to_string_lossy());
+    wait(&mut viewer);
+    assert!(viewer.notices.log().any(|text| text.contains("no graphics")));
+    go_on.send(()).unwrap();
 }
 
 /// How far the preparation is, is told while it goes on: of what is painted on that of its painter comes first.
@@ -338,4 +367,42 @@ fn pasted_pictures_are_taken_as_dropped_ones() {
     assert!(
         viewer.notices.shown().any(|notice| notice.text.contains("cannot be pasted: its texels do not fit"))
     );
+}
+
+/// The first one may still be drawn, or encoded, when the next one is asked for.
+#[test]
+fn pictures_have_names_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::with_model();
+    viewer.picture_folder = folder.path().to_owned();
+    viewer.command(Command::LargeScreenshot(4));
+    viewer.command(Command::Screenshot);
+    viewer.command(Command::WindowScreenshot);
+    viewer.command(Command::WindowScreenshot);
+    let names = viewer.take_requests().into_iter().map(|request| match request {
+        Request::Picture { path, .. } | Request::WindowPicture(path) => {
+            path.file_name().unwrap().to_string_lossy().into_owned()
+        }
+        other => panic!("{other:?}"),
+    });
+    let expected = ["torus-001.png", "torus-002.png", "torus-window-001.png", "torus-window-002.png"];
+    assert_eq!(names.collect::<Vec<_>>(), expected);
+}
+
+/// Names of files are bytes there.
+#[cfg(target_os = "linux")]
+#[test]
+fn files_whose_names_are_no_text_are_opened() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9.ply"));
+    std::fs::rename(save_torus(folder.path()), &path).unwrap();
+    let mut viewer = viewer();
+    viewer.take_dropped(path.clone());
+    wait(&mut viewer);
+    assert!(viewer.document.is_some() && viewer.settings.recent.is_empty());
+    let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
+    viewer.open_or_fail(Place::parse(path));
+    wait(&mut viewer);
+    assert!(viewer.document.is_some() && viewer.failure.is_none());
 }

@@ -72,6 +72,11 @@ impl Display {
     /// Runs the viewer with a session until it ends. Files of the session and its pictures are in `folder`. Unless the arguments
     /// have settings, the scene is drawn as software adapters do it quickly.
     pub(crate) fn run(&self, folder: &Path, arguments: &[&str], steps: &str) -> Output {
+        self.command(folder, arguments, steps).output().unwrap()
+    }
+
+    /// What [`run`](Self::run) runs.
+    pub(crate) fn command(&self, folder: &Path, arguments: &[&str], steps: &str) -> Command {
         let session = folder.join("session.json");
         std::fs::write(&session, format!("{{\"steps\":[{steps}]}}")).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_fantex-app"));
@@ -89,9 +94,8 @@ impl Display {
             .env("HOME", folder)
             .env("XDG_RUNTIME_DIR", folder)
             .env_remove("WAYLAND_DISPLAY")
-            .env_remove("XDG_DATA_HOME")
-            .output()
-            .unwrap()
+            .env_remove("XDG_DATA_HOME");
+        command
     }
 }
 

@@ -404,3 +404,24 @@ fn models_ask_and_their_paint_moves_to_another_mesh() {
     assert!(verify(&at.join("copy.fan"), &VerifyOptions::default()).unwrap().ok);
     assert!(verify(&at.join("torus.fan"), &VerifyOptions::default()).unwrap().ok);
 }
+
+/// By the system, or by Ctrl-C in the terminal.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_painted_is_saved_where_the_program_is_asked_to_end() {
+    use std::process::{Command, Stdio};
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r#"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_frames":3},
+        {"stroke":{"points":[[0.5,0.75],[0.6,0.78]]}},{"wait_painted":60},{"screenshot":{"path":"painted.png"}},
+        {"wait_file":{"path":"never","seconds":240}}"#;
+    let mut command = display.command(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    super::display::wait_for(&folder.path().join("painted.png"));
+    let asked = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert!(asked.success());
+    check_success(&child.wait_with_output().unwrap());
+    let painter = fantex::paint::Painter::open(&asset, &fantex::paint::PaintOptions::default()).unwrap();
+    assert_eq!(painter.history().done().len(), 1);
+}

@@ -78,12 +78,23 @@ impl AssetEditor {
         Ok(())
     }
 
+    /// Whether the asset's path still names the file that is open.
+    pub fn is_in_place(&self) -> bool {
+        is_same_file(&self.file, self.asset.path())
+    }
+
+    /// Whether commits go to the open file even where its path names another one, or none: who has the [`asset`](Self::asset) can read them
+    /// there.
+    pub fn set_detached(&mut self, is_detached: bool) {
+        self.is_detached = is_detached;
+    }
+
     /// Refuses to write to a file that is gone: nobody would see it.
     pub(super) fn check_in_place(&self) -> Result<()> {
-        let path = self.asset.path();
-        if is_same_file(&self.file, path) {
+        if self.is_detached || self.is_in_place() {
             return Ok(());
         }
+        let path = self.asset.path();
         let sentence = format!(
             "{} was replaced or removed while it was edited; the changes cannot be saved there",
             path.display()

@@ -84,6 +84,8 @@ pub struct AssetEditor {
     header: HeaderState,
     /// The file grows to so many bytes at most.
     limit: Option<u64>,
+    /// Whether it is written to wherever it is.
+    is_detached: bool,
     recent: Mutex<RecentClusters>,
     /// Pages that were replaced since they were last taken, if that is asked for.
     replaced: Option<BTreeSet<PageId>>,
@@ -212,6 +214,7 @@ impl AssetEditor {
             header,
             asset,
             limit: None,
+            is_detached: false,
             recent: Mutex::default(),
             replaced: None,
         })

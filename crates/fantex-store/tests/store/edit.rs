@@ -443,6 +443,13 @@ fn mistakes_are_named() {
     std::fs::rename(folder.path().join("other.fan"), &path).unwrap();
     editor.attach("a", vec![1]).unwrap();
     refused(editor.commit(), "was replaced or removed");
+    // The open file takes it.
+    assert!(!editor.is_in_place());
+    editor.set_detached(true);
+    assert_eq!(editor.commit().unwrap().generation, 2);
+    assert_eq!(editor.asset().attachment("a").unwrap(), Some(vec![1]));
+    assert!(Asset::open(&path).unwrap().attachment_names().unwrap().is_empty());
+    editor.set_detached(false);
     // Nor are those saved that are in the old file already, or a copy of it.
     editor.discard().unwrap();
     editor.set_mean(0, 0, [0.5; 4]);
