@@ -9,13 +9,12 @@ use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::display::ShadingView;
-use crate::document::{
-    Answer, ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage,
-};
+use crate::document::{ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
 use crate::paint::{
-    Alone, LayerAction, NewAsset, PaintCommand, Painting, PenEvent, PenPhase, Viewpoint, asset_beside,
+    Alone, Answer, LayerAction, NewAsset, PaintCommand, Painting, PenEvent, PenPhase, Question, Viewpoint,
+    asset_beside,
 };
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::leaving::Departure;
