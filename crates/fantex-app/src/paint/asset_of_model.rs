@@ -11,8 +11,9 @@ use fantex::{Baker, Mesh, OwnLook, Progress};
 use serde::Deserialize;
 
 use super::{NewAsset, asset_beside, bake_model};
-use crate::document::{OpenProgress, Stage, cancelled, grouped};
+use crate::document::{OpenProgress, Stage, cancelled};
 use crate::settings::next_free;
+use crate::text::grouped;
 
 /// What is asked before a model is painted on.
 #[derive(Clone, Debug, PartialEq)]

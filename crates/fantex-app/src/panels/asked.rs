@@ -8,9 +8,9 @@ use fantex::store::ChannelKind;
 use super::bar::short_place;
 use super::scene::card;
 use super::widgets::{choice, hint, row};
-use crate::document::grouped;
 use crate::export::{ExportSettings, Preset};
 use crate::paint::{Answer, NewAsset, Question, channel_name};
+use crate::text::grouped;
 use crate::theme;
 use crate::viewer::{Asked, Viewer};
 

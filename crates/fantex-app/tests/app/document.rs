@@ -7,9 +7,7 @@ use fantex::mesh::{WriteGeometry, write_model};
 use fantex::paint::{PaintOptions, Painter, StrokeLog, replay};
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::{ColorSpace, Image, Samples};
-use fantex_app::document::{
-    Document, Fact, ForPainting, OpenProgress, Place, bytes_text, grouped, short_number,
-};
+use fantex_app::document::{Document, Fact, ForPainting, OpenProgress, Place};
 use fantex_app::paint::{Answer, NewAsset, Question};
 
 #[test]
@@ -18,19 +16,6 @@ fn places_are_files_or_addresses() {
     assert_eq!(Place::parse("https://a.b/c.fan?x=1").name(), "c.fan");
     assert_eq!(Place::parse("models/a.glb").name(), "a.glb");
     assert_eq!(Place::parse("http.glb"), Place::File("http.glb".into()));
-}
-
-#[test]
-fn numbers_are_readable() {
-    assert_eq!(grouped(1_234_567), "1\u{a0}234\u{a0}567");
-    assert_eq!(grouped(12), "12");
-    assert_eq!(bytes_text(64.0 * 1024.0 * 1024.0), "64.0 MiB");
-    assert_eq!(bytes_text(12.0), "12 B");
-    assert_eq!(short_number(0.012_345), "0.0123");
-    assert_eq!(short_number(12_345.6), "12\u{a0}346");
-    assert_eq!(short_number(-1e6), "-1\u{a0}000\u{a0}000");
-    assert_eq!(short_number(999.4), "999");
-    assert_eq!(short_number(1.5e9), "1.50e9");
 }
 
 #[test]
