@@ -6,23 +6,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
 use fantex::bake::Progress;
-use fantex::base::files::{folder_of, persist, temporary_file};
-use fantex::base::{Error, Result};
+use fantex::base::{Error, Result, folder_of};
 use fantex::cover::{Cover, GroupKind};
 use fantex::gpu::ModelSpace;
 use fantex::mesh::{
     AlphaMode, CleanOptions, CleanReport, LoadOptions, Material, Mesh, WorldFromMesh, clean, load,
 };
-use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeLog};
+use fantex::paint::{PaintOptions, Painter};
 use fantex::scene::world_bounds;
-use fantex::store::{Asset, ChannelKind, WriterLock, cover_level_count};
+use fantex::store::{Asset, ChannelKind, cover_level_count};
 use fantex::stream::{open_asset, url_of};
 use fantex::{FileKind, World, WorldObject};
-use serde::Deserialize;
 
 use crate::camera::SceneScale;
-use crate::paint::{Exchange, NewAsset, asset_beside, bake_model, model_texels};
-use crate::settings::next_free;
+use crate::paint::{Answer, Exchange, Made, Question, asset_beside, asset_of_model};
+use crate::text::{bytes_text, grouped, short_number};
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -129,7 +127,8 @@ pub struct ChannelFact {
     pub format: String,
 }
 
-fn cancelled() -> Error {
+/// The error of what was given up.
+pub fn cancelled() -> Error {
     Error::cancelled("opening was cancelled")
 }
 
@@ -465,178 +464,11 @@ impl Document {
     }
 }
 
-// How a model becomes an asset to paint on.
-
 /// What was opened to paint on it, or what has to be answered first.
 #[derive(Debug)]
 pub enum ForPainting {
     Ready(Box<(Document, Painter)>),
     Question(Question),
-}
-
-/// What is asked before a model is painted on.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Question {
-    /// What its asset is to be like.
-    New {
-        asset: PathBuf,
-        /// Channels that the model says something about.
-        channels: Vec<ChannelKind>,
-        /// Of its textures, where it has any.
-        texels: Option<u64>,
-    },
-    /// The asset beside it was made of another mesh.
-    Foreign {
-        asset: PathBuf,
-        /// Of the model and of the asset.
-        triangles: [usize; 2],
-        texels: u64,
-        /// In the asset's log.
-        strokes: usize,
-    },
-}
-
-/// The answer to a [`Question`].
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Answer {
-    /// Make an asset, where there is none.
-    New(NewAsset),
-    /// Make a new one, and paint on it what was painted on the one that is there, which is kept under another name.
-    Replay(NewAsset),
-    /// Paint on the one that is there, whatever it was made of.
-    Keep,
-}
-
-enum Made {
-    Asset(PathBuf),
-    Question(Question),
-}
-
-/// The asset beside a model, made if it is not there.
-fn asset_of_model(
-    model: &Path,
-    answer: Option<&Answer>,
-    memory_bytes: usize,
-    progress: &OpenProgress,
-    notes: &mut Vec<String>,
-) -> Result<Made> {
-    let path = asset_beside(model);
-    let is_there = path.is_file();
-    if is_there && answer == Some(&Answer::Keep) {
-        return Ok(Made::Asset(path));
-    }
-    let loaded = load(model, &LoadOptions::default())?;
-    progress.enter(Stage::Cleaning)?;
-    let (mesh, _) = clean(loaded, &CleanOptions::default())?;
-    progress.enter(Stage::Reading)?;
-    if !is_there {
-        let Some(Answer::New(new) | Answer::Replay(new)) = answer else {
-            let (channels, texels) = model_texels(&mesh)?;
-            return Ok(Made::Question(Question::New { asset: path, channels, texels }));
-        };
-        make_asset(&mesh, new, &path, progress)?;
-        notes.push(format!("The model became the asset {}, which is painted on.", path.display()));
-        return Ok(Made::Asset(path));
-    }
-    let asset = Asset::open(&path)?;
-    if is_made_of(asset.mesh(), &mesh) {
-        notes.push(format!("{} was there already and is painted on.", path.display()));
-        return Ok(Made::Asset(path));
-    }
-    let triangles = [&mesh, asset.mesh()].map(|mesh| mesh.triangles.len());
-    match answer {
-        None => {
-            let strokes = StrokeLog::of(&asset)?.strokes.strokes.len();
-            let texels = asset.cover().stored_texels(asset.mesh());
-            Ok(Made::Question(Question::Foreign { asset: path, triangles, texels, strokes }))
-        }
-        Some(Answer::Replay(new)) => {
-            drop(asset);
-            notes.push(replay_onto(&mesh, new, &path, memory_bytes, progress)?);
-            Ok(Made::Asset(path))
-        }
-        Some(_) => {
-            let [model_count, asset_count] = triangles;
-            let (asset, model) = (path.display(), model.display());
-            Err(Error::invalid(format!(
-                "{asset} was made of another mesh ({asset_count} triangles) than {model} ({model_count} triangles): open the \
-                 asset itself to paint on it, or move it away"
-            ))
-            .with_path(&path))
-        }
-    }
-}
-
-/// Whether an asset's mesh is the model, or the model with triangles cut, which leaves its vertices in front.
-fn is_made_of(asset: &Mesh, model: &Mesh) -> bool {
-    let same_surface = || {
-        let (a, b) = (asset.area(), model.area());
-        asset.triangles == model.triangles
-            || asset.triangles.len() > model.triangles.len() && (a - b).abs() <= 1e-4 * b
-    };
-    asset.world_from_mesh == model.world_from_mesh
-        && asset.positions.starts_with(&model.positions)
-        && same_surface()
-}
-
-fn make_asset(mesh: &Mesh, new: &NewAsset, path: &Path, progress: &OpenProgress) -> Result<()> {
-    progress.enter(Stage::Baking)?;
-    match bake_model(mesh, new, path, progress) {
-        Err(_) if progress.is_cancelled() => Err(cancelled()),
-        result => result,
-    }
-}
-
-/// A new asset of a mesh in the place of another one, with what was painted on that. It takes the place once all is painted, and the old
-/// one gets another name. Returns a sentence for the user.
-fn replay_onto(
-    mesh: &Mesh,
-    new: &NewAsset,
-    path: &Path,
-    memory_bytes: usize,
-    progress: &OpenProgress,
-) -> Result<String> {
-    // Nobody else is to paint on the old one meanwhile.
-    let lock = WriterLock::acquire(path)?;
-    let log = StrokeLog::of(&Asset::open(path)?)?;
-    // In the same folder, from which the looks of its log are found.
-    let made = temporary_file(path, ".fan").map_err(|source| Error::writing(path, source))?.into_temp_path();
-    // Only the name is needed.
-    std::fs::remove_file(&made).map_err(|source| Error::writing(path, source))?;
-    make_asset(mesh, new, &made, progress)?;
-    let mut painter = Painter::open(&made, &PaintOptions { memory_bytes, history: true })?;
-    let summary = log.replay(&mut painter)?;
-    painter.commit()?;
-    drop(painter);
-    progress.enter(Stage::Baking)?;
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan", &[]);
-    // With two names there is an asset at `path` at any time; some file systems know one name only.
-    std::fs::hard_link(path, &old)
-        .or_else(|_| std::fs::rename(path, &old))
-        .map_err(|source| Error::writing(&old, source))?;
-    if let Err(error) = persist(made, path, true) {
-        if !path.exists() {
-            // As it was; where even that fails the old one is beside it under its other name.
-            std::fs::rename(&old, path).unwrap_or_default();
-        }
-        return Err(error);
-    }
-    drop(lock);
-    Ok(replayed(&summary, path, &old))
-}
-
-fn replayed(summary: &ReplaySummary, path: &Path, old: &Path) -> String {
-    let mut lost = String::new();
-    if summary.unrecorded > 0 {
-        lost += &format!(", {} could not be", summary.unrecorded);
-    }
-    if summary.missed_samples > 0 {
-        lost += &format!(", and {} of their points met no surface", grouped(summary.missed_samples as u64));
-    }
-    let (path, old) = (path.display(), old.display());
-    format!("{} strokes were painted on the new {path}{lost}; the old one is {old}.", summary.strokes)
 }
 
 fn fact(name: &'static str, value: String) -> Fact {
@@ -711,38 +543,4 @@ fn kind_label(kind: ChannelKind) -> &'static str {
 fn is_asset_url(url: &str) -> bool {
     let name = Place::Url(url.to_owned()).name().to_ascii_lowercase();
     ![".glb", ".gltf", ".obj", ".ply", ".stl", ".toml"].iter().any(|extension| name.ends_with(extension))
-}
-
-/// `1 234 567`: groups of three digits.
-pub fn grouped(number: u64) -> String {
-    fantex::base::grouped(number, '\u{a0}')
-}
-
-/// Bytes with a unit: `12.3 MiB`.
-pub fn bytes_text(bytes: f64) -> String {
-    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
-    let mut value = bytes.max(0.0);
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < units.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    let decimals = if unit == 0 || value >= 100.0 { 0 } else { 1 };
-    format!("{value:.decimals$} {}", units[unit])
-}
-
-/// Three significant digits, or all before the point, without exponents where that is readable.
-pub fn short_number(value: f64) -> String {
-    let size = value.abs();
-    if size == 0.0 {
-        "0".into()
-    } else if !(1e-3..1e9).contains(&size) {
-        format!("{value:.2e}")
-    } else if size >= 999.5 {
-        let sign = if value < 0.0 { "-" } else { "" };
-        format!("{sign}{}", grouped(size.round() as u64))
-    } else {
-        let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
-        format!("{value:.decimals$}")
-    }
 }

@@ -52,6 +52,8 @@ pub mod session;
 pub mod settings;
 pub mod shell;
 #[doc(hidden)]
+pub mod text;
+#[doc(hidden)]
 pub mod theme;
 #[doc(hidden)]
 pub mod viewer;

@@ -15,9 +15,9 @@ use fantex::store::{ChannelKind, PageCache, TileId, TileLookup, TileSource};
 use fantex::texture::color::srgb_from_linear;
 
 use crate::display::ShadingView;
-use crate::document::grouped;
 use crate::job::Job;
 use crate::paint::{Viewpoint, text_hex};
+use crate::text::grouped;
 
 /// Seconds for which values of another point stand in for those that are being read.
 const STAND_IN_SECONDS: f64 = 0.3;

@@ -24,11 +24,10 @@ use serde::Deserialize;
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::parse_keys;
 use crate::display::{Overlay, ShadingView};
-use crate::document::Answer;
 use crate::export::Preset;
 use crate::paint::{
-    AlphaShown, BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse, StencilSettings,
-    SymmetrySettings, TextureChoice, parse_hex,
+    AlphaShown, Answer, BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse,
+    StencilSettings, SymmetrySettings, TextureChoice, parse_hex,
 };
 use crate::settings::{Tab, read_limited};
 

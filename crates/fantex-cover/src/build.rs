@@ -1,5 +1,6 @@
 //! Building the cover of a mesh.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use fantex_base::{Error, Result, counted, input};
@@ -61,7 +62,20 @@ const BYTES_PER_TRIANGLE: u64 = 96;
 /// # Errors
 /// An empty or too large mesh, more triangles than the memory [allows](input::ReadLimits) that is left, or options out of range.
 pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverStats)> {
+    build_cover_while(mesh, options, &|| true)
+}
+
+/// As [`build_cover`], but ends soon once it is not wanted any more, which is asked often, from all threads.
+///
+/// # Errors
+/// As [`build_cover`]; it is not wanted any more ([`Error::is_cancelled`]).
+pub fn build_cover_while(
+    mesh: &Mesh,
+    options: &CoverOptions,
+    is_wanted: &(dyn Fn() -> bool + Sync),
+) -> Result<(Cover, CoverStats)> {
     check(mesh, options)?;
+    let watch = Watch::new(is_wanted);
     let triangles = mesh.triangles.len() as u64;
     let what = format_args!("the cover of {}", counted(triangles, "triangle"));
     let _held = input::reserve(what, BYTES_PER_TRIANGLE * triangles)?;
@@ -72,6 +86,7 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let (fans, creases) = if options.cut_creases { cut_at_creases(mesh, &fans) } else { (fans, Vec::new()) };
     let mut surface = Surface::new(mesh, fans);
     surface.creases = creases;
+    watch.check()?;
     let density = NominalDensity::new(&surface, options);
     let mut stats = CoverStats::default();
     let grouping = if options.tile == 0 {
@@ -81,11 +96,12 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
         Grouping { fan_groups: fan_groups(&surface.fans, &laid), laid }
     } else {
         let shapes = shape_fans(&surface);
+        watch.check()?;
         stats.fans.folding = shapes.iter().filter(|shape| shape.folds).count() as u64;
         stats.seconds_fans = started.elapsed().as_secs_f64();
         let limits =
             GroupLimits { delta: options.delta, extent_texels: options.tile as f32, facing: options.facing };
-        group_fans(&surface, &shapes, &density, &limits)
+        group_fans(&surface, &shapes, &density, &limits, &watch)?
     };
     stats.fans.total = surface.fans.len() as u64;
     let unfolded = grouping.laid.iter().filter(|laid| laid.layout == Layout::Unfolded);
@@ -93,6 +109,7 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let mean = density.mean(&surface);
     let sized = |scales: Scales| {
+        watch.check()?;
         let cover = assemble(&surface, &grouping, scales, mean * scales.scale, options.delta)?;
         Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
     };
@@ -104,6 +121,30 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, texels, |t| density.of_triangle(t) * scale);
     Ok((cover, stats))
+}
+
+/// Whether the cover is still wanted.
+pub(crate) struct Watch<'a> {
+    is_wanted: &'a (dyn Fn() -> bool + Sync),
+    /// What was left out cannot be made up for.
+    has_ended: AtomicBool,
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(is_wanted: &'a (dyn Fn() -> bool + Sync)) -> Self {
+        Self { is_wanted, has_ended: AtomicBool::new(false) }
+    }
+
+    pub(crate) fn has_ended(&self) -> bool {
+        if !self.has_ended.load(Relaxed) && !(self.is_wanted)() {
+            self.has_ended.store(true, Relaxed);
+        }
+        self.has_ended.load(Relaxed)
+    }
+
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.has_ended() { Err(Error::cancelled("covering the mesh was ended")) } else { Ok(()) }
+    }
 }
 
 /// The fans, cut at creases; and of every edge that was cut the corners of both triangles at its ends, `[[own, own], [other, other]]`.

@@ -1,9 +1,11 @@
 //! From fans to groups that are laid flat.
 
+use fantex_base::Result;
 use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::build::Watch;
 use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
@@ -100,27 +102,31 @@ pub(crate) fn group_fans(
     shapes: &[FanShape],
     density: &NominalDensity<'_>,
     limits: &GroupLimits,
-) -> Grouping {
-    let tried = |&way| grouped(surface, shapes, density, limits, way);
+    watch: &Watch<'_>,
+) -> Result<Grouping> {
+    let tried = |&way| grouped(surface, shapes, density, limits, way, watch);
     let [first, others @ ..] = &WAYS;
-    let mut best = tried(first);
+    let mut best = tried(first)?;
     let is_small = shapes.len() <= SMALL_MESH_FANS;
     let is_flat = is_small || flat_share(shapes) > MIN_FLAT_SHARE;
     let most = if is_flat { MAX_UNROLLED_FLAT_FANS } else { MAX_UNROLLED_FANS };
     let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
     if may_gain {
         let others = if is_flat { others } else { &others[..1] };
-        best =
-            others.iter().map(tried).fold(best, |best, next| if next.cost < best.cost { next } else { best });
+        for way in others {
+            let next = tried(way)?;
+            best = if next.cost < best.cost { next } else { best };
+        }
     }
     let Grouped { mut builder, mut patches, .. } = best;
     let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
     if is_tried.contains(&true) {
         builder.unroll_unions(&mut patches, &is_tried, may_gain);
+        watch.check()?;
         builder.number_groups(&patches);
     }
     let laid = patches.into_iter().map(|patch| patch.laid(&builder.order, density)).collect();
-    Grouping { laid, fan_groups: builder.fan_groups }
+    Ok(Grouping { laid, fan_groups: builder.fan_groups })
 }
 
 /// Meshes of at most so many fans are cut in all ways and laid flat freely.
@@ -194,20 +200,34 @@ fn grouped<'a>(
     density: &'a NominalDensity<'a>,
     limits: &'a GroupLimits,
     (tolerance, normals_below): (f32, f32),
-) -> Grouped<'a> {
-    let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below };
+    watch: &'a Watch<'a>,
+) -> Result<Grouped<'a>> {
+    let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below, watch };
     let fans = FanSet { surface, shapes, density };
     let (order, lengths) = partition(&fans, &cutting);
+    watch.check()?;
     let mut connector = Connector::new(fans);
     let (order, lengths) = connector.connect(&order, &lengths, limits.facing);
     let fan_groups = vec![0; shapes.len()];
     let apart = surface.fans_across_creases();
-    let mut builder =
-        Builder { surface, shapes, density, limits, connector, order, fan_groups, unused_label: 0, apart };
+    let mut builder = Builder {
+        surface,
+        shapes,
+        density,
+        limits,
+        connector,
+        order,
+        fan_groups,
+        unused_label: 0,
+        apart,
+        watch,
+    };
+    watch.check()?;
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
     let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
     for _ in 0..JOIN_ROUNDS {
+        watch.check()?;
         let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
         let before = patches.len();
         patches = builder.join(patches, &joined);
@@ -216,9 +236,10 @@ fn grouped<'a>(
             break;
         }
     }
+    watch.check()?;
     builder.unfold_lone_fans(&mut patches);
     let cost = patches.iter().map(Patch::cost).sum();
-    Grouped { cost, builder, patches }
+    Ok(Grouped { cost, builder, patches })
 }
 
 /// Unions are chosen by summaries and then laid flat; so many times.
@@ -253,6 +274,7 @@ struct Builder<'a> {
     unused_label: u32,
     /// Pairs of fans that must not share a tile, both ways around, ascending.
     apart: Vec<(u32, u32)>,
+    watch: &'a Watch<'a>,
 }
 
 impl Builder<'_> {
@@ -516,6 +538,9 @@ impl Unrolling<'_> {
         }
         let mut proposals: Vec<Proposal> = Vec::new();
         for _ in 0..UNROLLED_ROUNDS {
+            if self.builder.watch.has_ended() {
+                break;
+            }
             let new = self.propose(&proposals);
             proposals.extend(new);
             if proposals.is_empty() {
@@ -588,9 +613,12 @@ impl Unrolling<'_> {
         unfolded_cost(texels, &region, corner_count(a) + corner_count(b))
     }
 
-    /// Patches laid flat freely as one, if that costs less.
+    /// Patches laid flat freely as one, if that costs less. This takes long enough for a look at the watch.
     fn unrolled(&self, parts: &[u32], flattener: &mut Flattener) -> Option<Patch> {
         let builder = self.builder;
+        if builder.watch.has_ended() {
+            return None;
+        }
         let patches = || parts.iter().filter_map(|&p| self.patches[p as usize].as_ref());
         let fans: Vec<u32> = parts.iter().flat_map(|&p| &self.fans[p as usize]).copied().collect();
         let corners: usize = fans.iter().map(|&fan| builder.surface.fans.corners(fan as usize).len()).sum();

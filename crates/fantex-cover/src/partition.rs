@@ -10,6 +10,7 @@ use arrayvec::ArrayVec;
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::build::Watch;
 use crate::cone::Cone;
 use crate::cost::{self, Region};
 use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
@@ -96,8 +97,8 @@ const MIN_TEXELS: f32 = 256.0;
 const GOOD_COST_PER_TEXEL: f32 = 1.04;
 
 /// How sets are cut.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cutting {
+#[derive(Clone, Copy)]
+pub(crate) struct Cutting<'a> {
     /// Longest side of a patch in texels.
     pub(crate) extent_texels: f32,
     /// A cut stays if its parts cost at most this many times as much as the whole. More than one is worth while, because small patches
@@ -105,6 +106,8 @@ pub(crate) struct Cutting {
     pub(crate) tolerance: f32,
     /// Sets without a direction of their own that are longer, in texels, are cut in the middle.
     pub(crate) normals_below: f32,
+    /// Once it has ended large sets stay whole.
+    pub(crate) watch: &'a Watch<'a>,
 }
 
 /// What the most lopsided cut costs more than one in the middle.
@@ -117,11 +120,11 @@ const OUTLINE_RATIO: f32 = 0.9;
 const BINS: usize = 16;
 
 /// The fans in an order in which patches are contiguous, and the patches' lengths.
-pub(crate) fn partition(fans: &FanSet<'_>, cutting: &Cutting) -> (Vec<u32>, Vec<u32>) {
+pub(crate) fn partition(fans: &FanSet<'_>, cutting: &Cutting<'_>) -> (Vec<u32>, Vec<u32>) {
     partition_by(fans, cutting, ITEMS_AT_ONCE)
 }
 
-fn partition_by(fans: &FanSet<'_>, cutting: &Cutting, items_at_once: usize) -> (Vec<u32>, Vec<u32>) {
+fn partition_by(fans: &FanSet<'_>, cutting: &Cutting<'_>, items_at_once: usize) -> (Vec<u32>, Vec<u32>) {
     let mut order: Vec<u32> = (0..fans.shapes.len() as u32).collect();
     let (_, lengths) = divide_fans(fans, &mut order, cutting, items_at_once, &mut Scratch::default());
     (order, lengths)
@@ -153,10 +156,13 @@ struct Sample {
 fn divide_fans(
     fans: &FanSet<'_>,
     order: &mut [u32],
-    cutting: &Cutting,
+    cutting: &Cutting<'_>,
     items_at_once: usize,
     scratch: &mut Scratch,
 ) -> (f32, Vec<u32>) {
+    if cutting.watch.has_ended() {
+        return (0.0, vec![order.len() as u32]);
+    }
     if order.len() <= items_at_once {
         let item = |ring: &mut Ring, &fan: &u32| fans.item(ring, fan);
         let mut items: Vec<Item> =
@@ -185,7 +191,10 @@ fn divide_fans(
 }
 
 /// The patches' cost and lengths.
-fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32, Vec<u32>) {
+fn divide(items: &mut [Item], cutting: &Cutting<'_>, scratch: &mut Scratch) -> (f32, Vec<u32>) {
+    if items.len() >= MIN_PARALLEL_FANS && cutting.watch.has_ended() {
+        return (0.0, vec![items.len() as u32]);
+    }
     let mut picked = std::mem::take(&mut scratch.picked);
     let sampled = if items.len() > MAX_SAMPLES {
         picked.clear();
@@ -214,7 +223,7 @@ fn divide(items: &mut [Item], cutting: &Cutting, scratch: &mut Scratch) -> (f32,
 }
 
 /// What a set of `count` items, of which some were picked, costs as one patch; and where it is cut, if it is.
-fn cut_of(picked: &[Item], count: usize, cutting: &Cutting, scratch: &mut Scratch) -> (f32, Option<Cut>) {
+fn cut_of(picked: &[Item], count: usize, cutting: &Cutting<'_>, scratch: &mut Scratch) -> (f32, Option<Cut>) {
     let set = Set::of(picked, count);
     let tile = set.tile(picked, cutting.extent_texels, scratch);
     let whole = tile.as_ref().map_or(f32::INFINITY, |tile| tile.cost);
@@ -230,7 +239,7 @@ fn cheaper(
     whole: f32,
     (a, mut first): (f32, Vec<u32>),
     (b, second): (f32, Vec<u32>),
-    cutting: &Cutting,
+    cutting: &Cutting<'_>,
 ) -> (f32, Vec<u32>) {
     if whole * cutting.tolerance <= a + b {
         return (whole, vec![first.iter().chain(&second).sum()]);
@@ -830,7 +839,8 @@ mod tests {
             let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
             let density = NominalDensity::new(&surface, &options);
             let fans = FanSet { surface: &surface, shapes: &shapes, density: &density };
-            let cutting = Cutting { extent_texels: 512.0, tolerance: 1.03, normals_below: 768.0 };
+            let watch = &Watch::new(&|| true);
+            let cutting = Cutting { extent_texels: 512.0, tolerance: 1.03, normals_below: 768.0, watch };
             let at_once = partition_by(&fans, &cutting, usize::MAX);
             assert!(at_once.1.len() > 8, "{} patches", at_once.1.len());
             for items in [3000, 40, 1] {

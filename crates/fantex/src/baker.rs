@@ -2,210 +2,46 @@
 
 #[cfg(feature = "export")]
 mod model;
+mod more_channels;
 #[cfg(feature = "photos")]
 mod photos;
+mod source;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    AssetSource, BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress,
-    Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
-    bake_part, plan_bake,
+    AssetSource, BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, NoProgress, Progress,
+    Source as BakeSource, TransferOptions, TransferSource, VertexColorSource, bake, bake_part, plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
 use fantex_base::{Error, ErrorKind, Result, counted, grouped};
-use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover};
+use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
-use fantex_mesh::{Material, ObjectSpace};
-use fantex_store::{PageCache, Plan, Quality};
+use fantex_mesh::Material;
+use fantex_store::{ChannelKind, PageCache, Plan, Quality};
 use fantex_texture::material::MaterialTextures;
-use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
 #[cfg(feature = "export")]
 use fantex_export::ExportOptions;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
+pub use source::Source;
 
+use self::more_channels::WithChannels;
+use self::source::Kind;
 use crate::look_scene::{LookBake, MaterialResolver};
 use crate::{Asset, FileKind, LongestEdge, Mesh, budget_texels};
-
-/// What is baked.
-pub struct Source<'a>(Kind<'a>);
-
-enum Kind<'a> {
-    OwnMaterials,
-    VertexColors,
-    Image(PathBuf, MappingKind),
-    Solid(String),
-    Look(PathBuf),
-    Mesh {
-        path: PathBuf,
-        cage: Option<f64>,
-    },
-    Loaded(&'a Mesh, Option<f64>),
-    Asset(&'a Asset, Option<f64>),
-    #[cfg(feature = "photos")]
-    Photos(PhotoSet),
-    Function(Box<dyn Fn(&TexelPoint) -> Vec4 + Sync + 'a>),
-    Custom(&'a dyn fantex_bake::Source),
-}
-
-impl<'a> Source<'a> {
-    /// The model's own materials: colours, textures and all other channels.
-    pub fn own_materials() -> Self {
-        Self(Kind::OwnMaterials)
-    }
-
-    /// The model's vertex colours.
-    pub fn vertex_colors() -> Self {
-        Self(Kind::VertexColors)
-    }
-
-    /// What a model offers by itself: its materials (which take its vertex colours in), else its vertex colours.
-    pub fn of_model(mesh: &Mesh) -> Option<Self> {
-        match (mesh.has_materials(), mesh.has_vertex_colors()) {
-            (true, _) => Some(Self::own_materials()),
-            (false, true) => Some(Self::vertex_colors()),
-            (false, false) => None,
-        }
-    }
-
-    /// An image, laid over the model.
-    pub fn image(path: impl Into<PathBuf>, mapping: MappingKind) -> Self {
-        Self(Kind::Image(path.into(), mapping))
-    }
-
-    /// A solid recipe, one of [`SOLID_NAMES`](fantex_texture::SOLID_NAMES): `"marble"`, `"wood"` ...
-    pub fn solid(name: impl Into<String>) -> Self {
-        Self(Kind::Solid(name.into()))
-    }
-
-    /// The materials, displacements and, if it says so, the light of a look (`.toml`).
-    pub fn look(path: impl Into<PathBuf>) -> Self {
-        Self(Kind::Look(path.into()))
-    }
-
-    /// Another, more detailed model: its materials or vertex colours, and its normals. Or an asset: all that it holds.
-    pub fn mesh(path: impl Into<PathBuf>) -> Self {
-        Self(Kind::Mesh { path: path.into(), cage: None })
-    }
-
-    /// As [`mesh`](Self::mesh), looking for its surface no farther than `cage` world units.
-    pub fn mesh_within(path: impl Into<PathBuf>, cage: f64) -> Self {
-        Self(Kind::Mesh { path: path.into(), cage: Some(cage) })
-    }
-
-    /// As [`mesh`](Self::mesh), of a model in memory; `cage` as in [`mesh_within`](Self::mesh_within).
-    pub fn loaded_mesh(mesh: &'a Mesh, cage: Option<f64>) -> Self {
-        Self(Kind::Loaded(mesh, cage))
-    }
-
-    /// As [`mesh`](Self::mesh), of an asset that is open; `cage` as in [`mesh_within`](Self::mesh_within).
-    pub fn asset(asset: &'a Asset, cage: Option<f64>) -> Self {
-        Self(Kind::Asset(asset, cage))
-    }
-
-    /// Photographs with cameras.
-    #[cfg(feature = "photos")]
-    pub fn photos(photos: PhotoSet) -> Self {
-        Self(Kind::Photos(photos))
-    }
-
-    /// A closure that gives the linear base colour and opacity at a point of the surface.
-    pub fn function(color: impl Fn(&TexelPoint) -> Vec4 + Sync + 'a) -> Self {
-        Self(Kind::Function(Box::new(color)))
-    }
-
-    /// The source as a function on a mesh's surface: what pictures of an asset are compared with.
-    ///
-    /// # Errors
-    /// The mesh has no such colours, a file cannot be read; or it is a look, a mesh or photographs, which can only be baked.
-    pub fn evaluator<'m>(
-        &'m self,
-        mesh: &'m fantex_mesh::Mesh,
-        seed: u64,
-    ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
-        self.0.evaluator(mesh, seed)
-    }
-
-    /// Any source with any channels.
-    pub fn custom(source: &'a dyn fantex_bake::Source) -> Self {
-        Self(Kind::Custom(source))
-    }
-}
-
-/// Refuses sizes whose squares single precision, in which textures are evaluated, does not hold.
-fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
-    let scale = mesh.world_from_mesh.scale;
-    if (1e-18..=1e18).contains(&scale) {
-        return Ok(());
-    }
-    Err(Error::unsupported(format!(
-        "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
-    )))
-}
-
-impl Kind<'_> {
-    fn evaluator<'m>(
-        &'m self,
-        mesh: &'m fantex_mesh::Mesh,
-        seed: u64,
-    ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
-        Ok(match self {
-            Self::OwnMaterials => Box::new(LookSource::of_model(mesh)?),
-            Self::VertexColors => Box::new(VertexColorSource::new(mesh)?),
-            Self::Image(path, mapping) => {
-                let texture = ImageTexture::new(Arc::new(Image::load(path)?));
-                let mapping = mapping.fit(ObjectSpace::of(mesh).bounds());
-                Box::new(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2]))
-            }
-            Self::Solid(name) => {
-                let solid = solid_by_name(name, ObjectSpace::of(mesh).bounds(), folded_seed(seed))?;
-                Box::new(SolidSource::new(mesh, solid))
-            }
-            Self::Function(color) => Box::new(FunctionSource(color.as_ref())),
-            Self::Custom(_) | Self::Look(_) | Self::Mesh { .. } | Self::Loaded(..) | Self::Asset(..) => {
-                return Err(only_baked());
-            }
-            #[cfg(feature = "photos")]
-            Self::Photos(_) => return Err(only_baked()),
-        })
-    }
-}
-
-fn only_baked() -> Error {
-    Error::invalid("looks, other models and photographs can only be baked; give another source here")
-}
-
-impl fmt::Debug for Source<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.0 {
-            Kind::OwnMaterials => f.write_str("own materials"),
-            Kind::VertexColors => f.write_str("vertex colours"),
-            Kind::Image(path, mapping) => write!(f, "image {}, {}", path.display(), mapping.name()),
-            Kind::Solid(name) => write!(f, "solid {name}"),
-            Kind::Look(path) => write!(f, "look {}", path.display()),
-            Kind::Mesh { path, .. } => write!(f, "mesh {}", path.display()),
-            Kind::Loaded(mesh, _) => write!(f, "mesh {}", mesh.path().display()),
-            Kind::Asset(asset, _) => write!(f, "mesh {}", asset.path().display()),
-            #[cfg(feature = "photos")]
-            Kind::Photos(photos) => write!(f, "photographs {}", photos.path.display()),
-            Kind::Function(_) => f.write_str("function"),
-            Kind::Custom(_) => f.write_str("custom source"),
-        }
-    }
-}
 
 /// How many texels, before the mesh and the source are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Budget {
-    /// The source's own density, else [`Baker::DEFAULT_TEXELS`].
+    /// The source's own density, else [`Baker::default_texels`].
     Default,
     Texels(u64),
     /// Per world unit of length.
@@ -216,7 +52,7 @@ enum Budget {
 /// Bakes a source onto a mesh: covers the mesh, fills the tiles, writes the asset.
 ///
 /// Without a source the model's own materials or vertex colours are baked; without a number of texels textures keep their own
-/// density, and everything else gets [`Baker::DEFAULT_TEXELS`]. A model that repeats its textures gets at most 16 million, or twice the
+/// density, and everything else gets [`Baker::default_texels`]. A model that repeats its textures gets at most 16 million, or twice the
 /// texels of its images, and a note.
 #[derive(Debug)]
 #[must_use = "nothing is baked before `write`"]
@@ -224,6 +60,9 @@ pub struct Baker<'a> {
     mesh: &'a Mesh,
     source: Option<Source<'a>>,
     budget: Budget,
+    default_texels: u64,
+    /// With what they are where nothing says more.
+    channels: Vec<(ChannelKind, Vec4)>,
     tile: u32,
     /// As the kind of source suggests where nothing was said.
     longest_edge: Option<LongestEdge>,
@@ -241,7 +80,7 @@ impl fmt::Debug for Observer<'_> {
 }
 
 impl<'a> Baker<'a> {
-    /// Texels where nothing else says how many.
+    /// Texels where nothing else says how many, not even [`default_texels`](Self::default_texels).
     pub const DEFAULT_TEXELS: u64 = 4_000_000;
 
     /// More texels than this, which nobody asked for, are worth a note.
@@ -259,6 +98,8 @@ impl<'a> Baker<'a> {
             mesh,
             source: None,
             budget: Budget::Default,
+            default_texels: Self::DEFAULT_TEXELS,
+            channels: Vec::new(),
             tile: CoverOptions::default().tile,
             longest_edge: None,
             seed: DEFAULT_SEED,
@@ -275,6 +116,18 @@ impl<'a> Baker<'a> {
     /// Texels in all.
     pub fn texels(self, texels: u64) -> Self {
         Self { budget: Budget::Texels(texels), ..self }
+    }
+
+    /// Texels in all where neither a number or density is given nor the source has a density of its own.
+    pub fn default_texels(self, texels: u64) -> Self {
+        Self { default_texels: texels, ..self }
+    }
+
+    /// A channel that the asset has in any case. Where the source lacks it, it holds what the model's materials say: their roughness,
+    /// metallic and emission; normals are those of the mesh. What nothing says has this value, linear.
+    pub fn channel(mut self, kind: ChannelKind, value: Vec4) -> Self {
+        self.channels.push((kind, value));
+        self
     }
 
     /// Texels per world unit of length, everywhere.
@@ -345,6 +198,20 @@ impl<'a> Baker<'a> {
     /// bake was ended.
     pub fn write(self, path: impl AsRef<Path>) -> Result<Baked> {
         self.reach(&Goal::Asset(path.as_ref()))
+    }
+
+    /// What the model's own materials are like, before anything is covered or baked.
+    ///
+    /// # Errors
+    /// An image that is used cannot be read.
+    pub fn own_look(&self) -> Result<OwnLook> {
+        let source = LookSource::of_model(self.mesh)?;
+        let own = OwnTexels::of(self.mesh, &source);
+        Ok(OwnLook {
+            channels: source.channels().iter().map(|channel| channel.kind).collect(),
+            texels: own.as_ref().map(|own| own.given() as u64),
+            is_limited: own.is_some_and(|own| own.given() < own.texels),
+        })
     }
 
     /// Covers the model as [`write`](Self::write) does, and bakes nothing.
@@ -443,7 +310,7 @@ impl<'a> Baker<'a> {
                     true => self.asked_cuts(),
                     false => self.cuts(goal),
                 };
-                let mesh = self.refined(&mesh, cuts, None);
+                let mesh = self.refined(&mesh, cuts, None)?;
                 let notes = if goal.is_part() { Vec::new() } else { look.notes(&mesh) };
                 notes.iter().for_each(|note| self.progress.0.note(note));
                 let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
@@ -457,12 +324,12 @@ impl<'a> Baker<'a> {
             Kind::Asset(detailed, cage) => self.transfer_asset(detailed, *cage, goal),
             #[cfg(feature = "photos")]
             Kind::Photos(photos) => {
-                let mesh = self.refined(model, self.cuts(goal), None);
+                let mesh = self.refined(model, self.cuts(goal), None)?;
                 self.photographs(mesh.into_owned(), photos, goal)
             }
             // Such a source may know the triangles.
             Kind::Custom(source) => {
-                let mesh = self.refined(model, self.asked_cuts(), None);
+                let mesh = self.refined(model, self.asked_cuts(), None)?;
                 self.bake(&without_textures(&mesh), *source, None, goal)
             }
             Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
@@ -470,7 +337,7 @@ impl<'a> Baker<'a> {
                     Kind::Function(_) => self.asked_cuts(),
                     _ => self.cuts(goal),
                 };
-                let mesh = self.refined(model, cuts, None);
+                let mesh = self.refined(model, cuts, None)?;
                 let mesh = without_textures(&mesh);
                 self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, goal)
             }
@@ -482,19 +349,16 @@ impl<'a> Baker<'a> {
         let model: &fantex_mesh::Mesh = self.mesh;
         let textures = LookSource::decoded(model)?;
         let source = LookSource::of_decoded(model, textures.clone());
-        let own = source.has_textures().then(|| source.density());
-        let own_texels = own.as_deref().map_or(0.0, |own| density_texels(model, own));
-        let most = Self::REPEATED_TEXELS.max(2 * source.image_texels()) as f64;
-        let is_limited = self.budget == Budget::Default && own_texels > most;
-        let share = if is_limited { (most / own_texels).sqrt() as f32 } else { 1.0 };
-        let density = own.as_deref().map(|own| scaled(own, share));
+        let own = OwnTexels::of(model, &source);
+        let is_default = self.budget == Budget::Default;
+        let share = own.as_ref().filter(|_| is_default).map_or(1.0, OwnTexels::given_share);
         let mut notes = Vec::new();
         // Before the mesh is cut and covered, which takes its time.
-        if let (Some(own), Some(density), false) = (&own, &density, goal.is_part()) {
-            notes.extend(self.note_of_squares(&source, own, density));
-            if self.budget == Budget::Default {
-                notes.extend(self.note_of_repeats(own_texels, most));
-                notes.extend(self.note_of_many(density_texels(model, density) as u64));
+        if let (Some(own), false) = (&own, goal.is_part()) {
+            notes.extend(self.note_of_squares(&source, own, share));
+            if is_default {
+                notes.extend(self.note_of_repeats(own));
+                notes.extend(self.note_of_many(own.given() as u64));
             }
         }
         let mut baked = self.textured(model, source, share, textures, goal)?;
@@ -503,24 +367,25 @@ impl<'a> Baker<'a> {
     }
 
     /// Says that a model gets fewer texels than its images have wherever they are shown, if it does.
-    fn note_of_repeats(&self, own_texels: f64, most: f64) -> Option<String> {
+    fn note_of_repeats(&self, own: &OwnTexels) -> Option<String> {
         let millions = |texels: f64| (texels / 1e6) as u64;
         let note = format!(
             "the model shows parts of its textures again and again: at their own density these were about {} million texels; it is given \
              about {} million, unless a number of texels or the density of its textures is asked for",
-            millions(own_texels),
-            millions(most)
+            millions(own.texels),
+            millions(own.given())
         );
-        let note = Some(note).filter(|_| own_texels > most);
+        let note = Some(note).filter(|_| own.given() < own.texels);
         note.iter().for_each(|note| self.progress.0.note(note));
         note
     }
 
-    /// Says that texels which are to appear as squares are blended, unless there are enough to hide it. `own`: the density of the textures,
-    /// `density` the one that they get where nothing else is asked for.
-    fn note_of_squares(&self, source: &LookSource<'_>, own: &[f32], density: &[f32]) -> Option<String> {
-        let own = density_texels(self.mesh, own);
-        let asked = budget_texels(self.mesh, &self.nominal_budget(self.mesh, Some(density)));
+    /// Says that texels which are to appear as squares are blended, unless there are enough to hide it. `share`: of their density that
+    /// they get where nothing else is asked for.
+    fn note_of_squares(&self, source: &LookSource<'_>, own: &OwnTexels, share: f32) -> Option<String> {
+        let density = scaled(&own.density, share);
+        let asked = budget_texels(self.mesh, &self.nominal_budget(self.mesh, Some(&density)));
+        let own = own.texels;
         // Whoever gives a rounded number has heard the note.
         let materials =
             if asked < 0.5 * Self::CRISP_TEXELS * own { source.square_texel_materials() } else { 0 };
@@ -568,7 +433,7 @@ impl<'a> Baker<'a> {
         if model.corners.tangents.is_empty() && !tangents.is_empty() {
             framed.to_mut().corners.tangents = tangents.to_vec();
         }
-        let Cow::Owned(framed) = self.refined(&framed, cuts, density(&source).as_deref()) else {
+        let Cow::Owned(framed) = self.refined(&framed, cuts, density(&source).as_deref())? else {
             return self.bake(model, &source, density(&source), goal);
         };
         let mut cut = framed.clone();
@@ -583,11 +448,13 @@ impl<'a> Baker<'a> {
     fn bake(
         &self,
         mesh: &fantex_mesh::Mesh,
-        source: &dyn fantex_bake::Source,
+        source: &dyn BakeSource,
         own_density: Option<Vec<f32>>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
+        let with_channels = WithChannels::of(source, mesh, &self.channels);
+        let source = with_channels.as_ref().map_or(source, |with| with as &dyn BakeSource);
         if let (Budget::Matching, None) = (self.budget, &own_density) {
             return Err(Error::invalid(
                 "the density of textures was asked for, and the source has none; give a number of texels or a density",
@@ -618,7 +485,8 @@ impl<'a> Baker<'a> {
                 (Cow::Borrowed(&plan.cover), CoverStats { groups, ..CoverStats::default() })
             }
             _ => {
-                let (cover, stats) = build_cover(mesh, &options)?;
+                let (cover, stats) =
+                    self.while_wanted(|is_wanted| build_cover_while(mesh, &options, is_wanted))?;
                 (Cow::Owned(cover), stats)
             }
         };
@@ -651,6 +519,12 @@ impl<'a> Baker<'a> {
         })
     }
 
+    /// Does what asks whether it is wanted.
+    fn while_wanted<T>(&self, work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T) -> T {
+        let progress = self.progress.0;
+        work(&|| !progress.is_cancelled())
+    }
+
     fn check_cancelled(&self) -> Result<()> {
         match self.progress.0.is_cancelled() {
             true => Err(Error::cancelled("the bake was ended")),
@@ -674,15 +548,16 @@ impl<'a> Baker<'a> {
         mesh: &'m fantex_mesh::Mesh,
         cuts: LongestEdge,
         own_density: Option<&[f32]>,
-    ) -> Cow<'m, fantex_mesh::Mesh> {
-        cuts.refined(mesh, &self.nominal_budget(mesh, own_density), self.tile)
+    ) -> Result<Cow<'m, fantex_mesh::Mesh>> {
+        let budget = self.nominal_budget(mesh, own_density);
+        self.while_wanted(|is_wanted| cuts.refined_while(mesh, &budget, self.tile, is_wanted))
     }
 
     /// How many texels a mesh gets, about. `own_density` as in [`bake`](Self::bake).
     fn nominal_budget(&self, mesh: &fantex_mesh::Mesh, own_density: Option<&[f32]>) -> TexelBudget {
         match (self.budget, own_density) {
             (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density.to_vec()),
-            (Budget::Default | Budget::Matching, None) => TexelBudget::Total(Self::DEFAULT_TEXELS),
+            (Budget::Default | Budget::Matching, None) => TexelBudget::Total(self.default_texels),
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
             (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
         }
@@ -691,7 +566,7 @@ impl<'a> Baker<'a> {
     /// Bakes another model's look and shape.
     fn transfer_model(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
         let (materials, vertices);
-        let colors: Option<&dyn fantex_bake::Source> = if detailed.has_materials() {
+        let colors: Option<&dyn BakeSource> = if detailed.has_materials() {
             materials = LookSource::of_model(detailed)?;
             Some(&materials)
         } else if detailed.has_vertex_colors() {
@@ -716,12 +591,12 @@ impl<'a> Baker<'a> {
     fn transfer(
         &self,
         detailed: &fantex_mesh::Mesh,
-        detail: Option<&dyn fantex_bake::Source>,
+        detail: Option<&dyn BakeSource>,
         path: &Path,
         cage: Option<f64>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
-        let mesh = self.refined(self.mesh, self.cuts(goal), None);
+        let mesh = self.refined(self.mesh, self.cuts(goal), None)?;
         let mesh = without_textures(&mesh);
         let options = TransferOptions { cage, ..TransferOptions::default() };
         let source = TransferSource::new(&mesh, detailed, detail, &options)?;
@@ -785,6 +660,18 @@ impl<'g> Goal<'g> {
     }
 }
 
+/// What a model's own materials are like.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct OwnLook {
+    /// The channels that they give.
+    pub channels: Vec<ChannelKind>,
+    /// How many texels a bake gets by itself, nearly, where the model has textures.
+    pub texels: Option<u64>,
+    /// Whether these are fewer than at the density of the textures, as the model shows parts of them again and again.
+    pub is_limited: bool,
+}
+
 /// What a bake would cover, and how.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -823,22 +710,45 @@ pub struct Baked {
     pub exported: Option<fantex_export::ExportSummary>,
 }
 
-/// A closure as a source of base colour.
-struct FunctionSource<'f>(&'f (dyn Fn(&TexelPoint) -> Vec4 + Sync));
-
-impl fantex_bake::Source for FunctionSource<'_> {
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Point
+/// Refuses sizes whose squares single precision, in which textures are evaluated, does not hold.
+fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
+    let scale = mesh.world_from_mesh.scale;
+    if (1e-18..=1e18).contains(&scale) {
+        return Ok(());
     }
-
-    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        values[0] = (self.0)(point);
-    }
+    Err(Error::unsupported(format!(
+        "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
+    )))
 }
 
-/// Texels of a mesh at densities of its triangles.
-fn density_texels(mesh: &fantex_mesh::Mesh, density: &[f32]) -> f64 {
-    budget_texels(mesh, &TexelBudget::PerTriangle(density.to_vec()))
+/// Texels of a model's own textures on it.
+struct OwnTexels {
+    /// Of each triangle, texels per mesh unit.
+    density: Vec<f32>,
+    /// In all.
+    texels: f64,
+    /// What it gets at most by itself.
+    most: f64,
+}
+
+impl OwnTexels {
+    /// None of a model without textures.
+    fn of(mesh: &fantex_mesh::Mesh, source: &LookSource<'_>) -> Option<Self> {
+        let density = source.has_textures().then(|| source.density())?;
+        let texels = budget_texels(mesh, &TexelBudget::PerTriangle(density.clone()));
+        let most = Baker::REPEATED_TEXELS.max(2 * source.image_texels()) as f64;
+        Some(Self { density, texels, most })
+    }
+
+    /// How many texels it gets by itself.
+    fn given(&self) -> f64 {
+        self.texels.min(self.most)
+    }
+
+    /// Of the density.
+    fn given_share(&self) -> f32 {
+        if self.texels > self.most { (self.most / self.texels).sqrt() as f32 } else { 1.0 }
+    }
 }
 
 /// All densities times a factor.
@@ -884,7 +794,39 @@ fn without_textures(mesh: &fantex_mesh::Mesh) -> Cow<'_, fantex_mesh::Mesh> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use fantex_mesh::generate::torus;
+
     use super::*;
+
+    /// Wants to go on for so many questions.
+    struct Patience(AtomicU32);
+
+    impl Progress for Patience {
+        fn report(&self, _: u64, _: u64) {
+            panic!("the first tile was begun");
+        }
+
+        fn is_cancelled(&self) -> bool {
+            self.0.fetch_update(Relaxed, Relaxed, |left| left.checked_sub(1)).is_err()
+        }
+    }
+
+    /// Covers of large models, and of all lengths that are tried, take longer than anybody waits.
+    #[test]
+    fn a_bake_ends_while_its_model_is_covered() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = Mesh::from_model(torus(24, 12), "torus").unwrap();
+        let (automatic, whole) = (LongestEdge::Automatic, LongestEdge::Texels(0));
+        for (longest_edge, questions) in [(automatic, 20), (whole, 20), (automatic, 0)] {
+            let patience = Patience(questions.into());
+            let baker = Baker::new(&mesh).source(Source::solid("wood")).texels(100_000);
+            let baker = baker.longest_edge(longest_edge).progress(&patience);
+            assert!(baker.write(folder.path().join("torus.fan")).unwrap_err().is_cancelled());
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 
     #[test]
     fn lengths_have_three_digits_in_every_unit() {

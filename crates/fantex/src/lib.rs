@@ -116,7 +116,7 @@ mod world_scene;
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
 pub use baker::PhotoSet;
-pub use baker::{Baked, Baker, Covered, Source};
+pub use baker::{Baked, Baker, Covered, OwnLook, Source};
 #[cfg(feature = "export")]
 pub use fantex_export as export;
 #[cfg(feature = "gpu")]

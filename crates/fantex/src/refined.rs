@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
+use fantex_base::Result;
+use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_mesh::{Mesh, refine_at_bends};
 
 /// Triangles that a mesh is cut into at most, unless it has more.
@@ -63,28 +64,42 @@ pub enum LongestEdge {
 impl LongestEdge {
     /// The mesh that is covered with such a budget in tiles of at most `tile` texels; one fan per tile, 0, leaves it as it is.
     pub fn refined<'m>(self, mesh: &'m Mesh, budget: &TexelBudget, tile: u32) -> Cow<'m, Mesh> {
+        self.refined_while(mesh, budget, tile, &|| true).unwrap_or(Cow::Borrowed(mesh))
+    }
+
+    /// As [`refined`](Self::refined), but ends soon once it is not wanted any more.
+    ///
+    /// # Errors
+    /// It is not wanted any more.
+    pub(crate) fn refined_while<'m>(
+        self,
+        mesh: &'m Mesh,
+        budget: &TexelBudget,
+        tile: u32,
+        is_wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Cow<'m, Mesh>> {
         if self.leaves_whole(mesh, tile) {
-            return Cow::Borrowed(mesh);
+            return Ok(Cow::Borrowed(mesh));
         }
         let texels = budget_texels(mesh, budget);
         let longest = longest_edge(mesh);
         let density = (texels / mesh.area()).sqrt();
         if !density.is_normal() {
-            return Cow::Borrowed(mesh);
+            return Ok(Cow::Borrowed(mesh));
         }
         match self {
-            Self::Automatic => automatic(mesh, texels, tile, longest),
+            Self::Automatic => automatic(mesh, texels, tile, longest, is_wanted),
             Self::Texels(edge) => {
                 let most = MAX_TRIANGLES.max(mesh.triangles.len() as u64);
                 let mut wanted = f64::from(edge) / density;
                 while wanted < longest {
                     match refine_at_bends(mesh, wanted as f32, most) {
-                        Ok(refined) => return Cow::Owned(refined),
+                        Ok(refined) => return Ok(Cow::Owned(refined)),
                         // Too many triangles, or too thin ones.
                         Err(_) => wanted *= 2.0,
                     }
                 }
-                Cow::Borrowed(mesh)
+                Ok(Cow::Borrowed(mesh))
             }
         }
     }
@@ -100,7 +115,13 @@ impl LongestEdge {
 }
 
 /// Tries one length after the other, as long as the triangles alone do not cost more than the best. `longest`: the mesh's longest edge, mesh units.
-fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh> {
+fn automatic<'m>(
+    mesh: &'m Mesh,
+    texels: f64,
+    tile: u32,
+    longest: f64,
+    is_wanted: &(dyn Fn() -> bool + Sync),
+) -> Result<Cow<'m, Mesh>> {
     let whole = Cow::Borrowed(mesh);
     let triangles = mesh.triangles.len() as f64;
     let density = (texels / mesh.area()).sqrt();
@@ -108,18 +129,20 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
     let mut lengths = lengths.filter(|length| *length < longest).peekable();
     let has_thin_borders = triangles > FEW_TRIANGLES && mean_longest_side(mesh) * density < MIN_SIDE_TEXELS;
     if has_thin_borders || lengths.peek().is_none() {
-        return whole;
+        return Ok(whole);
     }
     let budget = TexelBudget::Total(texels as u64);
     let options = CoverOptions { budget, tile, ..CoverOptions::default() };
     let cost_of_bytes =
         |mesh: &Mesh| 20.0 * (1.0 + TRIANGLE_TEXELS * mesh.triangles.len() as f64 / texels).log10();
-    let cost = |mesh: &Mesh| {
-        let (_, CoverStats { loss_db, .. }) = build_cover(mesh, &options).ok()?;
-        Some(loss_db + cost_of_bytes(mesh))
+    // None for what cannot be covered, as its tiles were too long.
+    let cost = |mesh: &Mesh| match build_cover_while(mesh, &options, is_wanted) {
+        Ok((_, CoverStats { loss_db, .. })) => Ok(Some(loss_db + cost_of_bytes(mesh))),
+        Err(error) if error.is_cancelled() => Err(error),
+        Err(_) => Ok(None),
     };
-    // What cannot be covered as it is, since its tiles were too long, gains by any cuts.
-    let limit = cost(mesh).map_or(f64::INFINITY, |cost| cost - MIN_GAIN);
+    // What cannot be covered as it is gains by any cuts.
+    let limit = cost(mesh)?.map_or(f64::INFINITY, |cost| cost - MIN_GAIN);
     let mut best: Option<(f64, Mesh)> = None;
     let mut most = (MIN_GROWTH * triangles) as usize;
     for length in lengths {
@@ -132,15 +155,15 @@ fn automatic(mesh: &Mesh, texels: f64, tile: u32, longest: f64) -> Cow<'_, Mesh>
             continue;
         }
         most = refined.triangles.len();
-        let Some(cost) = cost(&refined) else { continue };
+        let Some(cost) = cost(&refined)? else { continue };
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, refined));
         }
     }
-    match best {
+    Ok(match best {
         Some((cost, refined)) if cost < limit => Cow::Owned(refined),
         _ => whole,
-    }
+    })
 }
 
 /// Mesh units.

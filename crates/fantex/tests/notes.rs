@@ -94,7 +94,11 @@ fn textures_that_repeat_get_a_number_of_texels_that_a_user_would_choose() {
         let mesh = Mesh::load(tiled(folder.path(), repeats)).unwrap();
         let baker = Baker::new(&mesh).overwrite(true);
         let baker = if is_matched { baker.matching() } else { baker };
+        let look = baker.own_look().unwrap();
+        assert_eq!(look.is_limited, repeats == 160, "{look:?}");
         let baked = baker.write_plan(&path, b"").unwrap();
+        let expected = look.texels.unwrap();
+        assert!(is_matched || baked.cover.texels.abs_diff(expected) < expected / 2, "{look:?}");
         (baked.cover.texels, baked.notes)
     };
     // 64 x 160 texels along a side.

@@ -2,15 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::bake::{
-    BakeOptions, LookSource, Prefilter, Progress, Source, SourceChannel, TexelPoint, VertexColorSource, bake,
-};
+use fantex::bake::Progress;
 use fantex::base::Result;
-use fantex::budget_texels;
-use fantex::cover::{CoverOptions, TexelBudget, build_cover};
-use fantex::glam::{Vec3, Vec4};
-use fantex::mesh::Mesh;
+use fantex::glam::Vec4;
 use fantex::store::ChannelKind;
+use fantex::{Baker, LongestEdge, Mesh, Source};
 use serde::{Deserialize, Serialize};
 
 /// Texels of a model whose own textures say nothing about how many it needs: with them a screen is filled sharply from nearby.
@@ -31,7 +27,7 @@ pub fn asset_beside(model: &Path) -> PathBuf {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NewAsset {
-    /// Texels; by default as many as the model's textures have, and 8 million where it has none.
+    /// Texels; by default as many as a bake of the model's textures has, and 8 million where it has none.
     pub texels: Option<u64>,
     /// Channels besides colour, material and those that the model has.
     pub emission: bool,
@@ -56,112 +52,37 @@ impl NewAsset {
     }
 }
 
-/// The channels that a model says something about, and the texels of its textures where it has any.
+/// Bakes what a mesh looks like into an asset that has colour and material to paint on. Returns what the user should know, a sentence each.
 ///
 /// # Errors
-/// Its images cannot be read.
-pub fn model_texels(mesh: &Mesh) -> Result<(Vec<ChannelKind>, Option<u64>)> {
-    let source = LookSource::of_model(mesh)?;
-    let kinds = source.channels().iter().map(|channel| channel.kind).collect();
-    let budget = source.has_textures().then(|| TexelBudget::PerTriangle(source.density()));
-    let texels = budget.map(|budget| budget_texels(mesh, &budget) as u64);
-    Ok((kinds, texels))
-}
-
-/// Covers a mesh and bakes what it looks like into an asset that has colour and material to paint on.
-///
-/// # Errors
-/// The images of the model cannot be read, or it cannot be covered, baked or written. Nothing is left behind then.
-pub fn bake_model(mesh: &Mesh, new: &NewAsset, output: &Path, progress: &dyn Progress) -> Result<()> {
-    let total = TexelBudget::Total(new.texels.unwrap_or(TEXELS));
-    let write = |budget, source: &dyn Source| write(mesh, budget, source, new, output, progress);
-    let says_something = |m: &fantex::mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
-    let source = LookSource::of_model(mesh)?;
-    if source.has_textures() {
-        return write(
-            new.texels.map_or_else(|| TexelBudget::PerTriangle(source.density()), TexelBudget::Total),
-            &source,
-        );
-    }
-    if mesh.materials.iter().any(says_something) {
-        return write(total, &source);
-    }
-    // Materials that say something have taken these in.
-    if !mesh.corners.colors.is_empty()
-        && let Ok(source) = VertexColorSource::new(mesh)
-    {
-        return write(total, &source);
-    }
-    write(total, &Plain)
-}
-
-fn write(
+/// The images of the model cannot be read, or it cannot be covered, baked or written; nobody waits for it any more. Nothing is left
+/// behind then.
+pub fn bake_model(
     mesh: &Mesh,
-    budget: TexelBudget,
-    source: &dyn Source,
     new: &NewAsset,
     output: &Path,
     progress: &dyn Progress,
-) -> Result<()> {
-    let options = CoverOptions { budget, ..CoverOptions::default() };
-    let (cover, _) = build_cover(mesh, &options)?;
-    bake(mesh, &cover, &WithChannels::of(source, new), output, &BakeOptions::default(), progress)?;
-    Ok(())
-}
-
-struct Plain;
-
-impl Source for Plain {
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Point
-    }
-
-    fn evaluate(&self, _point: &TexelPoint, values: &mut [Vec4]) {
-        values[0] = Vec4::new(GREY, GREY, GREY, 1.0);
-    }
-}
-
-/// A source and the channels that it lacks.
-struct WithChannels<'a> {
-    source: &'a dyn Source,
-    channels: Vec<SourceChannel>,
-    /// Values of those at the end.
-    missing: Vec<(ChannelKind, Vec4)>,
-}
-
-impl<'a> WithChannels<'a> {
-    fn of(source: &'a dyn Source, new: &NewAsset) -> Self {
-        let mut channels = source.channels();
-        let is_missing = |kind: ChannelKind| channels.iter().all(|channel| channel.kind != kind);
-        let missing: Vec<_> = new.channels().filter(|(kind, _)| is_missing(*kind)).collect();
-        channels.extend(missing.iter().map(|(kind, _)| SourceChannel::new(*kind)));
-        Self { source, channels, missing }
-    }
-}
-
-impl Source for WithChannels<'_> {
-    fn channels(&self) -> Vec<SourceChannel> {
-        self.channels.clone()
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        self.source.prefilter()
-    }
-
-    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let (known, missing) = values.split_at_mut(self.channels.len() - self.missing.len());
-        self.source.evaluate(point, known);
-        for (value, (kind, plain)) in missing.iter_mut().zip(&self.missing) {
-            *value = if *kind == ChannelKind::Normal { point.normal.extend(0.0) } else { *plain };
-        }
-    }
+) -> Result<Vec<String>> {
+    let grey = || Source::function(|_| Vec4::new(GREY, GREY, GREY, 1.0));
+    let baker = Baker::new(mesh)
+        .source(Source::of_model(mesh).unwrap_or_else(grey))
+        .default_texels(TEXELS)
+        // For what is painted on the grey, too.
+        .longest_edge(LongestEdge::Automatic)
+        .progress(progress);
+    let baker = new.channels().fold(baker, |baker, (kind, value)| baker.channel(kind, value));
+    let baker = match new.texels {
+        Some(texels) => baker.texels(texels),
+        None => baker,
+    };
+    Ok(baker.write(output)?.notes)
 }
 
 #[cfg(test)]
 mod tests {
     use fantex::bake::NoProgress;
-    use fantex::mesh::generate::torus;
-    use fantex::mesh::{CleanOptions, clean};
+    use fantex::mesh::Material;
+    use fantex::mesh::generate::{cube, torus};
     use fantex::store::Asset;
 
     use super::*;
@@ -171,7 +92,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = asset_beside(&folder.path().join("torus.ply"));
         assert!(path.ends_with("torus.fan"));
-        let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+        let mesh = Mesh::from_model(torus(24, 12), "torus").unwrap();
         let new = NewAsset { texels: Some(20_000), emission: true, normal: true, height: true };
         bake_model(&mesh, &new, &path, &NoProgress).unwrap();
         let asset = Asset::open(&path).unwrap();
@@ -196,17 +117,53 @@ mod tests {
     #[test]
     fn materials_come_before_vertex_colours() {
         let folder = tempfile::tempdir().unwrap();
-        let (mut mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
-        mesh.corners.colors = vec![Vec4::new(1.0, 1.0, 0.0, 1.0); 3 * mesh.triangles.len()];
+        let mut model = torus(24, 12);
+        model.corners.colors = vec![Vec4::new(1.0, 1.0, 0.0, 1.0); 3 * model.triangles.len()];
         let new = NewAsset { texels: Some(20_000), ..NewAsset::default() };
         let red = Vec4::new(1.0, 0.0, 0.0, 1.0);
         for (color, green) in [(red, 0.0), (Vec4::ONE, 1.0)] {
-            mesh.materials =
-                vec![fantex::mesh::Material { base_color: color, ..fantex::mesh::Material::default() }];
+            model.materials = vec![Material { base_color: color, ..Material::default() }];
+            let mesh = Mesh::from_model(model.clone(), "torus").unwrap();
             let path = folder.path().join(format!("{green}.fan"));
             bake_model(&mesh, &new, &path, &NoProgress).unwrap();
             let mean = Asset::open(&path).unwrap().mean(0, 0);
             assert!((mean[0] - 1.0).abs() < 0.02 && (mean[1] - green).abs() < 0.02, "{mean:?}");
         }
+    }
+
+    /// A material without textures has factors, whose place the channels take.
+    #[test]
+    fn channels_that_a_model_lacks_hold_what_its_material_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("torus.fan");
+        let emission = fantex::glam::Vec3::new(0.5, 0.0, 0.0);
+        let gold = Material { metallic: 1.0, roughness: 0.2, emission, ..Material::default() };
+        let model = fantex::mesh::Model { materials: vec![gold], ..torus(24, 12) };
+        let mesh = Mesh::from_model(model, "torus").unwrap();
+        let new = NewAsset { texels: Some(20_000), emission: true, ..NewAsset::default() };
+        bake_model(&mesh, &new, &path, &NoProgress).unwrap();
+        let asset = Asset::open(&path).unwrap();
+        for (kind, wanted) in [
+            (ChannelKind::OcclusionRoughnessMetallic, Vec4::new(1.0, 0.2, 1.0, 1.0)),
+            (ChannelKind::Emission, Vec4::new(0.5, 0.0, 0.0, 1.0)),
+        ] {
+            let mean = Vec4::from(asset.mean(asset.channel_of_kind(kind).unwrap(), 0));
+            assert!((mean - wanted).abs().max_element() < 0.02, "{kind:?}: {mean}");
+        }
+    }
+
+    #[test]
+    fn large_triangles_are_cut_as_in_any_bake() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = Mesh::from_model(cube(1), "cube").unwrap();
+        let new = NewAsset { texels: Some(50_000), ..NewAsset::default() };
+        let [painted, baked] = ["painted.fan", "baked.fan"].map(|name| folder.path().join(name));
+        let notes = bake_model(&mesh, &new, &painted, &NoProgress).unwrap();
+        assert!(notes.iter().any(|note| note.contains("12 triangles were cut into")), "{notes:?}");
+        Baker::new(&mesh).source(Source::solid("wood")).texels(50_000).write(&baked).unwrap();
+        let [painted, baked] = [painted, baked].map(|path| Asset::open(&path).unwrap());
+        assert!(painted.mesh().triangles.len() > 100);
+        assert_eq!(painted.mesh().triangles, baked.mesh().triangles);
+        assert_eq!(painted.cover().groups, baked.cover().groups);
     }
 }

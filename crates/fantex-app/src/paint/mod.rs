@@ -9,6 +9,7 @@
 //! The thread that draws never touches the file: it sends orders, and takes what the worker has put into the
 //! [`Exchange`]. Pages that have changed since the file was opened are answered by the worker, all others by the usual loader.
 
+mod asset_of_model;
 mod bake;
 mod brush;
 mod colors;
@@ -28,7 +29,8 @@ mod texture;
 mod thumbnails;
 mod worker;
 
-pub use bake::{NewAsset, asset_beside, bake_model, model_texels};
+pub use asset_of_model::{Answer, Made, Question, asset_of_model};
+pub use bake::{NewAsset, asset_beside, bake_model};
 pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, TIPS, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};

@@ -8,9 +8,9 @@ use fantex::store::ChannelKind;
 use super::bar::short_place;
 use super::scene::card;
 use super::widgets::{choice, hint, row};
-use crate::document::{Answer, Question, grouped};
 use crate::export::{ExportSettings, Preset};
-use crate::paint::channel_name;
+use crate::paint::{Answer, NewAsset, Question, channel_name};
+use crate::text::grouped;
 use crate::theme;
 use crate::viewer::{Asked, Viewer};
 
@@ -130,14 +130,15 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
     let title = |ui: &mut Ui, text: String| ui.label(RichText::new(text).heading().color(theme::STRONG));
     let mut answer = None;
     match &asked.question {
-        Question::New { asset, channels, texels } => {
+        Question::New { asset, look } => {
             title(ui, format!("Paint on {model}"));
             hint(
                 ui,
                 &format!("It becomes the asset {} beside it; its own file stays as it is.", name(asset)),
             );
-            texel_row(ui, &mut new.texels, *texels);
-            let has = |kind| channels.contains(&kind);
+            let own = if look.is_limited { "as its textures repeat" } else { "as it has" };
+            texel_row(ui, &mut new.texels, look.texels, own);
+            let has = |kind| look.channels.contains(&kind);
             row(ui, "Channels", |ui| {
                 ui.vertical(|ui| {
                     let mut always = true;
@@ -169,16 +170,16 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
             title(ui, format!("{} is of another mesh", name(asset)));
             let [ours, theirs] = [ours, theirs].map(|&count| grouped(count as u64));
             ui.label(format!(
-                "{model} has {ours} triangles, the mesh that the asset was made of {theirs}, or they lie elsewhere. The \
-                 asset has {} strokes in its log.",
+                "{model} has {ours} triangles, the asset's mesh {theirs}, or they lie elsewhere. The asset has {} strokes in \
+                 its log.",
                 grouped(*strokes as u64)
             ));
-            texel_row(ui, &mut new.texels, Some(*texels));
+            texel_row(ui, &mut new.texels, Some(*texels), "as it has");
             ui.horizontal_wrapped(|ui| {
                 let tip = "Makes a new asset of the model and repeats the strokes at their places; the old one is kept under another name";
                 if ui.button("Repeat the strokes on the new mesh").on_hover_text(tip).clicked() {
                     let texels = new.texels.or(Some(*texels));
-                    answer = Some(Some(Answer::Replay(crate::paint::NewAsset { texels, ..new.clone() })));
+                    answer = Some(Some(Answer::Replay(NewAsset { texels, ..new.clone() })));
                 }
                 let tip = "The model's new shape is not seen";
                 if ui.button("Paint on the old asset").on_hover_text(tip).clicked() {
@@ -193,9 +194,9 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
     answer
 }
 
-/// `own`: as many as there are.
-fn texel_row(ui: &mut Ui, texels: &mut Option<u64>, own: Option<u64>) {
-    let first = own.map_or("8 million".into(), |own| format!("{:.1} million, as it has", own as f64 * 1e-6));
+/// `own`: how many it gets where none are chosen; and `why`.
+fn texel_row(ui: &mut Ui, texels: &mut Option<u64>, own: Option<u64>, why: &str) {
+    let first = own.map_or("8 million".into(), |own| format!("{:.1} million, {why}", own as f64 * 1e-6));
     let mut all = vec![(None, first)];
     all.extend(MILLIONS.map(|n| (Some(n * 1_000_000), format!("{n} million"))));
     row(ui, "Texels", |ui| choice(ui, "new texels", texels, &all));

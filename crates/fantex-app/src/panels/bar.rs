@@ -5,11 +5,12 @@ use eframe::egui::{Align, Button, Color32, FontId, Label, Layout, RichText, Text
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::{Command, keys_of};
 use crate::display::{Overlay, ShadingView};
-use crate::document::{Document, bytes_text};
+use crate::document::Document;
 use crate::light::LightPreset;
 use crate::paint::PaintCommand;
 use crate::panels::widgets::{named_choice, segments, switch};
 use crate::settings::label_of;
+use crate::text::bytes_text;
 use crate::theme;
 use crate::viewer::{PathState, Viewer};
 

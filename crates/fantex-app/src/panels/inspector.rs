@@ -7,11 +7,11 @@ use eframe::egui::{ComboBox, DragValue, RichText, ScrollArea, Spinner, Ui};
 use crate::camera::{CameraMode, FlyMotion, ViewPreset};
 use crate::command::Command;
 use crate::display::{DisplaySettings, Overlay, TONE_MAPS};
-use crate::document::short_number;
 use crate::light::{BackgroundChoice, LightSettings, Surroundings};
 use crate::panels::streaming;
 use crate::panels::widgets::{choice, document_facts, facts, heading, hint, number, row, segments};
 use crate::settings::{Tab, label_of};
+use crate::text::short_number;
 use crate::theme;
 use crate::viewer::{PathState, Viewer};
 

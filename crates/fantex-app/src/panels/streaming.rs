@@ -5,11 +5,12 @@ use eframe::egui::{
     Align, Color32, ComboBox, DragValue, Grid, Image, Layout, Rect, RichText, Sense, Ui, vec2,
 };
 
-use crate::document::{Document, bytes_text, grouped};
+use crate::document::Document;
 use crate::figures::{DamagedPart, ObjectFigures, StreamFigures};
 use crate::panels::AtlasTexture;
 use crate::panels::widgets::{Chart, dot, facts, gauge, heading, hint, number, row};
 use crate::settings::StreamingSettings;
+use crate::text::{bytes_text, grouped};
 use crate::theme;
 use crate::viewer::Viewer;
 

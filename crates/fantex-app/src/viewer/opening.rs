@@ -7,12 +7,10 @@ use fantex::FileKind;
 use fantex::base::{Error, Result};
 
 use crate::camera::{CameraMode, ViewPreset, Walker};
-use crate::document::{
-    Answer, ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Question, Stage,
-};
+use crate::document::{ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Stage};
 use crate::job::{Job, JobState};
 use crate::live::LiveLook;
-use crate::paint::{NewAsset, Painting};
+use crate::paint::{Answer, NewAsset, Painting, Question};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::Viewer;
 use crate::viewer::leaving::Departure;

@@ -6,10 +6,9 @@ use fantex::mesh::generate::torus;
 use fantex::mesh::{WriteGeometry, write_model};
 use fantex::paint::{PaintOptions, Painter, StrokeLog, replay};
 use fantex::store::{Asset, ChannelKind};
-use fantex_app::document::{
-    Answer, Document, Fact, ForPainting, OpenProgress, Place, Question, bytes_text, grouped, short_number,
-};
-use fantex_app::paint::NewAsset;
+use fantex::texture::{ColorSpace, Image, Samples};
+use fantex_app::document::{Document, Fact, ForPainting, OpenProgress, Place};
+use fantex_app::paint::{Answer, NewAsset, Question};
 
 #[test]
 fn places_are_files_or_addresses() {
@@ -17,19 +16,6 @@ fn places_are_files_or_addresses() {
     assert_eq!(Place::parse("https://a.b/c.fan?x=1").name(), "c.fan");
     assert_eq!(Place::parse("models/a.glb").name(), "a.glb");
     assert_eq!(Place::parse("http.glb"), Place::File("http.glb".into()));
-}
-
-#[test]
-fn numbers_are_readable() {
-    assert_eq!(grouped(1_234_567), "1\u{a0}234\u{a0}567");
-    assert_eq!(grouped(12), "12");
-    assert_eq!(bytes_text(64.0 * 1024.0 * 1024.0), "64.0 MiB");
-    assert_eq!(bytes_text(12.0), "12 B");
-    assert_eq!(short_number(0.012_345), "0.0123");
-    assert_eq!(short_number(12_345.6), "12\u{a0}346");
-    assert_eq!(short_number(-1e6), "-1\u{a0}000\u{a0}000");
-    assert_eq!(short_number(999.4), "999");
-    assert_eq!(short_number(1.5e9), "1.50e9");
 }
 
 #[test]
@@ -68,6 +54,36 @@ fn models_tell_their_facts() {
     assert!(document.cover_facts.is_empty());
 }
 
+/// Tiled walls show the same texels thousands of times.
+#[test]
+fn a_model_that_repeats_its_textures_is_offered_what_a_bake_would_give() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let image = Image {
+        width: 64,
+        height: 64,
+        channels: 1,
+        space: ColorSpace::Linear,
+        samples: Samples::U8((0..64 * 64).map(|i| (i * 5) as u8).collect()),
+    };
+    image.save(at("brick.png")).unwrap();
+    std::fs::write(at("wall.mtl"), "newmtl a\nmap_Kd brick.png\n").unwrap();
+    for (repeats, texels, is_limited) in [(160, 16_000_000, true), (50, 10_240_000, false)] {
+        let wall = format!(
+            "mtllib wall.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt {repeats} 0\nvt {repeats} {repeats}\nvt 0 {repeats}\n\
+             usemtl a\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+        );
+        std::fs::write(at("wall.obj"), wall).unwrap();
+        let place = Place::File(at("wall.obj"));
+        let opened = Document::open_for_painting(&place, 64 << 20, None, None, &OpenProgress::default());
+        let Ok(ForPainting::Question(Question::New { look, .. })) = opened else {
+            panic!("nothing is asked")
+        };
+        assert_eq!(look.is_limited, is_limited, "{look:?}");
+        assert!(look.texels.unwrap().abs_diff(texels) < texels / 100, "{look:?}");
+    }
+}
+
 fn save_torus(path: &Path, rings: u32, force: bool) {
     let model = torus(rings, rings / 2);
     let geometry = WriteGeometry { positions: &model.positions, triangles: &model.triangles, colors: None };
@@ -86,8 +102,9 @@ fn a_model_asks_how_it_becomes_an_asset() {
     };
     let Ok(ForPainting::Question(question)) = open(None) else { panic!("nothing is asked") };
     let channels = [ChannelKind::BaseColor, ChannelKind::OcclusionRoughnessMetallic];
-    let Question::New { asset, channels: found, texels: None } = &question else { panic!("{question:?}") };
-    assert!(*asset == path && found.iter().all(|kind| channels.contains(kind)), "{question:?}");
+    let Question::New { asset, look } = &question else { panic!("{question:?}") };
+    assert!(*asset == path && look.channels.iter().all(|kind| channels.contains(kind)), "{question:?}");
+    assert!(look.texels.is_none() && !look.is_limited, "{question:?}");
     assert!(!path.exists());
     let new = NewAsset { texels: Some(30_000), height: true, ..NewAsset::default() };
     assert!(matches!(open(Some(Answer::New(new.clone()))).unwrap(), ForPainting::Ready(_)));

@@ -6,10 +6,10 @@ use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
+use fantex::Mesh;
 use fantex::bake::{NoProgress, Progress};
 use fantex::glam::DVec2;
 use fantex::mesh::generate::torus;
-use fantex::mesh::{CleanOptions, clean};
 use fantex::paint::{PaintOptions, Painter};
 use fantex::store::{Asset, VerifyOptions, group_pages, verify};
 use fantex::texture::{Image, Samples};
@@ -32,7 +32,7 @@ fn texels(path: &Path) -> (usize, Vec<u8>) {
 fn presets_write_what_programs_want() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+    let mesh = Mesh::from_model(torus(24, 12), "torus").unwrap();
     let new = NewAsset { texels: Some(20_000), normal: true, ..NewAsset::default() };
     bake_model(&mesh, &new, &at("torus.fan"), &NoProgress).unwrap();
     let of_user = at("y_MetallicSmoothness.part.png");

@@ -24,6 +24,7 @@ mod pointing;
 mod session;
 mod settings;
 mod shell;
+mod text;
 mod viewer;
 
 use fantex_app::notices::{Notices, Severity};

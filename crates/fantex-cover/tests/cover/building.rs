@@ -1,7 +1,9 @@
 //! Budgets, densities, modes, threads, options and hostile meshes.
 
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
 use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
-use fantex_cover::{Cover, CoverOptions, GroupKind, MAX_EXTENT, TexelBudget, build_cover};
+use fantex_cover::{Cover, CoverOptions, GroupKind, MAX_EXTENT, TexelBudget, build_cover, build_cover_while};
 use fantex_mesh::{Mesh, Model, generate};
 use glam::{DVec3, Vec3};
 
@@ -322,6 +324,31 @@ fn meshes_that_take_more_memory_than_is_allowed_are_refused() {
         "{message}"
     );
     with(4 << 20).unwrap();
+}
+
+/// Wherever it is: between the ways to cut, while patches are joined and unrolled, while tiles are sized.
+#[test]
+fn a_cover_that_is_not_wanted_any_more_ends() {
+    let mesh = cleaned(generate::torus(24, 12));
+    for (tile, least_questions) in [(0, 2), (1024, 30)] {
+        let options = options(tile, TexelBudget::Total(100_000));
+        let questions = AtomicUsize::new(0);
+        // A single no is enough.
+        let ends_at = |last: usize| {
+            questions.store(0, Relaxed);
+            build_cover_while(&mesh, &options, &|| questions.fetch_add(1, Relaxed) != last)
+        };
+        let (cover, _) = ends_at(usize::MAX).unwrap();
+        assert_eq!(cover.groups, build_cover(&mesh, &options).unwrap().0.groups);
+        let all = questions.load(Relaxed);
+        assert!(all >= least_questions, "{all} questions, tile {tile}");
+        for last in (0..all).step_by(all.div_ceil(20)).chain([all - 1]) {
+            let error = ends_at(last).unwrap_err();
+            assert!(error.is_cancelled(), "{error}");
+            let more = questions.load(Relaxed) - last;
+            assert!(more < 100, "{more} questions after number {last}, tile {tile}");
+        }
+    }
 }
 
 #[test]

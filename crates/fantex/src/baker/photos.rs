@@ -67,7 +67,7 @@ impl Baker<'_> {
             Budget::Matching => None,
             Budget::Density(density) => Some((1.0 / (density * mesh.world_from_mesh.scale)) as f32),
             Budget::Texels(texels) => Some((mesh.area() / texels.max(1) as f64).sqrt() as f32),
-            Budget::Default => Some((mesh.area() / Self::DEFAULT_TEXELS as f64).sqrt() as f32),
+            Budget::Default => Some((mesh.area() / self.default_texels.max(1) as f64).sqrt() as f32),
         };
         let options = PhotoOptions {
             memory_bytes: self.options.memory_bytes,
@@ -97,6 +97,8 @@ impl Baker<'_> {
             mesh: self.mesh,
             source: None,
             budget: self.budget,
+            default_texels: self.default_texels,
+            channels: self.channels.clone(),
             tile: self.tile,
             longest_edge: self.longest_edge,
             seed: self.seed,
