@@ -36,6 +36,8 @@ export class FanMesh extends Mesh {
     #defines;
     #uniforms;
     #textures = null;
+    /** Why there can be none. */
+    #failure = null;
     #isLost = false;
     #canvas = null;
     /** Materials that show the channels, with their shaders' defines. */
@@ -138,6 +140,7 @@ export class FanMesh extends Mesh {
     /** Makes the textures for a renderer's context where there are none; whether there are any. */
     #prepare(renderer) {
         if (this.#stream === null) return false;
+        if (this.#failure !== null) throw this.#failure;
         if (this.#textures !== null && this.#textures.renderer !== renderer) {
             throw new Error("a FanMesh belongs to the renderer that drew it first; load the asset once for each renderer");
         }
@@ -182,7 +185,14 @@ export class FanMesh extends Mesh {
 
     /** Those of a lost context are gone. */
     #makeTextures(renderer) {
-        this.#textures = new FanTextures(renderer, this.#asset, this.#options.compressed);
+        try {
+            this.#textures = new FanTextures(renderer, this.#asset, this.#options.compressed);
+        } catch (error) {
+            // Pages that go on draw the rest of the scene.
+            this.visible = false;
+            this.#failure = error;
+            throw error;
+        }
         setTextures(this.#uniforms, this.#asset.channels, this.#textures);
         this.#stream.begin(this.#textures.atlas, this.#options);
     }

@@ -2,7 +2,7 @@ import { Camera, Loader, LoadingManager, Material, Mesh, Vector3, WebGLRenderer 
 import type { WebGPURenderer } from "three/webgpu";
 
 export interface FanLoaderOptions {
-    /** Graphics memory for texels, bytes; 256 MiB unless given. */
+    /** Graphics memory for the texels of each mesh, bytes; 256 MiB unless given. An asset takes no more than it has texels for. */
     cacheBytes?: number;
     /** Requests at a time; 6 unless given. */
     concurrency?: number;
