@@ -94,7 +94,8 @@ export class FanStream {
                 if (answer.demand >= this.#atlasDemand) this.#updated = answer;
                 break;
             case "failed":
-                this.#failure = new Error(answer.sentence);
+                // What failed first tells most.
+                this.#failure ??= new Error(answer.sentence);
                 this.#opening.reject(this.#failure);
                 break;
         }

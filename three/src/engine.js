@@ -9,6 +9,7 @@
 // What goes wrong is answered by failed { sentence }.
 
 import init, { FanCore } from "../built/fantex_three.js";
+import { TRAPPED, isTrap, orTrap } from "./trap.js";
 
 /** Sides of textures that devices have. WebGL 2 has the least one everywhere, and several cards say more than the greatest but keep less. */
 const MAX_SIDES = [16384, 8192, 4096, 2048];
@@ -43,14 +44,15 @@ export class Engine {
                 case "close": this.#close(); break;
             }
         } catch (error) {
-            this.#answer({ type: "failed", sentence: error.message ?? String(error) }, []);
+            const sentence = isTrap(error) ? TRAPPED : error.message ?? String(error);
+            this.#answer({ type: "failed", sentence }, []);
         }
     }
 
     async #open({ module, url, concurrency, cacheBytes }) {
         await init({ module_or_path: module });
         if (this.#isClosed) return;
-        const core = await FanCore.open(url, concurrency, (bytes) => this.#answer({ type: "loaded", bytes }, []));
+        const core = await orTrap(FanCore.open(url, concurrency, (bytes) => this.#answer({ type: "loaded", bytes }, [])));
         if (this.#isClosed) {
             core.free();
             return;
