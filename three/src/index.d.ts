@@ -62,10 +62,10 @@ export class FanMesh extends Mesh {
      * worker has failed, from then on at every call.
      */
     update(camera: Camera, renderer: WebGLRenderer | WebGPURenderer): void;
-    /** Has another material of three show this asset's channels; returns it. */
+    /** Has another material of three show this asset's channels, for good; returns it. A material shows those of one mesh. */
     patch<M extends Material>(material: M): M;
     /** Asks once more for what could not be read. */
     retry(): void;
-    /** Ends streaming and its worker, and frees memory and graphics memory. */
+    /** Ends streaming and its worker, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
     dispose(): void;
 }
