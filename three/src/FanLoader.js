@@ -66,7 +66,8 @@ export class FanLoader extends Loader {
         ofAll?.signal.addEventListener("abort", abort);
         try {
             const progress = (loaded) => onProgress?.(new ProgressEvent("progress", { loaded }));
-            const { stream, asset } = await FanStream.open(url, this.#options, progress, load.signal);
+            const request = { url, headers: { ...this.requestHeader }, credentials: this.withCredentials };
+            const { stream, asset } = await FanStream.open(request, this.#options, progress, load.signal);
             return new FanMesh(stream, asset, this.#options);
         } finally {
             this.#loads.delete(load);

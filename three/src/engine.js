@@ -1,7 +1,8 @@
 // The half of an open asset that owns the core: it reads, unpacks, and decides what is resident. It runs in a worker, or on the page where
 // there is none, and knows neither three nor a device. Messages come, answers go:
 //
-//   open { module, url, concurrency, cacheBytes }    loaded { bytes }, again and again; opened { asset }, see `assetOf`
+//   open { module, url, headers, credentials,        loaded { bytes }, again and again; opened { asset }, see `assetOf`
+//          concurrency, cacheBytes }
 //   begin { atlas, cacheBytes, anisotropy }          none: the atlas, one of `asset.atlases`, is empty from now on
 //   update { view, seconds, demand, spare }          updated { demand, bytes, rectangles, rows, progress, damage }, see `Changes`
 //   retry, close                                     none
@@ -49,10 +50,11 @@ export class Engine {
         }
     }
 
-    async #open({ module, url, concurrency, cacheBytes }) {
+    async #open({ module, url, headers, credentials, concurrency, cacheBytes }) {
         await init({ module_or_path: module });
         if (this.#isClosed) return;
-        const core = await orTrap(FanCore.open(url, concurrency, (bytes) => this.#answer({ type: "loaded", bytes }, [])));
+        const onLoaded = (bytes) => this.#answer({ type: "loaded", bytes }, []);
+        const core = await orTrap(FanCore.open(url, concurrency, Object.entries(headers).flat(), credentials, onLoaded));
         if (this.#isClosed) {
             core.free();
             return;

@@ -8,7 +8,7 @@ use fantex_store::{Asset, ChannelKind, TexelFormat};
 use fantex_stream::drawing::{
     AtlasGrid, PAGE_ROW_SHIFT, PageWords, frame_records, group_records, mean_records, upload_rectangles,
 };
-use fantex_stream::read::RemoteFile;
+use fantex_stream::read::{RemoteAccess, RemoteFile};
 use fantex_stream::{
     AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, PageTable,
     ParcelUpload, StreamView, Streamer, StreamerOptions, open_fetched,
@@ -110,12 +110,21 @@ fn said(error: impl std::fmt::Display) -> JsError {
 
 #[wasm_bindgen]
 impl FanCore {
-    /// Opens the asset at `url` with so many requests at a time. `progress` is called with the number of bytes that have come.
+    /// Opens the asset at `url` with so many requests at a time, which have these `headers`, names and values in turn, and send
+    /// `credentials` also to servers elsewhere. `progress` is called with the number of bytes that have come.
     ///
     /// # Errors
     /// The asset cannot be read, or is damaged.
-    pub async fn open(url: String, connections: usize, progress: Function) -> Result<FanCore, JsError> {
-        let file = Rc::new(RemoteFile::new(url));
+    pub async fn open(
+        url: String,
+        connections: usize,
+        headers: Vec<String>,
+        credentials: bool,
+        progress: Function,
+    ) -> Result<FanCore, JsError> {
+        let headers = headers.as_chunks().0.to_vec();
+        let access = RemoteAccess { headers, sends_credentials: credentials };
+        let file = Rc::new(RemoteFile::new(url).with_access(access));
         let opening = Rc::clone(&file);
         let loaded = std::cell::Cell::new(0.0);
         let fetch = async |range| {

@@ -10,7 +10,7 @@ use std::time::Duration;
 use js_sys::{Map, Promise, Reflect, Uint8Array};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{AbortSignal, Request, RequestInit, Response, Url, Window};
+use web_sys::{AbortSignal, Request, RequestCredentials, RequestInit, Response, Url, Window};
 
 use super::fetched::in_pieces;
 use super::{
@@ -35,10 +35,20 @@ const MAX_ATTEMPTS: u32 = 3;
 /// Requests at a time: what browsers allow one server by HTTP/1.1.
 pub const BROWSER_CONNECTIONS: usize = 6;
 
+/// What requests bring along so that a server grants them.
+#[derive(Clone, Debug, Default)]
+pub struct RemoteAccess {
+    /// Headers: names and values.
+    pub headers: Vec<[String; 2]>,
+    /// Whether cookies and the like go to servers elsewhere, too.
+    pub sends_credentials: bool,
+}
+
 /// A file at an address, of which one version is read.
 #[derive(Debug)]
 pub struct RemoteFile {
     url: String,
+    access: RemoteAccess,
     version: RefCell<Option<String>>,
     /// See [`with_answers`](Self::with_answers).
     answers: Map,
@@ -53,7 +63,13 @@ impl RemoteFile {
     /// Some ranges are being fetched: `answers` is a `Map` of promises of `Response`s by "FIRST-LAST", the numbers of their bytes. Each is taken
     /// once. Of long ranges these are the first 2 MiB.
     pub fn with_answers(url: String, answers: JsValue) -> Self {
-        Self { url, version: RefCell::new(None), answers: answers.unchecked_into() }
+        let (access, version) = Default::default();
+        Self { url, access, version, answers: answers.unchecked_into() }
+    }
+
+    /// The same file, with what its server asks for.
+    pub fn with_access(self, access: RemoteAccess) -> Self {
+        Self { access, ..self }
     }
 
     /// Its address.
@@ -171,13 +187,20 @@ impl RemoteFile {
         }
         let options = RequestInit::new();
         options.set_signal(Some(&AbortSignal::timeout_with_u32(MAX_REQUEST_MILLISECONDS)));
+        if self.access.sends_credentials {
+            options.set_credentials(RequestCredentials::Include);
+        }
         let request = Request::new_with_str_and_init(&self.url, &options).map_err(|error| broken(&error))?;
+        for [name, value] in &self.access.headers {
+            request.headers().set(name, value).map_err(|error| broken(&error))?;
+        }
         let bytes = format!("bytes={first_last}");
         request.headers().set("range", &bytes).map_err(|error| broken(&error))?;
         // Workers have the same function, and no window.
         let window: Window = js_sys::global().unchecked_into();
-        let response =
-            JsFuture::from(window.fetch_with_request(&request)).await.map_err(|error| self.refused(&error))?;
+        let response = JsFuture::from(window.fetch_with_request(&request))
+            .await
+            .map_err(|error| self.refused(&error))?;
         Ok(response.unchecked_into())
     }
 
@@ -189,9 +212,9 @@ impl RemoteFile {
             return io::Error::new(io::ErrorKind::TimedOut, text);
         }
         let text = match page_elsewhere(&self.url) {
-            Some(page) => format!(
-                "the server cannot be reached, or does not let pages of {page} read this file (CORS)"
-            ),
+            Some(page) => {
+                format!("the server cannot be reached, or does not let pages of {page} read this file (CORS)")
+            }
             None => String::from("the server cannot be reached"),
         };
         io::Error::new(io::ErrorKind::ConnectionAborted, text)
