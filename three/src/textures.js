@@ -114,7 +114,7 @@ export class FanTextures {
         this.frames = table(device, tables.frames, 4, "rgba32f");
         if (device.takeOutOfMemory()) {
             const [width, height] = this.extent;
-            throw new Error(`the device has no graphics memory for an asset's ${this.atlases.filter(Boolean).length} textures of ${width} x ${height} texels; a FanLoader with less cacheBytes makes smaller ones`);
+            throw new Error(`the device has no graphics memory for textures of ${width} x ${height} texels, one for each channel of an asset; a FanLoader with less cacheBytes makes smaller ones`);
         }
     }
 
