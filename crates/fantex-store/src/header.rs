@@ -354,7 +354,7 @@ mod tests {
 
     #[test]
     fn sections_count_together() {
-        let record = |index| SectionRecord {
+        let record = |index: u64| SectionRecord {
             offset: HEADER_BYTES + 100 * index,
             stored_length: 100,
             raw_length: 1000,
