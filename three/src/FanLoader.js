@@ -40,7 +40,7 @@ export class FanLoader extends Loader {
     load(url, onLoad, onProgress, onError) {
         const item = this.manager.resolveURL(this.path + url);
         this.manager.itemStart(item);
-        this.#open(new URL(item, document.baseURI).href, onProgress)
+        this.#open(item, onProgress)
             .then(onLoad)
             .catch((error) => {
                 if (onError) onError(error);
@@ -56,7 +56,9 @@ export class FanLoader extends Loader {
         return this;
     }
 
-    async #open(url, onProgress) {
+    async #open(item, onProgress) {
+        // Workers have no document.
+        const url = new URL(item, globalThis.document?.baseURI ?? location.href).href;
         const load = new AbortController();
         const abort = () => load.abort();
         const { abortController: ofAll } = this.manager;
@@ -64,7 +66,8 @@ export class FanLoader extends Loader {
         ofAll?.signal.addEventListener("abort", abort);
         try {
             const progress = (loaded) => onProgress?.(new ProgressEvent("progress", { loaded }));
-            const { stream, asset } = await FanStream.open(url, this.#options, progress, load.signal);
+            const request = { url, headers: { ...this.requestHeader }, credentials: this.withCredentials };
+            const { stream, asset } = await FanStream.open(request, this.#options, progress, load.signal);
             return new FanMesh(stream, asset, this.#options);
         } finally {
             this.#loads.delete(load);

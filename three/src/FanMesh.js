@@ -24,6 +24,9 @@ function hasNodes() {
     return !(nodes instanceof Promise);
 }
 
+/** Materials that show a mesh's channels. */
+const shown = new WeakSet();
+
 const objectFromCamera = new Matrix4();
 const size = new Vector2();
 
@@ -36,8 +39,12 @@ export class FanMesh extends Mesh {
     #defines;
     #uniforms;
     #textures = null;
+    /** Why there can be none. */
+    #failure = null;
     #isLost = false;
     #canvas = null;
+    /** Materials made for the asset's. */
+    #own = [];
     /** Materials that show the channels, with their shaders' defines. */
     #patched = new Map();
     /** Those of them that wait to be drawn. */
@@ -81,18 +88,24 @@ export class FanMesh extends Mesh {
             this.geometry.addGroup(first, count, kinds.get(key));
         }
         if (materials.length === 1) this.geometry.clearGroups();
-        this.material = materials.length === 1 ? materials[0] : materials;
+        this.material = materials.length === 1 ? materials[0] : [...materials];
         if (materials.some((material) => material.alphaTest > 0)) {
             [this.customDepthMaterial, this.customDistanceMaterial] = shadowMaterials(this.#uniforms, this.#defines);
+            materials.push(this.customDepthMaterial, this.customDistanceMaterial);
         }
+        this.#own = materials;
     }
 
-    /** Has another material of three show this asset's channels; returns it. */
+    /** Has another material of three show this asset's channels, for good; returns it. */
     patch(material) {
         return this.#patched.has(material) ? material : this.#patch(material, this.#defines);
     }
 
     #patch(material, defines) {
+        if (shown.has(material)) {
+            throw new Error("a material shows the channels of one FanMesh; this one was given to the patch of another, so make a new one");
+        }
+        shown.add(material);
         const unlit = material.isMeshBasicMaterial ? { FAN_UNLIT: "" } : {};
         this.#patched.set(material, defines);
         if (this.#textures?.renderer.isWebGPURenderer) nodes.addNodes(material, this.#uniforms, defines);
@@ -138,6 +151,7 @@ export class FanMesh extends Mesh {
     /** Makes the textures for a renderer's context where there are none; whether there are any. */
     #prepare(renderer) {
         if (this.#stream === null) return false;
+        if (this.#failure !== null) throw this.#failure;
         if (this.#textures !== null && this.#textures.renderer !== renderer) {
             throw new Error("a FanMesh belongs to the renderer that drew it first; load the asset once for each renderer");
         }
@@ -182,7 +196,14 @@ export class FanMesh extends Mesh {
 
     /** Those of a lost context are gone. */
     #makeTextures(renderer) {
-        this.#textures = new FanTextures(renderer, this.#asset, this.#options.compressed);
+        try {
+            this.#textures = new FanTextures(renderer, this.#asset, this.#options.compressed);
+        } catch (error) {
+            // Pages that go on draw the rest of the scene.
+            this.visible = false;
+            this.#failure = error;
+            throw error;
+        }
         setTextures(this.#uniforms, this.#asset.channels, this.#textures);
         this.#stream.begin(this.#textures.atlas, this.#options);
     }
@@ -231,7 +252,7 @@ export class FanMesh extends Mesh {
         this.#canvas?.removeEventListener("webglcontextlost", this.#onLost);
         this.geometry.dispose();
         this.#patched.clear();
-        for (const material of [this.material, this.customDepthMaterial, this.customDistanceMaterial].flat()) material?.dispose();
+        for (const material of this.#own) material.dispose();
     }
 }
 

@@ -58,20 +58,20 @@ export class FanStream {
     }
 
     /**
-     * Opens the asset at an address; resolves to `{ stream, asset }`, see the engine's `assetOf`.
+     * Opens an asset; resolves to `{ stream, asset }`, see the engine's `assetOf`.
      *
-     * @param url The address.
+     * @param request `url`; `headers` of requests by name; `credentials`: whether these go to servers elsewhere.
      * @param options `worker`, `wasmUrl`, `concurrency`, `cacheBytes`.
      * @param onLoaded Called with the number of bytes that have come.
      * @param signal Ends it.
      */
-    static async open(url, options, onLoaded, signal) {
+    static async open(request, options, onLoaded, signal) {
         const module = compiled(options.wasmUrl);
         const stream = new FanStream(await startEngine(options.worker, signal), onLoaded);
         try {
             const aborted = new Promise((_, reject) => { signal.addEventListener("abort", () => reject(signal.reason), { once: true }); });
             signal.throwIfAborted();
-            const asset = await Promise.race([stream.#open(module, url, options), aborted]);
+            const asset = await Promise.race([stream.#open(module, request, options), aborted]);
             return { stream, asset };
         } catch (error) {
             stream.close();
@@ -79,8 +79,8 @@ export class FanStream {
         }
     }
 
-    async #open(module, url, { concurrency, cacheBytes }) {
-        this.#transport.post({ type: "open", module: await module, url, concurrency, cacheBytes }, []);
+    async #open(module, request, { concurrency, cacheBytes }) {
+        this.#transport.post({ type: "open", module: await module, ...request, concurrency, cacheBytes }, []);
         return this.#opened;
     }
 
@@ -94,7 +94,8 @@ export class FanStream {
                 if (answer.demand >= this.#atlasDemand) this.#updated = answer;
                 break;
             case "failed":
-                this.#failure = new Error(answer.sentence);
+                // What failed first tells most.
+                this.#failure ??= new Error(answer.sentence);
                 this.#opening.reject(this.#failure);
                 break;
         }

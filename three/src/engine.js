@@ -1,7 +1,8 @@
 // The half of an open asset that owns the core: it reads, unpacks, and decides what is resident. It runs in a worker, or on the page where
 // there is none, and knows neither three nor a device. Messages come, answers go:
 //
-//   open { module, url, concurrency, cacheBytes }    loaded { bytes }, again and again; opened { asset }, see `assetOf`
+//   open { module, url, headers, credentials,        loaded { bytes }, again and again; opened { asset }, see `assetOf`
+//          concurrency, cacheBytes }
 //   begin { atlas, cacheBytes, anisotropy }          none: the atlas, one of `asset.atlases`, is empty from now on
 //   update { view, seconds, demand, spare }          updated { demand, bytes, rectangles, rows, progress, damage }, see `Changes`
 //   retry, close                                     none
@@ -9,6 +10,7 @@
 // What goes wrong is answered by failed { sentence }.
 
 import init, { FanCore } from "../built/fantex_three.js";
+import { TRAPPED, isTrap, orTrap } from "./trap.js";
 
 /** Sides of textures that devices have. WebGL 2 has the least one everywhere, and several cards say more than the greatest but keep less. */
 const MAX_SIDES = [16384, 8192, 4096, 2048];
@@ -43,14 +45,16 @@ export class Engine {
                 case "close": this.#close(); break;
             }
         } catch (error) {
-            this.#answer({ type: "failed", sentence: error.message ?? String(error) }, []);
+            const sentence = isTrap(error) ? TRAPPED : error.message ?? String(error);
+            this.#answer({ type: "failed", sentence }, []);
         }
     }
 
-    async #open({ module, url, concurrency, cacheBytes }) {
+    async #open({ module, url, headers, credentials, concurrency, cacheBytes }) {
         await init({ module_or_path: module });
         if (this.#isClosed) return;
-        const core = await FanCore.open(url, concurrency, (bytes) => this.#answer({ type: "loaded", bytes }, []));
+        const onLoaded = (bytes) => this.#answer({ type: "loaded", bytes }, []);
+        const core = await orTrap(FanCore.open(url, concurrency, Object.entries(headers).flat(), credentials, onLoaded));
         if (this.#isClosed) {
             core.free();
             return;

@@ -2,7 +2,7 @@ import { Camera, Loader, LoadingManager, Material, Mesh, Vector3, WebGLRenderer 
 import type { WebGPURenderer } from "three/webgpu";
 
 export interface FanLoaderOptions {
-    /** Graphics memory for texels, bytes; 256 MiB unless given. */
+    /** Graphics memory for the texels of each mesh, bytes; 256 MiB unless given. An asset takes no more than it has texels for. */
     cacheBytes?: number;
     /** Requests at a time; 6 unless given. */
     concurrency?: number;
@@ -62,10 +62,10 @@ export class FanMesh extends Mesh {
      * worker has failed, from then on at every call.
      */
     update(camera: Camera, renderer: WebGLRenderer | WebGPURenderer): void;
-    /** Has another material of three show this asset's channels; returns it. */
+    /** Has another material of three show this asset's channels, for good; returns it. A material shows those of one mesh. */
     patch<M extends Material>(material: M): M;
     /** Asks once more for what could not be read. */
     retry(): void;
-    /** Ends streaming and its worker, and frees memory and graphics memory. */
+    /** Ends streaming and its worker, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
     dispose(): void;
 }

@@ -89,7 +89,20 @@ export class FanTextures {
         /** The one of the asset's for this device. */
         this.atlas = atlases.find((atlas) => atlas.compressed === compressed && atlas.maxSide <= device.maxSide);
         this.extent = this.atlas.extent;
+        this.isCompressed = compressed && drawn.some(({ format }) => FORMATS[format].block !== null);
         device.prepareUploads();
+        try {
+            this.#make(channels, tables, compressed);
+        } catch (error) {
+            this.dispose();
+            throw error;
+        }
+    }
+
+    #make(channels, tables, compressed) {
+        const device = this.#device;
+        // What others were refused is not meant.
+        device.takeOutOfMemory();
         this.atlases = channels.map(({ format, srgb, isDrawn }) => {
             if (!isDrawn) return null;
             const { block, plain } = FORMATS[format];
@@ -99,7 +112,10 @@ export class FanTextures {
         this.groups = table(device, tables.groups, 2, "rg32ui");
         this.means = table(device, tables.means, 4, "rgba16f");
         this.frames = table(device, tables.frames, 4, "rgba32f");
-        this.isCompressed = compressed && drawn.some(({ format }) => FORMATS[format].block !== null);
+        if (device.takeOutOfMemory()) {
+            const [width, height] = this.extent;
+            throw new Error(`the device has no graphics memory for textures of ${width} x ${height} texels, one for each channel of an asset; a FanLoader with less cacheBytes makes smaller ones`);
+        }
     }
 
     /** To be called before the core hands anything over. */
@@ -118,7 +134,7 @@ export class FanTextures {
     }
 
     dispose() {
-        for (const texture of [...this.atlases, this.pages, this.groups, this.means, this.frames]) {
+        for (const texture of [...(this.atlases ?? []), this.pages, this.groups, this.means, this.frames]) {
             texture?.dispose();
         }
     }

@@ -1,5 +1,7 @@
 // The two ways between a page and an engine. Both have `post(message, buffers)`, `onAnswer` and `close()`.
 
+import { TRAPPED } from "./trap.js";
+
 /** On the page it takes what a frame has to spare. */
 const SLICE_MILLISECONDS = 6;
 
@@ -12,7 +14,11 @@ class WorkerTransport {
     constructor(worker) {
         this.#worker = worker;
         worker.onmessage = ({ data }) => this.onAnswer(data);
-        worker.onerror = (event) => this.onAnswer({ type: "failed", sentence: event.message || "the worker of a FanMesh has ended" });
+        worker.onerror = ({ message = "" }) => {
+            // Errors come as text from a worker.
+            const sentence = message.includes("RuntimeError") ? TRAPPED : message || "the worker of a FanMesh has ended";
+            this.onAnswer({ type: "failed", sentence });
+        };
     }
 
     /** The buffers change hands. */

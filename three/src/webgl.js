@@ -24,6 +24,9 @@ const PLAIN = {
     "rg32ui": ["RG32UI", "RG_INTEGER", "UNSIGNED_INT"],
 };
 
+/** Errors that a context may keep at a time. */
+const MAX_ERRORS = 8;
+
 /** A texture without levels. */
 class GlTexture {
     #device;
@@ -83,6 +86,13 @@ export class GlDevice {
 
     hasFormat(format) {
         return format in PLAIN || this.#block(format) !== undefined;
+    }
+
+    /** Whether the context has refused memory since this was asked last. It waits for the device. */
+    takeOutOfMemory() {
+        const { gl } = this;
+        const errors = Array.from({ length: MAX_ERRORS }, () => gl.getError());
+        return errors.includes(gl.OUT_OF_MEMORY);
     }
 
     create(extent, format, isFiltered) {

@@ -60,6 +60,11 @@ export class GpuDevice {
         return FORMATS[format][1] === 1 || this.#device.features.has("texture-compression-bc");
     }
 
+    /** A device says so by itself, later. */
+    takeOutOfMemory() {
+        return false;
+    }
+
     /** How it is filtered is said by the renderer's samplers. */
     create(extent, format) {
         return new GpuTexture(this.#device, extent, FORMATS[format]);

@@ -32,10 +32,13 @@ pub struct ReadOptions {
     pub protect_inputs: bool,
 }
 
+/// Bytes that all that is read whole may take unless it is said otherwise. Pages have 4 GiB, in which what is made of it must find room, too.
+const MEMORY_BYTES: u64 = if cfg!(target_arch = "wasm32") { 3 << 29 } else { 8 << 30 };
+
 impl Default for ReadOptions {
-    /// 8 GiB, nothing outside, inputs may be overwritten.
+    /// 8 GiB (1.5 GiB in WebAssembly), nothing outside, inputs may be overwritten.
     fn default() -> Self {
-        Self { memory_bytes: 8 << 30, allow_outside: false, protect_inputs: false }
+        Self { memory_bytes: MEMORY_BYTES, allow_outside: false, protect_inputs: false }
     }
 }
 
@@ -148,13 +151,18 @@ pub fn reserve(what: impl Display, bytes: u64) -> Result<Held> {
     }
 }
 
+/// What can be done where there is not enough memory.
+const REMEDY: &str = if cfg!(target_arch = "wasm32") {
+    "a page has no more; it can be made smaller, or split (fantex split)"
+} else {
+    "allow more (--memory) or make it smaller"
+};
+
 /// What would take more memory than is left of what is allowed.
 pub fn too_large(what: impl Display, bytes: u64, left: u64) -> Error {
     let (one, unit) = if bytes < 1 << 20 { (1, "bytes") } else { (1 << 20, "MiB") };
     let (needed, left) = (bytes.div_ceil(one), left / one);
-    Error::too_large(format!(
-        "{what} would take {needed} {unit} of memory, {left} {unit} are left; allow more (--memory) or make it smaller"
-    ))
+    Error::too_large(format!("{what} would take {needed} {unit} of memory, {left} {unit} are left; {REMEDY}"))
 }
 
 /// Opens a regular file for reading: no folder, and neither a device nor a pipe, which may never end.

@@ -21,7 +21,8 @@
 //!
 //! * 1 or 4 samples per pixel; materials are evaluated once per pixel and triangle; interpolation is perspective-correct.
 //! * Bicubic filtering is linear and elliptical weighted averages are anisotropic probes: both are the CPU renderer's alone.
-//!   How probes are spread over ordinary textures is the device's affair.
+//!   How probes are spread over ordinary textures is the device's affair; textures whose texels are to be seen as squares have none.
+//! * Vertex colours above 1 count as 1.
 //! * Blended triangles are sorted by their centres, not by what each sample sees.
 //! * Environments have at most 1024 texels along a cube's face, and mirrors see them through one trilinear look-up.
 //! * Cookies are squares of 1024 texels, filtered trilinearly. An orthographic projector's shadows begin at its cookie.

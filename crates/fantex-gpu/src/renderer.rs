@@ -129,13 +129,20 @@ impl Renderer {
 
 fn draw_shadows(state: &FrameState, encoder: &mut wgpu::CommandEncoder, model: &dyn Model) {
     for (face, group, offset) in state.shadow_faces() {
+        let mut attachment = depth_attachment(&face.target, wgpu::StoreOp::Store);
+        if !face.is_first {
+            // Others lie beside it.
+            attachment.depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Load, ..Default::default() });
+        }
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shadow map"),
-            depth_stencil_attachment: Some(depth_attachment(&face.target, wgpu::StoreOp::Store)),
+            depth_stencil_attachment: Some(attachment),
             ..Default::default()
         });
-        let side = face.resolution as f32;
-        pass.set_viewport(0.0, 0.0, side, side, 0.0, 1.0);
+        let [left, top] = face.at;
+        pass.set_scissor_rect(left, top, face.resolution, face.resolution);
+        let [x, y, side] = [left, top, face.resolution].map(|n| n as f32);
+        pass.set_viewport(x, y, side, side, 0.0, 1.0);
         pass.set_bind_group(0, group, &[offset]);
         model.draw_casters(&mut pass);
     }

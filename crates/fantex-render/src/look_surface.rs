@@ -196,11 +196,11 @@ impl<'a> TextureSurface<'a> {
             metallic: slots.metallic.x.clamp(0.0, 1.0),
             emission: color(slots.emission),
             mirrored: Vec3::ZERO,
-            unlit: false,
+            unlit: material.lighting == LightingModel::Unlit,
             lookups: material.textures().count() as u32,
         };
         let mut finish = Finish {
-            lighting: material.lighting,
+            is_blinn_phong: material.lighting == LightingModel::BlinnPhong,
             color_use: material.color_use,
             ambient: color(slots.ambient),
             specular: color(slots.specular),

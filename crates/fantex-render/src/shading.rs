@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use fantex_scene::{AmbientLight, MirrorView, Shading, smith_visibility, split_sum};
 use fantex_texture::ColorRamp;
 use fantex_texture::combine::CombineMode;
-use fantex_texture::look::{ColorUse, LightingModel};
+use fantex_texture::look::ColorUse;
 use glam::{Vec3, Vec4};
 
 use crate::illumination::Illumination;
@@ -29,12 +29,11 @@ pub(crate) fn evaluate(
             Vec3::new(material.occlusion, material.roughness, material.metallic)
         }
         Shading::Emission => material.emission,
-        Shading::MetallicRoughness | Shading::BlinnPhong if material.unlit => {
-            material.mirrored
-                + material.base_color * finish.and_then(|finish| finish.light_map).unwrap_or(Vec3::ONE)
-        }
         Shading::MetallicRoughness | Shading::BlinnPhong if let Some(finish) = finish => {
             finish.evaluate(material, to_eye, light)
+        }
+        Shading::MetallicRoughness | Shading::BlinnPhong if material.unlit => {
+            material.own_light() + material.base_color
         }
         Shading::MetallicRoughness => material.own_light() + metallic_roughness(material, to_eye, light),
         Shading::BlinnPhong => material.own_light() + blinn_phong(material, to_eye, light),
@@ -189,8 +188,9 @@ fn squared_roughness(material: &MaterialSample) -> f32 {
 /// difference to it.
 #[derive(Clone, Copy, Debug)]
 pub struct Finish<'a> {
-    /// How light is reflected.
-    pub lighting: LightingModel,
+    /// Whether light is reflected after Blinn and Phong; as metallic-roughness otherwise. Points that are
+    /// [unlit](MaterialSample::unlit) reflect none.
+    pub is_blinn_phong: bool,
     /// What the base colour does to the lighting.
     pub color_use: ColorUse,
     /// Blinn-Phong: ambient reflectance, a factor of the base colour, linear RGB.
@@ -228,7 +228,7 @@ impl Default for Finish<'_> {
     /// What a material without a finish looks like.
     fn default() -> Self {
         Self {
-            lighting: LightingModel::MetallicRoughness,
+            is_blinn_phong: false,
             color_use: ColorUse::APriori,
             ambient: Vec3::ONE,
             specular: Vec3::ONE,
@@ -258,7 +258,7 @@ fn mean_color(ramp: &ColorRamp, index: f32, width: f32) -> Vec3 {
 impl Finish<'_> {
     /// Whether the point is lit as if it had no finish, under [`Shading::MetallicRoughness`](crate::Shading).
     pub(crate) fn is_plain(&self) -> bool {
-        self.lighting == LightingModel::MetallicRoughness
+        !self.is_blinn_phong
             && self.color_use == ColorUse::APriori
             && self.specular == Vec3::ONE
             && self.light_map.is_none()
@@ -272,11 +272,11 @@ impl Finish<'_> {
     pub(crate) fn evaluate(&self, material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Vec3 {
         let base = material.base_color;
         let white = MaterialSample { base_color: Vec3::ONE, ..*material };
-        let color = match (self.lighting, self.color_use) {
-            (LightingModel::Unlit, _) => base * self.light_map.unwrap_or(Vec3::ONE),
-            (_, ColorUse::Replace) => base,
-            (_, ColorUse::APriori) => self.lit(material, to_eye, light),
-            (_, ColorUse::Modulate) => base * self.lit(&white, to_eye, light),
+        let color = match self.color_use {
+            _ if material.unlit => base * self.light_map.unwrap_or(Vec3::ONE),
+            ColorUse::Replace => base,
+            ColorUse::APriori => self.lit(material, to_eye, light),
+            ColorUse::Modulate => base * self.lit(&white, to_eye, light),
         };
         let lit = material.own_light() + color * self.modulate;
         match self.fragment {
@@ -288,9 +288,10 @@ impl Finish<'_> {
     }
 
     fn lit(&self, material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Vec3 {
-        let reflected = match self.lighting {
-            LightingModel::BlinnPhong => self.blinn_phong(material, to_eye, light),
-            _ => self.metallic_roughness(material, to_eye, light),
+        let reflected = if self.is_blinn_phong {
+            self.blinn_phong(material, to_eye, light)
+        } else {
+            self.metallic_roughness(material, to_eye, light)
         };
         let diffuse_color = material.base_color * (1.0 - material.metallic);
         match self.light_map {
@@ -528,7 +529,8 @@ mod tests {
 
     #[test]
     fn unlit_surfaces_show_their_colour() {
-        let m = MaterialSample { unlit: true, base_color: Vec3::new(0.1, 0.2, 0.3), ..material(0.5, 0.5) };
+        let base_color = Vec3::new(0.1, 0.2, 0.3);
+        let m = MaterialSample { unlit: true, base_color, emission: Vec3::ONE, ..material(0.5, 0.5) };
         let c = lit(Shading::MetallicRoughness, &m, Vec3::Z, &Lights::default());
         assert_eq!(c, m.base_color);
     }

@@ -86,7 +86,7 @@ pub struct MaterialSample {
     /// Linear RGB that is added to the lit colour: light of an environment that only this object mirrors. It is not emitted, so
     /// it has no halo.
     pub mirrored: Vec3,
-    /// True where the base colour is the picture, without light.
+    /// True where the base colour is the picture, without light, also emitted one.
     pub unlit: bool,
     /// Filtered look-ups (of one image, or of one channel in one group's tile) that it took.
     pub lookups: u32,
@@ -112,7 +112,7 @@ impl MaterialSample {
 
     /// Light that is there without lamps and surroundings, linear RGB.
     pub(crate) fn own_light(&self) -> Vec3 {
-        self.emission + self.mirrored
+        if self.unlit { self.mirrored } else { self.emission + self.mirrored }
     }
 }
 

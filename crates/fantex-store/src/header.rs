@@ -225,6 +225,8 @@ impl<'a> Sections<'a> {
             check_record(path, section, record, slot.file_length)?;
             ranges.push(record.range());
         }
+        let opened = opening_bytes(&slot.sections);
+        input::reserve(format_args!("opening the sections of {}", path.display()), opened).map(drop)?;
         let mut spans = Vec::new();
         for range in merged(ranges) {
             let mut bytes = vec![0; (range.end - range.start) as usize];
@@ -276,6 +278,13 @@ fn check_record(path: &Path, section: &'static str, record: &SectionRecord, file
     input::reserve(format_args!("the {section} section of {}", path.display()), bytes).map(drop)
 }
 
+/// Memory for all sections as stored and what they say, and for one of them unpacked.
+fn opening_bytes(records: &[SectionRecord]) -> u64 {
+    let sum = |bytes: u64, more: &u64| bytes.saturating_add(*more);
+    let lengths = records.iter().flat_map(|record| [&record.stored_length, &record.raw_length]);
+    lengths.fold(records.iter().map(|record| record.raw_length).max().unwrap_or(0), sum)
+}
+
 fn unpack_section(
     path: &Path,
     section: &'static str,
@@ -314,6 +323,7 @@ fn packing_error(path: &Path, section: &'static str, record: &SectionRecord) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BytesSource;
 
     #[test]
     fn a_slot_comes_back_and_any_flipped_bit_is_noticed() {
@@ -340,5 +350,25 @@ mod tests {
         let far = SECTION_GAP + 100;
         assert_eq!(merged(vec![20..30, 0..10, 30..40, 25..26]), vec![0..40]);
         assert_eq!(merged(vec![40 + far..50 + far, 0..40, 60..60]), vec![0..60, 40 + far..50 + far]);
+    }
+
+    #[test]
+    fn sections_count_together() {
+        let record = |index: u64| SectionRecord {
+            offset: HEADER_BYTES + 100 * index,
+            stored_length: 100,
+            raw_length: 1000,
+            checksum: 0,
+        };
+        let slot =
+            Slot { sections: [0, 1, 2, 3].map(record), file_length: HEADER_BYTES + 400, ..Slot::new(1) };
+        let source = BytesSource::new("a.fan", vec![0; slot.file_length as usize]);
+        let read = |memory_bytes| {
+            let options = input::ReadOptions { memory_bytes, ..input::ReadOptions::default() };
+            input::ReadLimits::new(options).run(|| Sections::read(&source, &slot).map(drop))
+        };
+        assert!(read(4 * 1100 + 1000).is_ok());
+        let error = read(4 * 1100 + 999).unwrap_err();
+        assert_eq!(error.kind(), fantex_base::ErrorKind::TooLarge, "{error}");
     }
 }

@@ -76,7 +76,7 @@ pub enum LightingModel {
     MetallicRoughness,
     /// Blinn-Phong with ambient: `L = r_a L_a + sum_j (r_d (n.l_j) + r_s (n.h_j)^m) L_j`.
     BlinnPhong,
-    /// No light: the base colour is the picture.
+    /// No light, nor emission: the base colour is the picture.
     Unlit,
 }
 

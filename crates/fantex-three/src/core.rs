@@ -8,7 +8,7 @@ use fantex_store::{Asset, ChannelKind, TexelFormat};
 use fantex_stream::drawing::{
     AtlasGrid, PAGE_ROW_SHIFT, PageWords, frame_records, group_records, mean_records, upload_rectangles,
 };
-use fantex_stream::read::RemoteFile;
+use fantex_stream::read::{RemoteAccess, RemoteFile};
 use fantex_stream::{
     AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, PageTable,
     ParcelUpload, StreamView, Streamer, StreamerOptions, open_fetched,
@@ -110,12 +110,21 @@ fn said(error: impl std::fmt::Display) -> JsError {
 
 #[wasm_bindgen]
 impl FanCore {
-    /// Opens the asset at `url` with so many requests at a time. `progress` is called with the number of bytes that have come.
+    /// Opens the asset at `url` with so many requests at a time, which have these `headers`, names and values in turn, and send
+    /// `credentials` also to servers elsewhere. `progress` is called with the number of bytes that have come.
     ///
     /// # Errors
     /// The asset cannot be read, or is damaged.
-    pub async fn open(url: String, connections: usize, progress: Function) -> Result<FanCore, JsError> {
-        let file = Rc::new(RemoteFile::new(url));
+    pub async fn open(
+        url: String,
+        connections: usize,
+        headers: Vec<String>,
+        credentials: bool,
+        progress: Function,
+    ) -> Result<FanCore, JsError> {
+        let headers = headers.as_chunks().0.to_vec();
+        let access = RemoteAccess { headers, sends_credentials: credentials };
+        let file = Rc::new(RemoteFile::new(url).with_access(access));
         let opening = Rc::clone(&file);
         let loaded = std::cell::Cell::new(0.0);
         let fetch = async |range| {
@@ -190,12 +199,12 @@ impl FanCore {
 
     /// Columns and rows of the textures of an atlas, see [`begin`](Self::begin).
     pub fn atlas_extent(&self, has_blocks: bool, max_side: u32, atlas_bytes: f64) -> Vec<u32> {
-        let shape = atlas_shape(&self.drawn(has_blocks), max_side, atlas_bytes);
+        let shape = self.atlas_shape(&self.drawn(has_blocks), max_side, atlas_bytes);
         AtlasGrid::new(shape, max_side).extent().to_vec()
     }
 
-    /// Makes an atlas in which nothing is resident, also after another one was lost: of at most so many bytes, in textures of at most
-    /// `max_side` texels. `has_blocks`: the device has all compressed formats of the asset. Updates unpack for so many milliseconds, and one
+    /// Makes an atlas in which nothing is resident, also after another one was lost: of at most so many bytes, or room for all pages where
+    /// that is less, in textures of at most `max_side` texels. `has_blocks`: the device has all compressed formats of the asset. Updates unpack for so many milliseconds, and one
     /// cluster longer at most.
     pub fn begin(
         &mut self,
@@ -206,7 +215,7 @@ impl FanCore {
         slice_milliseconds: u32,
     ) {
         let drawn = self.drawn(has_blocks);
-        let atlas = atlas_shape(&drawn, max_side, atlas_bytes);
+        let atlas = self.atlas_shape(&drawn, max_side, atlas_bytes);
         let grid = AtlasGrid::new(atlas, max_side);
         let options =
             ClusterLoaderOptions { block_compressed: has_blocks, ..ClusterLoaderOptions::default() };
@@ -275,6 +284,13 @@ impl FanCore {
         drawn.map(|(index, channel)| (index, AtlasFormat::of(channel.format, has_blocks))).collect()
     }
 
+    /// What of so many bytes the pages need, in textures of at most `max_side` texels; the least where nothing is drawn.
+    fn atlas_shape(&self, drawn: &[(usize, AtlasFormat)], max_side: u32, atlas_bytes: f64) -> AtlasShape {
+        let formats: Vec<AtlasFormat> = drawn.iter().map(|(_, format)| *format).collect();
+        let bytes = if formats.is_empty() { 0 } else { atlas_bytes as u64 };
+        AtlasGrid::shape_for(self.asset.cover(), bytes, &formats, max_side)
+    }
+
     /// Bytes of texels of all channels, of which [`UPLOAD_BYTES`] are drawn.
     fn upload_bytes(&self, drawn: &[(usize, AtlasFormat)], has_blocks: bool) -> usize {
         let channels = self.asset.channels().iter();
@@ -282,13 +298,6 @@ impl FanCore {
         let own: usize = drawn.iter().map(|(_, format)| format.block_bytes()).sum();
         (UPLOAD_BYTES as u64 * all.max(1) as u64 / own.max(1) as u64) as usize
     }
-}
-
-/// What of so many bytes fits into textures of at most `max_side` texels; the least where nothing is drawn.
-fn atlas_shape(drawn: &[(usize, AtlasFormat)], max_side: u32, atlas_bytes: f64) -> AtlasShape {
-    let formats: Vec<AtlasFormat> = drawn.iter().map(|(_, format)| *format).collect();
-    let bytes = if formats.is_empty() { 0 } else { atlas_bytes as u64 };
-    AtlasGrid::fitting(AtlasShape::within(bytes, &formats), max_side)
 }
 
 impl Streaming {

@@ -26,8 +26,13 @@ const CHECK_MILLISECONDS = 2000;
 /** Time without anything new after which the page says that it waits. */
 const SLOW_MILLISECONDS = 8000;
 
+/** What a trap of WebAssembly means; it says something else itself. */
+const TRAPPED = "The asset needs more memory than this browser gives a page, or the viewer has failed.";
+
+const isTrap = (error) => error instanceof WebAssembly.RuntimeError;
+
 /** What an error says. */
-const sentence = (error) => error?.message ?? String(error);
+const sentence = (error) => (isTrap(error) ? TRAPPED : error?.message ?? String(error));
 
 let viewer = null;
 let scheduled = false;
@@ -121,6 +126,13 @@ function fail(text) {
     preview.hidden = false;
     canvas.hidden = true;
     say(text, "error", RELOAD);
+}
+
+// Promises of a task that traps are never settled.
+for (const kind of ["error", "unhandledrejection"]) {
+    addEventListener(kind, ({ error, reason = error }) => {
+        if (isTrap(reason)) fail(TRAPPED);
+    });
 }
 
 // Servers on one's own machine have no picture.

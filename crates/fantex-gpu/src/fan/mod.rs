@@ -550,7 +550,7 @@ const STREAMER_SHARE: f32 = 0.3;
 const MAX_FILLING_SECONDS: f32 = 3.0;
 
 impl StreamedModel {
-    /// An asset whose pages come from `loader`. Mesh and cover are kept as `geometry`, which is the asset's own or a copy; of
+    /// An asset whose pages come from `loader`, in at most `budget_bytes` of graphics memory, or room for all pages where that is less. Mesh and cover are kept as `geometry`, which is the asset's own or a copy; of
     /// the asset nothing else is.
     ///
     /// # Errors
@@ -577,7 +577,8 @@ impl StreamedModel {
         budget_bytes: u64,
         progress: &dyn Fn(f32),
     ) -> Result<Self> {
-        let atlas = FanModel::atlas_shape(gpu, budget_bytes, &FanModel::atlas_formats(gpu, asset.channels()));
+        let formats = FanModel::atlas_formats(gpu, asset.channels());
+        let atlas = Self::atlas_shape(gpu, geometry.cover(), budget_bytes, &formats);
         let options = StreamerOptions { atlas, ..StreamerOptions::default() };
         let streamer = Streamer::new(Arc::clone(&geometry), loader, options);
         progress(STREAMER_SHARE);
@@ -585,6 +586,11 @@ impl StreamedModel {
         let model = FanModel::with_atlas(gpu, asset, &*geometry, streamer.table(), atlas, &in_all)?;
         progress(1.0);
         Ok(Self { model, streamer, filling_seconds: 0.0 })
+    }
+
+    /// What of a budget a cover's pages need.
+    fn atlas_shape(gpu: &Gpu, cover: &Cover, budget_bytes: u64, formats: &[AtlasFormat]) -> AtlasShape {
+        AtlasGrid::shape_for(cover, budget_bytes, formats, gpu.limits().max_texture_dimension_2d)
     }
 
     /// Brings to the device what has arrived, and asks for what a view needs; `None` where nothing is seen. Returns what has
@@ -607,11 +613,11 @@ impl StreamedModel {
     /// # Errors
     /// The device cannot take the atlas; then everything is as it was.
     pub fn set_budget(&mut self, gpu: &Gpu, budget_bytes: u64) -> Result<()> {
-        let shape = FanModel::atlas_shape(gpu, budget_bytes, self.model.formats());
+        let geometry = self.streamer.geometry().clone();
+        let shape = Self::atlas_shape(gpu, geometry.cover(), budget_bytes, self.model.formats());
         if shape == self.model.shape() {
             return Ok(());
         }
-        let geometry = self.streamer.geometry().clone();
         self.model.begin_atlas(gpu, geometry.cover(), self.streamer.table(), shape)?;
         self.streamer.set_atlas(shape);
         self.filling_seconds = 0.0;

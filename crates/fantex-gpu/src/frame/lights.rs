@@ -94,7 +94,7 @@ impl CookieTextures {
     }
 
     /// Draws the cookies of all projectors among the lamps, in their order, unless they are there already.
-    pub(super) fn update(&mut self, gpu: &Gpu, lamps: &[Light], seconds: f32) -> bool {
+    pub(super) fn update(&mut self, gpu: &Gpu, lamps: &[Light], seconds: f32) -> Result<bool> {
         let cookies = lamps.iter().filter_map(|lamp| match &lamp.kind {
             LightKind::Projector(projector) => Some(&projector.cookie),
             _ => None,
@@ -102,9 +102,11 @@ impl CookieTextures {
         let wanted: Vec<_> = cookies.map(|cookie| (cookie.clone(), shown_time(cookie, seconds))).collect();
         let same = |(a, b): (&(Cookie, f32), &(Cookie, f32))| a.1 == b.1 && is_same(&a.0, &b.0);
         if wanted.is_empty() || wanted.len() == self.shown.len() && wanted.iter().zip(&self.shown).all(same) {
-            return false;
+            return Ok(false);
         }
-        let texture = texture(gpu, SIDE, wanted.len() as u32);
+        let (count, allowed) = (wanted.len() as u32, gpu.limits().max_texture_array_layers);
+        gpu.allow("the scene's lamps", count, allowed, "projectors")?;
+        let texture = texture(gpu, SIDE, count);
         for level in 0..texture.mip_level_count() {
             let side = SIDE >> level;
             let texels: Vec<[f16; 4]> =
@@ -113,7 +115,7 @@ impl CookieTextures {
         }
         self.view = array_view(&texture);
         self.shown = wanted;
-        true
+        Ok(true)
     }
 }
 
@@ -171,6 +173,10 @@ pub(crate) struct ShadowFace {
     pub(super) clip_from_mesh: Mat4,
     /// Its layer, as a target.
     pub(crate) target: wgpu::TextureView,
+    /// Whether it is the first one in its layer.
+    pub(crate) is_first: bool,
+    /// The first of its texels.
+    pub(crate) at: [u32; 2],
     /// Texels along its sides.
     pub(crate) resolution: u32,
 }
@@ -237,14 +243,17 @@ impl ShadowMaps {
                 None => Vec::new(),
             })
             .collect();
-        let moved = self.make_room(gpu, lamps, &fitted)?;
         let all_faces = lamps.iter().zip(&fitted).flat_map(|(light, views)| {
             light.shadow.into_iter().flat_map(move |options| views.iter().map(move |view| (view, options)))
         });
+        let all_faces: Vec<_> = all_faces.collect();
+        let sides: Vec<u32> = all_faces.iter().map(|(_, options)| options.resolution).collect();
+        let (places, layers) = map_places(&sides);
+        let moved = self.make_room(gpu, sides.iter().copied().max().unwrap_or(1), layers.max(1))?;
         let mesh_per_world = (1.0 / space.world_from_mesh.scale) as f32;
-        self.faces = all_faces
-            .enumerate()
-            .map(|(layer, (fitted, options))| self.face(layer as u32, fitted, &options, mesh_per_world))
+        let faces = all_faces.iter().zip(places);
+        self.faces = faces
+            .map(|((fitted, options), place)| self.face(place, fitted, options, mesh_per_world))
             .collect();
         let mut first = 0;
         self.of_lamps = fitted
@@ -259,16 +268,14 @@ impl ShadowMaps {
         Ok(ShadowChanges { stale: !self.faces.is_empty(), moved })
     }
 
-    /// A texture with a layer for every map, as large as the largest; whether it is a new one.
-    fn make_room(&mut self, gpu: &Gpu, lamps: &[Light], fitted: &[Vec<FittedView>]) -> Result<bool> {
-        let layers = fitted.iter().map(Vec::len).sum::<usize>().max(1) as u32;
-        let side = lamps.iter().filter_map(|l| l.shadow).map(|s| s.resolution).max().unwrap_or(1);
+    /// A texture with so many layers; whether it is a new one.
+    fn make_room(&mut self, gpu: &Gpu, side: u32, layers: u32) -> Result<bool> {
         if self.texture.width() == side && self.texture.depth_or_array_layers() == layers {
             return Ok(false);
         }
         let limits = gpu.limits();
         gpu.allow("a shadow map", side, limits.max_texture_dimension_2d, "texels along a side")?;
-        gpu.allow("the scene's lamps", layers, limits.max_texture_array_layers, "shadow maps")?;
+        gpu.allow("the scene's lamps", layers, limits.max_texture_array_layers, "layers of shadow maps")?;
         self.texture = create(gpu, side, layers);
         self.view = array_view(&self.texture);
         Ok(true)
@@ -276,7 +283,7 @@ impl ShadowMaps {
 
     fn face(
         &self,
-        layer: u32,
+        MapPlace { layer, at }: MapPlace,
         fitted: &FittedView,
         options: &ShadowOptions,
         mesh_per_world: f32,
@@ -311,7 +318,7 @@ impl ShadowMaps {
             normal_offset: options.normal_offset,
             penumbra,
             penumbra_width,
-            pad: [0.0; 2],
+            at,
         };
         let target = self.texture.create_view(&wgpu::TextureViewDescriptor {
             label: Some("shadow map"),
@@ -321,8 +328,39 @@ impl ShadowMaps {
             ..Default::default()
         });
         let clip_from_mesh = clip_from_mesh(map_from_mesh, near, *far as f32);
-        ShadowFace { record, clip_from_mesh, target, resolution: options.resolution }
+        let is_first = at == [0, 0];
+        ShadowFace { record, clip_from_mesh, target, is_first, at, resolution: options.resolution }
     }
+}
+
+/// Where a shadow map lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct MapPlace {
+    layer: u32,
+    /// Its first texel.
+    at: [u32; 2],
+}
+
+/// Places of square maps in layers as large as the largest, and the number of layers. Maps of one size share layers, row by row.
+fn map_places(sides: &[u32]) -> (Vec<MapPlace>, u32) {
+    let mut sizes = sides.to_vec();
+    sizes.sort_unstable();
+    sizes.dedup();
+    let largest = sizes.last().copied().unwrap_or(1);
+    let mut places = vec![MapPlace { layer: 0, at: [0; 2] }; sides.len()];
+    let mut layers = 0;
+    for &size in sizes.iter().rev() {
+        let columns = largest / size;
+        let of_size = places.iter_mut().zip(sides).filter(|(_, side)| **side == size).map(|(place, _)| place);
+        let mut count = 0;
+        for place in of_size {
+            let at = [count % columns, count / columns % columns].map(|n| n * size);
+            *place = MapPlace { layer: layers + count / (columns * columns), at };
+            count += 1;
+        }
+        layers += count.div_ceil(columns * columns);
+    }
+    (places, layers)
 }
 
 /// From mesh to clip space of a map. Depth becomes `near / depth`, or without a near plane (of parallel light) the distance
@@ -336,4 +374,26 @@ fn clip_from_mesh(map_from_mesh: Mat4, near: f32, far: f32) -> Mat4 {
 fn create(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT;
     gpu.texture("shadow maps", [side, side, layers], 1, SHADOW_FORMAT, usage)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shadow_maps_share_layers_and_lie_apart() {
+        let sides = [64, 8192, 512, 512, 3000, 512, 512, 512, 3000, 512, 3000, 3000, 3000];
+        let (places, layers) = map_places(&sides);
+        assert_eq!(layers, 5, "3000 lies four times in 8192");
+        let maps: Vec<_> = places.iter().zip(sides).collect();
+        for (i, (a, side)) in maps.iter().enumerate() {
+            assert!(a.layer < layers && a.at.iter().all(|n| n + side <= 8192));
+            for (b, other) in &maps[..i] {
+                let apart = |k: usize| a.at[k] >= b.at[k] + other || b.at[k] >= a.at[k] + side;
+                assert!(a.layer != b.layer || apart(0) || apart(1), "{a:?} {b:?}");
+            }
+        }
+        assert!((0..layers).all(|layer| places.contains(&MapPlace { layer, at: [0, 0] })));
+        assert_eq!(map_places(&[]), (Vec::new(), 0));
+    }
 }

@@ -218,7 +218,7 @@ pub(crate) struct ShadowFaceRecord {
     pub(crate) normal_offset: f32,
     pub(crate) penumbra: u32,
     pub(crate) penumbra_width: f32,
-    pub(crate) pad: [f32; 2],
+    pub(crate) at: [u32; 2],
 }
 
 /// `Lines` of `lines.wgsl`.
@@ -291,7 +291,7 @@ impl FrameState {
         }
         let environment = frame.lights.ambient.environment.as_ref();
         let mut rebind = self.environment.update(gpu, environment) | shadows.moved;
-        rebind |= self.cookies.update(gpu, lamps, frame.options.seconds);
+        rebind |= self.cookies.update(gpu, lamps, frame.options.seconds)?;
         let faces: Vec<_> = self.shadows.faces.iter().map(|face| face.record).collect();
         let storage = wgpu::BufferUsages::STORAGE;
         rebind |= make_room(gpu, &mut self.lamps, size_of_val(&records[..]) as u64, storage);
@@ -503,7 +503,7 @@ mod tests {
             "ShadowFace",
             size_of::<ShadowFaceRecord>(),
             fields!(ShadowFaceRecord: map_from_mesh, right, half_width, up, half_height, forward, far, origin,
-                near, resolution, layer, bias, normal_offset, penumbra, penumbra_width),
+                near, resolution, layer, bias, normal_offset, penumbra, penumbra_width, at),
         );
         assert_same_layout("lines", "Lines", size_of::<LinesRecord>(), fields!(LinesRecord: color));
     }

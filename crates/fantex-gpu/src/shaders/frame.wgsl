@@ -89,8 +89,8 @@ struct ShadowFace {
     penumbra: u32,
     // Mesh units; of a parallel lamp's size the tangent.
     penumbra_width: f32,
-    pad0: f32,
-    pad1: f32,
+    // The first of its texels in the layer.
+    at: vec2<u32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -177,6 +177,7 @@ fn texel_of(cell: u32, level: u32, beside: u32, side: u32) -> u32 {
 fn blockers(face: u32, asked: Asked, radius: vec2<f32>) -> vec3<f32> {
     let side = u32(shadow_faces[face].resolution);
     let layer = shadow_faces[face].layer;
+    let first = shadow_faces[face].at;
     let columns = span(asked.at.x, radius.x, side);
     let rows = span(asked.at.y, radius.y, side);
     var sum = vec3<f32>(0.0);
@@ -199,7 +200,7 @@ fn blockers(face: u32, asked: Asked, radius: vec2<f32>) -> vec3<f32> {
                 );
                 let from_middle = vec2<f32>(texel) + 0.5 - asked.at;
                 let own = max(asked.nearness + dot(asked.slope, from_middle), 0.0);
-                let nearest = textureLoad(shadow_maps, texel, layer, 0);
+                let nearest = textureLoad(shadow_maps, first + texel, layer, 0);
                 let hides = select(0.0, weight, nearest > own);
                 sum += vec3<f32>(hides, hides * nearest, weight);
             }

@@ -514,7 +514,7 @@ fn another_budget_leaves_the_picture() {
     let mut streamed = scene.open(&gpu);
     let mut before = scene.sharp(&gpu, &mut streamed);
     let view = stream_view(&scene.camera, common::SIZE, streamed.model.space());
-    for budget in [48 << 20, 12 << 20] {
+    for budget in [8 << 20, 4 << 20] {
         streamed.set_budget(&gpu, budget).unwrap();
         assert!(streamed.model.has_hidden_atlas() && streamed.model.texel_bytes() <= budget);
         // A page per frame: nothing is sharp in the first ones.

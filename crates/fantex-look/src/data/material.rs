@@ -40,7 +40,7 @@ parameters! {
         pub specular: Option<Input> = None,
         /// Exponent of the highlight (Blinn-Phong); from the roughness where it is left out.
         pub shininess: Option<Input> = None,
-        /// Emitted light; 0 where it is left out.
+        /// Emitted light, which unlit materials have none of; 0 where it is left out.
         pub emission: Option<Input> = None,
         /// Share of the mirrored surroundings that is added (Blinn-Phong); 0 where it is left out.
         pub reflection: Option<Input> = None,

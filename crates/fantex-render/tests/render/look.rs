@@ -465,6 +465,22 @@ fn blended_layers_let_the_back_through() {
 }
 
 #[test]
+fn unlit_materials_show_their_base_color_alone() {
+    let color = Vec3::new(0.2, 0.4, 0.6);
+    let sign = LookMaterial {
+        lighting: LightingModel::Unlit,
+        base_color: Slot::color(color),
+        emission: Slot::number(0.5),
+        ..LookMaterial::default()
+    };
+    for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
+        let seen =
+            picture_of(&square(), sign.clone(), &lights(Vec3::Z), &RenderOptions { shading, ..options() });
+        assert!(rgb(&seen, 48, 32).abs_diff_eq(color, 1e-6), "{shading:?}");
+    }
+}
+
+#[test]
 fn emissive_textures_glow_beyond_their_outline() {
     let lamp = LookMaterial {
         emission: slot(|at| {

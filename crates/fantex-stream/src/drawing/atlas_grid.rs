@@ -3,7 +3,10 @@
 //! The atlas' layers are the cells of a grid in one texture per channel: shaders then know of no layers, and look-ups are
 //! those of a plain texture, the kind that software adapters do best.
 
-use crate::{AtlasPlace, AtlasShape, TableEntry};
+use fantex_cover::Cover;
+use fantex_store::PAGE;
+
+use crate::{AtlasFormat, AtlasPlace, AtlasShape, TableEntry};
 
 /// Where layers lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +36,18 @@ impl AtlasGrid {
         AtlasShape { side, layers: (1..=shape.layers).rev().find(is_grid).unwrap_or(1) }
     }
 
+    /// The shape for a cover: all of a budget that [fits](Self::fitting), but no more than room for all pages.
+    pub fn shape_for(cover: &Cover, budget_bytes: u64, formats: &[AtlasFormat], longest: u32) -> AtlasShape {
+        let allowed = Self::fitting(AtlasShape::within(budget_bytes, formats), longest);
+        let room = room_for(cover);
+        let area = |side: u32| u64::from(side).pow(2);
+        let side = [256, 512, 1024, 2048].into_iter().find(|&side| 16 * area(side) >= room).unwrap_or(4096);
+        let mut shapes =
+            (room.div_ceil(area(side))..=128).map(|layers| AtlasShape { side, layers: layers as u32 });
+        let enough = shapes.find(|&shape| Self::fitting(shape, longest) == shape);
+        enough.filter(|shape| shape.texels() < allowed.texels()).unwrap_or(allowed)
+    }
+
     /// Columns and rows in texels.
     pub fn extent(self) -> [u32; 2] {
         self.cells.map(|n| n * self.side)
@@ -51,6 +66,21 @@ impl AtlasGrid {
             1 << 31 | (y / 4) << 12 | (x / 4)
         })
     }
+}
+
+/// Squares of [`PAGE`] texels per side in which sizes of pages may begin before the last one is full.
+const BEGUN_SQUARES: u64 = 7;
+
+/// Texels that an atlas must have so that all pages of a cover find room, in whatever order they come. With sides rounded up to powers
+/// of two they lose nothing between them; of what is there, a bit must be left over, lest coarser levels are wanted.
+fn room_for(cover: &Cover) -> u64 {
+    let side = |texels: u32| match texels % PAGE {
+        0 => texels.into(),
+        rest => u64::from(texels - rest + rest.next_power_of_two()),
+    };
+    let levels = cover.groups.iter().flat_map(|tile| (0..tile.level_count()).map(|l| tile.level_extent(l)));
+    let texels: u64 = levels.map(|[columns, rows]| side(columns) * side(rows)).sum();
+    texels / 4 * 5 + BEGUN_SQUARES * u64::from(PAGE).pow(2)
 }
 
 #[cfg(test)]

@@ -7,10 +7,10 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
-use js_sys::{Map, Promise, Uint8Array};
+use js_sys::{Map, Promise, Reflect, Uint8Array};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{AbortSignal, Request, RequestInit, Response, Window};
+use web_sys::{AbortSignal, Request, RequestCredentials, RequestInit, Response, Url, Window};
 
 use super::fetched::in_pieces;
 use super::{
@@ -35,10 +35,20 @@ const MAX_ATTEMPTS: u32 = 3;
 /// Requests at a time: what browsers allow one server by HTTP/1.1.
 pub const BROWSER_CONNECTIONS: usize = 6;
 
+/// What requests bring along so that a server grants them.
+#[derive(Clone, Debug, Default)]
+pub struct RemoteAccess {
+    /// Headers: names and values.
+    pub headers: Vec<[String; 2]>,
+    /// Whether cookies and the like go to servers elsewhere, too.
+    pub sends_credentials: bool,
+}
+
 /// A file at an address, of which one version is read.
 #[derive(Debug)]
 pub struct RemoteFile {
     url: String,
+    access: RemoteAccess,
     version: RefCell<Option<String>>,
     /// See [`with_answers`](Self::with_answers).
     answers: Map,
@@ -53,7 +63,13 @@ impl RemoteFile {
     /// Some ranges are being fetched: `answers` is a `Map` of promises of `Response`s by "FIRST-LAST", the numbers of their bytes. Each is taken
     /// once. Of long ranges these are the first 2 MiB.
     pub fn with_answers(url: String, answers: JsValue) -> Self {
-        Self { url, version: RefCell::new(None), answers: answers.unchecked_into() }
+        let (access, version) = Default::default();
+        Self { url, access, version, answers: answers.unchecked_into() }
+    }
+
+    /// The same file, with what its server asks for.
+    pub fn with_access(self, access: RemoteAccess) -> Self {
+        Self { access, ..self }
     }
 
     /// Its address.
@@ -166,45 +182,71 @@ impl RemoteFile {
         if !answer.is_undefined() {
             self.answers.delete(&key);
             let answer: Promise = answer.unchecked_into();
-            let response = JsFuture::from(answer).await.map_err(|error| broken(&error))?;
+            let response = JsFuture::from(answer).await.map_err(|error| self.refused(&error))?;
             return Ok(response.unchecked_into());
         }
         let options = RequestInit::new();
         options.set_signal(Some(&AbortSignal::timeout_with_u32(MAX_REQUEST_MILLISECONDS)));
+        if self.access.sends_credentials {
+            options.set_credentials(RequestCredentials::Include);
+        }
         let request = Request::new_with_str_and_init(&self.url, &options).map_err(|error| broken(&error))?;
+        for [name, value] in &self.access.headers {
+            request.headers().set(name, value).map_err(|error| broken(&error))?;
+        }
         let bytes = format!("bytes={first_last}");
         request.headers().set("range", &bytes).map_err(|error| broken(&error))?;
         // Workers have the same function, and no window.
         let window: Window = js_sys::global().unchecked_into();
-        let response =
-            JsFuture::from(window.fetch_with_request(&request)).await.map_err(|error| broken(&error))?;
+        let response = JsFuture::from(window.fetch_with_request(&request))
+            .await
+            .map_err(|error| self.refused(&error))?;
         Ok(response.unchecked_into())
+    }
+
+    /// What `fetch` throws: no connection, no permission (CORS), no time left. It tells only the last from the others.
+    fn refused(&self, error: &JsValue) -> io::Error {
+        if is_timeout(error) {
+            let seconds = MAX_REQUEST_MILLISECONDS / 1000;
+            let text = format!("the server did not answer within {seconds} seconds");
+            return io::Error::new(io::ErrorKind::TimedOut, text);
+        }
+        let text = match page_elsewhere(&self.url) {
+            Some(page) => {
+                format!("the server cannot be reached, or does not let pages of {page} read this file (CORS)")
+            }
+            None => String::from("the server cannot be reached"),
+        };
+        io::Error::new(io::ErrorKind::ConnectionAborted, text)
     }
 }
 
-/// What `fetch` throws: no connection, no permission (CORS), no time left. It tells only the last from the others.
+/// The page's origin, where an address has another one.
+fn page_elsewhere(url: &str) -> Option<String> {
+    let location = Reflect::get(&js_sys::global(), &"location".into()).ok()?;
+    let page = Reflect::get(&location, &"origin".into()).ok()?.as_string()?;
+    let server = Url::new(url).ok()?.origin();
+    (server != page).then_some(page)
+}
+
+fn is_timeout(error: &JsValue) -> bool {
+    error.dyn_ref::<js_sys::Error>().is_some_and(|error| error.name() == "TimeoutError")
+}
+
+/// What is thrown on the way to a request.
 fn broken(error: &JsValue) -> io::Error {
-    if error.dyn_ref::<js_sys::Error>().is_some_and(|error| error.name() == "TimeoutError") {
-        let seconds = MAX_REQUEST_MILLISECONDS / 1000;
-        let text = format!("the server did not answer within {seconds} seconds");
-        return io::Error::new(io::ErrorKind::TimedOut, text);
-    }
     io::Error::new(io::ErrorKind::ConnectionAborted, text_of(error))
 }
 
-/// The same of a body, some of which may have come.
+/// What a body throws, some of which may have come.
 fn broken_off(error: &JsValue) -> io::Error {
-    let error = broken(error);
-    match error.kind() {
-        io::ErrorKind::TimedOut => {
-            let seconds = MAX_REQUEST_MILLISECONDS / 1000;
-            let text = format!(
-                "the connection is too slow: a part of the file did not come within {seconds} seconds"
-            );
-            io::Error::new(io::ErrorKind::ConnectionAborted, text)
-        }
-        _ => error,
-    }
+    let text = if is_timeout(error) {
+        let seconds = MAX_REQUEST_MILLISECONDS / 1000;
+        format!("the connection is too slow: a part of the file did not come within {seconds} seconds")
+    } else {
+        String::from("the connection broke off")
+    };
+    io::Error::new(io::ErrorKind::ConnectionAborted, text)
 }
 
 /// Lets time go by.

@@ -49,7 +49,7 @@ use std::time::Duration;
 use fantex_store::{Asset, ByteSource, FileSource};
 
 #[cfg(target_arch = "wasm32")]
-pub use browser::{BROWSER_CONNECTIONS, RemoteFile, spawn};
+pub use browser::{BROWSER_CONNECTIONS, RemoteAccess, RemoteFile, spawn};
 pub use buffer::{BufferPool, ReadBuffer};
 #[cfg(not(target_arch = "wasm32"))]
 pub use fetched::first_ranges;

@@ -372,13 +372,16 @@ mod tests {
 
     use fantex_base::Random;
     use fantex_cover::{
-        Cover, CoverOptions, Footprints, TexelBlock, TexelBudget, TexelTriangle, build_cover,
+        Cover, CoverOptions, Footprints, Frame, Group, GroupKind, TexelBlock, TexelBudget, TexelTriangle,
+        build_cover,
     };
     use fantex_mesh::Mesh;
-    use fantex_store::{page_extent, page_grid, page_origin};
-    use glam::Vec2;
+    use fantex_store::{group_pages, page_extent, page_grid, page_origin};
+    use glam::{Vec2, Vec3};
 
     use super::*;
+    use crate::drawing::AtlasGrid;
+    use crate::{AtlasFormat, BUNDLE_TILES, Parcel, SHARED_LEVELS};
 
     type Page = ([u32; 2], Outline);
 
@@ -560,6 +563,63 @@ mod tests {
         resident.into_iter().for_each(|(place, page)| release(atlas, place, page));
         let fail_count = f64::from(fails.max(1));
         (seen as f64 / fail_count / f64::from(1024 * 1024), count as f64 / fail_count, fails)
+    }
+
+    /// A cover of no triangles with tiles of these extents.
+    fn cover_of(extents: impl IntoIterator<Item = [u32; 2]>) -> Cover {
+        let frame = Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X };
+        let tile = |extent| Group {
+            kind: GroupKind::Projected,
+            frame,
+            uv_scale: Vec2::ONE,
+            uv_offset: Vec2::ZERO,
+            extent,
+        };
+        Cover {
+            delta: 0.25,
+            density: 1.0,
+            is_creased: false,
+            is_paired_by_angle: false,
+            corner_groups: Vec::new(),
+            groups: extents.into_iter().map(tile).collect(),
+            unfolded: Vec::new().into(),
+        }
+    }
+
+    /// However much memory is allowed, an atlas has room for what the cover has, and not much more.
+    #[test]
+    fn shapes_for_covers_have_room_for_all_parcels() {
+        let mut random = Random::new(3);
+        let formats = [AtlasFormat::Bc7];
+        for longest in [4, 8, 24, 64, 136, 260, 1100] {
+            for count in [1, 7, 40] {
+                let mut side = || 4 * (1 + random.below(longest / 4) as u32);
+                let cover = cover_of((0..count).map(|_| [side(), side()]));
+                let shape = AtlasGrid::shape_for(&cover, 1 << 30, &formats, 8192);
+                let groups = cover.groups.len() as u32;
+                let bundles = (0..SHARED_LEVELS).flat_map(|step| {
+                    let count = groups.div_ceil(BUNDLE_TILES[step as usize]);
+                    (0..count).map(move |bundle| Parcel::Bundle { bundle, step })
+                });
+                let pages = (0..groups).flat_map(|group| {
+                    let tile = &cover.groups[group as usize];
+                    let own = tile.level_count().saturating_sub(SHARED_LEVELS);
+                    group_pages(group, tile).filter(move |page| page.level < own).map(Parcel::Page)
+                });
+                // The coarsest come first, as they do from a streamer.
+                let mut extents: Vec<_> = bundles.chain(pages).map(|p| p.layout(&cover).extent).collect();
+                extents.retain(|extent| extent[0] > 0);
+                extents.sort_by_key(|[columns, rows]| columns * rows);
+                let mut packer = Packer::new(shape);
+                let needed: u64 = extents.iter().map(|&extent| Outline::WHOLE.texels(extent)).sum();
+                assert!((needed as f64) < 0.92 * shape.texels() as f64, "{needed} of {shape:?}");
+                assert!(shape.texels() < 7 * needed + (12 << 16), "{needed} of {shape:?}");
+                assert!(extents.iter().all(|&extent| packer.take(extent, &Outline::WHOLE).is_some()));
+            }
+        }
+        let cover = cover_of([[1024, 1024]; 64]);
+        let shape = AtlasGrid::shape_for(&cover, 16 << 20, &formats, 8192);
+        assert_eq!(shape, AtlasShape::within(16 << 20, &formats), "what is allowed is less");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What becomes of cut-outs and highlights under minification.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material};
@@ -62,16 +63,29 @@ impl ImageTexture {
     }
 }
 
-/// Lets the cut-outs of materials cover the same share at every level of their textures; `textures` has an entry per material.
+/// Lets the cut-outs of materials cover the same share at every level of their textures; `textures` has an entry per material. Those that
+/// share an image still do, where their thresholds are the same.
 pub fn preserve_coverage(materials: &[Material], textures: &mut [MaterialTextures]) {
+    // With each image what it becomes: while it is kept, its address is its alone.
+    let mut preserved: HashMap<_, [Arc<ImageTexture>; 2]> = HashMap::new();
     for (material, textures) in materials.iter().zip(textures) {
         if let (AlphaMode::Mask(threshold), Some(layer)) = (material.alpha, &mut textures.base_color) {
             // The alpha that is compared is the texel's times the factor's.
             let threshold = threshold / material.base_color.w.max(1e-3);
-            let texture = ImageTexture::clone(&layer.texture).with_preserved_coverage(threshold);
-            layer.texture = Arc::new(texture);
+            let [_, texture] = preserved
+                .entry((Arc::as_ptr(&layer.texture), threshold.to_bits()))
+                .or_insert_with(|| [layer.texture.clone(), with_coverage(&layer.texture, threshold)]);
+            layer.texture = Arc::clone(texture);
         }
     }
+}
+
+/// As [`ImageTexture::with_preserved_coverage`], of which only what changes is another image.
+fn with_coverage(texture: &Arc<ImageTexture>, threshold: f32) -> Arc<ImageTexture> {
+    if !texture.level(0).has_alpha() {
+        return Arc::clone(texture);
+    }
+    Arc::new(ImageTexture::clone(texture).with_preserved_coverage(threshold))
 }
 
 /// The alpha over a level: of its texels, or of a level with few texels at points between them, too.

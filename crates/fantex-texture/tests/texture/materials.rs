@@ -1,9 +1,11 @@
 //! Cut-outs and highlights under minification; images of materials.
 
-use fantex_mesh::{ImageChannel, ImageSource, PackedChannel, PackedImage};
-use fantex_texture::material::{AlphaCoverage, read_image, roughness_with_variance};
-use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
-use glam::{Vec2, Vec3};
+use fantex_mesh::{AlphaMode, ImageChannel, ImageSource, Material, PackedChannel, PackedImage};
+use fantex_texture::material::{
+    AlphaCoverage, MaterialTextures, TextureLayer, preserve_coverage, read_image, roughness_with_variance,
+};
+use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, Wrap};
+use glam::{Mat3, Vec2, Vec3};
 use std::sync::Arc;
 
 /// Leaves: soft blobs of random size and place.
@@ -43,6 +45,28 @@ fn beckmann(normal: Vec3, half: Vec3, perceptual_roughness: f32) -> f32 {
     let alpha2 = perceptual_roughness.powi(4);
     let cos2 = normal.dot(half).powi(2);
     (-(1.0 - cos2) / (cos2 * alpha2)).exp() / (std::f32::consts::PI * alpha2 * cos2 * cos2)
+}
+
+#[test]
+fn cut_outs_share_their_images() {
+    let samples = Samples::U8(vec![255; 3 * 16]);
+    let opaque = Image { width: 4, height: 4, channels: 3, space: ColorSpace::Srgb, samples };
+    let [leaves, opaque] = [leaves(16), ImageTexture::new(Arc::new(opaque))].map(Arc::new);
+    let layer = |texture: &Arc<ImageTexture>| TextureLayer {
+        uv_set: 0,
+        uv_transform: Mat3::IDENTITY,
+        wrap: [Wrap::Repeat; 2],
+        nearest: false,
+        texture: texture.clone(),
+    };
+    let uses = [(0.5, &leaves), (0.5, &leaves), (0.7, &leaves), (0.5, &opaque)];
+    let materials = uses.map(|(t, _)| Material { alpha: AlphaMode::Mask(t), ..Material::default() });
+    let mut textures =
+        uses.map(|(_, image)| MaterialTextures { base_color: Some(layer(image)), ..Default::default() });
+    preserve_coverage(&materials, &mut textures);
+    let [first, same, other, kept] = textures.map(|textures| textures.base_color.unwrap().texture);
+    assert!(Arc::ptr_eq(&first, &same) && Arc::ptr_eq(&kept, &opaque));
+    assert!(!Arc::ptr_eq(&first, &leaves) && !Arc::ptr_eq(&first, &other));
 }
 
 #[test]
