@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::bake::Progress;
-use fantex::base::files::{persist, temporary_file};
+use fantex::base::files::temporary_file;
 use fantex::base::{Error, Result};
-use fantex::store::Asset;
+use fantex::store::{Asset, Replacement};
 
 use crate::document::{OpenProgress, Place};
 use crate::export::{ExportSettings, export};
@@ -200,6 +200,7 @@ fn copy(from: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
     if is_same() == Some(true) {
         return Err(Error::invalid(format!("{} is the asset itself: choose another name", to.display())));
     }
+    let replacement = Replacement::begin(to, true)?;
     let asset = Asset::open(from)?;
     let failed = |source| Error::writing(to, source);
     let mut copied = temporary_file(to, "").map_err(failed)?;
@@ -227,7 +228,7 @@ fn copy(from: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
         Error::damaged(sentence).with_source(error)
     })?;
     drop(asset);
-    persist(copied.into_temp_path(), to, true)
+    replacement.finish(copied.into_temp_path())
 }
 
 /// Checks all texels and attachments of an asset against their checksums.
