@@ -78,6 +78,8 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names).map_err(|error| Error::invalid(error.to_string()))?;
     context.make_folder(output)?;
+    let page = output.join("index.html");
+    context.check_output(&page)?;
     let gallery = Gallery {
         shipped: &shipped,
         output,
@@ -92,8 +94,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
         context.note(format!("{} of {}: {}", number + 1, entries.len(), entry.name));
         finished_entries.push(gallery.finish(entry)?);
     }
-    let page = output.join("index.html");
-    write_whole(&page, true, |out| out.write_all(html_page(&finished_entries).as_bytes()))?;
+    write_whole(&page, context.force, |out| out.write_all(html_page(&finished_entries).as_bytes()))?;
     Ok(finished_entries.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
 }
 

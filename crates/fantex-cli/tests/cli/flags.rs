@@ -7,6 +7,19 @@ use fantex::store::WriterLock;
 use crate::{COLORED_PLY, fails, files, succeeds, write};
 
 #[test]
+fn a_page_of_the_same_name_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = write(folder.path(), "index.html", "mine");
+    fails(
+        1,
+        &["index.html exists already"],
+        &[&"gallery", &"wood", &"--width", &"16", &"-o", &folder.path()],
+    );
+    assert_eq!(files(folder.path()), ["index.html"]);
+    assert_eq!(std::fs::read_to_string(&page).unwrap(), "mine");
+}
+
+#[test]
 fn what_is_painted_on_an_asset_does_not_go_with_it() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "a.ply", COLORED_PLY);
