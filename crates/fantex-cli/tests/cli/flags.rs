@@ -1,10 +1,37 @@
 //! Flags that a command does not act upon are refused; files that are there, and what is being painted on them, stay.
 
 use std::ffi::OsStr;
+use std::path::Path;
 
 use fantex::store::WriterLock;
 
 use crate::{COLORED_PLY, fails, files, succeeds, write};
+
+/// Runs a command, split at spaces, in whose words `IN/` stands for a folder.
+fn refused(folder: &Path, words: &[&str], command: &str) {
+    let path = |word: &str| match word.strip_prefix("IN/") {
+        Some(name) => folder.join(name).into_os_string(),
+        None => word.into(),
+    };
+    let arguments: Vec<_> = command.split(' ').map(path).collect();
+    let arguments: Vec<&dyn AsRef<OsStr>> = arguments.iter().map(|a| a as &dyn AsRef<OsStr>).collect();
+    fails(2, words, &arguments);
+}
+
+#[test]
+fn flags_without_an_effect_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "a.ply", COLORED_PLY);
+    write(folder.path(), "look.toml", "[picture]\nbackground = \"#000000\"\n");
+    for (words, command) in [
+        (["--output", "a window paints on"], "paint IN/a.fan -o IN/b.fan"),
+        (["--no-history", "a window paints on"], "paint IN/a.fan --no-history"),
+        (["--no-history", "--export-log"], "paint IN/a.fan --no-history --export-log IN/b.json"),
+    ] {
+        refused(folder.path(), &words, command);
+    }
+    assert_eq!(files(folder.path()), ["a.ply", "look.toml"]);
+}
 
 #[test]
 fn a_page_of_the_same_name_stays() {
