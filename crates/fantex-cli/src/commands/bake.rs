@@ -53,7 +53,7 @@ pub(crate) struct BakeArgs {
     #[command(flatten)]
     job: JobArgs,
     /// Bake this part of a plan, the I-th of N, instead of a model: any machine may bake any part (see 'fantex plan')
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge"])]
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge", "format", "fit", "quality"])]
     shard: Option<Shard>,
 }
 

@@ -27,6 +27,9 @@ fn flags_without_an_effect_are_refused() {
         (["--output", "a window paints on"], "paint IN/a.fan -o IN/b.fan"),
         (["--no-history", "a window paints on"], "paint IN/a.fan --no-history"),
         (["--no-history", "--export-log"], "paint IN/a.fan --no-history --export-log IN/b.json"),
+        (["--shard", "--format"], "bake IN/a.plan --shard 1/2 -o IN/1.part --format bc1"),
+        (["--shard", "--fit"], "bake IN/a.plan --shard 1/2 -o IN/1.part --fit box"),
+        (["--shard", "--quality"], "bake IN/a.plan --shard 1/2 -o IN/1.part --quality basic"),
     ] {
         refused(folder.path(), &words, command);
     }
