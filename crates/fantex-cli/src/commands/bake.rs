@@ -115,6 +115,26 @@ pub(crate) struct EncodingArgs {
     quality: Quality,
 }
 
+impl EncodingArgs {
+    /// The first option that says something else than its default.
+    pub(crate) fn changed(&self) -> Option<&'static str> {
+        let changed = [
+            ("--format", self.format != BakeFormat::default()),
+            ("--fit", self.fit != Fit::default()),
+            ("--quality", self.quality != Quality::default()),
+        ];
+        changed.into_iter().find(|(_, is_changed)| *is_changed).map(|(option, _)| option)
+    }
+
+    /// Refuses an effort of an encoder that is not used.
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.quality == Quality::default() || self.format == BakeFormat::Bc7 {
+            return Ok(());
+        }
+        Err(Error::invalid("--quality is the effort of the BC7 encoder; leave it or --format out"))
+    }
+}
+
 #[derive(Debug, Serialize)]
 pub(crate) struct Seconds {
     load: f64,
@@ -260,14 +280,7 @@ struct ModelSeconds {
 /// Bakes into a model.
 fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
     let output = &args.output;
-    let EncodingArgs { format, fit, quality } = args.encoding;
-    let of_assets = [
-        ("--tile", args.cover.tile.is_some()),
-        ("--format", format != BakeFormat::default()),
-        ("--fit", fit != Fit::default()),
-        ("--quality", quality != Quality::default()),
-    ];
-    if let Some((option, _)) = of_assets.iter().find(|(_, is_given)| *is_given) {
+    if let Some(option) = args.cover.tile.map(|_| "--tile").or(args.encoding.changed()) {
         return Err(Error::invalid(format!(
             "{option} says how the tiles of an asset are made, and {} is a model; leave it out, or bake an asset (.fan) and export that",
             output.display()
@@ -291,6 +304,7 @@ fn with_job<T>(
     run: impl FnOnce(&BakeJob<'_>) -> Result<T>,
 ) -> Result<T> {
     let started = Instant::now();
+    args.encoding.check()?;
     // What is no asset, a plan or a damaged file, is named first.
     let mesh = open_shape(&args.model)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {

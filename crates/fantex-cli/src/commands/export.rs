@@ -64,7 +64,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N|WxH", allow_negative_numbers = true, value_parser = picture_size)]
     size: Option<PictureSize>,
     /// The largest side that is taken by default, or of a sheet with --fans
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192, value_parser = whole::<u32>)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192, value_parser = whole::<u32>, conflicts_with_all = ["size", "turntable", "web"])]
     max_size: u32,
     /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16; with --fans 4]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
@@ -100,9 +100,9 @@ pub(crate) struct ExportArgs {
     /// Number of pictures around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
-    /// Seconds of a whole turn of an animated PNG
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 4.0, requires = "turntable", value_parser = crate::text::positive)]
-    seconds: f64,
+    /// Seconds of a whole turn of an animated PNG [default: 4]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, requires = "turntable", value_parser = crate::text::positive)]
+    seconds: Option<f64>,
     /// Samples per pixel of a turntable, 1 to 64
     #[arg(
         long,
@@ -269,13 +269,28 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     if let Some(count) = args.turntable {
         return turntable::run(args, count, context);
     }
+    let of_turntables = [
+        ("--environment", args.surroundings.is_given()),
+        ("--background", args.surroundings.has_background()),
+    ];
+    if let Some((option, _)) = of_turntables.iter().find(|(_, is_given)| *is_given) {
+        return Err(Error::invalid(format!(
+            "{option} belongs to a turntable; give --turntable, too, or leave it out"
+        )));
+    }
     if args.web {
         return web::run(args, context);
     }
-    if args.surroundings.is_given() {
+    if args.padding.is_some() && (args.uv == UvArg::Source || args.model.is_some()) {
         return Err(Error::invalid(
-            "--environment belongs to a turntable; give --turntable, too, or leave it out",
+            "--padding is of a packing of its own, and the model's texture coordinates stay as they are; leave it out",
         ));
+    }
+    if args.depth != Depth::Eight && !has_extension(&args.output, "png") {
+        return Err(Error::invalid(format!(
+            "--depth says how many bits a .png has, and {} is none; leave it out",
+            args.output.display()
+        )));
     }
     let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
     if args.channel.is_empty() && is_picture {

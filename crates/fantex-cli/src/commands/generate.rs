@@ -122,13 +122,14 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
     if !args.writes_asset() {
         check_model_name(&args.output)
             .map_err(|error| Error::invalid(format!("{error}, or .fan for an asset")))?;
-        if !args.cover.is_default() {
+        if let Some(option) = args.cover.given().or(args.encoding.changed()) {
             return Err(Error::invalid(format!(
-                "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
+                "{} is a model and has no texels: leave {option} out, or write an asset (.fan)",
                 args.output.display()
             )));
         }
     }
+    args.encoding.check()?;
     context.check_output(&args.output)?;
     let made = landscape(&LandscapeOptions {
         triangles: args.triangles.0,

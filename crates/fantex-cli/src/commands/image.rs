@@ -100,6 +100,12 @@ pub(crate) fn check_depth(depth: FileDepth, path: &Path) -> Result<()> {
             "{path} holds eight bits per number; leave --depth out, or write a .png"
         )));
     }
+    if depth == FileDepth::Float && has_extension(path, "png") {
+        let path = path.display();
+        return Err(Error::invalid(format!(
+            "{path} holds no floating-point numbers; write an .exr or .hdr, or give --depth 16"
+        )));
+    }
     Ok(())
 }
 

@@ -82,8 +82,15 @@ impl FromStr for LongestEdgeArg {
 }
 
 impl CoverArgs {
-    pub(crate) fn is_default(&self) -> bool {
-        self.texels.is_none() && self.density.is_none() && self.tile.is_none() && self.longest_edge.is_none()
+    /// The first option that is given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let given = [
+            ("--texels", self.texels.is_some()),
+            ("--density", self.density.is_some()),
+            ("--tile", self.tile.is_some()),
+            ("--longest-edge", self.longest_edge.is_some()),
+        ];
+        given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }
 
     /// The mesh that is covered.
@@ -225,29 +232,37 @@ struct AssetInfo {
 }
 
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
+    let of_covers = args.cover.given();
+    let of_meshes = of_covers.or(args.picture.as_ref().map(|_| "--picture"));
     match Input::open(&args.file)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
         Input::Asset(_) | Input::Look(_) | Input::World(_) if args.look => Err(Error::unsupported(format!(
             "{} is no model, and only models have materials that are printed as a look",
             args.file.display()
         ))),
-        Input::Look(file) => print_look(&file, context),
-        Input::World(_) if args.picture.is_some() || !args.cover.is_default() => {
-            Err(FileKind::world_instead(&args.file))
-        }
+        Input::Look(file) => match of_meshes {
+            Some(option) => Err(Error::invalid(format!(
+                "{option} has no meaning for a look, which has no mesh: leave it out, or give the model that {} is for",
+                args.file.display()
+            ))),
+            None => print_look(&file, context),
+        },
+        Input::World(_) if of_meshes.is_some() => Err(FileKind::world_instead(&args.file)),
         Input::World(world) => print_world(&world, &args.file, context),
         Input::Model(model) => {
             let info = of_model(&model, args, context)?;
             context.print(&info, |info| model_text(info, &args.file))
         }
-        Input::Asset(_) if !args.cover.is_default() => Err(Error::invalid(format!(
-            "--texels, --density or --tile has no meaning for an asset: {} has its cover already",
-            args.file.display()
-        ))),
-        Input::Asset(asset) => {
-            let info = of_asset(&asset, args, context)?;
-            context.print(&info, |info| asset_text(info, &args.file))
-        }
+        Input::Asset(asset) => match of_covers {
+            Some(option) => Err(Error::invalid(format!(
+                "{option} has no meaning for an asset: {} has its cover already",
+                args.file.display()
+            ))),
+            None => {
+                let info = of_asset(&asset, args, context)?;
+                context.print(&info, |info| asset_text(info, &args.file))
+            }
+        },
     }
 }
 

@@ -30,6 +30,26 @@ fn flags_without_an_effect_are_refused() {
         (["--shard", "--format"], "bake IN/a.plan --shard 1/2 -o IN/1.part --format bc1"),
         (["--shard", "--fit"], "bake IN/a.plan --shard 1/2 -o IN/1.part --fit box"),
         (["--shard", "--quality"], "bake IN/a.plan --shard 1/2 -o IN/1.part --quality basic"),
+        (["--quality", "BC7"], "bake IN/a.ply -o IN/a.fan --format bc1 --quality basic"),
+        (["--quality", "BC7"], "generate landscape -o IN/a.fan --format rgba8 --quality basic"),
+        (["--format", "no texels"], "generate landscape -o IN/b.ply --format bc1"),
+        (["--longest-edge", "no texels"], "generate landscape -o IN/b.ply --longest-edge 16"),
+        (["--picture", "look"], "info IN/look.toml --picture IN/p"),
+        (["--texels", "look"], "info IN/look.toml --texels 4k"),
+        (["--max-size", "--size"], "export IN/a.fan -o IN/b.glb --size 64 --max-size 64"),
+        (["--max-size", "--web"], "export IN/a.fan -o IN/b --web --max-size 64"),
+        (["--max-size", "--turntable"], "export IN/a.fan -o IN/b --turntable 2 --max-size 64"),
+        (["--seconds", "animated"], "export IN/a.fan -o IN/b --turntable 2 --seconds 2"),
+        (["--environment", "--turntable"], "export IN/a.fan -o IN/b --web --environment sky"),
+        (["--background", "--turntable"], "export IN/a.fan -o IN/b.glb --background transparent"),
+        (["--padding", "texture coordinates"], "export IN/a.fan -o IN/b.glb --uv source --padding 4"),
+        (["--depth", ".png"], "export IN/a.fan -o IN/b.exr --channel base-color --depth 16"),
+        (
+            ["--background-blur", "--background"],
+            "render IN/a.ply -o IN/a.png --environment sky --background gradient --background-blur 0.5",
+        ),
+        (["floating-point", "--depth"], "image IN/a.exr -o IN/b.png --size 8x8 --depth float"),
+        (["--triangles", "[MODEL]"], "bench cover IN/a.ply --triangles 5k"),
     ] {
         refused(folder.path(), &words, command);
     }

@@ -36,6 +36,13 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     if args.uv != UvArg::Atlas || args.padding.is_some() {
         return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
     }
+    let is_animation = has_extension(&args.output, "png");
+    if args.seconds.is_some() && !is_animation {
+        return Err(Error::invalid(format!(
+            "--seconds is how long an animated .png takes, and {} becomes a folder of pictures; leave it out",
+            args.output.display()
+        )));
+    }
     if known_extension(&args.output).is_some_and(|extension| extension != "png") {
         return Err(Error::invalid(format!(
             "a turntable cannot be written to {}: give the name of a .png, or of a folder for a picture per view",
@@ -50,7 +57,6 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
         Some(PictureSize::WidthHeight(size)) => size,
     };
     let mut options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
-    let is_animation = has_extension(&args.output, "png");
     let files: Vec<PathBuf> = match is_animation {
         true => vec![args.output.clone()],
         false => (1..=count).map(|i| args.output.join(format!("turn-{i:04}.png"))).collect(),
@@ -77,7 +83,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
             let animation = match &mut animation {
                 Some(animation) => animation,
                 None => {
-                    let rate = f64::from(count) / args.seconds;
+                    let rate = f64::from(count) / args.seconds.unwrap_or(DEFAULT_SECONDS);
                     animation.insert(Animation::new(&args.output, &picture, count, rate)?)
                 }
             };
@@ -130,6 +136,9 @@ fn cameras(mesh: &Mesh, count: u32, aspect: f64) -> Vec<Camera> {
         |i| Camera { eye: target + turned(i, count) * distance, target, up: glam::DVec3::Y, fov_degrees };
     (0..count).map(camera).collect()
 }
+
+/// Seconds of a turn where nothing else is asked for.
+const DEFAULT_SECONDS: f64 = 4.0;
 
 /// Directions that the distance is chosen for, whatever the number of pictures.
 const DIRECTIONS: u32 = 24;
