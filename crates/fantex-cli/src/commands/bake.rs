@@ -19,7 +19,7 @@ use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
 use crate::scene::{check_asset_name, check_is_no_model_name, open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
-use crate::text::{Choices, counted, megabytes, one_of, over_budget};
+use crate::text::{Choices, ShownPath, counted, megabytes, one_of, over_budget};
 
 /// Bake a model and a source of colour into one seamless asset, or into a model with texture coordinates.
 #[derive(Args, Debug)]
@@ -254,7 +254,7 @@ fn is_model(path: &Path) -> bool {
 /// What can be said of a model that was baked.
 #[derive(Debug, Serialize)]
 struct BakedModelInfo {
-    output: PathBuf,
+    output: ShownPath,
     source: String,
     #[serde(flatten)]
     model: ModelInfo,
@@ -439,7 +439,7 @@ impl BakeJob<'_> {
         notes.iter().for_each(|note| context.note(note));
         let (model, total) = (ModelInfo::new(&exported), self.started.elapsed().as_secs_f64());
         Ok(BakedModelInfo {
-            output: self.output.to_path_buf(),
+            output: self.output.into(),
             source: self.source.to_string(),
             bytes: model.bytes(),
             model,

@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
-use crate::text::{Choices, counted, megabytes, one_of, whole};
+use crate::text::{Choices, ShownPath, counted, megabytes, one_of, whole};
 
 /// Export an asset or a world for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
@@ -174,13 +174,13 @@ fn picture_size(text: &str) -> Result<PictureSize> {
 
 #[derive(Debug, Serialize)]
 struct FileInfo {
-    path: PathBuf,
+    path: ShownPath,
     bytes: u64,
 }
 
 #[derive(Debug, Serialize)]
 struct ExportInfo {
-    output: PathBuf,
+    output: ShownPath,
     /// Assets of a world; left out for one asset.
     #[serde(skip_serializing_if = "Option::is_none")]
     objects: Option<usize>,
@@ -220,7 +220,7 @@ impl ModelInfo {
             files: summary
                 .files
                 .iter()
-                .map(|(path, bytes)| FileInfo { path: path.clone(), bytes: *bytes })
+                .map(|(path, bytes)| FileInfo { path: path.into(), bytes: *bytes })
                 .collect(),
             sizes: summary.sizes.iter().map(|[columns, rows]| *columns.max(rows)).collect(),
             extents: summary.sizes.clone(),
@@ -260,7 +260,7 @@ impl ModelInfo {
 
     /// The files besides the output, a line each.
     pub(crate) fn others(&self, output: &Path) -> String {
-        let others = self.files.iter().filter(|f| f.path != output);
+        let others = self.files.iter().filter(|f| *f.path != *output);
         others.map(|file| format!("  {} {}\n", file.path.display(), megabytes(file.bytes))).collect()
     }
 }
@@ -432,14 +432,15 @@ fn channel_file(output: &Path, kind: ChannelMap, count: usize) -> PathBuf {
     if count == 1 {
         return output.to_owned();
     }
-    let [stem, extension] = [output.file_stem(), output.extension()].map(Option::unwrap_or_default);
-    let [stem, extension] = [stem, extension].map(|part| part.to_string_lossy());
-    output.with_file_name(format!("{stem}-{}.{extension}", kind.name()))
+    let mut name = output.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{}.", kind.name()));
+    name.push(output.extension().unwrap_or_default());
+    output.with_file_name(name)
 }
 
 fn info(args: &ExportArgs, input: &Input, summary: &ExportSummary, seconds: f64) -> ExportInfo {
     ExportInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         objects: match input {
             Input::Asset(_) => None,
             Input::World(world) => Some(world.objects.len()),

@@ -30,7 +30,7 @@ use crate::commands::export::turntable::Animation;
 use crate::context::Context;
 use crate::series::Series;
 use crate::shipped::Shipped;
-use crate::text::counted;
+use crate::text::{ShownPath, counted};
 
 /// Render one picture for every technique, and a page that explains them.
 #[derive(Args, Debug)]
@@ -53,8 +53,8 @@ pub(crate) struct GalleryArgs {
 
 #[derive(Debug, Serialize)]
 struct GalleryInfo {
-    page: PathBuf,
-    pictures: Vec<PathBuf>,
+    page: ShownPath,
+    pictures: Vec<ShownPath>,
     seconds: f64,
 }
 
@@ -62,8 +62,8 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let pictures = make(args, context)?;
     let info = GalleryInfo {
-        page: args.output.join("index.html"),
-        pictures,
+        page: args.output.join("index.html").into(),
+        pictures: pictures.into_iter().map(ShownPath::from).collect(),
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {

@@ -19,7 +19,7 @@ use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::Input;
-use crate::text::{Count, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
+use crate::text::{Count, ShownPath, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
 
 /// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -200,7 +200,7 @@ struct ModelInfo {
     sheet: Sheet,
     seconds: Seconds,
     report: Vec<String>,
-    pictures: Vec<PathBuf>,
+    pictures: Vec<ShownPath>,
 }
 
 #[derive(Debug, Serialize)]
@@ -228,7 +228,7 @@ struct AssetInfo {
     preview_bytes: Option<u64>,
     channels: Vec<ChannelInfo>,
     sheet: Sheet,
-    pictures: Vec<PathBuf>,
+    pictures: Vec<ShownPath>,
 }
 
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
@@ -389,9 +389,11 @@ fn draw(
     cover: &Cover,
     args: &InfoArgs,
     context: &Context,
-) -> Result<Vec<PathBuf>> {
+) -> Result<Vec<ShownPath>> {
     match &args.picture {
-        Some(target) => cover_pictures::draw(mesh, cover, target, context),
+        Some(target) => {
+            Ok(cover_pictures::draw(mesh, cover, target, context)?.into_iter().map(ShownPath::from).collect())
+        }
         None => Ok(Vec::new()),
     }
 }
@@ -469,7 +471,7 @@ fn shown(path: &Path) -> String {
 #[derive(Debug, Serialize)]
 struct LookInfo {
     kind: &'static str,
-    file: PathBuf,
+    file: ShownPath,
     /// Kind of each texture by its name.
     textures: BTreeMap<String, String>,
     materials: Vec<String>,
@@ -478,7 +480,7 @@ struct LookInfo {
     has_environment: bool,
     frames: u32,
     /// Models and assets that the look names.
-    models: Vec<PathBuf>,
+    models: Vec<ShownPath>,
 }
 
 pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<()> {
@@ -493,7 +495,12 @@ pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<()> {
         lights: look.light.len() as u64,
         has_environment: look.environment.is_some(),
         frames: look.picture.frames.as_ref().map_or(1, |frames| frames.count),
-        models: look.object.iter().filter_map(|object| object.model.as_ref().map(resolved)).collect(),
+        models: look
+            .object
+            .iter()
+            .filter_map(|object| object.model.as_ref().map(resolved))
+            .map(ShownPath::from)
+            .collect(),
     };
     context.print(&info, look_text)
 }

@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::view;
 use crate::context::Context;
 use crate::scene::{check_asset_name, check_extension, open_asset, report_damage, size};
-use crate::text::{Choices, counted, megabytes, one_of};
+use crate::text::{Choices, ShownPath, counted, megabytes, one_of};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
 #[derive(Args, Debug)]
@@ -153,14 +153,14 @@ impl Strokes {
 
 #[derive(Debug, Serialize)]
 struct ExportInfo {
-    output: PathBuf,
+    output: ShownPath,
     strokes: usize,
     unrecorded: usize,
 }
 
 #[derive(Debug, Serialize)]
 struct PaintInfo {
-    output: PathBuf,
+    output: ShownPath,
     strokes: usize,
     dabs: usize,
     pages: usize,
@@ -203,13 +203,13 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         None if context.strict || args.changes_asset() || strokes.commit_between() => {
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
             let info = change_copy(&args.asset, [&NoProgress, &NoProgress], paint)?;
-            PaintInfo { output: args.asset.clone(), ..info }
+            PaintInfo { output: (&args.asset).into(), ..info }
         }
         None => paint(&args.asset, &strokes, args, context)?,
         Some(output) => {
             context.check_output(output)?;
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            PaintInfo { output: output.clone(), ..change_into(&args.asset, output, context.force, paint)? }
+            PaintInfo { output: output.into(), ..change_into(&args.asset, output, context.force, paint)? }
         }
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
@@ -259,7 +259,7 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
     log.save(output)?;
     let strokes = &log.strokes.strokes;
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
-    let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };
+    let info = ExportInfo { output: output.into(), strokes: strokes.len() - unrecorded, unrecorded };
     context.print(&info, |info| {
         let strokes = counted(info.strokes as u64, "stroke");
         format!("{}: {strokes}{}", info.output.display(), missing(info.unrecorded))
@@ -279,7 +279,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     let _deferral = context.defer_interrupt();
     let committed = painter.commit()?;
     Ok(PaintInfo {
-        output: asset.to_owned(),
+        output: asset.into(),
         strokes: summary.strokes,
         dabs: summary.dabs,
         pages: summary.pages,

@@ -98,3 +98,29 @@ fn what_is_painted_on_an_asset_does_not_go_with_it() {
     }
     assert_eq!(files(folder.path()), before.0);
 }
+
+/// JSON is UTF-8, and what is written has its name.
+#[cfg(target_os = "linux")]
+#[test]
+fn names_need_not_be_utf8() {
+    use std::os::unix::ffi::OsStrExt;
+
+    let folder = tempfile::tempdir().unwrap();
+    let inside = folder.path().join(OsStr::from_bytes(b"caf\xe9"));
+    std::fs::create_dir(&inside).unwrap();
+    let model = write(&inside, "a.ply", COLORED_PLY);
+    let at = |name: &[u8]| inside.join(OsStr::from_bytes(name));
+    let [asset, mesh, picture] = [&b"\xe9.fan"[..], b"\xe9.ply", b"\xe9.png"].map(at);
+    let commands: [(&Path, &[&dyn AsRef<OsStr>]); 4] = [
+        (&asset, &[&"bake", &model, &"--texels", &"2k"]),
+        (&mesh, &[&"simplify", &model, &"--triangles", &"4"]),
+        (&picture, &[&"render", &model, &"--size", &"32x24"]),
+        (&picture, &[&"export", &asset, &"--channel", &"base-color,opacity", &"--size", &"64", &"--force"]),
+    ];
+    for (output, command) in commands {
+        let info = crate::json(&[command, &[&"-o", &output]].concat());
+        assert_eq!(info["output"], output.display().to_string());
+    }
+    let written = [&asset, &mesh, &picture, &at(b"\xe9-base-color.png"), &at(b"\xe9-opacity.png")];
+    assert!(written.iter().all(|path| path.exists()), "{:?}", files(&inside));
+}

@@ -19,12 +19,12 @@ use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
 use crate::scene::{Scene, aspect, known_extension};
 use crate::series::Series;
-use crate::text::counted;
+use crate::text::{ShownPath, counted};
 
 #[derive(Debug, Serialize)]
 struct TurntableInfo {
-    output: PathBuf,
-    pictures: Vec<PathBuf>,
+    output: ShownPath,
+    pictures: Vec<ShownPath>,
     frames: u32,
     width: u32,
     height: u32,
@@ -100,8 +100,8 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     }
     persist_all(held, context.force)?;
     let seconds = started.elapsed().as_secs_f64();
-    let output = args.output.clone();
-    let info = TurntableInfo { output, pictures: files, frames: count, width, height, seconds };
+    let (output, pictures) = ((&args.output).into(), files.into_iter().map(ShownPath::from).collect());
+    let info = TurntableInfo { output, pictures, frames: count, width, height, seconds };
     context.print(&info, |info| {
         format!(
             "{}: {} of {width} x {height} pixels, {:.1} s",
