@@ -147,7 +147,7 @@ pub(crate) struct Seconds {
 
 #[derive(Debug, Serialize)]
 pub(crate) struct BakeInfo {
-    pub(crate) output: PathBuf,
+    pub(crate) output: ShownPath,
     source: String,
     pub(crate) triangles: u64,
     pub(crate) groups: u64,
@@ -396,7 +396,7 @@ impl BakeJob<'_> {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
         } = baked.summary;
         Ok(BakeInfo {
-            output: output.to_path_buf(),
+            output: (*output).into(),
             source: self.source.to_string(),
             triangles: baked.triangles,
             groups: baked.cover.groups,

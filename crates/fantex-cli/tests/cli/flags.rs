@@ -111,7 +111,21 @@ fn names_need_not_be_utf8() {
     let model = write(&inside, "a.ply", COLORED_PLY);
     let at = |name: &[u8]| inside.join(OsStr::from_bytes(name));
     let [asset, mesh, picture] = [&b"\xe9.fan"[..], b"\xe9.ply", b"\xe9.png"].map(at);
-    let commands: [(&Path, &[&dyn AsRef<OsStr>]); 4] = [
+    let plain = write(folder.path(), "a.ply", COLORED_PLY);
+    let (part, merged) = (at(b"\xe9.part"), at(b"\xe9-2.fan"));
+    let words = [&"plan" as &dyn AsRef<OsStr>, &plain, &"--texels", &"2k", &"-o"];
+    // A plan notes its arguments as text.
+    fails(2, &["not UTF-8"], &[&words[..], &[&at(b"\xe9.plan")]].concat());
+    let mut planned = crate::fantex();
+    planned.current_dir(&inside).args(words.iter().map(|word| word.as_ref())).arg("a.plan");
+    let output = planned.output().unwrap();
+    let sentence = crate::stderr(&output);
+    assert!(output.status.code() == Some(2) && sentence.contains("the folder"), "{sentence}");
+    let plan = folder.path().join("a.plan");
+    succeeds(&[&words[..], &[&plan]].concat());
+    let commands: [(&Path, &[&dyn AsRef<OsStr>]); 6] = [
+        (&part, &[&"bake", &plan, &"--shard", &"1/1"]),
+        (&merged, &[&"merge", &plan, &part]),
         (&asset, &[&"bake", &model, &"--texels", &"2k"]),
         (&mesh, &[&"simplify", &model, &"--triangles", &"4"]),
         (&picture, &[&"render", &model, &"--size", &"32x24"]),
