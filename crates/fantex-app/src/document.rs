@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
 use fantex::bake::Progress;
-use fantex::base::{Error, Result, folder_of};
+use fantex::base::files::folder_of;
+use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
 use fantex::gpu::ModelSpace;
 use fantex::mesh::{

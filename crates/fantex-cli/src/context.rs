@@ -31,6 +31,9 @@ pub(crate) struct Context {
     pub(crate) force: bool,
     /// Bytes that texels in flight or in caches may take.
     pub(crate) memory_bytes: u64,
+    /// Bytes that were asked for.
+    pub(crate) memory_asked: Option<u64>,
+    pub(crate) threads_asked: Option<u32>,
     pub(crate) seed: u64,
     pub(crate) allow_outside: bool,
     /// Coarser texels do not stand in for damaged ones: that is an error.
@@ -61,6 +64,8 @@ impl Context {
         Ok(Self {
             force: common.force,
             memory_bytes,
+            memory_asked: common.memory,
+            threads_asked: common.threads,
             allow_outside: common.allow_outside,
             strict: common.strict,
             seed: common.seed,

@@ -180,7 +180,7 @@ pub(crate) enum Command {
 fn run(command: &Command, context: &Context) -> Result<ExitCode> {
     match command {
         Command::Paint(args) => return paint::run(args, context),
-        Command::View(args) => return view::run(&args.arguments),
+        Command::View(args) => return view::run(args, context),
         Command::Info(args) => info::run(args, context),
         Command::Bake(args) => bake::run(args, context),
         Command::Plan(args) => plan::run(args, context),

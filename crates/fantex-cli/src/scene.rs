@@ -334,6 +334,12 @@ impl SurroundingsArgs {
 
     /// What is seen behind the model.
     pub(crate) fn background(&self) -> Result<Background> {
+        if self.background_blur != 0.0 && !matches!(self.background, None | Some(BackgroundArg::Environment))
+        {
+            return Err(Error::invalid(
+                "--background-blur is of an environment that is seen; leave it or --background out",
+            ));
+        }
         let environment = Background::Environment { blur: self.background_blur };
         Ok(match (self.background, self.is_given()) {
             (None | Some(BackgroundArg::Environment), true) => environment,

@@ -1,6 +1,8 @@
 //! Numbers as people type them (`64k`, `5.59M`, `16G`), and text in columns.
 
 use std::fmt::{self, Write as _};
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -8,6 +10,31 @@ use fantex::Error;
 use fantex::base::numbered;
 use fantex::base::text::{LETTERS, parse_number};
 use fantex::cover::{CoverStats, TexelBudget};
+use serde::{Serialize, Serializer};
+
+/// A path in a result. JSON is UTF-8, and names of files need not be: what is none stands there as U+FFFD, as in messages.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ShownPath(PathBuf);
+
+impl<P: Into<PathBuf>> From<P> for ShownPath {
+    fn from(path: P) -> Self {
+        Self(path.into())
+    }
+}
+
+impl Deref for ShownPath {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Serialize for ShownPath {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&self.0.display())
+    }
+}
 
 /// A number of things (texels, triangles): `64k` is 64 000, `4M` four million, `16G` sixteen thousand million.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,7 +14,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fantex_base::files::{exists, persist, temporary_file};
+use fantex_base::files::{exists, temporary_file};
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, level_count};
 use fantex_mesh::Mesh;
@@ -29,7 +29,7 @@ use crate::error::invalid;
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot};
 use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
-use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section, packing};
+use crate::{Channel, PageId, Replacement, TexelFormat, channel, cover_section, mesh_section, packing};
 
 pub use self::copy::*;
 pub use self::merge::*;
@@ -60,7 +60,7 @@ const SKIPPABLE_FRAME: u32 = 0x184d_2a50;
 /// How to write an asset.
 #[derive(Clone, Debug)]
 pub struct CreateOptions {
-    /// Overwrite an existing file.
+    /// Overwrite an existing file, unless somebody edits it.
     pub force: bool,
     /// zstd level of the clusters, 1..=19.
     pub zstd_level: i32,
@@ -102,7 +102,8 @@ pub struct WriteSummary {
 #[derive(Debug)]
 pub struct AssetWriter {
     path: PathBuf,
-    options: CreateOptions,
+    replacement: Replacement,
+    zstd_level: i32,
     file: NewFile,
     pages: PageStream,
     summary: WriteSummary,
@@ -112,7 +113,7 @@ impl AssetWriter {
     /// Checks the contents, creates the temporary file and writes mesh, cover and channels.
     ///
     /// # Errors
-    /// The file exists and is not to be overwritten, cannot be written, or the contents break a rule of the format.
+    /// The file exists and is not to be overwritten or is being edited, cannot be written, or the contents break a rule of the format.
     pub fn create(
         path: &Path,
         options: &CreateOptions,
@@ -121,13 +122,14 @@ impl AssetWriter {
         channels: &[Channel],
     ) -> Result<Self> {
         check_contents(path, options.force, mesh, cover, channels)?;
+        let replacement = Replacement::begin(path, options.force)?;
         let io = |source| Error::writing(path, source);
         let pages = PageStream::new(path, cover, channels, 0..cover.groups.len() as u32);
         let mut file = NewFile::create(path, 1, pages.open.len()).map_err(io)?;
         file.contents(mesh, cover, channels).map_err(io)?;
         file.keep_room_for_directory(&pages.extents, &pages.formats);
         let summary = WriteSummary::default();
-        Ok(Self { path: path.to_owned(), options: options.clone(), file, pages, summary })
+        Ok(Self { path: path.to_owned(), replacement, zstd_level: options.zstd_level, file, pages, summary })
     }
 
     /// Adds pages: groups ascending, all pages of a group together as [`group_pages`](crate::group_pages) lists them (a
@@ -162,13 +164,13 @@ impl AssetWriter {
         let means = Means::new(means, &self.pages.formats);
         let finished = self.file.finish(means, &Attachments::new(), None);
         let (file, bytes) = finished.map_err(|source| Error::writing(&self.path, source))?;
-        persist(file.into_temp_path(), &self.path, self.options.force)?;
+        self.replacement.finish(file.into_temp_path())?;
         Ok(WriteSummary { bytes, ..summary })
     }
 
     /// Packs all full clusters in parallel and writes them in the order in which they became full.
     fn write_full_clusters(&mut self) -> Result<()> {
-        let (formats, zstd_level) = (&self.pages.formats, self.options.zstd_level);
+        let (formats, zstd_level) = (&self.pages.formats, self.zstd_level);
         let packed: Vec<_> = std::mem::take(&mut self.pages.full)
             .into_par_iter()
             .map(|(level, cluster)| Ok((level, cluster.pack(formats, zstd_level)?)))

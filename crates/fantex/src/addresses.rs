@@ -10,7 +10,7 @@ use fantex_bake::Progress;
 use fantex_base::files::{persist, temporary_file};
 use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_base::{Error, ErrorKind, Result, input};
-use fantex_store::WriterLock;
+use fantex_store::{Replacement, WriterLock};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 use tempfile::TempPath;
 
@@ -198,16 +198,17 @@ pub fn change_copy<T>(
 /// Copies a file and changes the copy, which is called `output` when it is whole. An existing file is replaced if `overwrite` says so.
 ///
 /// # Errors
-/// Those of the change; there is no room for the copy, or there is a file of that name.
+/// Those of the change; there is no room for the copy; there is a file of that name, or somebody else changes it.
 pub fn change_into<T>(
     from: &Path,
     output: &Path,
     overwrite: bool,
     change: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
+    let replacement = Replacement::begin(output, overwrite)?;
     let copy = copy_beside(from, output, output)?;
     let changed = change(&copy).map_err(|error| named(error, &copy, [from, output]))?;
-    persist(copy, output, overwrite)?;
+    replacement.finish(copy)?;
     Ok(changed)
 }
 

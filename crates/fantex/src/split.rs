@@ -390,6 +390,8 @@ impl Output {
         let assets = names.iter().filter(|name| Split::is_asset_name(name) && !others.contains(*name));
         output.replaced.extend(assets.map(|name| folder.join(name)));
         output.replaced.iter().map(PathBuf::as_path).chain([index]).try_for_each(input::check_output)?;
+        // What somebody paints on one of them would be lost.
+        output.replaced.iter().try_for_each(|path| WriterLock::of_replaced(path).map(drop))?;
         output.unfinished = Some(temporary_folder(folder).map_err(writing)?);
         Ok(output)
     }
@@ -441,15 +443,21 @@ impl Output {
         let mut failure = None;
         let mut left = Vec::new();
         for path in &self.replaced {
-            match std::fs::remove_file(path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    left.push(path.display().to_string());
-                    failure.get_or_insert(Error::writing(path, error));
-                }
-                _ => {}
+            if let Err(error) = remove_asset(path) {
+                left.push(path.display().to_string());
+                failure.get_or_insert(error);
             }
         }
         Ok(failure.iter().map(|error| left_behind(&left, error)).collect())
+    }
+}
+
+/// Removes an asset, if it is there and nobody changes it.
+fn remove_asset(path: &Path) -> Result<()> {
+    let _lock = WriterLock::of_replaced(path)?;
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::writing(path, error)),
+        _ => Ok(()),
     }
 }
 

@@ -624,6 +624,13 @@ fn a_world_is_replaced_at_once_or_stays() {
     drop(lock);
     assert!(passes() && asset_names() == of(""));
 
+    // Nor is one on whose sector somebody paints.
+    let lock = WriterLock::acquire(&target.join(sector(1, ""))).unwrap();
+    let error = split(whole.shared(), &target, &options, &NoProgress).unwrap_err();
+    assert!(error.kind() == ErrorKind::Conflict && error.to_string().contains(&sector(1, "")), "{error}");
+    drop(lock);
+    assert!(passes() && asset_names() == of(""));
+
     // What another world in the folder names stays; what belongs to none goes, such as a crash leaves; what cannot go is named.
     let other = target.join("other.fanworld");
     let objects = vec![first.world.objects[0].clone()];

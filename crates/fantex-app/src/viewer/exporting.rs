@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use fantex::bake::Progress;
-use fantex::base::files::{persist, temporary_file};
+use fantex::base::files::temporary_file;
 use fantex::base::{Error, Result, counted};
-use fantex::store::{Asset, WriterLock};
+use fantex::store::{Asset, Replacement};
 
 use crate::document::{OpenProgress, Place};
 use crate::export::{ExportSettings, Exported, export};
@@ -287,8 +287,7 @@ fn copy(asset: &Asset, to: &Path, progress: &dyn Progress) -> Result<()> {
     if is_same() == Some(true) {
         return Err(Error::invalid(format!("{} is the asset itself: choose another name", to.display())));
     }
-    // Nobody else is to paint on what is replaced.
-    let lock = to.exists().then(|| WriterLock::acquire(to)).transpose()?;
+    let replacement = Replacement::begin(to, true)?;
     let failed = |source| Error::writing(to, source);
     let mut copied = temporary_file(to, "").map_err(failed)?;
     let length = asset.file_bytes();
@@ -314,9 +313,7 @@ fn copy(asset: &Asset, to: &Path, progress: &dyn Progress) -> Result<()> {
         let sentence = format!("{to} was not written: what was read of {from} does not match its checksums");
         Error::damaged(sentence).with_source(error)
     })?;
-    persist(copied.into_temp_path(), to, true)?;
-    drop(lock);
-    Ok(())
+    replacement.finish(copied.into_temp_path())
 }
 
 /// Checks all texels and attachments of an asset against their checksums.

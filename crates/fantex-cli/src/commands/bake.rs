@@ -19,7 +19,7 @@ use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
 use crate::scene::{check_asset_name, check_is_no_model_name, open_shape, report_damage, show_notes};
 use crate::sources::SourceArg;
-use crate::text::{Choices, counted, megabytes, one_of, over_budget};
+use crate::text::{Choices, ShownPath, counted, megabytes, one_of, over_budget};
 
 /// Bake a model and a source of colour into one seamless asset, or into a model with texture coordinates.
 #[derive(Args, Debug)]
@@ -53,7 +53,7 @@ pub(crate) struct BakeArgs {
     #[command(flatten)]
     job: JobArgs,
     /// Bake this part of a plan, the I-th of N, instead of a model: any machine may bake any part (see 'fantex plan')
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge"])]
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge", "format", "fit", "quality"])]
     shard: Option<Shard>,
 }
 
@@ -115,6 +115,26 @@ pub(crate) struct EncodingArgs {
     quality: Quality,
 }
 
+impl EncodingArgs {
+    /// The first option that says something else than its default.
+    pub(crate) fn changed(&self) -> Option<&'static str> {
+        let changed = [
+            ("--format", self.format != BakeFormat::default()),
+            ("--fit", self.fit != Fit::default()),
+            ("--quality", self.quality != Quality::default()),
+        ];
+        changed.into_iter().find(|(_, is_changed)| *is_changed).map(|(option, _)| option)
+    }
+
+    /// Refuses an effort of an encoder that is not used.
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.quality == Quality::default() || self.format == BakeFormat::Bc7 {
+            return Ok(());
+        }
+        Err(Error::invalid("--quality is the effort of the BC7 encoder; leave it or --format out"))
+    }
+}
+
 #[derive(Debug, Serialize)]
 pub(crate) struct Seconds {
     load: f64,
@@ -127,7 +147,7 @@ pub(crate) struct Seconds {
 
 #[derive(Debug, Serialize)]
 pub(crate) struct BakeInfo {
-    pub(crate) output: PathBuf,
+    pub(crate) output: ShownPath,
     source: String,
     pub(crate) triangles: u64,
     pub(crate) groups: u64,
@@ -234,7 +254,7 @@ fn is_model(path: &Path) -> bool {
 /// What can be said of a model that was baked.
 #[derive(Debug, Serialize)]
 struct BakedModelInfo {
-    output: PathBuf,
+    output: ShownPath,
     source: String,
     #[serde(flatten)]
     model: ModelInfo,
@@ -260,14 +280,7 @@ struct ModelSeconds {
 /// Bakes into a model.
 fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
     let output = &args.output;
-    let EncodingArgs { format, fit, quality } = args.encoding;
-    let of_assets = [
-        ("--tile", args.cover.tile.is_some()),
-        ("--format", format != BakeFormat::default()),
-        ("--fit", fit != Fit::default()),
-        ("--quality", quality != Quality::default()),
-    ];
-    if let Some((option, _)) = of_assets.iter().find(|(_, is_given)| *is_given) {
+    if let Some(option) = args.cover.tile.map(|_| "--tile").or(args.encoding.changed()) {
         return Err(Error::invalid(format!(
             "{option} says how the tiles of an asset are made, and {} is a model; leave it out, or bake an asset (.fan) and export that",
             output.display()
@@ -291,6 +304,7 @@ fn with_job<T>(
     run: impl FnOnce(&BakeJob<'_>) -> Result<T>,
 ) -> Result<T> {
     let started = Instant::now();
+    args.encoding.check()?;
     // What is no asset, a plan or a damaged file, is named first.
     let mesh = open_shape(&args.model)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
@@ -382,7 +396,7 @@ impl BakeJob<'_> {
             texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, light, ..
         } = baked.summary;
         Ok(BakeInfo {
-            output: output.to_path_buf(),
+            output: (*output).into(),
             source: self.source.to_string(),
             triangles: baked.triangles,
             groups: baked.cover.groups,
@@ -425,7 +439,7 @@ impl BakeJob<'_> {
         notes.iter().for_each(|note| context.note(note));
         let (model, total) = (ModelInfo::new(&exported), self.started.elapsed().as_secs_f64());
         Ok(BakedModelInfo {
-            output: self.output.to_path_buf(),
+            output: self.output.into(),
             source: self.source.to_string(),
             bytes: model.bytes(),
             model,

@@ -83,7 +83,13 @@ struct ModelArgs {
     /// A model; a generated landscape by default
     model: Option<PathBuf>,
     /// Triangles of the generated landscape
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "200k")]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        default_value = "200k",
+        conflicts_with = "model"
+    )]
     triangles: Count,
     /// Texels in all
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "16M")]

@@ -17,7 +17,7 @@ use crate::commands::render::show_damaged_tiles;
 use crate::context::Context;
 use crate::scene::{FILTERS, Scene, aspect, is_look, photograph, size};
 use crate::series::Series;
-use crate::text::{columns, counted, one_of, whole};
+use crate::text::{ShownPath, columns, counted, one_of, whole};
 
 /// Render two files from the same cameras and compare the pictures.
 #[derive(Args, Debug)]
@@ -79,7 +79,7 @@ struct ViewInfo {
     model_share: f64,
     /// Over all pixels.
     whole_psnr_db: Option<f64>,
-    pictures: Vec<PathBuf>,
+    pictures: Vec<ShownPath>,
 }
 
 #[derive(Debug, Serialize)]
@@ -252,7 +252,7 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
                 flip: view.model.flip,
                 model_share: view.model_share,
                 whole_psnr_db: finite(view.whole_psnr_db),
-                pictures: pictures.clone(),
+                pictures: pictures.iter().map(ShownPath::from).collect(),
             })
             .collect(),
     };

@@ -20,7 +20,7 @@ use crate::commands::render::save;
 use crate::context::Context;
 use crate::scene::{aspect, open_model, photograph, source_surface};
 use crate::shipped::Shipped;
-use crate::text::{Count, columns, grouped};
+use crate::text::{Count, ShownPath, columns, grouped};
 
 /// Generate, bake, verify, render and compare: the tour of the README, in under a minute.
 #[derive(Args, Debug)]
@@ -63,11 +63,11 @@ struct Part {
 
 #[derive(Debug, Default, Serialize)]
 struct DemoInfo {
-    folder: PathBuf,
+    folder: ShownPath,
     parts: Vec<Part>,
-    models: Vec<PathBuf>,
-    assets: Vec<PathBuf>,
-    pictures: Vec<PathBuf>,
+    models: Vec<ShownPath>,
+    assets: Vec<ShownPath>,
+    pictures: Vec<ShownPath>,
     seconds: f64,
 }
 
@@ -80,7 +80,7 @@ pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let mut demo = Demo {
         context,
         force: context.force || args.output.is_none(),
-        info: DemoInfo { folder, ..DemoInfo::default() },
+        info: DemoInfo { folder: folder.into(), ..DemoInfo::default() },
     };
     demo.landscape(args)?;
     demo.bottle(&bottle)?;
@@ -118,7 +118,7 @@ impl Demo<'_> {
         };
         let made = landscape(&options)?;
         write_landscape(&made, &model_path, self.force, self.context)?;
-        self.info.models.push(model_path.clone());
+        self.info.models.push((&model_path).into());
         let mesh = fantex::Mesh::from_model(made.into(), &model_path)?;
         let source = || Source::solid("landscape");
         let solid = source();
@@ -158,13 +158,13 @@ impl Demo<'_> {
         for (suffix, surface) in [("baked", &baked as &dyn Surface), ("original", original)] {
             let path = self.target(&format!("{name}-{suffix}.png"))?;
             save(&photograph(mesh, surface, camera, &options)?.picture, &path, self.context)?;
-            self.info.pictures.push(path);
+            self.info.pictures.push(path.into());
         }
         let small = RenderOptions { width: 640, height: 480, samples: 4, ..options };
         let cameras = Camera::orbit(mesh, VIEWS, aspect(&small));
         let subjects = [Subject { mesh, surface: original }, Subject { mesh, surface: &baked }];
         part.psnr_db = mean_psnr_db(subjects, &cameras, &small, self.context)?;
-        self.info.assets.push(asset_path);
+        self.info.assets.push(asset_path.into());
         self.info.parts.push(part);
         Ok(())
     }

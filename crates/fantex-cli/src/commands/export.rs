@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
-use crate::text::{Choices, counted, megabytes, one_of, whole};
+use crate::text::{Choices, ShownPath, counted, megabytes, one_of, whole};
 
 /// Export an asset or a world for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
@@ -64,7 +64,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N|WxH", allow_negative_numbers = true, value_parser = picture_size)]
     size: Option<PictureSize>,
     /// The largest side that is taken by default, or of a sheet with --fans
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192, value_parser = whole::<u32>)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8192, value_parser = whole::<u32>, conflicts_with_all = ["size", "turntable", "web"])]
     max_size: u32,
     /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16; with --fans 4]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
@@ -100,9 +100,9 @@ pub(crate) struct ExportArgs {
     /// Number of pictures around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
-    /// Seconds of a whole turn of an animated PNG
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 4.0, requires = "turntable", value_parser = crate::text::positive)]
-    seconds: f64,
+    /// Seconds of a whole turn of an animated PNG [default: 4]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, requires = "turntable", value_parser = crate::text::positive)]
+    seconds: Option<f64>,
     /// Samples per pixel of a turntable, 1 to 64
     #[arg(
         long,
@@ -174,13 +174,13 @@ fn picture_size(text: &str) -> Result<PictureSize> {
 
 #[derive(Debug, Serialize)]
 struct FileInfo {
-    path: PathBuf,
+    path: ShownPath,
     bytes: u64,
 }
 
 #[derive(Debug, Serialize)]
 struct ExportInfo {
-    output: PathBuf,
+    output: ShownPath,
     /// Assets of a world; left out for one asset.
     #[serde(skip_serializing_if = "Option::is_none")]
     objects: Option<usize>,
@@ -220,7 +220,7 @@ impl ModelInfo {
             files: summary
                 .files
                 .iter()
-                .map(|(path, bytes)| FileInfo { path: path.clone(), bytes: *bytes })
+                .map(|(path, bytes)| FileInfo { path: path.into(), bytes: *bytes })
                 .collect(),
             sizes: summary.sizes.iter().map(|[columns, rows]| *columns.max(rows)).collect(),
             extents: summary.sizes.clone(),
@@ -260,7 +260,7 @@ impl ModelInfo {
 
     /// The files besides the output, a line each.
     pub(crate) fn others(&self, output: &Path) -> String {
-        let others = self.files.iter().filter(|f| f.path != output);
+        let others = self.files.iter().filter(|f| *f.path != *output);
         others.map(|file| format!("  {} {}\n", file.path.display(), megabytes(file.bytes))).collect()
     }
 }
@@ -269,13 +269,28 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     if let Some(count) = args.turntable {
         return turntable::run(args, count, context);
     }
+    let of_turntables = [
+        ("--environment", args.surroundings.is_given()),
+        ("--background", args.surroundings.has_background()),
+    ];
+    if let Some((option, _)) = of_turntables.iter().find(|(_, is_given)| *is_given) {
+        return Err(Error::invalid(format!(
+            "{option} belongs to a turntable; give --turntable, too, or leave it out"
+        )));
+    }
     if args.web {
         return web::run(args, context);
     }
-    if args.surroundings.is_given() {
+    if args.padding.is_some() && (args.uv == UvArg::Source || args.model.is_some()) {
         return Err(Error::invalid(
-            "--environment belongs to a turntable; give --turntable, too, or leave it out",
+            "--padding is of a packing of its own, and the model's texture coordinates stay as they are; leave it out",
         ));
+    }
+    if args.depth != Depth::Eight && !has_extension(&args.output, "png") {
+        return Err(Error::invalid(format!(
+            "--depth says how many bits a .png has, and {} is none; leave it out",
+            args.output.display()
+        )));
     }
     let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
     if args.channel.is_empty() && is_picture {
@@ -417,14 +432,15 @@ fn channel_file(output: &Path, kind: ChannelMap, count: usize) -> PathBuf {
     if count == 1 {
         return output.to_owned();
     }
-    let [stem, extension] = [output.file_stem(), output.extension()].map(Option::unwrap_or_default);
-    let [stem, extension] = [stem, extension].map(|part| part.to_string_lossy());
-    output.with_file_name(format!("{stem}-{}.{extension}", kind.name()))
+    let mut name = output.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{}.", kind.name()));
+    name.push(output.extension().unwrap_or_default());
+    output.with_file_name(name)
 }
 
 fn info(args: &ExportArgs, input: &Input, summary: &ExportSummary, seconds: f64) -> ExportInfo {
     ExportInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         objects: match input {
             Input::Asset(_) => None,
             Input::World(world) => Some(world.objects.len()),

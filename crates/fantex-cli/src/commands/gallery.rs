@@ -30,7 +30,7 @@ use crate::commands::export::turntable::Animation;
 use crate::context::Context;
 use crate::series::Series;
 use crate::shipped::Shipped;
-use crate::text::counted;
+use crate::text::{ShownPath, counted};
 
 /// Render one picture for every technique, and a page that explains them.
 #[derive(Args, Debug)]
@@ -53,8 +53,8 @@ pub(crate) struct GalleryArgs {
 
 #[derive(Debug, Serialize)]
 struct GalleryInfo {
-    page: PathBuf,
-    pictures: Vec<PathBuf>,
+    page: ShownPath,
+    pictures: Vec<ShownPath>,
     seconds: f64,
 }
 
@@ -62,8 +62,8 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let pictures = make(args, context)?;
     let info = GalleryInfo {
-        page: args.output.join("index.html"),
-        pictures,
+        page: args.output.join("index.html").into(),
+        pictures: pictures.into_iter().map(ShownPath::from).collect(),
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
@@ -78,6 +78,8 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names).map_err(|error| Error::invalid(error.to_string()))?;
     context.make_folder(output)?;
+    let page = output.join("index.html");
+    context.check_output(&page)?;
     let gallery = Gallery {
         shipped: &shipped,
         output,
@@ -92,8 +94,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
         context.note(format!("{} of {}: {}", number + 1, entries.len(), entry.name));
         finished_entries.push(gallery.finish(entry)?);
     }
-    let page = output.join("index.html");
-    write_whole(&page, true, |out| out.write_all(html_page(&finished_entries).as_bytes()))?;
+    write_whole(&page, context.force, |out| out.write_all(html_page(&finished_entries).as_bytes()))?;
     Ok(finished_entries.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
 }
 

@@ -24,7 +24,7 @@ use crate::context::Context;
 use crate::scene::{check_model_name, open_model, show_notes, size};
 use crate::series::Series;
 use crate::sources::SourceArg;
-use crate::text::{Count, counted, grouped, positive, share, whole};
+use crate::text::{Count, ShownPath, counted, grouped, positive, share, whole};
 
 /// Generate a procedural model, or photographs of a model.
 #[derive(Args, Debug)]
@@ -85,7 +85,7 @@ impl LandscapeArgs {
 
 #[derive(Debug, Serialize)]
 struct LandscapeInfo {
-    output: PathBuf,
+    output: ShownPath,
     triangles: u64,
     #[serde(flatten)]
     shape: LandscapeShape,
@@ -122,13 +122,14 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
     if !args.writes_asset() {
         check_model_name(&args.output)
             .map_err(|error| Error::invalid(format!("{error}, or .fan for an asset")))?;
-        if !args.cover.is_default() {
+        if let Some(option) = args.cover.given().or(args.encoding.changed()) {
             return Err(Error::invalid(format!(
-                "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
+                "{} is a model and has no texels: leave {option} out, or write an asset (.fan)",
                 args.output.display()
             )));
         }
     }
+    args.encoding.check()?;
     context.check_output(&args.output)?;
     let made = landscape(&LandscapeOptions {
         triangles: args.triangles.0,
@@ -161,7 +162,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
     }
     write_landscape(&made, &args.output, context.force, context)?;
     let info = LandscapeInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         triangles,
         shape,
         seconds: started.elapsed().as_secs_f64(),
@@ -274,7 +275,7 @@ impl LensArg {
 
 #[derive(Debug, Serialize)]
 struct PhotographsInfo {
-    output: PathBuf,
+    output: ShownPath,
     photos: u64,
     width: u32,
     height: u32,
@@ -319,7 +320,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
     }
     let [width, height] = args.size;
     let info = PhotographsInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         photos: photographs.len() as u64,
         width,
         height,

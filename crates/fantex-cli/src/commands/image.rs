@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::commands::export::has_extension;
 use crate::context::Context;
 use crate::scene::{check_picture_name, size};
-use crate::text::{Choices, one_of, positive};
+use crate::text::{Choices, ShownPath, one_of, positive};
 
 /// Prepare an image: sides that are powers of two, other sizes, height with derivatives for bump mapping.
 #[derive(Args, Debug)]
@@ -100,6 +100,12 @@ pub(crate) fn check_depth(depth: FileDepth, path: &Path) -> Result<()> {
             "{path} holds eight bits per number; leave --depth out, or write a .png"
         )));
     }
+    if depth == FileDepth::Float && has_extension(path, "png") {
+        let path = path.display();
+        return Err(Error::invalid(format!(
+            "{path} holds no floating-point numbers; write an .exr or .hdr, or give --depth 16"
+        )));
+    }
     Ok(())
 }
 
@@ -122,7 +128,7 @@ fn nearest_power_of_two(n: u32) -> u32 {
 
 #[derive(Debug, Serialize)]
 struct ImageInfo {
-    output: PathBuf,
+    output: ShownPath,
     width: u32,
     height: u32,
     /// Of derivatives: the largest that the code holds.
@@ -159,7 +165,7 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
         None => image,
     };
     let mut info =
-        ImageInfo { output: args.output.clone(), width: scaled.width, height: scaled.height, range: None };
+        ImageInfo { output: (&args.output).into(), width: scaled.width, height: scaled.height, range: None };
     if args.derivatives {
         let range = args.range.map(|range| range as f32);
         let texture = DerivativeTexture::new(&scaled, args.difference, [args.wrap; 2], range)?;

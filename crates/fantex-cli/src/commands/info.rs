@@ -19,7 +19,7 @@ use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::Input;
-use crate::text::{Count, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
+use crate::text::{Count, ShownPath, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
 
 /// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -82,8 +82,15 @@ impl FromStr for LongestEdgeArg {
 }
 
 impl CoverArgs {
-    pub(crate) fn is_default(&self) -> bool {
-        self.texels.is_none() && self.density.is_none() && self.tile.is_none() && self.longest_edge.is_none()
+    /// The first option that is given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let given = [
+            ("--texels", self.texels.is_some()),
+            ("--density", self.density.is_some()),
+            ("--tile", self.tile.is_some()),
+            ("--longest-edge", self.longest_edge.is_some()),
+        ];
+        given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }
 
     /// The mesh that is covered.
@@ -193,7 +200,7 @@ struct ModelInfo {
     sheet: Sheet,
     seconds: Seconds,
     report: Vec<String>,
-    pictures: Vec<PathBuf>,
+    pictures: Vec<ShownPath>,
 }
 
 #[derive(Debug, Serialize)]
@@ -221,33 +228,41 @@ struct AssetInfo {
     preview_bytes: Option<u64>,
     channels: Vec<ChannelInfo>,
     sheet: Sheet,
-    pictures: Vec<PathBuf>,
+    pictures: Vec<ShownPath>,
 }
 
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
+    let of_covers = args.cover.given();
+    let of_meshes = of_covers.or(args.picture.as_ref().map(|_| "--picture"));
     match Input::open(&args.file)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
         Input::Asset(_) | Input::Look(_) | Input::World(_) if args.look => Err(Error::unsupported(format!(
             "{} is no model, and only models have materials that are printed as a look",
             args.file.display()
         ))),
-        Input::Look(file) => print_look(&file, context),
-        Input::World(_) if args.picture.is_some() || !args.cover.is_default() => {
-            Err(FileKind::world_instead(&args.file))
-        }
+        Input::Look(file) => match of_meshes {
+            Some(option) => Err(Error::invalid(format!(
+                "{option} has no meaning for a look, which has no mesh: leave it out, or give the model that {} is for",
+                args.file.display()
+            ))),
+            None => print_look(&file, context),
+        },
+        Input::World(_) if of_meshes.is_some() => Err(FileKind::world_instead(&args.file)),
         Input::World(world) => print_world(&world, &args.file, context),
         Input::Model(model) => {
             let info = of_model(&model, args, context)?;
             context.print(&info, |info| model_text(info, &args.file))
         }
-        Input::Asset(_) if !args.cover.is_default() => Err(Error::invalid(format!(
-            "--texels, --density or --tile has no meaning for an asset: {} has its cover already",
-            args.file.display()
-        ))),
-        Input::Asset(asset) => {
-            let info = of_asset(&asset, args, context)?;
-            context.print(&info, |info| asset_text(info, &args.file))
-        }
+        Input::Asset(asset) => match of_covers {
+            Some(option) => Err(Error::invalid(format!(
+                "{option} has no meaning for an asset: {} has its cover already",
+                args.file.display()
+            ))),
+            None => {
+                let info = of_asset(&asset, args, context)?;
+                context.print(&info, |info| asset_text(info, &args.file))
+            }
+        },
     }
 }
 
@@ -374,9 +389,11 @@ fn draw(
     cover: &Cover,
     args: &InfoArgs,
     context: &Context,
-) -> Result<Vec<PathBuf>> {
+) -> Result<Vec<ShownPath>> {
     match &args.picture {
-        Some(target) => cover_pictures::draw(mesh, cover, target, context),
+        Some(target) => {
+            Ok(cover_pictures::draw(mesh, cover, target, context)?.into_iter().map(ShownPath::from).collect())
+        }
         None => Ok(Vec::new()),
     }
 }
@@ -454,7 +471,7 @@ fn shown(path: &Path) -> String {
 #[derive(Debug, Serialize)]
 struct LookInfo {
     kind: &'static str,
-    file: PathBuf,
+    file: ShownPath,
     /// Kind of each texture by its name.
     textures: BTreeMap<String, String>,
     materials: Vec<String>,
@@ -463,7 +480,7 @@ struct LookInfo {
     has_environment: bool,
     frames: u32,
     /// Models and assets that the look names.
-    models: Vec<PathBuf>,
+    models: Vec<ShownPath>,
 }
 
 pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<()> {
@@ -478,7 +495,12 @@ pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<()> {
         lights: look.light.len() as u64,
         has_environment: look.environment.is_some(),
         frames: look.picture.frames.as_ref().map_or(1, |frames| frames.count),
-        models: look.object.iter().filter_map(|object| object.model.as_ref().map(resolved)).collect(),
+        models: look
+            .object
+            .iter()
+            .filter_map(|object| object.model.as_ref().map(resolved))
+            .map(ShownPath::from)
+            .collect(),
     };
     context.print(&info, look_text)
 }

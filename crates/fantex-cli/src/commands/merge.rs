@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::plan::{of_files, open_plan};
 use crate::context::Context;
 use crate::scene::check_asset_name;
-use crate::text::{counted, megabytes};
+use crate::text::{ShownPath, counted, megabytes};
 
 /// Merge the parts of a planned bake into one asset.
 #[derive(Args, Debug)]
@@ -39,7 +39,7 @@ pub(crate) struct MergeArgs {
 #[derive(Debug, Serialize)]
 struct MergeInfo {
     /// None where the parts were only looked at.
-    output: Option<PathBuf>,
+    output: Option<ShownPath>,
     parts: u64,
     clusters: u64,
     bytes: u64,
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &MergeArgs, context: &Context) -> Result<()> {
     };
     merged.note.iter().for_each(|note| context.note(note));
     let info = MergeInfo {
-        output: args.output.clone(),
+        output: args.output.as_ref().map(ShownPath::from),
         parts: args.parts.len() as u64,
         clusters: merged.written.clusters as u64,
         bytes: merged.written.bytes,

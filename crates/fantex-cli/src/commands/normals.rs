@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::commands::image::{DEPTHS, FileDepth, check_depth, saved};
 use crate::context::Context;
 use crate::scene::{check_picture_name, open_shape, show_notes, size};
-use crate::text::{Choices, one_of, positive, whole};
+use crate::text::{Choices, ShownPath, one_of, positive, whole};
 
 /// Bake the normals of a detailed model into a normal map over the texture coordinates of a coarse one.
 #[derive(Args, Debug)]
@@ -62,7 +62,7 @@ const SPACES: Choices<NormalSpace, 2> = [
 
 #[derive(Debug, Serialize)]
 struct NormalsInfo {
-    output: PathBuf,
+    output: ShownPath,
     width: u32,
     height: u32,
     cage: f64,
@@ -94,7 +94,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     }
     let [width, height] = args.size;
     let info = NormalsInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         width,
         height,
         cage: report.cage,

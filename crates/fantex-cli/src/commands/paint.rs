@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::view;
 use crate::context::Context;
 use crate::scene::{check_asset_name, check_extension, open_asset, report_damage, size};
-use crate::text::{Choices, counted, megabytes, one_of};
+use crate::text::{Choices, ShownPath, counted, megabytes, one_of};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
 #[derive(Args, Debug)]
@@ -33,7 +33,7 @@ Example:
   fantex paint fence.fan --replay holes.json --alpha cut-out
 
 Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is \
-painted is saved all the time, and every step can be undone.
+painted is saved all the time, in the asset itself, and every step can be undone. To keep an asset as it is, paint on a copy of its file.
 
 With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all \
 strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An \
@@ -67,14 +67,14 @@ pub(crate) struct PaintArgs {
     /// What all materials of the asset make of the opacity of the base colour
     #[arg(long, value_name = "MODE", value_parser = one_of(&ALPHA_MODES), conflicts_with = "export_log")]
     alpha: Option<AlphaMode>,
-    /// The asset to write; without it the given one is changed
+    /// The asset to write; without it the given one is changed. A window paints on the given one alone
     #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
     /// Width and height of the window in points; as it was by default
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel", "remove_channel", "alpha"])]
     size: Option<[u32; 2]>,
-    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones
-    #[arg(long)]
+    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones; not in a window
+    #[arg(long, conflicts_with = "export_log")]
     no_history: bool,
 }
 
@@ -153,14 +153,14 @@ impl Strokes {
 
 #[derive(Debug, Serialize)]
 struct ExportInfo {
-    output: PathBuf,
+    output: ShownPath,
     strokes: usize,
     unrecorded: usize,
 }
 
 #[derive(Debug, Serialize)]
 struct PaintInfo {
-    output: PathBuf,
+    output: ShownPath,
     strokes: usize,
     dabs: usize,
     pages: usize,
@@ -195,13 +195,7 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     };
     let strokes = match (&args.replay, &args.replay_log) {
         (None, None) if args.changes_asset() => opens().map(|()| Strokes::None)?,
-        (None, None) => {
-            let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
-            let mut arguments = vec!["--paint".into(), memory.into(), args.asset.clone().into()];
-            arguments.extend(args.size.map(|[width, height]| format!("--size={width}x{height}").into()));
-            arguments.extend(context.allow_outside.then(|| "--allow-outside".into()));
-            return view::run(&arguments);
-        }
+        (None, None) => return open_window(args, context),
         (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };
@@ -209,13 +203,13 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         None if context.strict || args.changes_asset() || strokes.commit_between() => {
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
             let info = change_copy(&args.asset, [&NoProgress, &NoProgress], paint)?;
-            PaintInfo { output: args.asset.clone(), ..info }
+            PaintInfo { output: (&args.asset).into(), ..info }
         }
         None => paint(&args.asset, &strokes, args, context)?,
         Some(output) => {
             context.check_output(output)?;
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            PaintInfo { output: output.clone(), ..change_into(&args.asset, output, context.force, paint)? }
+            PaintInfo { output: output.into(), ..change_into(&args.asset, output, context.force, paint)? }
         }
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
@@ -237,6 +231,21 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Opens the window, which paints on the asset itself.
+fn open_window(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
+    let of_strokes = [("--output", args.output.is_some()), ("--no-history", args.no_history)];
+    if let Some((option, _)) = of_strokes.into_iter().find(|(_, is_given)| *is_given) {
+        let asset = args.asset.display();
+        return Err(Error::invalid(format!(
+            "{option} is for strokes without a window (--replay), and a window paints on {asset} itself, with a history: leave it out, or \
+             paint on a copy of the file"
+        )));
+    }
+    let mut arguments = vec!["--paint".into(), args.asset.clone().into()];
+    arguments.extend(args.size.map(|[width, height]| format!("--size={width}x{height}").into()));
+    view::start(&arguments, Some(context.memory_bytes), context)
+}
+
 fn missing(unrecorded: usize) -> String {
     match unrecorded {
         0 => String::new(),
@@ -250,7 +259,7 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
     log.save(output)?;
     let strokes = &log.strokes.strokes;
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
-    let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };
+    let info = ExportInfo { output: output.into(), strokes: strokes.len() - unrecorded, unrecorded };
     context.print(&info, |info| {
         let strokes = counted(info.strokes as u64, "stroke");
         format!("{}: {strokes}{}", info.output.display(), missing(info.unrecorded))
@@ -270,7 +279,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     let _deferral = context.defer_interrupt();
     let committed = painter.commit()?;
     Ok(PaintInfo {
-        output: asset.to_owned(),
+        output: asset.into(),
         strokes: summary.strokes,
         dabs: summary.dabs,
         pages: summary.pages,

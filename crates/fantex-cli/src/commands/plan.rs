@@ -15,7 +15,7 @@ use crate::commands::bake::{self, BakeInfo, Goal, JobArgs};
 use crate::context::Context;
 use crate::local_files::with_local_files;
 use crate::scene::check_is_no_model_name;
-use crate::text::megabytes;
+use crate::text::{ShownPath, megabytes};
 use crate::{Cli, Command};
 
 /// Which part of how many, counted from 1.
@@ -67,7 +67,7 @@ pub(crate) struct PlanArgs {
 
 #[derive(Debug, Serialize)]
 struct PlanInfo {
-    output: PathBuf,
+    output: ShownPath,
     triangles: u64,
     groups: u64,
     texels: u64,
@@ -81,6 +81,12 @@ pub(crate) fn run(args: &PlanArgs, context: &Context) -> Result<()> {
         .collect::<Result<Vec<_>, _>>()
         .map_err(|text| Error::invalid(format!("{text} is not UTF-8, which what a plan notes has to be")))?;
     let folder = std::env::current_dir().map_err(|error| Error::reading(Path::new("."), error))?;
+    if folder.to_str().is_none() {
+        let folder = folder.display();
+        return Err(Error::invalid(format!(
+            "the folder {folder} is not UTF-8, which what a plan notes has to be; plan in another one"
+        )));
+    }
     let about = serde_json::to_vec(&About { arguments, folder })
         .map_err(|error| Error::invalid(error.to_string()))?;
     let info = bake::bake(&args.job, &args.job.output, &Goal::Plan(&about), context.seed, context)?;
@@ -113,7 +119,7 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
     })?;
     let goal = Goal::Part(&plan, shard);
     let mut info = bake::bake(&planned.job, &place, &goal, cli.common.seed, context).map_err(of_files)?;
-    info.output = output.to_owned();
+    info.output = output.into();
     context.print(&info, |info| {
         let Shard { number, count } = shard;
         let (bytes, seconds) = (megabytes(info.bytes), info.seconds.total);

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{check_is_asset_file, report_damage};
-use crate::text::{Count, counted, megabytes};
+use crate::text::{Count, ShownPath, counted, megabytes};
 
 /// Give an asset a preview: a small asset inside it, which viewers far away show until the rest is there.
 #[derive(Args, Debug)]
@@ -43,7 +43,7 @@ pub(crate) struct PreviewArgs {
 
 #[derive(Debug, Serialize)]
 struct PreviewInfo {
-    asset: PathBuf,
+    asset: ShownPath,
     /// Of the preview; 0 where none is made.
     triangles: u64,
     texels: u64,
@@ -53,7 +53,8 @@ struct PreviewInfo {
 
 pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    let mut info = PreviewInfo { asset: args.asset.clone(), triangles: 0, texels: 0, bytes: 0, seconds: 0.0 };
+    let mut info =
+        PreviewInfo { asset: (&args.asset).into(), triangles: 0, texels: 0, bytes: 0, seconds: 0.0 };
     check_is_asset_file(&args.asset)?;
     // A file keeps its state when the program ends; of an object, a copy would be left.
     let _deferral = is_object(&args.asset).then(|| context.defer_interrupt());

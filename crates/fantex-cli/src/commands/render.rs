@@ -26,7 +26,7 @@ use crate::scene::{
     report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
-use crate::text::{bytes, counted, one_of, whole};
+use crate::text::{ShownPath, bytes, counted, one_of, whole};
 
 /// Render a model, an asset, a world or a look.
 #[derive(Args, Debug)]
@@ -84,7 +84,7 @@ pub(crate) struct RenderArgs {
 
 #[derive(Debug, Default, Serialize)]
 struct RenderInfo {
-    output: PathBuf,
+    output: ShownPath,
     width: u32,
     height: u32,
     seconds: f64,
@@ -139,7 +139,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
 fn finish(args: &RenderArgs, picture: &Picture, info: RenderInfo, context: &Context) -> Result<()> {
     save(picture, &args.output, context)?;
     let Picture { width, height, .. } = *picture;
-    context.print(&RenderInfo { output: args.output.clone(), width, height, ..info }, text)
+    context.print(&RenderInfo { output: (&args.output).into(), width, height, ..info }, text)
 }
 
 /// What the options say of the picture.
@@ -366,9 +366,9 @@ fn render_on_gpu(
 
 #[derive(Debug, Default, Serialize)]
 struct LookRenderInfo {
-    output: PathBuf,
+    output: ShownPath,
     /// All pictures that were written.
-    pictures: Vec<PathBuf>,
+    pictures: Vec<ShownPath>,
     width: u32,
     height: u32,
     seconds: f64,
@@ -402,7 +402,7 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
     check_picture_name(&args.output, is_transparent)?;
     let count = Some(pictures.len() as u64);
     let mut series = Series::of_files(context, folder_of(&args.output), "picture", count);
-    let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };
+    let mut info = LookRenderInfo { output: (&args.output).into(), ..LookRenderInfo::default() };
     for (time, path) in times.into_iter().zip(pictures) {
         let Rendering { picture, stats } = scene.render(time)?;
         if context.strict {
@@ -414,7 +414,7 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
         info.triangles = stats.triangles;
         info.shaded += stats.shaded;
         info.lookups += stats.lookups;
-        info.pictures.push(path);
+        info.pictures.push(path.into());
         context.check_interrupt()?;
     }
     show_damaged_tiles(&scene, context)?;
@@ -442,9 +442,16 @@ fn names(output: &Path, count: usize) -> Vec<PathBuf> {
     if count == 1 {
         return vec![output.into()];
     }
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let extension = output.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
-    (1..=count).map(|i| output.with_file_name(format!("{stem}-{i:04}{extension}"))).collect()
+    let name = |number: usize| {
+        let mut name = output.file_stem().unwrap_or_default().to_owned();
+        name.push(format!("-{number:04}"));
+        if let Some(extension) = output.extension() {
+            name.push(".");
+            name.push(extension);
+        }
+        output.with_file_name(name)
+    };
+    (1..=count).map(name).collect()
 }
 
 fn look_text(info: &LookRenderInfo) -> String {

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{check_model_name, open_shape, show_notes};
-use crate::text::{Count, counted, grouped};
+use crate::text::{Count, ShownPath, counted, grouped};
 
 /// Write a model with the same shape and fewer triangles, to bake the fine one onto.
 #[derive(Args, Debug)]
@@ -37,7 +37,7 @@ pub(crate) struct SimplifyArgs {
 
 #[derive(Debug, Serialize)]
 struct SimplifyInfo {
-    output: PathBuf,
+    output: ShownPath,
     triangles: u64,
     vertices: u64,
     /// Of the model.
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
         write_model(&args.output, &geometry, context.force)?;
     }
     let info = SimplifyInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         triangles: coarse.triangles.len() as u64,
         vertices: coarse.positions.len() as u64,
         triangles_before: fine.triangles.len() as u64,

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::context::{Context, check_can_be_folder};
 use crate::scene::open_asset;
-use crate::text::{Count, counted, megabytes};
+use crate::text::{Count, ShownPath, counted, megabytes};
 
 /// Split a large asset into a world: many small assets that viewers show near the eye, and an index.
 #[derive(Args, Debug)]
@@ -49,7 +49,7 @@ pub(crate) struct SplitArgs {
 
 #[derive(Debug, Serialize)]
 struct SplitInfo {
-    index: PathBuf,
+    index: ShownPath,
     sectors: u64,
     triangles: u64,
     /// Of all sectors, previews included.
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
     let World { objects, coarse } = &written.world;
     let previews = || objects.iter().filter_map(|object| object.preview);
     let info = SplitInfo {
-        index: written.index,
+        index: written.index.into(),
         sectors: objects.len() as u64,
         triangles: objects.iter().map(|object| object.triangles).sum(),
         bytes: objects.iter().map(|object| object.bytes).sum(),

@@ -13,7 +13,7 @@ use crate::commands::image::{DEPTHS, FileDepth, SPACES, check_depth, saved};
 use crate::context::Context;
 use crate::scene::{check_picture_name, size, vector};
 use crate::series::Series;
-use crate::text::one_of;
+use crate::text::{ShownPath, one_of};
 
 /// Tabulate a texture of a look: any function, over any domain, at any density, as an image.
 #[derive(Args, Debug)]
@@ -67,7 +67,7 @@ pub(crate) struct TableArgs {
 
 #[derive(Debug, Serialize)]
 struct TableInfo {
-    output: PathBuf,
+    output: ShownPath,
     texture: String,
     width: u32,
     height: u32,
@@ -126,7 +126,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
         series.finish();
     }
     let info = TableInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         texture: name,
         width,
         height,

@@ -8,7 +8,7 @@ use fantex::{Result, Upload};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::text::{counted, megabytes};
+use crate::text::{ShownPath, counted, megabytes};
 
 /// Send a finished file, or a world with its assets, to an object store.
 #[derive(Args, Debug)]
@@ -30,7 +30,7 @@ pub(crate) struct UploadArgs {
 
 #[derive(Debug, Serialize)]
 struct UploadInfo {
-    output: PathBuf,
+    output: ShownPath,
     /// More than one of a world.
     objects: u64,
     bytes: u64,
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &UploadArgs, context: &Context) -> Result<()> {
     };
     sent.notes.iter().for_each(|note| context.note(note));
     let info = UploadInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         objects: sent.objects,
         bytes: sent.bytes,
         notes: sent.notes,

@@ -9,6 +9,8 @@ use clap::Args;
 
 use fantex::{Error, Result};
 
+use crate::context::Context;
+
 const VIEWER: &str = "fantex-app";
 
 /// Show a model, an asset, a world or a look in a window.
@@ -21,7 +23,8 @@ Example:
   fantex view town.fanworld
   fantex view oak.toml --on chair.glb
 
-Everything after 'view' goes to the viewer; 'fantex view -- --help' lists its options.")]
+FILE and everything after it go to the viewer, and so do --memory, --threads and --allow-outside before it; 'fantex view -- --help' \
+lists the viewer's options.")]
 pub(crate) struct ViewArgs {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), both also at an https://, s3://, gs:// or az:// address, or
     /// a look (.toml), and options of the viewer
@@ -29,8 +32,19 @@ pub(crate) struct ViewArgs {
     pub(crate) arguments: Vec<OsString>,
 }
 
-/// Starts the viewer and waits until its window is closed.
-pub(crate) fn run(arguments: &[OsString]) -> Result<ExitCode> {
+/// Less is refused by the viewer.
+const MIN_MEMORY: u64 = 16 << 20;
+
+pub(crate) fn run(args: &ViewArgs, context: &Context) -> Result<ExitCode> {
+    start(&args.arguments, context.memory_asked, context)
+}
+
+/// Starts the viewer, with what the flags of every command say to it, and waits until its window is closed.
+pub(crate) fn start(
+    arguments: &[OsString],
+    memory_bytes: Option<u64>,
+    context: &Context,
+) -> Result<ExitCode> {
     let beside = std::env::current_exe().ok().and_then(|this| this.parent().map(Path::to_owned));
     let path = std::env::var_os("PATH").unwrap_or_default();
     let viewer = find(beside.as_deref(), &path).ok_or_else(|| {
@@ -39,7 +53,10 @@ pub(crate) fn run(arguments: &[OsString]) -> Result<ExitCode> {
              fantex-app'",
         )
     })?;
-    let status = Command::new(&viewer).args(arguments).status().map_err(|error| {
+    let mut command = Command::new(&viewer);
+    command.args(common_flags(memory_bytes, context.allow_outside));
+    command.envs(context.threads_asked.map(|threads| ("RAYON_NUM_THREADS", threads.to_string())));
+    let status = command.args(arguments).status().map_err(|error| {
         Error::unavailable(format!("cannot start the viewer {}: {error}", viewer.display()))
     })?;
     match status.code().map(u8::try_from) {
@@ -47,6 +64,12 @@ pub(crate) fn run(arguments: &[OsString]) -> Result<ExitCode> {
         Some(Ok(code @ 0..=2)) => Ok(ExitCode::from(code)),
         _ => Err(Error::unavailable(format!("the viewer ended unexpectedly ({status})"))),
     }
+}
+
+/// Flags of every command that the viewer has, too.
+fn common_flags(memory_bytes: Option<u64>, allow_outside: bool) -> Vec<String> {
+    let memory = memory_bytes.map(|bytes| format!("--memory={}", bytes.max(MIN_MEMORY)));
+    memory.into_iter().chain(allow_outside.then(|| "--allow-outside".into())).collect()
 }
 
 /// The viewer beside this program, else on the search path.
@@ -76,8 +99,12 @@ mod tests {
     fn everything_goes_to_the_viewer() {
         use clap::Parser;
 
-        let cli = crate::Cli::parse_from(["fantex", "view", "a.fan", "--size", "800x600"]);
+        let line = ["fantex", "view", "--memory", "1M", "a.fan", "--size", "800x600", "--allow-outside"];
+        let cli = crate::Cli::parse_from(line);
         let crate::Command::View(args) = cli.command else { panic!("another command") };
-        assert_eq!(args.arguments, ["a.fan", "--size", "800x600"]);
+        assert_eq!(args.arguments, ["a.fan", "--size", "800x600", "--allow-outside"]);
+        let flags = common_flags(cli.common.memory, cli.common.allow_outside);
+        assert_eq!(flags, [format!("--memory={MIN_MEMORY}")]);
+        assert_eq!(common_flags(None, true), ["--allow-outside"]);
     }
 }

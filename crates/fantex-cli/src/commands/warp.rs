@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::commands::image::{DEPTHS, FileDepth, WRAPS, check_depth, saved};
 use crate::context::Context;
 use crate::scene::{FILTERS, check_picture_name, size};
-use crate::text::{Choices, one_of};
+use crate::text::{Choices, ShownPath, one_of};
 
 /// Warp an image: affine, perspective or bilinear, by inverse or forward mapping.
 #[derive(Args, Debug)]
@@ -152,7 +152,7 @@ fn is_corner(argument: &OsStr, count: usize) -> bool {
 
 #[derive(Debug, Serialize)]
 struct WarpInfo {
-    output: PathBuf,
+    output: ShownPath,
     width: u32,
     height: u32,
     /// Share of the picture that the image covers.
@@ -225,7 +225,7 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     let covered: f64 = alphas.map(|(x, y)| f64::from(warped.linear_texel(x, y)[3])).sum();
     saved(&warped, args.depth, ColorSpace::Srgb, &args.output)?;
     let info = WarpInfo {
-        output: args.output.clone(),
+        output: (&args.output).into(),
         width: size[0],
         height: size[1],
         covered_share: covered / (f64::from(size[0]) * f64::from(size[1])),

@@ -9,7 +9,7 @@ use fantex::{Error, PreviewOptions, Result, World, WorldChange, WorldChanged, ch
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::text::{Table, counted, grouped, megabytes};
+use crate::text::{ShownPath, Table, counted, grouped, megabytes};
 
 /// Make a world, an index of assets that are shown together, or change one.
 #[derive(Args, Debug)]
@@ -42,7 +42,7 @@ pub(crate) struct WorldArgs {
 
 #[derive(Debug, Serialize)]
 struct WorldChangeInfo {
-    index: PathBuf,
+    index: ShownPath,
     added: u64,
     updated: u64,
     removed: u64,
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &WorldArgs, context: &Context) -> Result<()> {
     changed.notes.iter().for_each(|note| context.note(note));
     let WorldChanged { added, updated, removed, coarse_removed, previews_made, coarse_made, .. } = changed;
     let seconds = started.elapsed().as_secs_f64();
-    let index = args.index.clone();
+    let index = (&args.index).into();
     let world = WorldInfo::of(&changed.world);
     let info = WorldChangeInfo {
         index,

@@ -6,6 +6,7 @@ mod azure;
 mod bad_input;
 mod baked_models;
 mod export_and_paint;
+mod flags;
 mod hostile;
 mod looks;
 #[cfg(target_os = "linux")]

@@ -15,8 +15,9 @@ use std::time::Duration;
 #[cfg(unix)]
 use std::time::UNIX_EPOCH;
 
-use fantex_base::files::{forget, remember};
+use fantex_base::files::{exists, forget, persist, remember};
 use fantex_base::{Error, ErrorKind, Result};
+use tempfile::TempPath;
 
 /// Attempts, a millisecond apart, to mark a file as being read.
 const MAX_LOCK_ATTEMPTS: u32 = 500;
@@ -45,6 +46,14 @@ impl WriterLock {
         Self::with_beside(path, &real, Arc::new(LockFile::acquire(path, lock_path(&real))?))
     }
 
+    /// Locks the file at `path`, which another one is to replace; `None` where there is none.
+    ///
+    /// # Errors
+    /// As [`acquire`](Self::acquire).
+    pub fn of_replaced(path: &Path) -> Result<Option<Self>> {
+        path.is_file().then(|| Self::acquire(path)).transpose()
+    }
+
     /// The lock of who has put another file in the asset's place: that of the file that is gone ends with `self`, as the next file may get
     /// its number.
     pub(super) fn moved(&self, path: &Path) -> Result<Self> {
@@ -59,6 +68,40 @@ impl WriterLock {
             lock => lock.and_then(Result::ok),
         };
         Ok(Self { beside, _of_inode })
+    }
+}
+
+/// The place of a new asset. One that is there is locked against other writers from the beginning on: what they write after that would be lost
+/// with it.
+#[derive(Debug)]
+pub struct Replacement {
+    path: PathBuf,
+    force: bool,
+    lock: Option<WriterLock>,
+}
+
+impl Replacement {
+    /// Takes the place at `path`; only with `force` that of another file.
+    ///
+    /// # Errors
+    /// There is a file, and it is not to be replaced, or as for [`WriterLock::acquire`].
+    pub fn begin(path: &Path, force: bool) -> Result<Self> {
+        if !force && path.symlink_metadata().is_ok() {
+            return Err(exists(path));
+        }
+        let lock = if force { WriterLock::of_replaced(path)? } else { None };
+        Ok(Self { path: path.to_owned(), force, lock })
+    }
+
+    /// Makes the finished asset durable and puts it in its place.
+    ///
+    /// # Errors
+    /// As [`persist`], or another writer is at work on what has come there meanwhile.
+    pub fn finish(mut self, file: TempPath) -> Result<()> {
+        if self.lock.is_none() && self.force {
+            self.lock = WriterLock::of_replaced(&self.path)?;
+        }
+        persist(file, &self.path, self.force)
     }
 }
 

@@ -46,7 +46,7 @@ use crate::{Asset, FileSource, PageId, Texels, write_error};
 pub use self::added::MIDDLE_HEIGHT;
 pub use self::commit::{CommitSummary, EditOutput};
 pub use self::compact::CompactSummary;
-pub use self::lock::WriterLock;
+pub use self::lock::{Replacement, WriterLock};
 
 /// How to edit an asset.
 #[derive(Clone, Copy, Debug)]

@@ -6,9 +6,10 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use fantex_base::files::temporary_file;
 use fantex_store::{
-    Asset, AssetEditor, Channel, ChannelKind, EditOptions, EditOutput, PageId, TexelFormat, VerifyOptions,
-    decode, is_disk_full, verify, write_all_at,
+    Asset, AssetEditor, AssetWriter, Channel, ChannelKind, CreateOptions, EditOptions, EditOutput, PageId,
+    Replacement, TexelFormat, VerifyOptions, decode, is_disk_full, verify, write_all_at,
 };
 use fantex_test::fan_file::{seal, set_word};
 
@@ -494,6 +495,40 @@ fn an_asset_has_one_writer_by_all_its_names() {
     std::fs::hard_link(&path, &new).unwrap();
     refused(open(&new), "is being edited by another program");
     drop(open(&names[2]).unwrap());
+}
+
+/// Neither does what is painted go with the asset that is replaced, nor is an asset painted on that is about to be.
+#[test]
+fn an_asset_that_is_edited_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mesh = sheet(2);
+    let (cover, channels) = (fan_cover(&mesh, |_| [16, 12]), plain_channels());
+    let there = std::fs::read(&path).unwrap();
+    let open = |path: &Path| AssetEditor::open(path, &EditOptions::default());
+    let editor = open(&path).unwrap();
+    refused(write(&path, &mesh, &cover, &channels, 100), "is being edited by another program");
+    drop(editor);
+    assert!(std::fs::read(&path).unwrap() == there);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left");
+
+    let options = CreateOptions { force: true, ..CreateOptions::default() };
+    let writer = AssetWriter::create(&path, &options, &mesh, &cover, &channels).unwrap();
+    refused(open(&path), "is being edited by another program");
+    drop(writer);
+    drop(open(&path).unwrap());
+    write(&path, &mesh, &cover, &channels, 100).unwrap();
+    drop(open(&path).unwrap());
+
+    // One that was not there in the beginning.
+    let other = folder.path().join("other.fan");
+    let replacement = Replacement::begin(&other, true).unwrap();
+    std::fs::copy(&path, &other).unwrap();
+    let editor = open(&other).unwrap();
+    let file = temporary_file(&other, "").unwrap().into_temp_path();
+    refused(replacement.finish(file), "is being edited by another program");
+    drop(editor);
+    assert!(std::fs::read(&other).unwrap() == std::fs::read(&path).unwrap());
 }
 
 /// Where no generation can follow, commits would be lost.

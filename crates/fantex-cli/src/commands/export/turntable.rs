@@ -19,12 +19,12 @@ use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
 use crate::scene::{Scene, aspect, known_extension};
 use crate::series::Series;
-use crate::text::counted;
+use crate::text::{ShownPath, counted};
 
 #[derive(Debug, Serialize)]
 struct TurntableInfo {
-    output: PathBuf,
-    pictures: Vec<PathBuf>,
+    output: ShownPath,
+    pictures: Vec<ShownPath>,
     frames: u32,
     width: u32,
     height: u32,
@@ -35,6 +35,13 @@ struct TurntableInfo {
 pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()> {
     if args.uv != UvArg::Atlas || args.padding.is_some() {
         return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
+    }
+    let is_animation = has_extension(&args.output, "png");
+    if args.seconds.is_some() && !is_animation {
+        return Err(Error::invalid(format!(
+            "--seconds is how long an animated .png takes, and {} becomes a folder of pictures; leave it out",
+            args.output.display()
+        )));
     }
     if known_extension(&args.output).is_some_and(|extension| extension != "png") {
         return Err(Error::invalid(format!(
@@ -50,7 +57,6 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
         Some(PictureSize::WidthHeight(size)) => size,
     };
     let mut options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
-    let is_animation = has_extension(&args.output, "png");
     let files: Vec<PathBuf> = match is_animation {
         true => vec![args.output.clone()],
         false => (1..=count).map(|i| args.output.join(format!("turn-{i:04}.png"))).collect(),
@@ -77,7 +83,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
             let animation = match &mut animation {
                 Some(animation) => animation,
                 None => {
-                    let rate = f64::from(count) / args.seconds;
+                    let rate = f64::from(count) / args.seconds.unwrap_or(DEFAULT_SECONDS);
                     animation.insert(Animation::new(&args.output, &picture, count, rate)?)
                 }
             };
@@ -94,8 +100,8 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     }
     persist_all(held, context.force)?;
     let seconds = started.elapsed().as_secs_f64();
-    let output = args.output.clone();
-    let info = TurntableInfo { output, pictures: files, frames: count, width, height, seconds };
+    let (output, pictures) = ((&args.output).into(), files.into_iter().map(ShownPath::from).collect());
+    let info = TurntableInfo { output, pictures, frames: count, width, height, seconds };
     context.print(&info, |info| {
         format!(
             "{}: {} of {width} x {height} pixels, {:.1} s",
@@ -130,6 +136,9 @@ fn cameras(mesh: &Mesh, count: u32, aspect: f64) -> Vec<Camera> {
         |i| Camera { eye: target + turned(i, count) * distance, target, up: glam::DVec3::Y, fov_degrees };
     (0..count).map(camera).collect()
 }
+
+/// Seconds of a turn where nothing else is asked for.
+const DEFAULT_SECONDS: f64 = 4.0;
 
 /// Directions that the distance is chosen for, whatever the number of pictures.
 const DIRECTIONS: u32 = 24;

@@ -20,7 +20,7 @@ use super::ExportArgs;
 use crate::commands::serve::{NO_VIEWER, file_name, path_below, ranges_ahead};
 use crate::context::Context;
 use crate::scene::{Scene, open_asset, photograph, portrait, report_damage};
-use crate::text::{counted, megabytes};
+use crate::text::{ShownPath, counted, megabytes};
 
 /// Of the preview, in pixels: what services that show links ask for.
 const PREVIEW_SIZE: [u32; 2] = [1200, 630];
@@ -33,8 +33,8 @@ const CHUNK_BYTES: u64 = 4 << 20;
 
 #[derive(Debug, Serialize)]
 struct WebInfo {
-    output: PathBuf,
-    files: Vec<PathBuf>,
+    output: ShownPath,
+    files: Vec<ShownPath>,
     bytes: u64,
 }
 
@@ -97,8 +97,8 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     bytes += page.len() as u64;
     files.push(written(&place("index.html"), |file| file.write_all(page.as_bytes()))?);
     let info = WebInfo {
-        output: args.output.clone(),
-        files: files.iter().map(|(_, path)| path.clone()).collect(),
+        output: (&args.output).into(),
+        files: files.iter().map(|(_, path)| path.into()).collect(),
         bytes,
     };
     context.check_interrupt()?;
