@@ -16,6 +16,7 @@ use fantex::base::{Error, Result, input};
 use fantex::look::{LookFile, LookImages, LookNumber, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::{CleanOptions, LoadOptions, clean, load};
+use fantex::render::StopSignal;
 use fantex::scene::Camera;
 use fantex::texture::{Image, Samples};
 
@@ -41,25 +42,41 @@ struct Wanted {
 
 #[derive(Default)]
 struct Shared {
-    wanted: Mutex<(Option<Wanted>, bool)>,
+    wishes: Mutex<Wishes>,
     changed: Condvar,
 }
 
+#[derive(Default)]
+struct Wishes {
+    wanted: Option<Wanted>,
+    is_over: bool,
+    /// Stops what is drawn of what is wanted, once something else is.
+    stop: StopSignal,
+}
+
+impl Wishes {
+    fn change(&mut self, wanted: Option<Wanted>) {
+        self.wanted = wanted;
+        std::mem::take(&mut self.stop).give();
+    }
+}
+
 impl Shared {
-    fn lock(&self) -> MutexGuard<'_, (Option<Wanted>, bool)> {
-        self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Wishes> {
+        self.wishes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits until something else is wanted than `shown`; none at the end.
     fn next(&self, shown: Option<&Wanted>) -> Option<Wanted> {
-        let is_shown = |state: &mut (Option<Wanted>, bool)| !state.1 && state.0.as_ref() == shown;
-        let state = self.changed.wait_while(self.lock(), is_shown).unwrap_or_else(PoisonError::into_inner);
-        state.0.clone().filter(|_| !state.1)
+        let is_shown = |wishes: &mut Wishes| !wishes.is_over && wishes.wanted.as_ref() == shown;
+        let wishes = self.changed.wait_while(self.lock(), is_shown).unwrap_or_else(PoisonError::into_inner);
+        wishes.wanted.clone().filter(|_| !wishes.is_over)
     }
 
-    fn is_wanted(&self, wanted: &Wanted) -> bool {
-        let state = self.lock();
-        !state.1 && state.0.as_ref() == Some(wanted)
+    /// What stops drawing this; none where it is not wanted.
+    fn stop(&self, wanted: &Wanted) -> Option<StopSignal> {
+        let wishes = self.lock();
+        (!wishes.is_over && wishes.wanted.as_ref() == Some(wanted)).then(|| wishes.stop.clone())
     }
 }
 
@@ -106,7 +123,10 @@ impl std::fmt::Debug for LiveLook {
 
 impl Drop for LiveLook {
     fn drop(&mut self) {
-        self.shared.lock().1 = true;
+        let mut wishes = self.shared.lock();
+        wishes.is_over = true;
+        wishes.change(None);
+        drop(wishes);
         self.shared.changed.notify_all();
     }
 }
@@ -158,7 +178,7 @@ impl LiveLook {
 
     /// Whether the picture is the last one of what is wanted, or nothing can be shown.
     pub fn is_settled(&self) -> bool {
-        let wanted = self.shared.lock().0.clone();
+        let wanted = self.shared.lock().wanted.clone();
         self.error.is_some()
             || self.shown.as_ref().is_some_and(|(shown, is_last)| *is_last && Some(shown) == wanted.as_ref())
     }
@@ -200,10 +220,10 @@ impl LiveLook {
         }
         let camera = self.camera.map(|_| *camera);
         let wanted = Wanted { text: self.text.clone(), reading: self.reading, camera, size };
-        let mut state = self.shared.lock();
-        if state.0.as_ref() != Some(&wanted) {
-            state.0 = Some(wanted);
-            drop(state);
+        let mut wishes = self.shared.lock();
+        if wishes.wanted.as_ref() != Some(&wanted) {
+            wishes.change(Some(wanted));
+            drop(wishes);
             self.shared.changed.notify_all();
         }
     }
@@ -347,17 +367,22 @@ impl Painter {
         report(Report::Opened(first.text.clone(), camera, SceneScale::of(&bounds)));
         let mut wanted = first.clone();
         loop {
+            let mut is_whole = false;
             for (k, (side, samples)) in PASSES.into_iter().enumerate() {
-                if !self.shared.is_wanted(&wanted) {
-                    break;
-                }
+                let Some(stop) = self.shared.stop(&wanted) else { break };
+                // Who looks around all the time sees the first pictures at least.
+                let stop = (k > 0).then_some(stop);
                 let size = wanted.size.map(|n| n.div_ceil(side));
                 let seen = wanted.camera.unwrap_or(camera);
-                let picture = scene.render_sized(&seen, time, size, samples)?.picture;
-                report(Report::Picture(wanted.clone(), picture.to_srgb_image(), k + 1 == PASSES.len()));
+                let picture = match scene.render_sized(&seen, time, size, samples, stop) {
+                    Err(error) if error.is_cancelled() => break,
+                    drawn => drawn?.picture,
+                };
+                is_whole = k + 1 == PASSES.len();
+                report(Report::Picture(wanted.clone(), picture.to_srgb_image(), is_whole));
             }
-            *shown = Some(wanted.clone());
-            match self.shared.next(Some(&wanted)) {
+            *shown = is_whole.then(|| wanted.clone());
+            match self.shared.next(shown.as_ref()) {
                 Some(next) if next.text == wanted.text && next.reading == wanted.reading => wanted = next,
                 _ => return Ok(()),
             }

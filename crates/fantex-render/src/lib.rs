@@ -43,7 +43,9 @@ pub use raster::MAX_SAMPLES;
 pub use reflection::{
     CaptureOptions, ObjectReflection, ReflectingSurface, capture_environment, capture_with, cube_cameras,
 };
-pub use render::{MAX_PICTURE_SIDE, RenderOptions, RenderStats, Rendering, render, render_with_glow};
+pub use render::{
+    MAX_PICTURE_SIDE, RenderOptions, RenderStats, Rendering, StopSignal, render, render_with_glow,
+};
 pub use scene::{Scene, SceneObject};
 pub use shading::{AnisotropySample, Finish};
 pub use surface::{Coverage, FlatShading, FlatSurface, MaterialSample, Shaded, SmoothPoint, Surface};

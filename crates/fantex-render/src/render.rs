@@ -8,6 +8,9 @@
 //!                                          then pixels
 //! ```
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use fantex_base::input::{self, Held};
@@ -50,7 +53,7 @@ pub struct Rendering {
 ///
 /// # Errors
 /// An option is out of its range, or the camera or a lamp is none; the picture, the mesh or the shadows take more memory than
-/// is [left](input::memory_left) of the budget.
+/// is [left](input::memory_left) of the budget; it was [stopped](RenderOptions::stop) ([`Error::is_cancelled`]).
 pub fn render(
     mesh: &Mesh,
     surface: &dyn Surface,
@@ -101,8 +104,12 @@ pub(crate) fn render_lit(
     };
     let hits = HitFinder { mesh, projection: &projection, interpolation: options.interpolation, spacing };
     let resolve = Resolve { surface, hits, lights, options, pattern: &pattern };
-    let tiles: Vec<PixelColors> =
-        (0..grid.len()).into_par_iter().map(|tile| resolve.tile(&chunks, &grid, tile)).collect();
+    let is_stopped = || options.stop.as_ref().is_some_and(StopSignal::is_given);
+    let tiles: Option<Vec<PixelColors>> = (0..grid.len())
+        .into_par_iter()
+        .map(|tile| (!is_stopped()).then(|| resolve.tile(&chunks, &grid, tile)))
+        .collect();
+    let tiles = tiles.ok_or_else(|| Error::cancelled("rendering was stopped"))?;
     let stats = tiles.iter().fold(RenderStats::default(), |sum, t| RenderStats {
         shaded: sum.shaded + t.shaded,
         lookups: sum.lookups + t.lookups,
@@ -167,6 +174,29 @@ pub struct RenderOptions {
     pub exposure: f32,
     /// Seconds since the start of an animation, for what lamps project. (Surfaces have a time of their own.)
     pub time: f32,
+    /// Ends it early, where it is given.
+    pub stop: Option<StopSignal>,
+}
+
+/// Ends renderings early, from another thread.
+#[derive(Clone, Debug, Default)]
+pub struct StopSignal(Arc<AtomicBool>);
+
+impl StopSignal {
+    /// From now on, renderings with this signal end as soon as they can.
+    pub fn give(&self) {
+        self.0.store(true, Relaxed);
+    }
+
+    fn is_given(&self) -> bool {
+        self.0.load(Relaxed)
+    }
+}
+
+impl PartialEq for StopSignal {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 impl Default for RenderOptions {
@@ -182,6 +212,7 @@ impl Default for RenderOptions {
             background: Background::default(),
             exposure: 1.0,
             time: 0.0,
+            stop: None,
         }
     }
 }

@@ -15,7 +15,6 @@ use std::time::Duration;
 use clap::Parser;
 use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
-use fantex::base::files::remove_temporaries;
 use fantex::base::text::parse_number;
 use fantex::base::{Error, Result};
 use fantex::gpu::Gpu;
@@ -82,8 +81,6 @@ pub fn run(arguments: Arguments) -> ExitCode {
         }
     }
     workspace.finish();
-    // Of what is given up with the program.
-    remove_temporaries();
     match (workspace.failure, workspace.lost) {
         (Some(failure), _) => failed(&failure),
         (None, Some(reason)) => failed(&fantex::gpu::device_lost(&reason)),

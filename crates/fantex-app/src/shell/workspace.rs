@@ -184,6 +184,8 @@ impl Workspace {
         {
             eprintln!("fantex-app: {error}");
         }
+        // Of what is given up with the program.
+        remove_temporaries();
     }
 }
 

@@ -223,7 +223,7 @@ impl Viewer {
                 }
                 JobState::Done(result) => self.take_written(&task, result),
                 JobState::Lost => {
-                    self.notices.error("nothing was exported: the program failed on it");
+                    self.notices.error("Nothing was written: the program failed on it.");
                 }
             },
         }

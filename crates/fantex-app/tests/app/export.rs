@@ -87,7 +87,7 @@ fn files_beside_a_model_are_replaced_once_that_is_asked_for_again() {
         [(Preset::Unity, "u.glb", "u_BaseMap.png"), (Preset::Blender, "b.gltf", "b-base-color.png")]
     {
         let [model, picture] = [model, picture].map(|name| folder.path().join(name));
-        let settings = ExportSettings { preset, side: Some(64), ..ExportSettings::default() };
+        let settings = ExportSettings { preset, side: Some(128), ..ExportSettings::default() };
         std::fs::write(&model, "before").unwrap();
         std::fs::write(&picture, "mine").unwrap();
         let read = || [&model, &picture].map(|path| std::fs::read(path).unwrap());

@@ -92,6 +92,21 @@ fn a_look_follows_its_file_and_its_numbers() {
     assert_eq!(*live.picture.clone().unwrap(), *first, "the same look, the same picture");
 }
 
+/// Who looks elsewhere and back again before anything is drawn sees it sharp all the same.
+#[test]
+fn wishes_that_come_back_are_drawn_to_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut live, mut seconds) = open(folder.path());
+    let camera = live.camera.unwrap();
+    let first = live.picture.clone().unwrap();
+    for _ in 0..20 {
+        live.show(&camera, [60, 40]);
+        live.show(&camera, [120, 80]);
+        settle(&mut live, &mut seconds);
+    }
+    assert_eq!(*live.picture.clone().unwrap(), *first);
+}
+
 #[test]
 fn what_cannot_be_shown_says_where() {
     let folder = tempfile::tempdir().unwrap();

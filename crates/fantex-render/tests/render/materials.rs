@@ -115,7 +115,7 @@ fn filters_approach_the_mean_of_many_samples() {
         &mesh,
         &oblique(),
         Filter::Bilinear,
-        &RenderOptions { samples: 64, shading_rate: ShadingRate::PerSample, ..options },
+        &RenderOptions { samples: 64, shading_rate: ShadingRate::PerSample, ..options.clone() },
     );
     let error = |filter| {
         let seen = picture(&mesh, &oblique(), filter, &options);

@@ -4,7 +4,7 @@ use fantex_base::ErrorKind;
 use fantex_mesh::Mesh;
 use fantex_render::{
     Background, Camera, Coverage, FlatShading, FlatSurface, Hit, Interpolation, Lights, MaterialSample,
-    Picture, RenderOptions, Shaded, Shading, ShadingRate, Surface, render,
+    Picture, RenderOptions, Shaded, Shading, ShadingRate, StopSignal, Surface, render,
 };
 use glam::{DVec3, Vec3};
 
@@ -47,6 +47,18 @@ fn a_sheet_over_the_whole_picture_is_hit_exactly_once_everywhere() {
             assert!(seen.rgba.iter().all(|p| p[3] == 0.5), "{cells} cells, {samples} samples");
         }
     }
+}
+
+/// Before its first tile, so that it does not depend on how long one takes.
+#[test]
+fn a_rendering_that_is_stopped_gives_no_picture() {
+    let stop = StopSignal::default();
+    let options = RenderOptions { stop: Some(stop.clone()), ..options(1) };
+    let mesh = sheet(7, 0.0, 0);
+    let draw = || render(&mesh, &Half, &frontal(1.0, 50.0), &Lights::default(), &options);
+    assert!(draw().is_ok());
+    stop.give();
+    assert!(draw().unwrap_err().is_cancelled());
 }
 
 #[test]

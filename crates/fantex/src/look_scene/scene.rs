@@ -7,7 +7,7 @@ use fantex_look::problem;
 use fantex_mesh::ObjectSpace;
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Lights, RenderOptions, Rendering, Scene,
-    SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
+    SceneObject, StopSignal, Surface, ToneMap, capture_environment, render, render_with_glow,
 };
 use fantex_scene::world_bounds;
 use fantex_texture::Filter;
@@ -115,15 +115,16 @@ impl<'a> LookScene<'a> {
     /// A quick picture, for whoever looks around: of another size, and with other samples, than the look says.
     ///
     /// # Errors
-    /// As those of [`render`](Self::render).
+    /// As those of [`render`](Self::render), or it was stopped.
     pub fn render_sized(
         &self,
         camera: &Camera,
         time: f32,
         [width, height]: [u32; 2],
         samples: u32,
+        stop: Option<StopSignal>,
     ) -> Result<Rendering> {
-        let options = RenderOptions { width, height, samples, ..self.options(time) };
+        let options = RenderOptions { width, height, samples, stop, ..self.options(time) };
         self.with_scene(time, |scene| self.render_scene(scene, camera, options))
     }
 
