@@ -285,6 +285,19 @@ impl ObjectTarget {
         Ok(found.map(|answer| answer.tag.unwrap_or_default()))
     }
 
+    /// As [`version`](Self::version), and none where these keys may not look and [`Replace::Nothing`] tells: who may write need not be allowed to. Of
+    /// what is not there Amazon's store says that to keys that may not list the bucket.
+    ///
+    /// # Errors
+    /// The store does not answer, or does not say for another reason.
+    pub fn visible_version(&self) -> Result<Option<String>> {
+        match self.head(None) {
+            Err(refusal) if refusal.status == 403 && self.object.has_conditional_writes() => Ok(None),
+            Err(refusal) => Err(self.failed(refusal)),
+            Ok(found) => Ok(found.map(|answer| answer.tag.unwrap_or_default())),
+        }
+    }
+
     /// Refuses, before any work is done, what could not be written at its end.
     ///
     /// # Errors
