@@ -10,7 +10,7 @@ use fantex_base::{Error, Result, counted, input};
 use fantex_cover::{Cover, Group, GroupTriangles};
 use fantex_mesh::{Mesh, creaseless_normals, shading_normals};
 use fantex_store::{
-    AssetWriter, Channel, CreateOptions, Damage, EncodedPage, PartWriter, Plan, Quality, WriteSummary,
+    AssetWriter, Channel, CreateOptions, Damage, EncodedPage, PartWriter, Plan, Quality, Recipe, WriteSummary,
 };
 use rayon::prelude::*;
 
@@ -58,7 +58,7 @@ pub fn bake(
     Ok(job.summary(&baked, &written))
 }
 
-/// Writes the plan of a bake: all that [`bake`] would write but texels. `about` is for whoever bakes its parts.
+/// Writes the plan of a bake: all that [`bake`] would write but texels. `recipe` is what decides these, and `about` for whoever bakes its parts.
 ///
 /// # Errors
 /// The file exists already (unless forced), or cannot be written.
@@ -68,16 +68,17 @@ pub fn plan_bake(
     source: &dyn Source,
     path: &Path,
     options: &BakeOptions,
+    recipe: &Recipe,
     about: &[u8],
 ) -> Result<BakeSummary> {
     let job = Job::new(mesh, cover, source, options)?;
-    let bytes = Plan::write(path, options.force, &job.mesh, cover, &job.channels(), about)?;
+    let bytes = Plan::write(path, options.force, &job.mesh, cover, &job.channels(), recipe, about)?;
     let written = WriteSummary { bytes, ..WriteSummary::default() };
     Ok(job.summary(&Texels::default(), &written))
 }
 
-/// Bakes shard `shard[0]` of `shard[1]` of a plan into a part. [Merged](fantex_store::merge_parts), the parts are what [`bake`] writes in
-/// one go, byte for byte.
+/// Bakes shard `shard[0]` of `shard[1]` of a plan, whose recipe the caller has [checked](Plan::check_recipe), into a part. [Merged](fantex_store::merge_parts),
+/// the parts are what [`bake`] writes in one go, byte for byte.
 ///
 /// # Errors
 /// As [`bake`]; mesh, source or options are not those that were planned; there is no such shard.

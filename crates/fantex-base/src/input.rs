@@ -9,7 +9,7 @@
 //! allocated; caches have budgets of their own, which shrink by what inputs hold ([`share_of_cache`]).
 
 use std::cell::{Cell, RefCell};
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::fmt::Display;
 use std::fs::{File, Metadata};
 use std::io::{self, Read};
@@ -44,7 +44,7 @@ impl Default for ReadOptions {
 
 /// Limits for files that others made, with one budget of memory. Clones share the budget.
 #[derive(Clone, Debug)]
-pub struct ReadLimits(Arc<Limits>);
+pub struct ReadLimits(Arc<Limits>, Option<Arc<Mutex<BTreeSet<PathBuf>>>>);
 
 #[derive(Debug)]
 struct Limits {
@@ -64,7 +64,18 @@ thread_local! {
 impl ReadLimits {
     /// Limits with a budget of their own.
     pub fn new(options: ReadOptions) -> Self {
-        Self(Arc::new(Limits { options, held: AtomicU64::new(0), opened: Mutex::default() }))
+        Self(Arc::new(Limits { options, held: AtomicU64::new(0), opened: Mutex::default() }), None)
+    }
+
+    /// The same limits, which also note the paths of the files that are [opened](open) within them.
+    #[must_use]
+    pub fn noting_files(&self) -> Self {
+        Self(Arc::clone(&self.0), Some(Arc::default()))
+    }
+
+    /// The paths that were [noted](Self::noting_files), in order.
+    pub fn noted_files(&self) -> Vec<PathBuf> {
+        self.1.iter().flat_map(|paths| locked(paths).clone()).collect()
     }
 
     /// Those that hold here and now: of the innermost [`run`](Self::run) on this thread, else of the process.
@@ -177,6 +188,9 @@ pub fn open(path: &Path) -> io::Result<File> {
         let limits = ReadLimits::current();
         if limits.options().protect_inputs {
             locked(&limits.0.opened).extend(identity(&file.metadata()?));
+        }
+        if let Some(paths) = &limits.1 {
+            locked(paths).insert(path.to_owned());
         }
         return Ok(file);
     }

@@ -216,3 +216,29 @@ fn what_is_read_within_limits_is_protected_by_them() {
     let refused = protecting.run(|| write_whole(&path, true, |_| Ok(())));
     assert_eq!(refused.is_err(), cfg!(unix));
 }
+
+#[test]
+fn files_that_are_opened_are_noted_where_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    ["a", "b", "c"].iter().for_each(|name| std::fs::write(at(name), "text").unwrap());
+    let plain = ReadLimits::new(ReadOptions::default());
+    let noting = plain.noting_files();
+    noting.run(|| {
+        input::read_text(&at("b")).unwrap();
+        let limits = ReadLimits::current();
+        std::thread::spawn({
+            let path = at("a");
+            move || limits.run(|| input::read(&path).unwrap())
+        })
+        .join()
+        .unwrap();
+        input::open(&at("none")).unwrap_err();
+    });
+    plain.run(|| input::read(&at("c"))).unwrap();
+    assert_eq!(noting.noted_files(), [at("a"), at("b")]);
+    // The budget is one.
+    let _held = noting.run(|| input::hold(10));
+    assert_eq!(plain.memory_left(), noting.memory_left());
+    assert!(plain.noted_files().is_empty());
+}

@@ -131,12 +131,18 @@ impl Slot {
 const SECTION_GAP: u64 = 1 << 16;
 
 /// The flag of a [plan](crate::Plan): sections without texels.
-pub(crate) const FLAG_PLAN: u32 = 1;
+pub(crate) const FLAG_PLAN: u32 = 2;
+
+/// That of a plan without a recipe, whose parts cannot be told from those of others.
+pub(crate) const FLAG_BARE_PLAN: u32 = 1;
+
+/// Flags of all files that have something to say here.
+const KNOWN_FLAGS: [u32; 3] = [0, FLAG_PLAN, FLAG_BARE_PLAN];
 
 /// The valid header slot with the greatest generation, and the number of damaged ones.
 pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
-    let (slot, damaged_slots) = read_slot_with(source, &[0, FLAG_PLAN])?;
-    if slot.flags == FLAG_PLAN {
+    let (slot, damaged_slots) = read_any_slot(source)?;
+    if slot.flags != 0 {
         let path = source.location();
         return Err(Error::unsupported(format!(
             "{} is a plan, which has no texels: bake its shards, then merge them into an asset",
@@ -147,8 +153,8 @@ pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
     Ok((slot, damaged_slots))
 }
 
-/// As [`read_slot`], for headers with one of these flags.
-pub(crate) fn read_slot_with(source: &dyn ByteSource, known_flags: &[u32]) -> Result<(Slot, u32)> {
+/// As [`read_slot`], of plans, too.
+pub(crate) fn read_any_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
     let path = source.location();
     let mut header = [0; HEADER_BYTES as usize];
     let count = source.read_at(&mut header, 0).map_err(|error| Error::reading(source.location(), error))?;
@@ -179,7 +185,7 @@ pub(crate) fn read_slot_with(source: &dyn ByteSource, known_flags: &[u32]) -> Re
             .with_path(path)
         });
     };
-    if slot.version != VERSION || !known_flags.contains(&slot.flags) {
+    if slot.version != VERSION || !KNOWN_FLAGS.contains(&slot.flags) {
         let (version, flags, supported) = (slot.version, slot.flags, VERSION);
         return Err(Error::unsupported(format!("{} has format version {version}, flags {flags:#x}; this program reads version {supported}, flags 0: use a newer program", path.display())).with_path(path));
     }

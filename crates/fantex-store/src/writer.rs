@@ -35,11 +35,13 @@ pub use self::copy::*;
 pub use self::merge::*;
 pub use self::part::*;
 pub use self::plan::*;
+pub use self::recipe::*;
 
 mod copy;
 mod merge;
 mod part;
 mod plan;
+mod recipe;
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
 pub(crate) const CLUSTER_TARGET_BYTES: usize = 256 << 10;

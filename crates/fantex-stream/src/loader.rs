@@ -67,6 +67,11 @@ pub trait ParcelLoader: Send {
 
     /// Parcels that were asked for and have neither arrived (in [`ParcelLoader::poll`]) nor been cancelled.
     fn pending(&self) -> usize;
+
+    /// Whether parcels come over a network, which may be gone for a while: then those that failed for a reason that may pass are asked for again.
+    fn is_remote(&self) -> bool {
+        false
+    }
 }
 
 // From the texels of pages to those of the parcel that they lie in.

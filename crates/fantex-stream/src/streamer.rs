@@ -71,6 +71,7 @@ pub struct Streamer {
     motion: Motion,
     changed: Vec<u32>,
     times: UpdateTimes,
+    retries: Retries,
 }
 
 /// Processor time of the last update.
@@ -101,6 +102,7 @@ impl Streamer {
             motion: Motion::default(),
             changed: Vec::new(),
             times: UpdateTimes::default(),
+            retries: Retries::default(),
         }
     }
 
@@ -114,6 +116,7 @@ impl Streamer {
         // Requests and cancels made since the last frame (changed texels) come before arrivals.
         self.residency.tell(loader);
         let mut changes = self.residency.arrive(frame.upload_bytes, loader);
+        let is_remote = loader.is_remote();
         let arrived = Instant::now();
         self.changed.clear();
         self.demand.update(
@@ -128,6 +131,9 @@ impl Streamer {
         self.residency.request(&self.demand, None, &self.options.limits);
         let requested = Instant::now();
         self.look_ahead();
+        if is_remote && self.retries.are_due(frame.elapsed_seconds, self.residency.take_recovery()) {
+            self.retries.made(self.residency.retry_passing());
+        }
         let predicted = Instant::now();
         self.residency.tell(&mut *self.loader);
         changes.entries = self.residency.pool.take_changes();
@@ -199,8 +205,8 @@ impl Streamer {
         self.residency.invalidate(pages, &self.demand);
     }
 
-    /// Parcels that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
-    /// finer ones are resident without them.
+    /// Parcels that could not be loaded, with the reason; a coarser level stands in for them, and finer ones are resident without them. They are not
+    /// asked for again, unless they come over a network and the reason may pass: then after 2, 4, 8 ... 60 seconds.
     pub fn damaged(&self) -> impl Iterator<Item = (&Parcel, &Error)> {
         self.residency.damaged.iter()
     }
@@ -253,7 +259,9 @@ impl Streamer {
 
     /// Figures for graphs.
     pub fn statistics(&self) -> StreamStatistics {
-        StreamStatistics { work: self.demand.work, times: self.times, ..self.residency.statistics() }
+        let recoverable = if self.loader.is_remote() { self.residency.passing().count() } else { 0 };
+        let (work, times) = (self.demand.work, self.times);
+        StreamStatistics { recoverable, work, times, ..self.residency.statistics() }
     }
 
     /// Panics where an invariant of what is resident, needed and on its way does not hold. Takes time linear in all parcels.
@@ -296,6 +304,8 @@ pub struct StreamStatistics {
     pub complete_groups: u64,
     /// Parcels that could not be loaded.
     pub damaged: usize,
+    /// Those of them that [`Streamer::update`] asks for again by itself when it is time.
+    pub recoverable: usize,
     /// Bounding of the last update.
     pub work: DemandWork,
     /// Work of the last update by which it was limited.
@@ -315,6 +325,43 @@ impl StreamStatistics {
     /// Share of the visible tiles that are at their level, 0 to 1; 1 if none is visible.
     pub fn complete_share(&self) -> f64 {
         if self.visible_groups == 0 { 1.0 } else { self.complete_groups as f64 / self.visible_groups as f64 }
+    }
+}
+
+/// Seconds before what failed for a reason that may pass is asked for again: doubled each time, up to the last.
+const RETRY_SECONDS: [f32; 2] = [2.0, 60.0];
+
+/// When that is.
+#[derive(Debug)]
+struct Retries {
+    pause: f32,
+    left: f32,
+    /// What was asked for again has come.
+    is_back: bool,
+}
+
+impl Default for Retries {
+    fn default() -> Self {
+        Self { pause: RETRY_SECONDS[0], left: RETRY_SECONDS[0], is_back: false }
+    }
+}
+
+impl Retries {
+    /// Where something `is_back`, the others are not waited for.
+    fn are_due(&mut self, elapsed_seconds: f32, is_back: bool) -> bool {
+        self.left -= elapsed_seconds;
+        self.is_back = is_back;
+        is_back || self.left <= 0.0
+    }
+
+    /// `has_any`: there is something that failed.
+    fn made(&mut self, has_any: bool) {
+        self.pause = if has_any && !self.is_back {
+            (2.0 * self.pause).min(RETRY_SECONDS[1])
+        } else {
+            RETRY_SECONDS[0]
+        };
+        self.left = self.pause;
     }
 }
 

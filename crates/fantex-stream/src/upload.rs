@@ -71,7 +71,13 @@ const NEW_UPLOADS: u32 = 1;
 const MAX_CONNECTIONS: usize = CONNECTIONS + assemble::COPIES;
 
 /// Requests are tried again for about 25 s.
-const RETRIES: RetryPolicy = RetryPolicy { retries: 7, first_pause: Duration::from_millis(200) };
+const RETRIES: RetryPolicy = RetryPolicy::PATIENT;
+
+/// Where an upload has begun, so that what is sent would be lost, those without an answer are tried again for so long: a network may be gone.
+const MAX_OUTAGE: Duration = Duration::from_secs(3600);
+
+/// Between two attempts.
+const MAX_PAUSE: Duration = Duration::from_secs(30);
 
 /// How often a pause looks whether the upload has ended.
 const CANCEL_POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -182,14 +188,16 @@ struct Upload<'a> {
     sent: AtomicU64,
     /// Somebody wants no more, or a part has failed.
     stops: AtomicBool,
+    /// There are parts in the store, or soon will be.
+    has_parts: AtomicBool,
     watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync),
 }
 
 impl<'a> Upload<'a> {
     fn of(path: &'a Path, watch: &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync)) -> Result<Self> {
         let found = path.metadata().map_err(|error| Error::reading(path, error))?;
-        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        Ok(Self { path, length: found.len(), modified: found.modified().ok(), sent, stops, watch })
+        let (sent, stops, has_parts) = (AtomicU64::new(0), AtomicBool::new(false), AtomicBool::new(false));
+        Ok(Self { path, length: found.len(), modified: found.modified().ok(), sent, stops, has_parts, watch })
     }
 
     /// Refuses a file that somebody has written to since the upload began: what was read of it may be of several states.
@@ -205,9 +213,14 @@ impl<'a> Upload<'a> {
         Err(io::Error::new(io::ErrorKind::InvalidData, message))
     }
 
+    /// Reports; whether somebody wants no more.
+    fn is_cancelled(&self) -> bool {
+        (self.watch)(self.sent.load(Relaxed), self.length).is_break()
+    }
+
     /// Reports; whether to stop.
     fn is_ended(&self) -> bool {
-        if (self.watch)(self.sent.load(Relaxed), self.length).is_break() {
+        if self.is_cancelled() {
             self.stops.store(true, Relaxed);
         }
         self.stops.load(Relaxed)
@@ -268,8 +281,21 @@ impl ObjectTarget {
     /// # Errors
     /// The store does not answer, or does not say.
     pub fn version(&self) -> Result<Option<String>> {
-        let found = self.head().map_err(|refusal| self.failed(refusal))?;
+        let found = self.head(None).map_err(|refusal| self.failed(refusal))?;
         Ok(found.map(|answer| answer.tag.unwrap_or_default()))
+    }
+
+    /// As [`version`](Self::version), and none where these keys may not look and [`Replace::Nothing`] tells: who may write need not be allowed to. Of
+    /// what is not there Amazon's store says that to keys that may not list the bucket.
+    ///
+    /// # Errors
+    /// The store does not answer, or does not say for another reason.
+    pub fn visible_version(&self) -> Result<Option<String>> {
+        match self.head(None) {
+            Err(refusal) if refusal.status == 403 && self.object.has_conditional_writes() => Ok(None),
+            Err(refusal) => Err(self.failed(refusal)),
+            Ok(found) => Ok(found.map(|answer| answer.tag.unwrap_or_default())),
+        }
     }
 
     /// Refuses, before any work is done, what could not be written at its end.
@@ -277,7 +303,7 @@ impl ObjectTarget {
     /// # Errors
     /// The object is there, unless it may be replaced (`force`); the store does not answer, has no such bucket, or does not let these keys write.
     pub fn check(&self, force: bool) -> Result<()> {
-        match self.head() {
+        match self.head(None) {
             Ok(Some(_)) if !force => return Err(files::exists(&self.location)),
             // Who may write need not be allowed to look.
             Err(refusal) if refusal.status != 403 => return Err(self.failed(refusal)),
@@ -381,16 +407,16 @@ impl ObjectTarget {
     fn try_to_write(&self) -> Result<(), Refusal> {
         let id = self.begin(&new_mark())?;
         match self.object.store {
-            Store::S3(_) => self.abort(&id),
+            Store::S3(_) => self.abort(&id, RETRIES.retries),
             Store::Azure(_) => drop(self.put_part(&id, 1, &mut Text::new("0".to_owned()), None)?),
         }
         Ok(())
     }
 
     /// What the store says of the object; none where there is none.
-    fn head(&self) -> Result<Option<Answer>, Refusal> {
+    fn head(&self, upload: Option<&Upload<'_>>) -> Result<Option<Answer>, Refusal> {
         let request = Request { method: Method::Head, query: &[], headers: &[] };
-        match self.ask(request, &mut NoBody) {
+        match self.ask_watched(request, &mut NoBody, upload) {
             Ok(answer) => Ok(Some(answer)),
             Err(refusal) if refusal.status == 404 => Ok(None),
             Err(refusal) => Err(refusal),
@@ -399,7 +425,7 @@ impl ObjectTarget {
 
     fn put_at_once(&self, upload: &Upload<'_>, replace: &Replace, mark: &str) -> Result<(), Refusal> {
         let mut content = upload.whole()?;
-        self.publish(replace, mark, &mut |condition| {
+        self.publish(upload, replace, mark, &mut |condition| {
             let kind = match self.object.store {
                 Store::S3(_) => None,
                 Store::Azure(_) => Some(("x-ms-blob-type", "BlockBlob")),
@@ -432,16 +458,18 @@ impl ObjectTarget {
         first: String,
         put: &dyn Fn(&str) -> Result<Vec<String>, E>,
     ) -> Result<(), E> {
+        upload.has_parts.store(true, Relaxed);
         let mut id = first;
         for attempt in 0.. {
             let made = put(&id).map(|tags| self.complete(upload, replace, mark, &id, &tags));
             if !matches!(made, Ok(Ok(()))) {
-                self.abort(&id);
+                // Who ends an upload does not wait for a network that is gone.
+                self.abort(&id, if upload.is_cancelled() { 1 } else { RETRIES.retries });
             }
             match made? {
                 Err(refusal) if attempt < NEW_UPLOADS && refusal.ends_upload() => {
                     upload.sent.store(0, Relaxed);
-                    self.check_replaced(replace)?;
+                    self.check_replaced(upload, replace)?;
                     id = self.begin(mark)?;
                 }
                 made => return made.map_err(E::from),
@@ -468,7 +496,7 @@ impl ObjectTarget {
             }
         };
         let mut content = Text::new(list);
-        self.publish(replace, mark, &mut |condition| {
+        self.publish(upload, replace, mark, &mut |condition| {
             let headers: Vec<_> = condition.into_iter().chain(own).collect();
             let request = Request { method, query: &query, headers: &headers };
             self.ask_watched(request, &mut content, Some(upload))
@@ -489,14 +517,21 @@ impl ObjectTarget {
         })
     }
 
-    /// Drops the parts of an upload, as far as the store does that. What it keeps nobody sees.
-    fn abort(&self, id: &str) {
+    /// Drops the parts of an upload, as far as the store does that; tries again so often. What it keeps nobody sees.
+    fn abort(&self, id: &str, retries: u32) {
         if let Store::Azure(_) = self.object.store {
             return;
         }
         let query = [("uploadId", id)];
         let request = Request { method: Method::Delete, query: &query, headers: &[] };
-        drop(self.ask(request, &mut NoBody));
+        for attempt in 0..=retries {
+            match self.ask_once(request, &mut NoBody) {
+                Err(refusal) if attempt < retries && refusal.may_succeed_later() => {
+                    std::thread::sleep(RETRIES.pause(attempt));
+                }
+                _ => return,
+            }
+        }
     }
 
     /// Sends all parts; gives what names them in the list of parts, in order.
@@ -535,6 +570,7 @@ impl ObjectTarget {
     /// Sends the request that makes the object, on the condition that is to hold.
     fn publish<'a>(
         &self,
+        upload: &Upload<'_>,
         replace: &'a Replace,
         mark: &'a str,
         send: &mut dyn FnMut(Option<(&'a str, &'a str)>) -> Result<Answer, Refusal>,
@@ -546,30 +582,32 @@ impl ObjectTarget {
         };
         let condition = condition.filter(|_| self.object.has_conditional_writes());
         // Not all stores look at the condition.
-        self.check_replaced(replace)?;
+        self.check_replaced(upload, replace)?;
         let mut done = send(condition);
         if condition.is_some() && done.as_ref().is_err_and(|refusal| refusal.status == 501) {
-            self.check_replaced(replace)?;
+            self.check_replaced(upload, replace)?;
             done = send(None);
         }
         match done {
             Ok(_) => Ok(()),
             // The answer to an earlier attempt may have been lost.
-            Err(_) if matches!(self.head(), Ok(Some(there)) if there.mark.as_deref() == Some(mark)) => Ok(()),
+            Err(_) if matches!(self.head(None), Ok(Some(there)) if there.mark.as_deref() == Some(mark)) => {
+                Ok(())
+            }
             // Somebody else was faster.
             Err(refusal) if refusal.has_lost_parts() || refusal.is_momentary() => {
-                self.check_replaced(replace).and(Err(refusal))
+                self.check_replaced(upload, replace).and(Err(refusal))
             }
             Err(refusal) => Err(refusal),
         }
     }
 
     /// Looks whether what would be replaced may be.
-    fn check_replaced(&self, replace: &Replace) -> Result<(), Refusal> {
+    fn check_replaced(&self, upload: &Upload<'_>, replace: &Replace) -> Result<(), Refusal> {
         if *replace == Replace::Anything {
             return Ok(());
         }
-        let may_be_replaced = match (replace, self.head()) {
+        let may_be_replaced = match (replace, self.head(Some(upload))) {
             (Replace::Version(version), Ok(Some(there))) => {
                 version.is_empty() || there.tag.as_ref() == Some(version)
             }
@@ -593,16 +631,19 @@ impl ObjectTarget {
         upload: Option<&Upload<'_>>,
     ) -> Result<Answer, Refusal> {
         let is_ended = || upload.is_some_and(Upload::is_ended);
+        let has_parts = upload.is_some_and(|upload| upload.has_parts.load(Relaxed));
+        let started = Instant::now();
         for attempt in 0.. {
             if is_ended() {
                 return Err(Refusal::cancelled());
             }
             match self.ask_once(request, content) {
                 Err(_) if is_ended() => return Err(Refusal::cancelled()),
-                Err(refusal) if attempt < RETRIES.retries && refusal.may_succeed_later() => {
-                    pause(RETRIES.pause(attempt), is_ended);
-                }
-                result => return result,
+                Err(refusal) => match pause_after(&refusal, attempt, started.elapsed(), has_parts) {
+                    Some(time) => pause(time, is_ended),
+                    None => return Err(refusal),
+                },
+                answer => return answer,
             }
         }
         Err(Refusal::cancelled())
@@ -658,6 +699,14 @@ impl ObjectTarget {
         let request = self.agent.configure_request(request).timeout_global(Some(time)).build();
         self.agent.run(request).map_err(client_error)
     }
+}
+
+/// How long to wait before another attempt, the first of which was made `since` then; none where there is to be none. `has_parts`: of an upload that has
+/// begun.
+fn pause_after(refusal: &Refusal, attempt: u32, since: Duration, has_parts: bool) -> Option<Duration> {
+    let is_outage = has_parts && refusal.status == 0 && since < MAX_OUTAGE;
+    let is_worth = refusal.may_succeed_later() && (is_outage || attempt < RETRIES.retries);
+    is_worth.then(|| RETRIES.pause(attempt).min(MAX_PAUSE))
 }
 
 /// Waits for a time, or until `is_ended`.
@@ -763,6 +812,31 @@ mod tests {
         let later = SystemTime::now() + Duration::from_secs(2);
         File::options().write(true).open(&path).unwrap().set_modified(later).unwrap();
         upload.check_unchanged().unwrap_err();
+    }
+
+    #[test]
+    fn an_upload_that_has_begun_outlasts_a_network_that_is_gone() {
+        let gone = || Refusal::from(io::Error::from(io::ErrorKind::ConnectionRefused));
+        let minutes = |count: u64| Duration::from_secs(60 * count);
+        for (refusal, attempt, since, has_parts, wanted) in [
+            (gone(), 0, minutes(0), true, Some(RETRIES.first_pause)),
+            (gone(), RETRIES.retries, minutes(1), true, Some(Duration::from_millis(25_600))),
+            (gone(), 90, minutes(40), true, Some(MAX_PAUSE)),
+            (gone(), 130, minutes(61), true, None),
+            (gone(), RETRIES.retries, minutes(1), false, None),
+            (
+                refusal_of(503, None),
+                RETRIES.retries - 1,
+                minutes(0),
+                true,
+                Some(Duration::from_millis(12_800)),
+            ),
+            (refusal_of(503, None), RETRIES.retries, minutes(0), true, None),
+            (refusal_of(403, None), 0, minutes(0), true, None),
+            (Refusal::cancelled(), 0, minutes(0), true, None),
+        ] {
+            assert_eq!(pause_after(&refusal, attempt, since, has_parts), wanted, "{refusal:?} {attempt}");
+        }
     }
 
     #[test]

@@ -145,6 +145,18 @@ function schedule() {
     }
 }
 
+let isDamaged = false;
+
+function retryDamaged() {
+    isDamaged = false;
+    viewer?.retry();
+    say("");
+    schedule();
+}
+
+// The network is there again.
+window.addEventListener("online", () => { if (isDamaged) retryDamaged(); });
+
 function frame(now) {
     scheduled = false;
     if (!viewer) return;
@@ -162,7 +174,8 @@ function frame(now) {
             performance.mark("fantex picture");
         }
         if (progress.damaged > 0) {
-            const retry = { name: "Try again", run: () => { viewer?.retry(); say(""); schedule(); } };
+            const retry = { name: "Try again", run: retryDamaged };
+            isDamaged = true;
             say(`Some of it cannot be read, and stays coarse or is missing: ${viewer.damage()}`, "error", retry, RELOAD);
         }
         if (!progress.is_settled || !hasPicture) schedule();

@@ -3,6 +3,7 @@
 #[cfg(feature = "export")]
 mod model;
 mod more_channels;
+mod parts;
 #[cfg(feature = "photos")]
 mod photos;
 mod source;
@@ -19,11 +20,11 @@ use fantex_bake::{
     Source as BakeSource, TransferOptions, TransferSource, VertexColorSource, bake, bake_part, plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
-use fantex_base::{Error, ErrorKind, Result, counted, grouped};
+use fantex_base::{Error, ErrorKind, ReadLimits, Result, counted, grouped};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_mesh::Material;
-use fantex_store::{ChannelKind, PageCache, Plan, Quality};
+use fantex_store::{ChannelKind, PageCache, Plan, Quality, Recipe};
 use fantex_texture::material::MaterialTextures;
 use glam::Vec4;
 
@@ -226,23 +227,6 @@ impl<'a> Baker<'a> {
         Ok(Covered { mesh, cover, stats, texels_asked })
     }
 
-    /// Writes all but the texels of what [`write`](Self::write) would write, with a note for whoever bakes its parts: [`write_part`](Self::write_part)
-    /// in any number of processes, then [`merge_parts`](fantex_store::merge_parts).
-    ///
-    /// # Errors
-    /// As [`write`](Self::write).
-    pub fn write_plan(self, path: impl AsRef<Path>, about: &[u8]) -> Result<Baked> {
-        self.reach(&Goal::Plan(path.as_ref(), about))
-    }
-
-    /// Bakes shard `number` of `count` of a plan, which this baker wrote, or one with the same mesh, source and settings.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write); the plan is of something else; there is no such shard.
-    pub fn write_part(self, plan: &Plan, number: u32, count: u32, path: impl AsRef<Path>) -> Result<Baked> {
-        self.reach(&Goal::Part(plan, [number, count], path.as_ref()))
-    }
-
     /// Makes a model with ordinary texture coordinates instead of an asset: `.glb`, or `.gltf` with files beside it. Its pictures are the smallest in
     /// which the surface has its density, or half of a number of texels in all, unless the options have a side. Triangles stay whole unless
     /// [`longest_edge`](Self::longest_edge) is called; format, fit, quality and tile do not count. Light is baked into an asset beside the
@@ -274,7 +258,13 @@ impl<'a> Baker<'a> {
                 &default
             }
         };
-        let mut baked = self.bake_kind(kind, goal)?;
+        let mut baked = match goal.recipe() {
+            None => self.bake_kind(kind, goal)?,
+            Some(recipe) => {
+                self.add_settings(kind, &mut recipe.borrow_mut());
+                ReadLimits::current().noting_files().run(|| self.bake_kind(kind, goal))?
+            }
+        };
         let whole = model.triangles.len() as u64;
         if whole < baked.triangles && !matches!(goal, Goal::Part(..)) {
             baked.notes.push(format!("{whole} triangles were cut into {}", baked.triangles));
@@ -499,8 +489,15 @@ impl<'a> Baker<'a> {
                 found.replace(Some((mesh.clone(), cover.into_owned())));
                 BakeSummary::default()
             }
-            Goal::Plan(path, about) => plan_bake(mesh, &cover, source, path, &self.options, about)?,
-            Goal::Part(plan, shard, path) => {
+            Goal::Plan(path, about, recipe) => {
+                let recipe = &mut *recipe.borrow_mut();
+                self.add_files(recipe)?;
+                plan_bake(mesh, &cover, source, path, &self.options, recipe, about)?
+            }
+            Goal::Part(plan, shard, path, recipe) => {
+                let recipe = &mut *recipe.borrow_mut();
+                self.add_files(recipe)?;
+                plan.check_recipe(recipe)?;
                 bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?
             }
             _ => bake(mesh, &cover, source, goal.path(), &self.options, self.progress.0)?,
@@ -565,6 +562,7 @@ impl<'a> Baker<'a> {
 
     /// Bakes another model's look and shape.
     fn transfer_model(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
+        goal.recipe().iter().for_each(|recipe| recipe.borrow_mut().add_mesh("the other model", detailed));
         let (materials, vertices);
         let colors: Option<&dyn BakeSource> = if detailed.has_materials() {
             materials = LookSource::of_model(detailed)?;
@@ -582,6 +580,7 @@ impl<'a> Baker<'a> {
 
     /// Bakes what another asset holds, and its shape.
     fn transfer_asset(&self, asset: &Asset, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
+        goal.recipe().iter().for_each(|recipe| recipe.borrow_mut().add_asset("the other asset", asset));
         let cache_bytes = usize::try_from(self.options.memory_bytes / 4).unwrap_or(usize::MAX);
         let source = AssetSource::new(&PageCache::new(Arc::clone(asset.shared()), cache_bytes));
         self.transfer(asset.mesh(), Some(&source), asset.path(), cage, goal)
@@ -626,10 +625,10 @@ enum Goal<'g> {
     Asset(&'g Path),
     /// Nothing: what is covered, and how, is left there.
     Cover(&'g RefCell<Option<(fantex_mesh::Mesh, Cover)>>),
-    /// All but texels, with a note.
-    Plan(&'g Path, &'g [u8]),
-    /// Shard and count.
-    Part(&'g Plan, [u32; 2], &'g Path),
+    /// All but texels, with a note. The recipe is filled on the way.
+    Plan(&'g Path, &'g [u8], &'g RefCell<Recipe>),
+    /// Shard and count. The recipe is filled on the way, and then compared with that of the plan.
+    Part(&'g Plan, [u32; 2], &'g Path, &'g RefCell<Recipe>),
     /// A model with texture coordinates.
     #[cfg(feature = "export")]
     Model(&'g Path, &'g ExportOptions<'g>),
@@ -638,7 +637,7 @@ enum Goal<'g> {
 impl<'g> Goal<'g> {
     fn path(&self) -> &'g Path {
         match self {
-            Self::Asset(path) | Self::Plan(path, _) | Self::Part(.., path) => path,
+            Self::Asset(path) | Self::Plan(path, ..) | Self::Part(_, _, path, _) => path,
             Self::Cover(_) => Path::new(""),
             #[cfg(feature = "export")]
             Self::Model(path, ..) => path,

@@ -391,7 +391,7 @@ impl Files {
         for generation in (1u32..).filter(|generation| !taken.contains(generation)) {
             files.generation = generation;
             let first = World::place_of(index, &files.name(0));
-            if !is_object(index) || ObjectTarget::at(&first)?.version()?.is_none() {
+            if !is_object(index) || ObjectTarget::at(&first)?.visible_version()?.is_none() {
                 break;
             }
         }

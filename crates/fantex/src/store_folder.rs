@@ -57,7 +57,8 @@ impl StoreFolder {
     ///
     /// # Errors
     /// The address is that of no store that is written to; the asset lies there under a name that a sector or a coarse asset may get; a world or a
-    /// sector is there, unless it may be replaced (`force`); the store does not answer, or does not let these keys write.
+    /// sector is there, unless it may be replaced (`force`); the store does not answer, or does not let these keys write, or, with `force`, look at the
+    /// index.
     pub fn of_split(folder: &Path, asset: &Path, force: bool) -> Result<Self> {
         let address = format!("{}/", folder.display().to_string().trim_end_matches('/'));
         let prefix = Self { address, index: Split::index_name(asset) };
@@ -77,6 +78,10 @@ impl StoreFolder {
     fn checked(self, force: bool) -> Result<Self> {
         for name in [self.index.as_str(), "sector-0001.fan"] {
             self.object(name)?.check(force)?;
+        }
+        if force {
+            let seen = self.object(&self.index)?.version();
+            seen.map_err(|error| error.context("to replace a world its index is looked at first (--force)"))?;
         }
         Ok(self)
     }
@@ -198,7 +203,7 @@ impl StoreFolder {
         for (number, name) in names.iter().enumerate() {
             let object = self.object(&Split::name_in_generation(name, generation))?;
             // An upload in parts would tell at its end.
-            if number == 0 && object.version()?.is_some() {
+            if number == 0 && object.visible_version()?.is_some() {
                 return Err(files::exists(object.location()));
             }
             object.put(&folder.join(name), &Replace::Nothing, &|sent, _| watch(sent, number))?;
@@ -256,7 +261,8 @@ impl StoreFolder {
 
     /// What an index takes the place of, and the world that this is.
     fn index_there(&self, force: bool) -> Result<(Replace, World)> {
-        match self.object(&self.index)?.version()? {
+        let index = self.object(&self.index)?;
+        match if force { index.version()? } else { index.visible_version()? } {
             None => Ok((Replace::Nothing, World::default())),
             Some(_) if !force => Err(files::exists(&self.place(&self.index))),
             // It is read after its version is known: if it is another one by then, it is not replaced.

@@ -206,6 +206,11 @@ impl FanScene {
         self.streamed.streamer.drawn_level(group, level, uv)
     }
 
+    /// Whether something that could not be read will be asked for again.
+    pub(super) fn will_retry(&self) -> bool {
+        self.streamed.streamer.statistics().recoverable > 0
+    }
+
     /// Whether the picture stays as it is until the view changes.
     pub(super) fn is_settled(&self) -> bool {
         self.streamed.streamer.is_settled()

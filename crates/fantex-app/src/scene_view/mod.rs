@@ -262,6 +262,11 @@ impl SceneView {
     pub fn is_settled(&self) -> bool {
         self.model.as_ref().is_none_or(SceneModel::is_settled)
     }
+
+    /// Whether something that could not be read will be asked for again, if frames are drawn.
+    pub fn will_retry(&self) -> bool {
+        self.model.as_ref().is_some_and(SceneModel::will_retry)
+    }
 }
 
 /// Sides of a picture that is shown at another scale.
@@ -419,6 +424,14 @@ impl SceneModel {
             Self::Uv(_) => true,
             Self::Fan(scene) => scene.is_settled(),
             Self::World(scene) => scene.is_settled(),
+        }
+    }
+
+    fn will_retry(&self) -> bool {
+        match self {
+            Self::Uv(_) => false,
+            Self::Fan(scene) => scene.will_retry(),
+            Self::World(scene) => scene.will_retry(),
         }
     }
 

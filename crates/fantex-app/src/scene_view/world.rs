@@ -79,6 +79,11 @@ impl WorldScene {
         figures
     }
 
+    /// Whether something that could not be read will be asked for again.
+    pub(super) fn will_retry(&self) -> bool {
+        self.world.streamers().any(|streamer| streamer.recoverable > 0)
+    }
+
     pub(super) fn is_settled(&self) -> bool {
         self.world.is_settled()
     }

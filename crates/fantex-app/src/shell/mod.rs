@@ -364,6 +364,8 @@ impl<'a> Shell<'a> {
             ctx.request_repaint_after_secs(wake as f32);
         } else if self.workspace.viewer.settings.panels.has_atlas && self.scene.is_atlas_stale() {
             ctx.request_repaint_after_secs(0.1);
+        } else if self.scene.will_retry() {
+            ctx.request_repaint_after_secs(1.0);
         }
     }
 

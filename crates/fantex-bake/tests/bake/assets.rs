@@ -13,7 +13,7 @@ use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, SurfacePoint, generate, interpolate, lambda_step};
 use fantex_store::limits::MAX_TILE_SIDE;
 use fantex_store::{
-    ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport,
+    ChannelKind, JUMP_BOUND, PageCache, Recipe, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport,
     group_pages, verify,
 };
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -274,7 +274,7 @@ fn the_longest_tiles_of_covers_fit_into_files() {
     assert!(longest(&cover) > MAX_TILE_SIDE / 10 * 9);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.plan");
-    plan_bake(&mesh, &cover, &WAVE, &path, &BakeOptions::default(), &[]).unwrap();
+    plan_bake(&mesh, &cover, &WAVE, &path, &BakeOptions::default(), &Recipe::default(), &[]).unwrap();
 }
 
 /// Progress ends at the total, in every format and with every fit.

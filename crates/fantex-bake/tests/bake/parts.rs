@@ -11,7 +11,7 @@ use fantex_base::Random;
 use fantex_cover::Cover;
 use fantex_mesh::{Mesh, generate};
 use fantex_store::{
-    Asset, ByteSource, CreateOptions, FileSource, Plan, WriteSummary, cover_level_count, merge_parts,
+    Asset, ByteSource, CreateOptions, FileSource, Plan, Recipe, WriteSummary, cover_level_count, merge_parts,
     merge_with_gaps,
 };
 
@@ -42,7 +42,7 @@ fn check_same(mesh: &Mesh, cover: &Cover, source: &dyn Source, format: BakeForma
     let options = BakeOptions { format, ..BakeOptions::default() };
     bake(mesh, cover, source, &at("whole.fan"), &options, &NoProgress).unwrap();
     let whole = std::fs::read(at("whole.fan")).unwrap();
-    plan_bake(mesh, cover, source, &at("plan.fan"), &options, b"note").unwrap();
+    plan_bake(mesh, cover, source, &at("plan.fan"), &options, &Recipe::default(), b"note").unwrap();
     let planned = Plan::open(&at("plan.fan")).unwrap();
     assert_eq!(planned.about, b"note");
     let options = BakeOptions { memory_bytes: 1 << 20, ..options };
@@ -115,7 +115,7 @@ fn missing_shards_are_those_that_would_fill_the_gap() {
     let tiles = cover(&mesh, 32, 60_000);
     let groups = tiles.groups.len() as u32;
     let options = BakeOptions::default();
-    plan_bake(&mesh, &tiles, &WAVE, &at("plan.fan"), &options, b"").unwrap();
+    plan_bake(&mesh, &tiles, &WAVE, &at("plan.fan"), &options, &Recipe::default(), b"").unwrap();
     let planned = Plan::open(&at("plan.fan")).unwrap();
     for count in [1, 3, 7, groups, 3 * groups, u32::MAX] {
         let mut random = Random::of_seeds([count.into(), 0]);
@@ -176,7 +176,7 @@ fn parts_that_are_missing_wrong_or_damaged_are_named() {
     let mesh = cleaned(generate::icosphere(3));
     let tiles = cover(&mesh, 64, 300_000);
     let options = BakeOptions::default();
-    plan_bake(&mesh, &tiles, &WAVE, &at("plan.fan"), &options, b"").unwrap();
+    plan_bake(&mesh, &tiles, &WAVE, &at("plan.fan"), &options, &Recipe::default(), b"").unwrap();
     let planned = Plan::open(&at("plan.fan")).unwrap();
     let made = parts(folder.path(), &planned, &mesh, &WAVE, 4, &options);
     let create = CreateOptions::default();
@@ -194,10 +194,17 @@ fn parts_that_are_missing_wrong_or_damaged_are_named() {
     refused(&[&without(0)[..], &[at("plan.fan")]].concat(), "plan.fan is no part of a bake");
     // Of another plan.
     let other = cover(&mesh, 64, 200_000);
-    plan_bake(&mesh, &other, &WAVE, &at("other.fan"), &options, b"").unwrap();
+    plan_bake(&mesh, &other, &WAVE, &at("other.fan"), &options, &Recipe::default(), b"").unwrap();
     let other = Plan::open(&at("other.fan")).unwrap();
     bake_part(&mesh, &other, [4, 4], &WAVE, &at("other.part"), &options, &NoProgress).unwrap();
     refused(&[&without(0)[..], &[at("other.part")]].concat(), "belongs to another plan");
+    // Of the same tiles and another recipe.
+    let mut marble = Recipe::default();
+    marble.add_setting("the source", "marble");
+    plan_bake(&mesh, &tiles, &WAVE, &at("marble.fan"), &options, &marble, b"").unwrap();
+    let marble = Plan::open(&at("marble.fan")).unwrap();
+    bake_part(&mesh, &marble, [4, 4], &WAVE, &at("marble.part"), &options, &NoProgress).unwrap();
+    refused(&[&without(0)[..], &[at("marble.part")]].concat(), "marble.part belongs to another plan");
     // The same model with other channels, and another model.
     let bottle = fantex_test::bottle();
     let source = LookSource::of_model(&bottle).unwrap();

@@ -58,7 +58,8 @@ Example:
 
 The plan is the asset without its texels; the merged parts are the asset that 'fantex bake' writes in one go, byte for byte, however many \
 parts there are. Each part may be baked by any machine of the same kind of processor that sees the model and its pictures under the same paths, in \
-any order, and again where it was lost (docs/farms.md).")]
+any order, and again where it was lost. The plan keeps digests of all that decides the texels, the contents of looks, pictures and photographs among it; a \
+machine where something differs names it and bakes nothing (docs/farms.md).")]
 #[command(mut_arg("output", |output| output.value_name("PLAN").help("The plan to write")))]
 pub(crate) struct PlanArgs {
     #[command(flatten)]

@@ -7,6 +7,7 @@ documentation of S3, with the standard library alone.
 POST /faults?latency=SECONDS&busy=N&broken=N&refused=N&lost=N&plain=1 sets what goes wrong from now on: each answer comes so late; so many parts
 are answered with 503, break off in the middle, are refused; so many objects are made without an answer; conditions are not known.
 spared=N&denied=N: so many objects that come in one request are taken, then so many are refused; stuck=N: so many are not removed.
+unlisted=1: of what is not there it is said that the keys may not look.
 disputed=N: so often an object is not made, as something else is done to it at that moment; parts that it was to be made of are dropped.
 uncopied=1&deaf=1&uniform=1&whole=1&changed=N: ranges are not copied, or taken for empty parts; all parts but the last must have one length; objects
 are copied instead of their ranges; so many objects are changed right before they are copied.
@@ -125,7 +126,7 @@ class Handler(folder_store.Handler):
         if place is None:
             return
         if not os.path.isfile(place):
-            return self.fail(404, "NoSuchKey")
+            return self.fail(403, "AccessDenied") if faults.get("unlisted") else self.fail(404, "NoSuchKey")
         with open(place, "rb") as file:
             content = file.read()
         headers = [("ETag", self.tag(place))]

@@ -496,6 +496,17 @@ fn worlds_and_previews_are_written_to_buckets() {
     assert!(files(&there).len() < files(&here).len());
     assert_eq!(store.json(&["verify", "s3://scans/land/land.fanworld"])["ok"], true);
 
+    // Keys that may not list: the store does not say what is not there.
+    store.faults("unlisted=1");
+    let own = ["split", asset, "-o", "s3://scans/own", "--triangles", "5k"];
+    store.json(&own);
+    assert_eq!(files(&bucket.join("own")), files(&here));
+    store.fails(1, &["s3://scans/own/land.fanworld exists already"], &own, &KEYS);
+    let new = ["split", asset, "-o", "s3://scans/new", "--triangles", "5k", "--force"];
+    store.fails(1, &["--force", "403", "s3://scans/new/land.fanworld"], &new, &KEYS);
+    assert!(!bucket.join("new").exists());
+    store.faults("unlisted=0");
+
     // An index at an address names assets below it as one in a folder does.
     std::fs::copy(asset, bucket.join("whole.fan")).unwrap();
     let (index, whole) = ("s3://scans/town.fanworld", "s3://scans/whole.fan");

@@ -549,6 +549,56 @@ fn parts_of_a_plan_are_merged() {
     fails(1, &["is no part of a bake"], &[&"merge", &plan, &merged, &"--check"]);
 }
 
+/// Parts are baked of what was planned, and merged with no others: the texels of an asset have one source.
+#[test]
+fn parts_of_other_looks_and_sources_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let (texels, plan, out) = ("--texels=4k", at("a.plan"), at("out.fan"));
+    let bake = |shard: &str, part: &str| succeeds(&[&"bake", &plan, &"--shard", &shard, &"-o", &at(part)]);
+    // The same tiles and channels of another source.
+    succeeds(&[&"plan", &model, &"--source=solid=wood", &texels, &"-o", &plan]);
+    bake("1/2", "1.part");
+    succeeds(&[&"plan", &model, &"--source=solid=marble", &texels, &"-o", &plan, &"--force"]);
+    bake("2/2", "2.part");
+    fails(
+        1,
+        &["1.part belongs to another plan"],
+        &[&"merge", &plan, &at("1.part"), &at("2.part"), &"-o", &out],
+    );
+    // What is planned again is the same plan.
+    succeeds(&[&"--threads=1", &"plan", &model, &"--source=solid=wood", &texels, &"-o", &plan, &"--force"]);
+    bake("2/2", "second.part");
+    succeeds(&[&"merge", &plan, &at("1.part"), &at("second.part"), &"-o", &out]);
+    // A look, and a picture that it names.
+    let picture = |name: &str| {
+        std::fs::copy(workspace().join("assets/images").join(name), at("a.png")).unwrap();
+    };
+    let look = |roughness: f32| {
+        let text = format!(
+            "[textures.grass]\nkind = \"image\"\nimage = \"a.png\"\ncoordinates = \"box\"\n\
+             [materials.lawn]\nbase_color = \"grass\"\nroughness = {roughness}\n"
+        );
+        write(folder.path(), "a.toml", text)
+    };
+    picture("grass.png");
+    let look_path = look(0.5);
+    succeeds(&[&"plan", &model, &"--look", &look_path, &texels, &"-o", &plan, &"--force"]);
+    bake("1/2", "look.part");
+    let refused = |words: &str| {
+        fails(1, &[words, "plan anew"], &[&"bake", &plan, &"--shard=2/2", &"-o", &at("x.part")]);
+        assert!(!at("x.part").exists());
+    };
+    look(0.25);
+    refused("a.toml is not what");
+    look(0.5);
+    picture("gravel.png");
+    refused("a.png is not what");
+    picture("grass.png");
+    bake("2/2", "rest.part");
+}
+
 /// Programs hear of damage that keeps an asset from being opened, too.
 #[test]
 fn what_cannot_be_opened_is_not_verified() {

@@ -83,7 +83,8 @@ def plan(
 
     Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
     address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
-    with bytes that are sent to a store, and not while the mesh is covered.
+    with bytes that are sent to a store, and not while the mesh is covered. It also keeps digests of all that decides the texels, such as the contents of
+    looks and pictures, but nothing of functions; parts are baked of nothing else.
     """
     options = _options(
         texels=texels,
@@ -136,9 +137,9 @@ def bake_part(
         Bytes of the part.
 
     Raises:
-        ValueError: there is no such part; the mesh or the source has to be given.
+        ValueError: there is no such part; the mesh or the source has to be given, or is not what was planned; a file has changed since.
         FileNotFoundError, FileExistsError, OSError: as their names say.
-        Error: a file is damaged, or the mesh or the channels are not those of the plan.
+        Error: a file is damaged.
         KeyboardInterrupt: Ctrl-C; nothing is left of the file.
     """
     plan = plan if isinstance(plan, Plan) else Plan(plan)

@@ -9,16 +9,17 @@ use fantex_cover::{Cover, Group};
 use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::{NewFile, check_contents, pack_section};
+use super::{NewFile, Recipe, check_contents, pack_section};
+use crate::bytes::ByteReader;
 use crate::encoder_print::encoder_fingerprint;
 use crate::error::damaged;
-use crate::header::{FLAG_PLAN, Sections, read_slot_with};
+use crate::header::{FLAG_BARE_PLAN, FLAG_PLAN, Sections, read_any_slot};
 use crate::{ByteSource, Channel, FileSource, channel, cover_section, mesh_section};
 
 /// Everything of an asset but its texels.
 ///
 /// A file has the layout of an asset without clusters, the flag of plans, and, in place of the directory, a fingerprint of the block
-/// encoders and `about`.
+/// encoders, the recipe and `about`.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Where it lies: a path or an address.
@@ -29,11 +30,13 @@ pub struct Plan {
     pub cover: Cover,
     /// The asset's channels.
     pub channels: Vec<Channel>,
+    /// What else decides its texels.
+    pub recipe: Recipe,
     /// What its writer noted, for whoever bakes.
     pub about: Vec<u8>,
     /// Of the block encoders of the processor that planned.
     pub(super) encoders: u64,
-    /// Of the contents but `about`: parts of one plan have the same.
+    /// Of the contents but `about`: only parts that have the same are merged.
     pub(super) identity: u128,
 }
 
@@ -48,11 +51,11 @@ impl Plan {
         mesh: &Mesh,
         cover: &Cover,
         channels: &[Channel],
+        recipe: &Recipe,
         about: &[u8],
     ) -> Result<u64> {
         check_contents(path, force, mesh, cover, channels)?;
-        let mut notes = encoders_of(channels)?.to_le_bytes().to_vec();
-        notes.extend_from_slice(about);
+        let notes = [&encoders_of(channels)?.to_le_bytes()[..], &recipe.encode(), about].concat();
         let write = || {
             let mut file = NewFile::create(path, 1, 0)?;
             file.slot.flags = FLAG_PLAN;
@@ -80,7 +83,14 @@ impl Plan {
     /// The source cannot be read, is no plan, or is damaged.
     pub fn open_source(source: &dyn ByteSource) -> Result<Self> {
         let path = source.location();
-        let (slot, _) = read_slot_with(source, &[0, FLAG_PLAN])?;
+        let (slot, _) = read_any_slot(source)?;
+        if slot.flags == FLAG_BARE_PLAN {
+            let sentence = format!(
+                "{} is a plan that does not say what its texels are made of; plan anew with this program, and bake all parts",
+                path.display()
+            );
+            return Err(Error::unsupported(sentence).with_path(path));
+        }
         if slot.flags != FLAG_PLAN {
             let sentence = format!("{} is an asset, and no plan", path.display());
             return Err(Error::invalid(sentence).with_path(path));
@@ -89,15 +99,16 @@ impl Plan {
         let [channels, cover, mesh, notes] = [0, 1, 2, 3].map(|index| sections.unpack(index));
         let (channel_bytes, cover_bytes, mesh_bytes, notes) = (channels?, cover?, mesh?, notes?);
         let wrong = |error: Error| damaged(path, error);
-        let Some((encoders, about)) = notes.split_first_chunk() else {
-            return Err(wrong(Error::damaged("what a plan notes begins with 8 bytes on the block encoders")));
-        };
+        let mut rest = ByteReader::new(&notes);
+        let encoders = rest.u64("the fingerprint of the block encoders").map_err(wrong)?;
+        let recipe = Recipe::decode(&mut rest).map_err(wrong)?;
+        let (noted, about) = notes.split_at(notes.len() - rest.remaining());
         let mesh = mesh_section::decode(&mesh_bytes).map_err(wrong)?;
         let cover = cover_section::decode(&cover_bytes, &mesh.triangles).map_err(wrong)?;
         let channels = channel::decode_channels(&channel_bytes).map_err(wrong)?;
-        let identity = identity(&[&channel_bytes, &cover_bytes, &mesh_bytes]);
-        let (encoders, about) = (u64::from_le_bytes(*encoders), about.to_vec());
-        Ok(Self { path: path.to_owned(), mesh, cover, channels, about, encoders, identity })
+        let identity = identity(&[&channel_bytes, &cover_bytes, &mesh_bytes, noted]);
+        let about = about.to_vec();
+        Ok(Self { path: path.to_owned(), mesh, cover, channels, recipe, about, encoders, identity })
     }
 
     /// Whether this is the mesh, and these are the channels, that were planned.
@@ -106,8 +117,32 @@ impl Plan {
             channel::encode_channels(channels),
             cover_section::encode(&self.cover, &self.mesh.triangles),
             mesh_section::encode(mesh),
+            [&self.encoders.to_le_bytes()[..], &self.recipe.encode()].concat(),
         ];
-        identity(&[&sections[0], &sections[1], &sections[2]]) == self.identity
+        identity(&sections.each_ref().map(Vec::as_slice)) == self.identity
+    }
+
+    /// Refuses to bake something else than was planned.
+    ///
+    /// # Errors
+    /// The recipe is another one; the message says in what.
+    pub fn check_recipe(&self, recipe: &Recipe) -> Result<()> {
+        const MOST_NAMED: usize = 3;
+        let names = recipe.differences(&self.recipe);
+        if names.is_empty() {
+            return Ok(());
+        }
+        let others = match names.len().saturating_sub(MOST_NAMED) {
+            0 => String::new(),
+            count => format!(" and {count} more"),
+        };
+        let (named, are) =
+            (&names[..names.len().min(MOST_NAMED)], if names.len() == 1 { "is" } else { "are" });
+        Err(Error::invalid(format!(
+            "{}{others} {are} not what {} was made for; plan anew and bake all parts, or bake what was planned",
+            named.join(", "),
+            self.path.display()
+        )))
     }
 
     /// Whether this processor's block encoders write the bytes that those of the processor that planned do.
@@ -182,7 +217,7 @@ mod tests {
         let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
         for (format, is_compressed) in [(TexelFormat::Bc1, true), (TexelFormat::Rgba8, false)] {
             let channels = [Channel { kind: ChannelKind::BaseColor, format, srgb: true }];
-            Plan::write(&path, true, &mesh, &cover, &channels, b"notes").unwrap();
+            Plan::write(&path, true, &mesh, &cover, &channels, &Recipe::default(), b"notes").unwrap();
             let mut plan = Plan::open(&path).unwrap();
             assert_eq!(plan.about, b"notes");
             assert_eq!(plan.encoders != 0, is_compressed);
@@ -191,5 +226,52 @@ mod tests {
             let sentence = plan.check_encoders().unwrap_err().to_string();
             assert!(sentence.contains("a.plan was made on a processor whose block encoders"), "{sentence}");
         }
+    }
+
+    #[test]
+    fn plans_have_the_identity_of_their_recipe_and_refuse_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let (mesh, _) = clean(cube(1), &CleanOptions::default()).unwrap();
+        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+        let channels = [Channel { kind: ChannelKind::BaseColor, format: TexelFormat::Rgba8, srgb: true }];
+        let recipe = |settings: &[(&str, u32)]| {
+            let mut recipe = Recipe::default();
+            settings.iter().for_each(|(name, value)| recipe.add_setting(name, value));
+            recipe
+        };
+        let planned = |name: &str, recipe: &Recipe, about: &[u8]| {
+            let path = folder.path().join(name);
+            Plan::write(&path, false, &mesh, &cover, &channels, recipe, about).unwrap();
+            Plan::open(&path).unwrap()
+        };
+        let wood = recipe(&[("the seed", 1), ("wood.png", 1)]);
+        let plan = planned("a.plan", &wood, b"");
+        assert_eq!(plan.recipe, wood);
+        assert!(plan.is_of(&mesh, &channels));
+        plan.check_recipe(&wood).unwrap();
+        assert_eq!(planned("b.plan", &wood, b"another note").identity, plan.identity);
+        let other = recipe(&[("the seed", 1), ("wood.png", 2)]);
+        assert_ne!(planned("c.plan", &other, b"").identity, plan.identity);
+        let sentence = plan.check_recipe(&other).unwrap_err().to_string();
+        assert!(
+            sentence.starts_with("wood.png is not what ") && sentence.contains("plan anew"),
+            "{sentence}"
+        );
+        let more = recipe(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("the seed", 1), ("wood.png", 1)]);
+        let sentence = plan.check_recipe(&more).unwrap_err().to_string();
+        assert!(sentence.starts_with("a, b, c and 1 more are not what "), "{sentence}");
+        // One without a recipe is no damaged one.
+        let path = folder.path().join("bare.plan");
+        let mut file = NewFile::create(&path, 1, 0).unwrap();
+        file.slot.flags = FLAG_BARE_PLAN;
+        file.contents(&mesh, &cover, &channels).unwrap();
+        let (stored, record) = pack_section(&[0; 8]).unwrap();
+        file.section(3, &stored, record).unwrap();
+        let (file, _) = file.seal(None).unwrap();
+        persist(file.into_temp_path(), &path, false).unwrap();
+        let sentence = Plan::open(&path).unwrap_err().to_string();
+        assert!(sentence.contains("plan anew with this program"), "{sentence}");
+        let sentence = crate::Asset::open(&path).unwrap_err().to_string();
+        assert!(sentence.contains("is a plan, which has no texels"), "{sentence}");
     }
 }

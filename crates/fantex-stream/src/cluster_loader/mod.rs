@@ -396,6 +396,10 @@ impl ParcelLoader for ClusterLoader {
     fn pending(&self) -> usize {
         self.shared.statistics().pending
     }
+
+    fn is_remote(&self) -> bool {
+        self.info.kind == ReaderKind::Http
+    }
 }
 
 impl Drop for ClusterLoader {

@@ -25,6 +25,7 @@ pub struct HttpSource {
     object: io::Result<Option<StoredObject>>,
     agent: ureq::Agent,
     connections: usize,
+    is_patient: bool,
     length: OnceLock<u64>,
     /// Tag or date of the file that the first answer came from; none where the server tells neither.
     version: OnceLock<Option<String>>,
@@ -84,9 +85,16 @@ impl HttpSource {
             object: StoredObject::at(url),
             agent: config.new_agent(),
             connections: connections.max(1),
+            is_patient: false,
             length: OnceLock::new(),
             version: OnceLock::new(),
         }
+    }
+
+    /// For long work, which is not to end with a network that is gone for some seconds.
+    #[must_use]
+    pub(crate) fn patient(self) -> Self {
+        Self { is_patient: true, ..self }
     }
 
     /// The URL.
@@ -172,15 +180,16 @@ impl HttpSource {
     /// Reads at most one request's bytes. Queued reads are made once; their owner retries.
     fn read_part(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
         let started = Instant::now();
-        for attempt in 0..RetryPolicy::NETWORK.retries {
-            match self.read_once(bytes, offset) {
-                Err(error) if is_transient(&error) && started.elapsed() < MAX_READ_TIME => {
-                    std::thread::sleep(RetryPolicy::NETWORK.pause(attempt));
-                }
-                result => return result,
-            }
+        let worth = |error: &io::Error| is_transient(error) && started.elapsed() < MAX_READ_TIME;
+        self.patience().run(|| self.read_once(bytes, offset), worth, std::thread::sleep)
+    }
+
+    /// A server that has never answered may not be there at all, which is told soon.
+    fn patience(&self) -> RetryPolicy {
+        match self.version.get() {
+            Some(_) if self.is_patient => RetryPolicy::PATIENT,
+            _ => RetryPolicy::NETWORK,
         }
-        self.read_once(bytes, offset)
     }
 
     /// Reads the bytes from `offset` on, in one request unless the server sends fewer at once; returns how many there were.
@@ -334,6 +343,16 @@ pub fn http_reader(source: Arc<HttpSource>, connections: usize) -> io::Result<La
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_server_that_has_answered_is_waited_for() {
+        let source = HttpSource::new("https://a.org/b.fan", 1).patient();
+        assert_eq!(source.patience(), RetryPolicy::NETWORK);
+        source.version.set(None).unwrap();
+        let patience = source.patience();
+        let pauses: Duration = (0..patience.retries).map(|attempt| patience.pause(attempt)).sum();
+        assert!((Duration::from_secs(20)..MAX_READ_TIME).contains(&pauses), "{pauses:?}");
+    }
 
     #[test]
     fn redirects_stay_on_the_web() {

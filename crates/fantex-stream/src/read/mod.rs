@@ -203,7 +203,8 @@ pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
     }
 }
 
-/// Opens a file, or what lies at a URL, to read it whole, from front to back: long reads are made over several connections.
+/// Opens a file, or what lies at a URL, to read it whole, from front to back: long reads are made over several connections, and a server that has
+/// answered once is waited for half a minute.
 ///
 /// # Errors
 /// The file cannot be opened, or the location is a URL, and this crate was built without the feature `http`. A server is not asked yet.
@@ -212,7 +213,7 @@ pub fn open_source(location: &Path) -> fantex_base::Result<Arc<dyn ByteSource>> 
     let failed = |source| fantex_base::Error::reading(location, source);
     match url_of(location) {
         #[cfg(feature = "http")]
-        Some(url) => Ok(Arc::new(HttpSource::new(url, CONNECTIONS))),
+        Some(url) => Ok(Arc::new(HttpSource::new(url, CONNECTIONS).patient())),
         #[cfg(not(feature = "http"))]
         Some(_) => Err(failed(no_http())),
         None => Ok(Arc::new(FileSource::open(location).map_err(failed)?)),
@@ -315,9 +316,30 @@ impl RetryPolicy {
     /// For servers: three retries after 0.1, 0.2 and 0.4 s.
     pub const NETWORK: Self = Self { retries: 3, first_pause: Duration::from_millis(100) };
 
+    /// For long work with a server that has answered before: seven retries within 25 s, as a router takes to start anew.
+    #[cfg(feature = "http")]
+    pub(crate) const PATIENT: Self = Self { retries: 7, first_pause: Duration::from_millis(200) };
+
     /// The pause before retry `attempt` (0 is the first).
     pub fn pause(&self, attempt: u32) -> Duration {
         self.first_pause * (1 << attempt.min(16))
+    }
+
+    /// Makes attempts until one succeeds, an error is not `worth` another, or there have been enough. `wait` passes the time between them.
+    #[cfg(feature = "http")]
+    pub(crate) fn run<T>(
+        &self,
+        mut attempt: impl FnMut() -> io::Result<T>,
+        worth: impl Fn(&io::Error) -> bool,
+        wait: impl Fn(Duration),
+    ) -> io::Result<T> {
+        for retry in 0..self.retries {
+            match attempt() {
+                Err(error) if worth(&error) => wait(self.pause(retry)),
+                result => return result,
+            }
+        }
+        attempt()
     }
 }
 

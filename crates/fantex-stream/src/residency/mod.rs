@@ -48,6 +48,8 @@ pub(crate) struct Residency {
     transfers: Transfers,
     pub(crate) work: Work,
     pub(crate) damaged: BTreeMap<Parcel, Error>,
+    /// A damaged parcel has arrived after all, so that others may, too.
+    has_recovered: bool,
     /// Per group the finest level that it needs.
     wanted: Vec<u8>,
     /// Per large tile that is visible the numbers of its own pages that are needed, ascending.
@@ -84,6 +86,7 @@ impl Residency {
             transfers: Transfers::new(shapes.clone()),
             work: Work::new(frame_nanoseconds),
             damaged: BTreeMap::new(),
+            has_recovered: false,
             wanted,
             wanted_pages: SparseLists::new(groups),
             needed_under: vec![0; shapes.bundle_count() as usize],
@@ -120,6 +123,7 @@ impl Residency {
             visible_groups: self.visible_groups + unknown,
             complete_groups: self.visible_groups - self.lacking_groups,
             damaged: self.damaged.len(),
+            recoverable: 0,
             work: DemandWork::default(),
             frame_work: self.work.done,
             frame_limit: self.work.frame,

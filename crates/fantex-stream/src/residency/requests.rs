@@ -9,11 +9,12 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use fantex_base::Error;
-use fantex_store::PageId;
+use fantex_store::{PageId, io_cause};
 
 use super::Residency;
 use super::budget::{Item, Task};
 use crate::demand::Demand;
+use crate::read::is_transient;
 use crate::shape::TileShapes;
 use crate::{FrameChanges, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, ParcelUpload};
 
@@ -61,6 +62,9 @@ impl Priority {
 
 /// Urgency of texels that are shown and have changed.
 const STALE_URGENCY: f32 = 255.0;
+
+/// Parcels that are asked for at once when it is time to try them again.
+const RETRIED_AT_ONCE: usize = 256;
 
 /// Owners that lack parcels, each once, the most urgent first. Within one priority they come in order, so that neighbours, which lie in
 /// one cluster, are asked for together.
@@ -377,6 +381,39 @@ impl Residency {
         }
     }
 
+    /// Parcels that failed for reasons that may pass.
+    pub(crate) fn passing(&self) -> impl Iterator<Item = &Parcel> {
+        let may_pass = |error| io_cause(error).is_some_and(is_transient);
+        self.damaged.iter().filter(move |(_, error)| may_pass(error)).map(|(parcel, _)| parcel)
+    }
+
+    /// Asks for some of these again, those that are needed; they count as damaged until they arrive. Whether there are any.
+    pub(crate) fn retry_passing(&mut self) -> bool {
+        let passing: Vec<Parcel> = self.passing().copied().collect();
+        let (mut has_any, mut asked) = (false, 0);
+        for parcel in passing {
+            let index = self.shapes.index(parcel);
+            if !self.pool.is_needed(index) && !self.pool.is_resident(index) {
+                // It is asked for when it is needed.
+                self.clear_damage(parcel, index);
+                continue;
+            }
+            has_any = true;
+            if asked < RETRIED_AT_ONCE && self.transfers.state(index) == RequestState::Idle {
+                asked += 1;
+                let urgency = f32::from(Priority::AHEAD.0) - 0.01 * self.step_of(parcel) as f32;
+                self.work.spend(Item::Request, 1);
+                self.transfers.request(parcel, index, urgency, RequestState::Requested);
+            }
+        }
+        has_any
+    }
+
+    /// Whether a damaged parcel has arrived since this was asked last.
+    pub(crate) fn take_recovery(&mut self) -> bool {
+        std::mem::take(&mut self.has_recovered)
+    }
+
     /// A parcel may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
     fn clear_damage(&mut self, parcel: Parcel, index: u32) {
         let was_damaged = self.damaged.remove(&parcel).is_some();
@@ -424,6 +461,10 @@ impl Residency {
         // What was cancelled in the meantime is not wanted any more.
         if !matches!(self.transfers.state(index), RequestState::Requested | RequestState::Prefetched) {
             return;
+        }
+        if texels.is_ok() && self.is_damaged(parcel) {
+            self.clear_damage(parcel, index);
+            self.has_recovered = true;
         }
         match (texels, self.pool.entries[index as usize].place()) {
             (Err(error), _) => {

@@ -195,7 +195,7 @@ impl ObjectTarget {
     /// Checks the object's length, as a store may ignore ranges; an object of another length is removed.
     fn check_made(&self, mark: &str, length: u64) -> Result<(), Failure> {
         // Who may write need not be allowed to look.
-        let Ok(Some(made)) = self.head() else { return Ok(()) };
+        let Ok(Some(made)) = self.head(None) else { return Ok(()) };
         if made.mark.as_deref() != Some(mark) || made.length.is_none_or(|made| made == length) {
             return Ok(());
         }
@@ -239,18 +239,19 @@ fn fetch(upload: &Upload<'_>, range: &Range<u64>, runs: &[SharedRun]) -> Result<
 /// Reads bytes of a run that lie at `at` in the object, again where that may help, as long as what is sent would be.
 fn read(upload: &Upload<'_>, run: &SharedRun, at: u64, bytes: &mut [u8]) -> Result<(), Failure> {
     let offset = run.offset + (at - run.range.start);
-    for attempt in 0.. {
-        if upload.is_ended() {
-            break;
-        }
-        match run.source.read_exact_at(bytes, offset) {
-            Err(error) if attempt < RETRIES.retries && is_transient(&error) => {
-                pause(RETRIES.pause(attempt), || upload.is_ended());
-            }
-            result => return result.map_err(|error| Error::reading(run.source.location(), error).into()),
-        }
+    let read = RETRIES.run(
+        || match upload.is_ended() {
+            true => Err(io::ErrorKind::Interrupted.into()),
+            false => run.source.read_exact_at(bytes, offset),
+        },
+        |error| is_transient(error) && !upload.is_ended(),
+        |time| pause(time, || upload.is_ended()),
+    );
+    match read {
+        Ok(()) => Ok(()),
+        Err(_) if upload.is_ended() => Err(Refusal::cancelled().into()),
+        Err(error) => Err(Error::reading(run.source.location(), error).into()),
     }
-    Err(Refusal::cancelled().into())
 }
 
 #[cfg(test)]

@@ -75,8 +75,8 @@ mod tests {
     }
 
     fn upload() -> Upload<'static> {
-        let (sent, stops) = (AtomicU64::new(0), AtomicBool::new(false));
-        Upload { path: Path::new("a.fan"), length: 0, modified: None, sent, stops, watch: &go_on }
+        let (sent, stops, has_parts) = (AtomicU64::new(0), AtomicBool::new(false), AtomicBool::new(false));
+        Upload { path: Path::new("a.fan"), length: 0, modified: None, sent, stops, has_parts, watch: &go_on }
     }
 
     #[test]

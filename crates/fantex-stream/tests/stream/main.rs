@@ -3,4 +3,5 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod demand;
+mod retries;
 mod values;

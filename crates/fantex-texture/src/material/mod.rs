@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fantex_base::{Error, ErrorKind, Result};
+use fantex_base::{Error, ErrorKind, ReadLimits, Result};
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, corner_tangents, interpolate,
 };
@@ -156,11 +156,13 @@ pub fn read_used_images<T: Send>(
     usable: impl Fn(&TextureRef) -> bool,
     read: impl Fn(&ImageSource, ImageUse) -> Result<T> + Sync,
 ) -> Result<Vec<(ImageUse, T)>> {
+    let limits = ReadLimits::current();
     let loaded: Vec<_> = used_images(mesh, usable)
         .into_par_iter()
         .map(|(used, index, channel)| {
             let failed = |cause| unreadable(channel, &label(mesh, index, used.image), cause);
-            Ok((used, read(&mesh.images[used.image], used).map_err(failed)?))
+            let image = limits.run(|| read(&mesh.images[used.image], used)).map_err(failed)?;
+            Ok((used, image))
         })
         .collect();
     // Not collected as one result in parallel: which of several errors that gives is left to chance.
