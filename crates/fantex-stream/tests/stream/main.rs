@@ -3,4 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod demand;
+#[cfg(feature = "http")]
+mod http;
 mod values;
