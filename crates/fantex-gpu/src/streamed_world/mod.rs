@@ -40,7 +40,7 @@ const MAX_FILLING_SECONDS: f32 = 3.0;
 pub struct WorldOptions {
     /// Graphics memory for the texels of whole objects, bytes.
     pub pool_bytes: u64,
-    /// Main and graphics memory for meshes and covers, for previews and coarse assets, bytes. What is being opened comes on top of it.
+    /// Main and graphics memory for meshes and covers, for previews and coarse assets, bytes. What is being opened comes on top of both.
     pub geometry_bytes: u64,
     /// How textures will be filtered.
     pub filter: FilterOptions,
@@ -289,8 +289,14 @@ impl StreamedWorld {
         self.take_opened();
         let view = stream_view(camera, size, &self.space);
         let shown: Vec<_> = self.objects.iter().map(Object::detail).collect();
-        let choice = choose_objects(&self.shapes, &view, self.options.geometry_bytes, &shown);
-        for ((object, shape), &detail) in self.objects.iter_mut().zip(&self.shapes).zip(&choice.details) {
+        let budget_bytes = self.options.geometry_bytes;
+        let choice = choose_objects(&self.shapes, &view, budget_bytes, &shown);
+        let is_there = |index: usize, detail| self.objects[index].has(detail);
+        let mut details = choice.details.clone();
+        for index in choice.staying(&self.shapes, budget_bytes, is_there) {
+            details[index] = ObjectDetail::Whole;
+        }
+        for ((object, shape), detail) in self.objects.iter_mut().zip(&self.shapes).zip(details) {
             if detail < ObjectDetail::Whole {
                 object.whole.empty();
             }
@@ -481,6 +487,14 @@ impl StreamedWorld {
 }
 
 impl Object {
+    fn has(&self, detail: ObjectDetail) -> bool {
+        match detail {
+            ObjectDetail::Absent => true,
+            ObjectDetail::Preview => self.preview.get().is_some(),
+            ObjectDetail::Whole => self.whole.get().is_some(),
+        }
+    }
+
     fn detail(&self) -> ObjectDetail {
         match (&self.whole, &self.preview) {
             _ if self.is_divided => ObjectDetail::Whole,
