@@ -22,7 +22,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
 use fantex_stream::{
-    FrameOptions, ObjectDetail, StreamStatistics, StreamView, ViewObject, World, choose_objects,
+    FrameOptions, ObjectDetail, PoolShares, StreamStatistics, StreamView, ViewObject, World, choose_objects,
 };
 use glam::Vec3;
 use opening::{Opened, OpenedDetail, Order, What};
@@ -86,8 +86,8 @@ pub struct StreamedWorld {
     /// Numbers of those that are part of no coarse asset.
     roots: Vec<usize>,
     options: WorldOptions,
-    /// Whole objects among which the pool is divided, a power of two.
-    shares: u64,
+    /// Whole objects among which the pool is divided.
+    shares: PoolShares,
     opened: (Sender<Opened>, Receiver<Opened>),
     opening: usize,
     statistics: WorldStatistics,
@@ -178,7 +178,7 @@ impl StreamedWorld {
             roots: (0..is_part.len()).filter(|&node| !is_part[node]).collect(),
             world,
             options,
-            shares: 1,
+            shares: PoolShares::default(),
             opened: channel(),
             opening: 0,
             statistics: WorldStatistics::default(),
@@ -247,7 +247,8 @@ impl StreamedWorld {
 
     /// Whether the picture stays as it is until the view changes.
     pub fn is_settled(&self) -> bool {
-        self.opening == 0
+        self.shares.is_settled()
+            && self.opening == 0
             && self.statistics.missing == 0
             && self.objects.iter().filter_map(|object| object.whole.get()).all(|whole| {
                 whole.filling.is_none()
@@ -315,8 +316,7 @@ impl StreamedWorld {
             }
         }
         let wholes = choice.order.iter().filter(|(_, detail)| *detail == ObjectDetail::Whole);
-        let whole = wholes.count() as u64;
-        self.shares = whole.max(1).next_power_of_two();
+        self.shares.update(wholes.count() as u64, frame.elapsed_seconds);
         let mut has_changed = self.stream(gpu, &view, frame)?;
         has_changed |= self.order_drawn(view.eye);
         Ok(has_changed)
@@ -325,12 +325,13 @@ impl StreamedWorld {
     /// Lets the whole objects stream; together they upload what a frame may.
     fn stream(&mut self, gpu: &Gpu, view: &StreamView, frame: FrameOptions) -> Result<bool> {
         let mut has_changed = false;
-        let pool_bytes = self.options.pool_bytes / self.shares;
+        let shares = self.shares.count();
+        let pool_bytes = self.options.pool_bytes / shares;
         let mut upload_bytes = frame.upload_bytes;
         for whole in self.objects.iter_mut().filter_map(|object| object.whole.get_mut()) {
-            if whole.shares != self.shares {
+            if whole.shares != shares {
                 whole.streamed.set_budget(gpu, pool_bytes)?;
-                whole.shares = self.shares;
+                whole.shares = shares;
             }
             let changes = whole.streamed.advance(gpu, Some(view), FrameOptions { upload_bytes, ..frame });
             has_changed |= !(changes.uploads.is_empty() && changes.entries.is_empty());
@@ -380,7 +381,7 @@ impl StreamedWorld {
             place: World::place_of(&self.index, self.asset(index)),
             what,
             space: self.space.world_from_mesh,
-            pool_bytes: self.options.pool_bytes / self.shares,
+            pool_bytes: self.options.pool_bytes / self.shares.count(),
         };
         opening::begin(gpu, order, self.opened.0.clone())?;
         self.opening += 1;
