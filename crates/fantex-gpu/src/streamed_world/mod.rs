@@ -448,12 +448,17 @@ impl StreamedWorld {
         }
     }
 
+    /// Sorts objects and coarse assets, the nearest first.
+    fn sort_by_distance(&self, indices: &mut [usize], eye: Vec3) {
+        // A distance costs hundreds of others. None is negative, so they have the order of their bits.
+        indices.sort_by_cached_key(|&index| (self.shapes[index].distance(eye).to_bits(), index));
+    }
+
     /// Lists what is drawn, the nearest first. Returns whether that is something else than before.
     fn order_drawn(&mut self, eye: Vec3) -> bool {
         let mut drawn = Vec::new();
         self.roots.iter().for_each(|&root| self.add_drawn(root, &mut drawn));
-        let distance = |index: &usize| self.shapes[*index].distance(eye);
-        drawn.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+        self.sort_by_distance(&mut drawn, eye);
         let statistics = &mut self.statistics;
         (statistics.whole, statistics.previews, statistics.coarse, statistics.triangles) = (0, 0, 0, 0);
         for &index in &drawn {
