@@ -1,4 +1,6 @@
-//! What the streamers of several objects share: memory for texels.
+//! What the streamers of several objects share: memory for texels, and the work of a frame.
+
+use crate::residency::FRAME_NANOSECONDS;
 
 /// Among how many objects memory for texels is divided: a power of two, at least their number. With another one all texels are read anew.
 /// So it grows at once, since memory is bounded, and shrinks where fewer have been enough for a while.
@@ -47,6 +49,36 @@ impl PoolShares {
     }
 }
 
+/// The work of a frame, for streamers that have their turns one after the other: each may use up what is left, but for half of the whole, of
+/// which each has its part.
+#[derive(Clone, Copy, Debug)]
+pub struct SharedWork {
+    left: u32,
+    /// What is kept for each.
+    part: u32,
+    /// Streamers that have not had their turn.
+    waiting: u32,
+}
+
+impl SharedWork {
+    /// For so many streamers.
+    pub fn new(streamers: usize) -> Self {
+        let waiting = u32::try_from(streamers).unwrap_or(u32::MAX).max(1);
+        Self { left: FRAME_NANOSECONDS, part: FRAME_NANOSECONDS / 2 / waiting, waiting }
+    }
+
+    /// The turn of the next streamer: the [work](crate::Streamer::set_frame_nanoseconds) that it may do.
+    pub fn next_turn(&mut self) -> u32 {
+        self.waiting = self.waiting.saturating_sub(1);
+        self.left.saturating_sub(self.part * self.waiting).max(self.part)
+    }
+
+    /// What it has [used](crate::Streamer::used_nanoseconds) of that.
+    pub fn spend(&mut self, nanoseconds: u32) {
+        self.left = self.left.saturating_sub(nanoseconds);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,5 +102,30 @@ mod tests {
         assert_eq!(after(1, 2.0), (8, true));
         assert_eq!(after(100, 0.0), (128, true));
         assert_eq!(after(0, 0.0), (1, true));
+    }
+
+    #[test]
+    fn several_streamers_do_the_work_of_one_and_none_goes_without() {
+        for (streamers, need) in
+            [(1, u32::MAX), (20, u32::MAX), (20, 100_000), (1000, 50_000), (1000, u32::MAX)]
+        {
+            let mut work = SharedWork::new(streamers);
+            let turn = |_| {
+                let given = work.next_turn();
+                work.spend(given.min(need));
+                given
+            };
+            let given: Vec<u32> = (0..streamers).map(turn).collect();
+            let used: u32 = given.iter().map(|&given| given.min(need)).sum();
+            assert!(used <= FRAME_NANOSECONDS, "{used}");
+            let part = FRAME_NANOSECONDS / 2 / streamers as u32;
+            assert!(given.iter().all(|&given| given >= part), "{given:?}");
+            assert!(given[0] >= FRAME_NANOSECONDS / 2);
+        }
+        // What one does not need is there for the next.
+        let mut work = SharedWork::new(2);
+        assert_eq!(work.next_turn(), FRAME_NANOSECONDS / 4 * 3);
+        work.spend(0);
+        assert_eq!(work.next_turn(), FRAME_NANOSECONDS);
     }
 }

@@ -22,7 +22,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
 use fantex_stream::{
-    FrameOptions, ObjectDetail, PoolShares, StreamStatistics, StreamView, ViewObject, World, choose_objects,
+    FrameOptions, ObjectDetail, PoolShares, SharedWork, StreamStatistics, StreamView, ViewObject, World,
+    choose_objects,
 };
 use glam::Vec3;
 use opening::{Opened, OpenedDetail, Order, What};
@@ -322,18 +323,25 @@ impl StreamedWorld {
         Ok(has_changed)
     }
 
-    /// Lets the whole objects stream; together they upload what a frame may.
+    /// Lets the whole objects stream, the nearest first; together they do and upload what a frame may.
     fn stream(&mut self, gpu: &Gpu, view: &StreamView, frame: FrameOptions) -> Result<bool> {
         let mut has_changed = false;
         let shares = self.shares.count();
         let pool_bytes = self.options.pool_bytes / shares;
         let mut upload_bytes = frame.upload_bytes;
-        for whole in self.objects.iter_mut().filter_map(|object| object.whole.get_mut()) {
+        let is_whole = |index: &usize| self.objects[*index].whole.get().is_some();
+        let mut wholes: Vec<usize> = (0..self.objects.len()).filter(is_whole).collect();
+        self.sort_by_distance(&mut wholes, view.eye);
+        let mut work = SharedWork::new(wholes.len());
+        for index in wholes {
+            let Some(whole) = self.objects[index].whole.get_mut() else { continue };
             if whole.shares != shares {
                 whole.streamed.set_budget(gpu, pool_bytes)?;
                 whole.shares = shares;
             }
+            whole.streamed.streamer.set_frame_nanoseconds(work.next_turn());
             let changes = whole.streamed.advance(gpu, Some(view), FrameOptions { upload_bytes, ..frame });
+            work.spend(whole.streamed.streamer.used_nanoseconds());
             has_changed |= !(changes.uploads.is_empty() && changes.entries.is_empty());
             let uploaded: usize = changes.uploads.iter().map(|upload| upload.texels.bytes()).sum();
             upload_bytes = upload_bytes.saturating_sub(uploaded);
