@@ -37,6 +37,7 @@ mod parcel;
 pub mod read;
 mod residency;
 mod shape;
+mod sharing;
 mod streamer;
 #[cfg(feature = "http")]
 mod upload;
@@ -58,6 +59,7 @@ pub use parcel::*;
 pub use read::{open_asset, open_preview, open_source, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
+pub use sharing::*;
 pub use streamer::*;
 #[cfg(feature = "http")]
 pub use upload::{Assembled, ObjectTarget, Replace, SharedRun};

@@ -3,7 +3,8 @@
 //! Objects are boxes here, with the memory that they take. A preview suffices while its finest detail is less than a pixel long. First all
 //! that is in the picture gets what is coarsest of it, the largest on the screen first; then what is too coarse becomes finer, the coarsest
 //! first, as long as there is memory: an object by its preview becomes whole, a coarse asset is replaced by all of its parts at once. What is
-//! finer comes on top of what is coarse, which stays for the way back. What leaves the picture stays while nobody else needs its memory.
+//! finer comes on top of what is coarse, which stays for the way back. What leaves the picture stays while nobody else needs its memory, and
+//! what is whole until what is more urgent is there. What is there counts as a little more urgent, so that equals do not displace each other.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -97,9 +98,30 @@ pub struct ObjectChoice {
     pub order: Vec<(usize, ObjectDetail)>,
     /// Memory that it takes.
     pub bytes: u64,
+    /// Objects that are shown whole and should be, but for which there is no memory; the most urgent first.
+    pub displaced: Vec<usize>,
 }
 
 impl ObjectChoice {
+    /// The displaced objects that stay whole: those whose memory what is there of the choice does not need yet.
+    pub fn staying(
+        &self,
+        objects: &[ViewObject],
+        budget_bytes: u64,
+        is_there: impl Fn(usize, ObjectDetail) -> bool,
+    ) -> Vec<usize> {
+        let there = self.order.iter().filter(|&&(index, detail)| is_there(index, detail));
+        let bytes = there.map(|&(index, detail)| objects[index].bytes(detail));
+        let mut sum = bytes.fold(0, u64::saturating_add);
+        let mut fits = |&index: &usize| {
+            let next = objects[index].whole_bytes.saturating_add(sum);
+            let fits = next <= budget_bytes;
+            sum = if fits { next } else { sum };
+            fits
+        };
+        self.displaced.iter().copied().filter(|index| fits(index)).collect()
+    }
+
     /// What is drawn once all is there, in the order of `objects`: what is shown without the coarse assets whose parts are.
     pub fn drawn<'a>(
         &'a self,
@@ -114,8 +136,8 @@ impl ObjectChoice {
     }
 
     /// Adds what is shown of an object, if the budget allows it.
-    fn add(&mut self, index: usize, (detail, bytes): (ObjectDetail, u64), budget_bytes: u64) -> bool {
-        let sum = self.bytes.saturating_add(bytes);
+    fn add(&mut self, objects: &[ViewObject], index: usize, detail: ObjectDetail, budget_bytes: u64) -> bool {
+        let sum = self.bytes.saturating_add(objects[index].bytes(detail));
         let is_enough = sum <= budget_bytes;
         if is_enough {
             self.bytes = sum;
@@ -131,6 +153,9 @@ const COARSE_PIXELS: f32 = 1.0;
 
 /// One that is whole stays so down to this length, so that nothing flickers.
 const STAYING_PIXELS: f32 = 0.75;
+
+/// What is there is so many times as urgent as what would take its place.
+const STAYING_URGENCY: f32 = 1.25;
 
 /// Objects whose boxes are shorter on the screen are not shown, in pixels.
 const MIN_PIXELS: f32 = 0.5;
@@ -153,33 +178,34 @@ pub fn choose_objects(
 ) -> ObjectChoice {
     let lens = Lens::new(view, 1.0);
     let now = |index: usize| shown.get(index).copied().unwrap_or_default();
-    let preference = |index: usize| if lens.may_see(&objects[index].sphere()) { 1.0 } else { UNSEEN };
+    let is_seen = |index: usize| lens.may_see(&objects[index].sphere());
+    // By the length in pixels of what is missing without it.
+    let step = |index: usize, detail: ObjectDetail, pixels: f32| {
+        let staying = if now(index) >= detail { STAYING_URGENCY } else { 1.0 };
+        let preference = if is_seen(index) { 1.0 } else { UNSEEN };
+        Step { urgency: pixels * preference * staying, index }
+    };
     // What is not seen is not fetched, but may stay. Without a preview there is nothing else than the whole.
     let finer = |index: usize| {
-        let (object, preference) = (&objects[index], preference(index));
-        let [_, detail] = object.pixels(view);
+        let [_, detail] = objects[index].pixels(view);
         let is_shown = now(index) == ObjectDetail::Whole;
         let enough = if is_shown { STAYING_PIXELS } else { COARSE_PIXELS };
-        let is_wanted = object.preview.is_none() || detail > enough;
-        let is_due = (preference == 1.0 || is_shown) && is_wanted;
-        is_due.then_some(Step { urgency: detail * preference, index })
+        let is_wanted = objects[index].preview.is_none() || detail > enough;
+        let is_due = (is_shown || is_seen(index)) && is_wanted;
+        is_due.then(|| step(index, ObjectDetail::Whole, detail))
     };
     let mut choice =
         ObjectChoice { details: vec![ObjectDetail::Absent; objects.len()], ..ObjectChoice::default() };
 
     // What is part of nothing, by its preview.
-    let mut is_part = vec![false; objects.len()];
-    objects.iter().flat_map(|object| &object.parts).for_each(|&part| is_part[part] = true);
-    let roots: Vec<usize> = (0..objects.len())
-        .filter(|&index| !is_part[index] && objects[index].pixels(view)[0] >= MIN_PIXELS)
-        .collect();
-    let sizes = roots
-        .iter()
-        .map(|&index| Step { urgency: objects[index].pixels(view)[0] * preference(index), index });
-    let mut sizes: Vec<Step> = sizes.filter(|step| objects[step.index].preview.is_some()).collect();
+    let mut roots = root_objects(objects);
+    roots.retain(|&index| objects[index].pixels(view)[0] >= MIN_PIXELS);
+    let small = roots.iter().copied().filter(|&index| objects[index].preview.is_some());
+    let mut sizes: Vec<Step> =
+        small.map(|index| step(index, ObjectDetail::Preview, objects[index].pixels(view)[0])).collect();
     sizes.sort_unstable();
     for Step { index, .. } in sizes.into_iter().rev() {
-        choice.add(index, objects[index].coarsest(), budget_bytes);
+        choice.add(objects, index, ObjectDetail::Preview, budget_bytes);
     }
 
     // What is too coarse, finer.
@@ -187,22 +213,80 @@ pub fn choose_objects(
     while let Some(Step { index, .. }) = steps.pop() {
         let parts = &objects[index].parts;
         if parts.is_empty() {
-            choice.add(index, (ObjectDetail::Whole, objects[index].whole_bytes), budget_bytes);
+            let fits = choice.add(objects, index, ObjectDetail::Whole, budget_bytes);
+            if !fits && now(index) == ObjectDetail::Whole {
+                choice.displaced.push(index);
+            }
             continue;
         }
-        let bytes =
-            parts.iter().fold(choice.bytes, |sum, &part| sum.saturating_add(objects[part].coarsest().1));
+        let coarsest = parts.iter().map(|&part| objects[part].bytes(objects[part].coarsest()));
+        let bytes = coarsest.fold(choice.bytes, u64::saturating_add);
         if choice.details[index] == ObjectDetail::Absent || bytes > budget_bytes {
             continue;
         }
         choice.details[index] = ObjectDetail::Whole;
         for &part in parts {
-            choice.add(part, objects[part].coarsest(), budget_bytes);
+            choice.add(objects, part, objects[part].coarsest(), budget_bytes);
             // What has no preview is whole already.
             steps.extend(finer(part).filter(|_| objects[part].preview.is_some()));
         }
     }
     choice
+}
+
+/// What is part of nothing.
+pub fn root_objects(objects: &[ViewObject]) -> Vec<usize> {
+    let mut is_part = vec![false; objects.len()];
+    objects.iter().flat_map(|object| &object.parts).for_each(|&part| is_part[part] = true);
+    (0..objects.len()).filter(|&index| !is_part[index]).collect()
+}
+
+/// What there is of an object or a coarse asset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ObjectState {
+    /// It can be drawn: whole, by its preview, or as the coarse asset.
+    pub is_there: bool,
+    /// It is a coarse asset in whose place its parts are wanted.
+    pub is_divided: bool,
+}
+
+/// What is drawn of what is there of `roots`: a coarse asset until all of its parts are there; where it is not there itself, those parts that
+/// are.
+pub fn drawn_objects(
+    objects: &[ViewObject],
+    roots: &[usize],
+    state: impl Fn(usize) -> ObjectState,
+) -> Vec<usize> {
+    let mut drawn = Vec::new();
+    for &root in roots {
+        add_drawn(objects, root, &state, &mut drawn);
+    }
+    drawn
+}
+
+/// Adds what is drawn of one of them; whether that is all of it.
+fn add_drawn(
+    objects: &[ViewObject],
+    index: usize,
+    state: &impl Fn(usize) -> ObjectState,
+    drawn: &mut Vec<usize>,
+) -> bool {
+    let ObjectState { is_there, is_divided } = state(index);
+    if is_there && !is_divided {
+        drawn.push(index);
+        return true;
+    }
+    let before = drawn.len();
+    let parts = objects[index].parts.iter();
+    let has_all = parts.fold(true, |all, &part| add_drawn(objects, part, state, drawn) && all);
+    if is_divided && has_all {
+        return true;
+    }
+    if is_there {
+        drawn.truncate(before);
+        drawn.push(index);
+    }
+    is_there
 }
 
 /// Something to be added, the most urgent first; of equals that with the lowest number.
@@ -232,11 +316,17 @@ impl PartialEq for Step {
 impl Eq for Step {}
 
 impl ViewObject {
-    /// The least that is shown of it, and the memory for that.
-    fn coarsest(&self) -> (ObjectDetail, u64) {
-        match self.preview {
-            Some(preview) => (ObjectDetail::Preview, preview.bytes),
-            None => (ObjectDetail::Whole, self.whole_bytes),
+    /// The least that is shown of it.
+    fn coarsest(&self) -> ObjectDetail {
+        if self.preview.is_some() { ObjectDetail::Preview } else { ObjectDetail::Whole }
+    }
+
+    /// Memory that a detail takes, on top of the one before.
+    fn bytes(&self, detail: ObjectDetail) -> u64 {
+        match detail {
+            ObjectDetail::Absent => 0,
+            ObjectDetail::Preview => self.preview.map_or(0, |preview| preview.bytes),
+            ObjectDetail::Whole => self.whole_bytes,
         }
     }
 
@@ -302,6 +392,42 @@ mod tests {
         let detail = |shown| choose_objects(&objects, &view(), 1000, &[shown]).details[0];
         assert_eq!(detail(ObjectDetail::Preview), ObjectDetail::Preview);
         assert_eq!(detail(ObjectDetail::Whole), ObjectDetail::Whole);
+    }
+
+    #[test]
+    fn of_equals_what_is_there_stays_until_another_is_clearly_nearer() {
+        use ObjectDetail::{Preview, Whole};
+        // Memory for the previews and one that is whole.
+        let budget = 102;
+        let at = |x: f32, shown: &[ObjectDetail]| {
+            let objects = [-1.0, 1.0].map(|x| object(Vec3::new(x, 0.0, -2.0), 0.5));
+            let view = StreamView { eye: Vec3::X * x, ..view() };
+            let choice = choose_objects(&objects, &view, budget, shown);
+            (choice.staying(&objects, budget, |_, detail| detail == Preview), choice.details)
+        };
+        let (_, left) = at(-0.01, &[]);
+        assert_eq!(left, [Whole, Preview]);
+        for x in [0.01, 0.1, -0.1, 0.3] {
+            assert_eq!(at(x, &left), (vec![], left.clone()), "{x}");
+        }
+        // The second comes, and the first stays until it is there.
+        let (staying, right) = at(2.0, &left);
+        assert_eq!((&staying[..], &right[..]), (&[0][..], &[Preview, Whole][..]));
+        assert_eq!(at(2.0, &[Whole, Whole]).1, right);
+        assert_eq!(at(-0.1, &right).1, right);
+    }
+
+    #[test]
+    fn what_is_displaced_leaves_for_what_is_there() {
+        let objects = [-2.0, -3.0, -4.0, -5.0].map(|z| object(Vec3::Z * z, 0.5));
+        let shown = [ObjectDetail::Preview, ObjectDetail::Preview, ObjectDetail::Whole, ObjectDetail::Whole];
+        let choice = choose_objects(&objects, &view(), 204, &shown);
+        assert_eq!((&choice.details[..2], &choice.displaced), (&[ObjectDetail::Whole; 2][..], &vec![2, 3]));
+        let staying = |there: usize| {
+            let is_there = |index: usize, detail| detail == ObjectDetail::Preview || index < there;
+            choice.staying(&objects, 204, is_there)
+        };
+        assert_eq!([0, 1, 2].map(staying), [vec![2, 3], vec![2], vec![]]);
     }
 
     #[test]
@@ -379,6 +505,33 @@ mod tests {
         assert_eq!(at(130.0, 1000, &middle.details).details, far.details);
     }
 
+    #[test]
+    fn a_coarse_asset_is_drawn_until_all_of_its_parts_are_there() {
+        let mut objects: Vec<_> = [0.0, 1.0, 2.0, 3.0].map(|x| object(Vec3::X * x, 0.05)).into();
+        for parts in [vec![0, 1], vec![2, 3], vec![4, 5]] {
+            objects.push(over(&objects, parts, 2, 0.2));
+        }
+        let roots = root_objects(&objects);
+        assert_eq!(roots, [6]);
+        let drawn = |absent: &[usize], divided: &[usize]| {
+            drawn_objects(&objects, &roots, |index| ObjectState {
+                is_there: !absent.contains(&index),
+                is_divided: divided.contains(&index),
+            })
+        };
+        assert_eq!(drawn(&[], &[]), [6]);
+        assert_eq!(drawn(&[], &[6]), [4, 5]);
+        assert_eq!(drawn(&[], &[4, 6]), [0, 1, 5]);
+        assert_eq!(drawn(&[4, 5, 6], &[4, 5, 6]), [0, 1, 2, 3]);
+        // A part is missing, then what stands for it, then what stands for that.
+        assert_eq!(drawn(&[3], &[4, 5, 6]), [0, 1, 5]);
+        assert_eq!(drawn(&[3, 5], &[4, 5, 6]), [6]);
+        assert_eq!(drawn(&[3, 5, 6], &[4, 5, 6]), [0, 1, 2]);
+        // Nothing has come yet; then it is parts that leave.
+        assert!(drawn(&[0, 1, 2, 3, 4, 5, 6], &[]).is_empty());
+        assert_eq!(drawn(&[6], &[]), [4, 5]);
+    }
+
     /// Objects, and coarse assets over runs of what is part of nothing yet, each with a detail so many times as long.
     fn any_tree() -> impl Strategy<Value = Vec<ViewObject>> {
         let objects = prop::collection::vec(any_object(), 1..40);
@@ -426,8 +579,10 @@ mod tests {
             let all = choose_objects(&objects, &view, u64::MAX, &[]);
             prop_assert!(choice.details.iter().zip(&all.details).all(|(some, all)| some <= all));
             // Whoever is content with what there is, is so with it again.
-            let again = choose_objects(&objects, &view, u64::MAX, &all.details);
-            prop_assert_eq!(again.details, all.details);
+            for (choice, budget) in [(choice, budget), (all, u64::MAX)] {
+                let again = choose_objects(&objects, &view, budget, &choice.details);
+                prop_assert_eq!(again.details, choice.details);
+            }
         }
 
         #[test]

@@ -194,6 +194,17 @@ impl Streamer {
         self.predicted.set_max_anisotropy(max_anisotropy);
     }
 
+    /// Another [work](StreamerOptions::frame_nanoseconds) of a sixtieth of a second, from the next update on.
+    pub fn set_frame_nanoseconds(&mut self, nanoseconds: u32) {
+        self.options.frame_nanoseconds = nanoseconds;
+        self.residency.work.regular = nanoseconds;
+    }
+
+    /// What of that the last update has used; a little more than all where the last step was a long one.
+    pub fn used_nanoseconds(&self) -> u32 {
+        self.residency.work.used_nanoseconds()
+    }
+
     /// What the atlas stores of a resident page: updates in place have no room for more.
     pub fn outline(&self, page: PageId) -> Outline {
         self.residency.outline(page)

@@ -10,11 +10,11 @@
 //!  Model: draws what is there; a preview until its object has its texels, a coarse asset until all of its parts are there
 //! ```
 
+mod drawing;
 mod opening;
 #[cfg(not(target_arch = "wasm32"))]
 mod settling;
 
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -22,15 +22,13 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
 use fantex_stream::{
-    FrameOptions, ObjectDetail, StreamStatistics, StreamView, ViewObject, World, choose_objects,
+    FrameOptions, ObjectDetail, PoolShares, SharedWork, StreamStatistics, StreamView, ViewObject, World,
+    choose_objects, root_objects, url_of,
 };
 use glam::Vec3;
-use opening::{Opened, OpenedDetail, Order, What};
+use opening::{Opened, OpenedDetail, Opening, Order, What};
 
-use crate::{FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view};
-
-/// Objects that are opened at a time.
-const OPENED_AT_ONCE: usize = 2;
+use crate::{FanModel, Gpu, ModelSpace, StreamedModel, max_anisotropy, stream_view};
 
 /// Seconds after which an object takes its preview's place even if it lacks texels.
 const MAX_FILLING_SECONDS: f32 = 3.0;
@@ -40,7 +38,7 @@ const MAX_FILLING_SECONDS: f32 = 3.0;
 pub struct WorldOptions {
     /// Graphics memory for the texels of whole objects, bytes.
     pub pool_bytes: u64,
-    /// Main and graphics memory for meshes and covers, for previews and coarse assets, bytes. What is being opened comes on top of it.
+    /// Main and graphics memory for meshes and covers, for previews and coarse assets, bytes. What is being opened comes on top of both.
     pub geometry_bytes: u64,
     /// How textures will be filtered.
     pub filter: FilterOptions,
@@ -86,10 +84,10 @@ pub struct StreamedWorld {
     /// Numbers of those that are part of no coarse asset.
     roots: Vec<usize>,
     options: WorldOptions,
-    /// Whole objects among which the pool is divided, a power of two.
-    shares: u64,
+    /// Whole objects among which the pool is divided.
+    shares: PoolShares,
     opened: (Sender<Opened>, Receiver<Opened>),
-    opening: usize,
+    opening: Opening,
     statistics: WorldStatistics,
     /// Objects and coarse assets that are drawn, the nearest first.
     drawn: Vec<usize>,
@@ -168,19 +166,17 @@ impl StreamedWorld {
         let space = world.space_to_show(index)?;
         let shapes = world.view_objects(&space)?;
         let boxes: Vec<_> = shapes[..world.objects.len()].iter().map(|shape| shape.bounds).collect();
-        let mut is_part = vec![false; shapes.len()];
-        shapes.iter().flat_map(|shape| &shape.parts).for_each(|&part| is_part[part] = true);
         Ok(Self {
             index: index.to_owned(),
             space: ModelSpace::of_boxes(space, &boxes),
+            objects: shapes.iter().map(|_| Object::default()).collect(),
+            roots: root_objects(&shapes),
             shapes,
-            objects: is_part.iter().map(|_| Object::default()).collect(),
-            roots: (0..is_part.len()).filter(|&node| !is_part[node]).collect(),
             world,
             options,
-            shares: 1,
+            shares: PoolShares::default(),
             opened: channel(),
-            opening: 0,
+            opening: Opening::default(),
             statistics: WorldStatistics::default(),
             drawn: Vec::new(),
             shown: Vec::new(),
@@ -247,7 +243,8 @@ impl StreamedWorld {
 
     /// Whether the picture stays as it is until the view changes.
     pub fn is_settled(&self) -> bool {
-        self.opening == 0
+        self.shares.is_settled()
+            && self.opening.is_none()
             && self.statistics.missing == 0
             && self.objects.iter().filter_map(|object| object.whole.get()).all(|whole| {
                 whole.filling.is_none()
@@ -289,8 +286,14 @@ impl StreamedWorld {
         self.take_opened();
         let view = stream_view(camera, size, &self.space);
         let shown: Vec<_> = self.objects.iter().map(Object::detail).collect();
-        let choice = choose_objects(&self.shapes, &view, self.options.geometry_bytes, &shown);
-        for ((object, shape), &detail) in self.objects.iter_mut().zip(&self.shapes).zip(&choice.details) {
+        let budget_bytes = self.options.geometry_bytes;
+        let choice = choose_objects(&self.shapes, &view, budget_bytes, &shown);
+        let is_there = |index: usize, detail| self.objects[index].has(detail);
+        let mut details = choice.details.clone();
+        for index in choice.staying(&self.shapes, budget_bytes, is_there) {
+            details[index] = ObjectDetail::Whole;
+        }
+        for ((object, shape), detail) in self.objects.iter_mut().zip(&self.shapes).zip(details) {
             if detail < ObjectDetail::Whole {
                 object.whole.empty();
             }
@@ -304,29 +307,37 @@ impl StreamedWorld {
         self.statistics.missing = missing.len();
         self.statistics.geometry_bytes = choice.bytes;
         for (index, detail) in missing {
-            if self.opening < OPENED_AT_ONCE {
-                self.open(gpu, index, detail)?;
+            if self.opening.is_full() {
+                break;
             }
+            self.open(gpu, index, detail);
         }
         let wholes = choice.order.iter().filter(|(_, detail)| *detail == ObjectDetail::Whole);
-        let whole = wholes.count() as u64;
-        self.shares = whole.max(1).next_power_of_two();
+        self.shares.update(wholes.count() as u64, frame.elapsed_seconds);
         let mut has_changed = self.stream(gpu, &view, frame)?;
         has_changed |= self.order_drawn(view.eye);
         Ok(has_changed)
     }
 
-    /// Lets the whole objects stream; together they upload what a frame may.
+    /// Lets the whole objects stream, the nearest first; together they do and upload what a frame may.
     fn stream(&mut self, gpu: &Gpu, view: &StreamView, frame: FrameOptions) -> Result<bool> {
         let mut has_changed = false;
-        let pool_bytes = self.options.pool_bytes / self.shares;
+        let shares = self.shares.count();
+        let pool_bytes = self.options.pool_bytes / shares;
         let mut upload_bytes = frame.upload_bytes;
-        for whole in self.objects.iter_mut().filter_map(|object| object.whole.get_mut()) {
-            if whole.shares != self.shares {
+        let is_whole = |index: &usize| self.objects[*index].whole.get().is_some();
+        let mut wholes: Vec<usize> = (0..self.objects.len()).filter(is_whole).collect();
+        self.sort_by_distance(&mut wholes, view.eye);
+        let mut work = SharedWork::new(wholes.len());
+        for index in wholes {
+            let Some(whole) = self.objects[index].whole.get_mut() else { continue };
+            if whole.shares != shares {
                 whole.streamed.set_budget(gpu, pool_bytes)?;
-                whole.shares = self.shares;
+                whole.shares = shares;
             }
+            whole.streamed.streamer.set_frame_nanoseconds(work.next_turn());
             let changes = whole.streamed.advance(gpu, Some(view), FrameOptions { upload_bytes, ..frame });
+            work.spend(whole.streamed.streamer.used_nanoseconds());
             has_changed |= !(changes.uploads.is_empty() && changes.entries.is_empty());
             let uploaded: usize = changes.uploads.iter().map(|upload| upload.texels.bytes()).sum();
             upload_bytes = upload_bytes.saturating_sub(uploaded);
@@ -361,9 +372,15 @@ impl StreamedWorld {
         }
     }
 
-    /// Begins to open an object, its preview, or a coarse asset.
-    fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) -> Result<()> {
+    /// Begins to open an object, its preview, or a coarse asset, unless too many are being opened.
+    fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) {
         let is_whole = detail == ObjectDetail::Whole;
+        let place = World::place_of(&self.index, self.asset(index));
+        // A page has no files.
+        let is_remote = cfg!(target_arch = "wasm32") || url_of(&place).is_some();
+        if !self.opening.may_add(is_whole, is_remote) {
+            return;
+        }
         let what = match is_whole {
             true => What::Whole,
             false if index < self.world.objects.len() => What::Preview,
@@ -371,26 +388,25 @@ impl StreamedWorld {
         };
         let order = Order {
             object: index,
-            place: World::place_of(&self.index, self.asset(index)),
+            place,
             what,
             space: self.space.world_from_mesh,
-            pool_bytes: self.options.pool_bytes / self.shares,
+            pool_bytes: self.options.pool_bytes / self.shares.count(),
         };
-        opening::begin(gpu, order, self.opened.0.clone())?;
-        self.opening += 1;
+        opening::begin(gpu, order, self.opened.0.clone());
+        *self.opening.count(is_whole) += 1;
         let object = &mut self.objects[index];
         match is_whole {
             true => object.whole = Slot::Opening,
             false => object.preview = Slot::Opening,
         }
-        Ok(())
     }
 
     /// Takes over what has been opened.
     fn take_opened(&mut self) {
         let anisotropy = max_anisotropy(&self.options.filter);
         while let Ok(Opened { object: index, result }) = self.opened.1.try_recv() {
-            self.opening -= 1;
+            *self.opening.count(matches!(result, OpenedDetail::Whole(_))) -= 1;
             let object = &mut self.objects[index];
             let error = match result {
                 OpenedDetail::Preview(preview) => {
@@ -420,67 +436,22 @@ impl StreamedWorld {
         }
     }
 
-    /// Whether an object or a coarse asset can be drawn, by itself or, where it is divided, by its parts.
-    fn is_there(&self, index: usize) -> bool {
-        self.objects[index].drawn().is_some() || (self.objects[index].is_divided && self.has_parts(index))
-    }
-
-    /// Whether all parts of a coarse asset are there.
-    fn has_parts(&self, index: usize) -> bool {
-        self.shapes[index].parts.iter().all(|&part| self.is_there(part))
-    }
-
-    /// Adds what is drawn of an object or a coarse asset: that itself until all of its parts are there; these, where it is not there itself.
-    fn add_drawn(&self, index: usize, drawn: &mut Vec<usize>) {
-        let object = &self.objects[index];
-        let is_divided = object.is_divided && self.has_parts(index);
-        if object.drawn().is_some() && !is_divided {
-            drawn.push(index);
-        } else {
-            self.shapes[index].parts.iter().for_each(|&part| self.add_drawn(part, drawn));
-        }
-    }
-
-    /// Lists what is drawn, the nearest first. Returns whether that is something else than before.
-    fn order_drawn(&mut self, eye: Vec3) -> bool {
-        let mut drawn = Vec::new();
-        self.roots.iter().for_each(|&root| self.add_drawn(root, &mut drawn));
-        let distance = |index: &usize| self.shapes[*index].distance(eye);
-        drawn.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
-        let statistics = &mut self.statistics;
-        (statistics.whole, statistics.previews, statistics.coarse, statistics.triangles) = (0, 0, 0, 0);
-        for &index in &drawn {
-            let Some(object) = self.world.objects.get(index) else {
-                statistics.coarse += 1;
-                statistics.triangles += self.world.coarse[index - self.world.objects.len()].triangles;
-                continue;
-            };
-            match self.objects[index].is_whole_drawn() {
-                true => {
-                    (statistics.whole, statistics.triangles) =
-                        (statistics.whole + 1, statistics.triangles + object.triangles)
-                }
-                false => {
-                    statistics.previews += 1;
-                    statistics.triangles += object.preview.map_or(0, |preview| preview.triangles);
-                }
-            }
-        }
-        let mut shown: Vec<(usize, bool)> =
-            drawn.iter().map(|&index| (index, self.objects[index].is_whole_drawn())).collect();
-        shown.sort_unstable();
-        let has_changed = shown != self.shown;
-        self.revision += u64::from(has_changed);
-        (self.drawn, self.shown) = (drawn, shown);
-        has_changed
-    }
-
-    fn drawn(&self) -> impl DoubleEndedIterator<Item = &FanModel> {
-        self.drawn.iter().filter_map(|&index| self.objects[index].drawn())
+    /// Sorts objects and coarse assets, the nearest first.
+    fn sort_by_distance(&self, indices: &mut [usize], eye: Vec3) {
+        // A distance costs hundreds of others. None is negative, so they have the order of their bits.
+        indices.sort_by_cached_key(|&index| (self.shapes[index].distance(eye).to_bits(), index));
     }
 }
 
 impl Object {
+    fn has(&self, detail: ObjectDetail) -> bool {
+        match detail {
+            ObjectDetail::Absent => true,
+            ObjectDetail::Preview => self.preview.get().is_some(),
+            ObjectDetail::Whole => self.whole.get().is_some(),
+        }
+    }
+
     fn detail(&self) -> ObjectDetail {
         match (&self.whole, &self.preview) {
             _ if self.is_divided => ObjectDetail::Whole,
@@ -488,67 +459,5 @@ impl Object {
             (_, Slot::There(_) | Slot::Opening) => ObjectDetail::Preview,
             _ => ObjectDetail::Absent,
         }
-    }
-
-    fn is_whole_drawn(&self) -> bool {
-        self.whole.get().is_some_and(|whole| whole.filling.is_none() || self.preview.get().is_none())
-    }
-
-    /// What is drawn of it.
-    fn drawn(&self) -> Option<&FanModel> {
-        if self.is_whole_drawn() {
-            self.whole.get().map(|whole| &whole.streamed.model)
-        } else {
-            self.preview.get()
-        }
-    }
-
-    fn drawn_mut(&mut self) -> Option<&mut FanModel> {
-        match self.is_whole_drawn() {
-            true => self.whole.get_mut().map(|whole| &mut whole.streamed.model),
-            false => self.preview.get_mut(),
-        }
-    }
-}
-
-impl Model for StreamedWorld {
-    fn space(&self) -> &ModelSpace {
-        &self.space
-    }
-
-    fn shadow_revision(&self) -> u64 {
-        // Models come and go with revisions of their own: sums of them may be the same for others.
-        let mut hasher = DefaultHasher::new();
-        self.revision.hash(&mut hasher);
-        for &(index, _) in &self.shown {
-            self.objects[index].drawn().map(Model::shadow_revision).hash(&mut hasher);
-        }
-        hasher.finish()
-    }
-
-    fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        frame: &FrameContext<'_>,
-    ) -> Result<()> {
-        for &index in &self.drawn {
-            if let Some(model) = self.objects[index].drawn_mut() {
-                model.prepare(gpu, encoder, frame)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.drawn().for_each(|model| model.draw_casters(pass));
-    }
-
-    fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.drawn().for_each(|model| model.draw_opaque(pass));
-    }
-
-    fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.drawn().rev().for_each(|model| model.draw_layered(pass));
     }
 }

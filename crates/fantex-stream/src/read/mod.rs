@@ -124,7 +124,8 @@ impl std::fmt::Display for ReaderInfo {
     }
 }
 
-/// Reads in the background. Dropping it waits for the reads that are in flight and gives up the others.
+/// Reads in the background. Dropping it gives up the reads that have not begun and waits for those that are in flight: those of a file, so
+/// that it is closed. A server may take a minute to answer; its reads end by themselves.
 pub trait QueuedReader: Send {
     /// Queues a read. It completes once, with bytes or an error, unless it is cancelled before it begins. Reads begin in the
     /// order of their submission.
@@ -523,6 +524,10 @@ impl QueuedReader for LaneReader {
 impl Drop for LaneReader {
     fn drop(&mut self) {
         self.queue.close();
+        // Whoever draws must not wait for a server.
+        if self.info.kind == ReaderKind::Http {
+            return;
+        }
         for thread in self.threads.drain(..) {
             // A thread that panicked has said so.
             thread.join().unwrap_or_default();

@@ -104,8 +104,8 @@ impl FrameWork {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Work {
-    /// Nanoseconds for a sixtieth of a second.
-    regular: u32,
+    /// Nanoseconds for a sixtieth of a second; another number holds from the next frame on.
+    pub(crate) regular: u32,
     /// Seconds of filling that are left after a jump of the camera.
     filling_seconds: f32,
     /// Nanoseconds that the frame may spend.
@@ -159,6 +159,11 @@ impl Work {
     pub(crate) fn bounding_nanoseconds(&self) -> u32 {
         let left = self.frame.saturating_sub(self.spent);
         left.min(self.frame / 8 * BOUNDING_EIGHTHS).max(self.frame / 32)
+    }
+
+    /// What the last frame has spent, in nanoseconds for a sixtieth of a second.
+    pub(crate) fn used_nanoseconds(&self) -> u32 {
+        (f64::from(self.regular) * f64::from(self.spent) / f64::from(self.frame.max(1))) as u32
     }
 
     pub(super) fn spend(&mut self, item: Item, times: u32) {

@@ -248,6 +248,23 @@ fn pages_of_many_triangles_are_demanded_as_they_are_seen() {
     }
 }
 
+/// Several streamers share the work of a frame.
+#[test]
+fn an_update_does_the_work_that_it_is_given() {
+    let geometry = covered(generate::icosphere(5), 1 << 22, 0, false);
+    let mut streamer = streamer(&geometry, 16.0);
+    let view = look(Vec3::new(0.0, 0.4, 2.5), Vec3::ZERO, 50.0);
+    let mut requests = 0;
+    for nanoseconds in [10_000, 10_000, 1 << 30] {
+        streamer.set_frame_nanoseconds(nanoseconds);
+        streamer.update(Some(&view), FrameOptions::default());
+        let (used, now) = (streamer.used_nanoseconds(), streamer.statistics().requests);
+        assert!(used > 0 && used < nanoseconds + 30_000, "{used} of {nanoseconds}");
+        let asked = now - std::mem::replace(&mut requests, now);
+        assert!(if nanoseconds == 10_000 { asked < 50 } else { asked > 100 }, "{asked} in {nanoseconds}");
+    }
+}
+
 fn land() -> fantex_mesh::Model {
     let options = generate::LandscapeOptions { triangles: 20_000, ..Default::default() };
     generate::landscape(&options).unwrap().into()
