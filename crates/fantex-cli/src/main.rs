@@ -139,7 +139,7 @@ pub(crate) struct CommonArgs {
     /// Fail where coarser texels stand in for damaged ones
     #[arg(long, global = true)]
     pub(crate) strict: bool,
-    /// Overwrite existing files
+    /// Overwrite existing files, except assets that another program is editing
     #[arg(long, global = true)]
     pub(crate) force: bool,
     /// Seed of everything random

@@ -167,7 +167,7 @@ impl<'a> Baker<'a> {
         Self { options: BakeOptions { quality, ..self.options }, ..self }
     }
 
-    /// Replaces an existing file.
+    /// Replaces an existing file, unless somebody edits it.
     pub fn overwrite(self, force: bool) -> Self {
         Self { options: BakeOptions { force, ..self.options }, ..self }
     }

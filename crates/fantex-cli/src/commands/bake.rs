@@ -9,7 +9,7 @@ use fantex::addresses::{Target, check_is_path};
 use fantex::bake::{BakeSummary, LightMapNoise, Progress};
 use fantex::export::ExportOptions;
 use fantex::photos::PhotoReport;
-use fantex::store::Plan;
+use fantex::store::{Plan, WriterLock};
 use fantex::{BakeFormat, Baked, Baker, Error, FileKind, Fit, Mesh, ModelKind, Quality, Result, model_notes};
 use serde::Serialize;
 
@@ -315,6 +315,10 @@ fn with_job<T>(
         )));
     }
     context.check_target_of(output, [args.model.as_path()])?;
+    if context.force && matches!(goal, Goal::Asset) {
+        // Who edits it is told of before any work is done.
+        drop(WriterLock::of_replaced(output)?);
+    }
     show_notes(&mesh, context);
     let source = match (&args.look, &args.source) {
         (Some(look), _) => SourceArg::Look(look.clone()),

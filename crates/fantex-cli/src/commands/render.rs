@@ -77,9 +77,15 @@ pub(crate) struct RenderArgs {
     /// Draw on the graphics card (any Vulkan, Metal or DirectX 12 adapter; software too) with 1 or 4 samples
     #[arg(long)]
     gpu: bool,
-    /// Graphics memory for an asset's texels
-    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "64M", requires = "gpu", value_parser = bytes)]
-    pool: u64,
+    /// Graphics memory for an asset's texels [default: 64M]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, requires = "gpu", value_parser = bytes)]
+    pool: Option<u64>,
+}
+
+impl RenderArgs {
+    fn pool_bytes(&self) -> u64 {
+        self.pool.unwrap_or(64 << 20)
+    }
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -120,11 +126,17 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
+    if args.pool.is_some() && scene.asset().is_none() {
+        return Err(Error::invalid(format!(
+            "--pool is for the texels of an asset, and {} is a model; leave it out",
+            args.file.display()
+        )));
+    }
     let camera = camera(args, scene.mesh(), &options);
     let lights = lights(args, &camera)?;
     let filter = args.filter.unwrap_or(Filter::Anisotropic);
     let (picture, info) = if args.gpu {
-        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool, context)?;
+        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool_bytes(), context)?;
         drawn.into_parts(scene.mesh().triangles.len() as u64)
     } else {
         let surface = scene.surface(filter)?;
@@ -223,7 +235,8 @@ fn draw_world(
     context: &Context,
 ) -> Result<(Picture, RenderInfo)> {
     let gpu = Arc::new(Gpu::headless(&GpuOptions::default())?);
-    let settings = WorldOptions { pool_bytes: args.pool, geometry_bytes: context.memory_bytes / 2, filter };
+    let settings =
+        WorldOptions { pool_bytes: args.pool_bytes(), geometry_bytes: context.memory_bytes / 2, filter };
     let mut streamed = StreamedWorld::new(&args.file, Arc::new(world), settings)?;
     if !streamed.wait_until_settled(&gpu, camera, [options.width, options.height], MAX_WAIT)? {
         note_missing(context);

@@ -6,7 +6,7 @@ use clap::Args;
 use fantex::glam::{DVec3, Vec4};
 use fantex::look::LookFile;
 use fantex::texture::{ColorSpace, Image};
-use fantex::{LookTable, Result, look_texture};
+use fantex::{Error, LookTable, Result, look_texture};
 use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, SPACES, check_depth, saved};
@@ -60,9 +60,9 @@ pub(crate) struct TableArgs {
     /// Numbers of the file
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
     depth: FileDepth,
-    /// How they are written: colours as sRGB, heights and other numbers linear
-    #[arg(long, value_parser = one_of(&SPACES), default_value = "srgb")]
-    color_space: ColorSpace,
+    /// How they are written: colours as sRGB, heights and other numbers linear [default: srgb; floating-point numbers are linear]
+    #[arg(long, value_parser = one_of(&SPACES))]
+    color_space: Option<ColorSpace>,
 }
 
 #[derive(Debug, Serialize)]
@@ -78,6 +78,9 @@ struct TableInfo {
 }
 
 pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
+    if args.depth == FileDepth::Float && args.color_space == Some(ColorSpace::Srgb) {
+        return Err(Error::invalid("--depth float is always linear; leave --color-space srgb out"));
+    }
     let file = LookFile::read(&args.look)?;
     let (name, texture) = look_texture(&file, args.texture.as_deref(), context.resolve_options())?;
     let [width, height] = args.size;
@@ -119,7 +122,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
             true => Image::from_linear_rgb(width, height, &texels),
             false => Image::from_linear_rgba(width, height, &texels),
         };
-        let save = || saved(&image, args.depth, args.color_space, path);
+        let save = || saved(&image, args.depth, args.color_space.unwrap_or(ColorSpace::Srgb), path);
         series.as_mut().map_or_else(save, |series| series.write(path, save))?;
     }
     if let Some(series) = series {
