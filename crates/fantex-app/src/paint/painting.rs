@@ -565,9 +565,9 @@ impl Painting {
 
 #[cfg(test)]
 mod tests {
+    use fantex::Mesh;
     use fantex::bake::NoProgress;
     use fantex::mesh::generate::torus;
-    use fantex::mesh::{CleanOptions, clean};
     use fantex::paint::PaintOptions;
 
     use super::*;
@@ -577,7 +577,7 @@ mod tests {
     fn a_worker_that_has_failed_is_told_once_and_nothing_waits_for_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("torus.fan");
-        let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+        let mesh = Mesh::from_model(torus(24, 12), "torus").unwrap();
         let new = NewAsset { texels: Some(5_000), ..NewAsset::default() };
         bake_model(&mesh, &new, &path, &NoProgress).unwrap();
         let painter = Painter::open(&path, &PaintOptions::default()).unwrap();
