@@ -34,7 +34,10 @@ const VERSIONS: [u32; 2] = [1, 2];
 /// of 0.5 and 1.9 M triangles in the viewer, on a software adapter: 637.)
 const TRIANGLE_BYTES: u64 = 640;
 
-/// The same of a preview, of which only what is drawn is kept.
+/// What else an open object takes: its threads, their buffers, what is cached of its texels.
+const OBJECT_BYTES: u64 = 1 << 20;
+
+/// What a triangle of a preview takes, of which only what is drawn is kept.
 const PREVIEW_TRIANGLE_BYTES: u64 = 256;
 
 /// Texels of a preview take so many bytes each, in all channels.
@@ -354,7 +357,7 @@ impl WorldObject {
         ViewObject {
             bounds: [self.low, self.high].map(|corner| space.inverse_point(DVec3::from(corner))),
             surface: SurfaceSamples::default(),
-            whole_bytes: self.triangles.saturating_mul(TRIANGLE_BYTES),
+            whole_bytes: self.triangles.saturating_mul(TRIANGLE_BYTES).saturating_add(OBJECT_BYTES),
             preview,
             parts: Vec::new(),
         }

@@ -235,7 +235,7 @@ fn sectors_are_the_whole_and_fit_together_with_previews() {
     let psnr = psnr_db(&shown, &expected).unwrap();
     assert!(psnr > 55.0, "whole: {psnr} dB");
     // Memory for half of the sectors: previews stand beside them, and nothing is seen through.
-    let sizes = world.objects.iter().map(|object| object.triangles * 640);
+    let sizes = world.objects.iter().map(|object| object.triangles * 640 + (1 << 20));
     let options = WorldOptions { geometry_bytes: sizes.sum::<u64>() / 2, ..WorldOptions::default() };
     let near = Camera { eye: middle + DVec3::new(0.1, 0.25, 0.15) * size, ..above };
     let expected = alone(&gpu, &path, &near);

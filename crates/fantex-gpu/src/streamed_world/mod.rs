@@ -23,15 +23,12 @@ use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
 use fantex_stream::{
     FrameOptions, ObjectDetail, PoolShares, SharedWork, StreamStatistics, StreamView, ViewObject, World,
-    choose_objects,
+    choose_objects, url_of,
 };
 use glam::Vec3;
-use opening::{Opened, OpenedDetail, Order, What};
+use opening::{Opened, OpenedDetail, Opening, Order, What};
 
 use crate::{FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view};
-
-/// Objects that are opened at a time.
-const OPENED_AT_ONCE: usize = 2;
 
 /// Seconds after which an object takes its preview's place even if it lacks texels.
 const MAX_FILLING_SECONDS: f32 = 3.0;
@@ -90,7 +87,7 @@ pub struct StreamedWorld {
     /// Whole objects among which the pool is divided.
     shares: PoolShares,
     opened: (Sender<Opened>, Receiver<Opened>),
-    opening: usize,
+    opening: Opening,
     statistics: WorldStatistics,
     /// Objects and coarse assets that are drawn, the nearest first.
     drawn: Vec<usize>,
@@ -181,7 +178,7 @@ impl StreamedWorld {
             options,
             shares: PoolShares::default(),
             opened: channel(),
-            opening: 0,
+            opening: Opening::default(),
             statistics: WorldStatistics::default(),
             drawn: Vec::new(),
             shown: Vec::new(),
@@ -249,7 +246,7 @@ impl StreamedWorld {
     /// Whether the picture stays as it is until the view changes.
     pub fn is_settled(&self) -> bool {
         self.shares.is_settled()
-            && self.opening == 0
+            && self.opening.is_none()
             && self.statistics.missing == 0
             && self.objects.iter().filter_map(|object| object.whole.get()).all(|whole| {
                 whole.filling.is_none()
@@ -312,9 +309,10 @@ impl StreamedWorld {
         self.statistics.missing = missing.len();
         self.statistics.geometry_bytes = choice.bytes;
         for (index, detail) in missing {
-            if self.opening < OPENED_AT_ONCE {
-                self.open(gpu, index, detail)?;
+            if self.opening.is_full() {
+                break;
             }
+            self.open(gpu, index, detail);
         }
         let wholes = choice.order.iter().filter(|(_, detail)| *detail == ObjectDetail::Whole);
         self.shares.update(wholes.count() as u64, frame.elapsed_seconds);
@@ -376,9 +374,15 @@ impl StreamedWorld {
         }
     }
 
-    /// Begins to open an object, its preview, or a coarse asset.
-    fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) -> Result<()> {
+    /// Begins to open an object, its preview, or a coarse asset, unless too many are being opened.
+    fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) {
         let is_whole = detail == ObjectDetail::Whole;
+        let place = World::place_of(&self.index, self.asset(index));
+        // A page has no files.
+        let is_remote = cfg!(target_arch = "wasm32") || url_of(&place).is_some();
+        if !self.opening.may_add(is_whole, is_remote) {
+            return;
+        }
         let what = match is_whole {
             true => What::Whole,
             false if index < self.world.objects.len() => What::Preview,
@@ -386,26 +390,25 @@ impl StreamedWorld {
         };
         let order = Order {
             object: index,
-            place: World::place_of(&self.index, self.asset(index)),
+            place,
             what,
             space: self.space.world_from_mesh,
             pool_bytes: self.options.pool_bytes / self.shares.count(),
         };
-        opening::begin(gpu, order, self.opened.0.clone())?;
-        self.opening += 1;
+        opening::begin(gpu, order, self.opened.0.clone());
+        *self.opening.count(is_whole) += 1;
         let object = &mut self.objects[index];
         match is_whole {
             true => object.whole = Slot::Opening,
             false => object.preview = Slot::Opening,
         }
-        Ok(())
     }
 
     /// Takes over what has been opened.
     fn take_opened(&mut self) {
         let anisotropy = max_anisotropy(&self.options.filter);
         while let Ok(Opened { object: index, result }) = self.opened.1.try_recv() {
-            self.opening -= 1;
+            *self.opening.count(matches!(result, OpenedDetail::Whole(_))) -= 1;
             let object = &mut self.objects[index];
             let error = match result {
                 OpenedDetail::Preview(preview) => {

@@ -10,6 +10,7 @@ use fantex_mesh::{Mesh, WorldFromMesh};
 use fantex_store::Asset;
 #[cfg(target_arch = "wasm32")]
 use fantex_stream::MAX_COARSE_BYTES;
+use fantex_stream::read::FileReadOptions;
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Geometry, SurfaceSamples, World};
 
 use crate::{FanModel, Gpu, Model as _, StreamedModel};
@@ -37,6 +38,44 @@ pub(super) enum What {
     Coarse,
 }
 
+/// Objects, previews and coarse assets that are opened at a time.
+const OPENED_AT_ONCE: usize = 2;
+
+/// Previews and coarse assets that are fetched at a time from addresses, beside as many objects: they mostly wait for answers.
+const FETCHED_AT_ONCE: usize = 6;
+
+/// How many are being opened.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Opening {
+    wholes: usize,
+    /// Previews and coarse assets.
+    small: usize,
+}
+
+impl Opening {
+    pub(super) fn is_none(self) -> bool {
+        self.wholes + self.small == 0
+    }
+
+    /// Whether there can be no more, of whatever kind.
+    pub(super) fn is_full(self) -> bool {
+        self.wholes >= OPENED_AT_ONCE && self.small >= FETCHED_AT_ONCE
+    }
+
+    /// Whether another may be opened: a whole object or something small, from an address or from a file.
+    pub(super) fn may_add(self, is_whole: bool, is_remote: bool) -> bool {
+        match (is_remote, is_whole) {
+            (false, _) => self.wholes + self.small < OPENED_AT_ONCE,
+            (true, true) => self.wholes < OPENED_AT_ONCE,
+            (true, false) => self.small < FETCHED_AT_ONCE,
+        }
+    }
+
+    pub(super) fn count(&mut self, is_whole: bool) -> &mut usize {
+        if is_whole { &mut self.wholes } else { &mut self.small }
+    }
+}
+
 /// What has been opened.
 pub(super) struct Opened {
     pub(super) object: usize,
@@ -49,13 +88,11 @@ pub(super) enum OpenedDetail {
     Whole(Result<Box<StreamedModel>>),
 }
 
-/// Begins to open something; what comes of it is sent.
-///
-/// # Errors
-/// The system refuses a thread.
+/// Begins to open something; what comes of it is sent, be it that the system refuses a thread.
 #[cfg(not(target_arch = "wasm32"))]
-pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Result<()> {
-    let (gpu, place) = (Arc::clone(gpu), order.place.clone());
+pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) {
+    let (gpu, place, object, what) = (Arc::clone(gpu), order.place.clone(), order.object, order.what);
+    let refused = sender.clone();
     let open = move || {
         let Order { object, place, what, space, pool_bytes } = order;
         let in_memory = |asset: Result<Asset>| {
@@ -71,17 +108,20 @@ pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Res
         sender.send(Opened { object, result }).unwrap_or_default();
     };
     let thread = std::thread::Builder::new().name("fantex-object".into());
-    thread.spawn(open).map(drop).map_err(|source| {
-        fantex_base::Error::unavailable(format!(
-            "cannot start a thread to open {}: {source}",
-            place.display()
-        ))
-    })
+    if let Err(source) = thread.spawn(open) {
+        let message = format!("cannot start a thread to open {}: {source}", place.display());
+        let error = fantex_base::Error::unavailable(message);
+        let result = match what {
+            What::Whole => OpenedDetail::Whole(Err(error)),
+            What::Preview | What::Coarse => OpenedDetail::Preview(Err(error)),
+        };
+        refused.send(Opened { object, result }).unwrap_or_default();
+    }
 }
 
 /// As above, by a task of the page: meshes and covers are fetched beside what is drawn, and unpacked between two frames.
 #[cfg(target_arch = "wasm32")]
-pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Result<()> {
+pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) {
     let gpu = Arc::clone(gpu);
     fantex_stream::read::spawn(async move {
         let Order { object, place, what, space, pool_bytes } = order;
@@ -99,7 +139,6 @@ pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) -> Res
         // Whoever dropped the world does not want it.
         sender.send(Opened { object, result }).unwrap_or_default();
     });
-    Ok(())
 }
 
 #[cfg(not(target_arch = "wasm32"))]
@@ -147,7 +186,10 @@ fn remote_file(place: &Path) -> std::rc::Rc<fantex_stream::read::RemoteFile> {
     std::rc::Rc::new(fantex_stream::read::RemoteFile::new(place.to_string_lossy().into_owned()))
 }
 
-/// Caches are small: many objects have one each.
+/// Reads of an object in flight at most: where the system has no completion queue, each takes a thread.
+const READS_IN_FLIGHT: usize = 4;
+
+/// Caches are small, and threads few: many objects have their own.
 fn loader_options(gpu: &Gpu) -> ClusterLoaderOptions {
     ClusterLoaderOptions {
         block_compressed: gpu.has_block_compression(),
@@ -156,6 +198,7 @@ fn loader_options(gpu: &Gpu) -> ClusterLoaderOptions {
         cache_bytes: 8 << 20,
         stored_cache_bytes: 16 << 20,
         ready_bytes: 4 << 20,
+        file: FileReadOptions { depth: READS_IN_FLIGHT, ..FileReadOptions::default() },
         ..ClusterLoaderOptions::default()
     }
 }
@@ -205,4 +248,26 @@ fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
     mesh.move_to(*space);
     cover.move_between(&from, space);
     Arc::new(MovedGeometry { mesh, cover })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn previews_from_addresses_wait_beside_each_other_and_keep_no_object_waiting() {
+        let mut opening = Opening::default();
+        for is_whole in [false, true] {
+            while opening.may_add(is_whole, true) {
+                assert!(!opening.is_full());
+                *opening.count(is_whole) += 1;
+            }
+        }
+        assert_eq!((opening.wholes, opening.small), (OPENED_AT_ONCE, FETCHED_AT_ONCE));
+        assert!(opening.is_full());
+        let mut opening = Opening { wholes: 1, small: 0 };
+        assert!(opening.may_add(false, false));
+        *opening.count(false) += 1;
+        assert!(!opening.may_add(true, false) && !opening.may_add(false, false) && !opening.is_none());
+    }
 }

@@ -3,7 +3,7 @@
 use std::io;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 use std::time::{Duration, Instant};
 
 use fantex_store::ByteSource;
@@ -15,7 +15,7 @@ use super::object::{SignedRequest, StoredObject};
 use super::ranges::{Answered, RangeAnswer, ended_early, server_error};
 use super::{LaneReader, MAX_READ_BYTES, ReadBuffer, ReaderInfo, ReaderKind, RetryPolicy, is_transient};
 
-/// A file on a web server, or an object in an object store. Connections are kept and shared by threads.
+/// A file on a web server, or an object in an object store. Connections are kept and shared by all sources.
 #[derive(Debug)]
 pub struct HttpSource {
     url: String,
@@ -23,7 +23,8 @@ pub struct HttpSource {
     location: PathBuf,
     /// None on a web server; an error where the URL names no object.
     object: io::Result<Option<StoredObject>>,
-    agent: ureq::Agent,
+    /// Time for one request.
+    request_time: Duration,
     connections: usize,
     length: OnceLock<u64>,
     /// Tag or date of the file that the first answer came from; none where the server tells neither.
@@ -41,6 +42,25 @@ const MAX_READ_TIME: Duration = Duration::from_secs(90);
 
 /// Redirects of one request.
 const MAX_REDIRECTS: u32 = 8;
+
+/// Unused connections that are kept, for a while.
+const MAX_IDLE_CONNECTIONS: usize = 32;
+
+/// One for all sources: a world has hundreds of assets on one server.
+static AGENT: LazyLock<ureq::Agent> = LazyLock::new(|| {
+    let config = ureq::Agent::config_builder()
+        .http_status_as_error(false)
+        .accept_encoding("identity")
+        .max_idle_connections(MAX_IDLE_CONNECTIONS)
+        .max_idle_connections_per_host(MAX_IDLE_CONNECTIONS)
+        .timeout_connect(Some(Duration::from_secs(10)))
+        .timeout_recv_response(Some(Duration::from_secs(20)))
+        .timeout_per_read(Some(Duration::from_secs(20)))
+        .max_redirects(0)
+        .max_redirects_will_error(false)
+        .build();
+    config.new_agent()
+});
 
 pub(crate) fn client_error(error: ureq::Error) -> io::Error {
     let kind = match &error {
@@ -66,23 +86,11 @@ impl HttpSource {
 
     /// As [`HttpSource::new`], with another time for a request of at most 4 MiB, all redirects and the whole answer included.
     pub fn with_request_time(url: &str, connections: usize, time: Duration) -> Self {
-        let config = ureq::Agent::config_builder()
-            .http_status_as_error(false)
-            .accept_encoding("identity")
-            .max_idle_connections(connections)
-            .max_idle_connections_per_host(connections)
-            .timeout_connect(Some(Duration::from_secs(10)))
-            .timeout_recv_response(Some(Duration::from_secs(20)))
-            .timeout_per_read(Some(Duration::from_secs(20)))
-            .timeout_global(Some(time))
-            .max_redirects(0)
-            .max_redirects_will_error(false)
-            .build();
         Self {
             url: url.to_owned(),
             location: PathBuf::from(url),
             object: StoredObject::at(url),
-            agent: config.new_agent(),
+            request_time: time,
             connections: connections.max(1),
             length: OnceLock::new(),
             version: OnceLock::new(),
@@ -112,7 +120,8 @@ impl HttpSource {
             Err(error) => return Err(server_error(error.kind(), error.to_string())),
         };
         for _ in 0..=MAX_REDIRECTS {
-            let mut request = self.agent.get(&url).header(header::RANGE, range);
+            let request = AGENT.get(&url).config().timeout_global(Some(self.request_time)).build();
+            let mut request = request.header(header::RANGE, range);
             for (name, value) in &headers {
                 request = request.header(*name, value.as_str());
             }
@@ -223,9 +232,15 @@ impl HttpSource {
         if expected == 0 {
             return Ok(0);
         }
-        let got = fill(&mut response.body_mut().as_reader(), &mut bytes[..expected])?;
+        let is_all = response.body().content_length() == Some(expected as u64);
+        let mut reader = response.body_mut().as_reader();
+        let got = fill(&mut reader, &mut bytes[..expected])?;
         if got < expected {
             return Err(ended_early(got, expected));
+        }
+        // A connection is used again once the end of the answer has been read.
+        if is_all {
+            fill(&mut reader, &mut [0]).unwrap_or_default();
         }
         Ok(got)
     }

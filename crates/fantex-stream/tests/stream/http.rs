@@ -1,9 +1,10 @@
 //! Reads from servers.
 
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
 
+use fantex_store::ByteSource as _;
 use fantex_stream::read::{HttpSource, QueuedReader as _, ReadRequest, http_reader};
 
 fn listen() -> (TcpListener, String) {
@@ -28,4 +29,22 @@ fn who_drops_a_reader_does_not_wait_for_the_server() {
     // The reading thread still waits for an answer: it has not closed the connection.
     stream.set_nonblocking(true).unwrap();
     assert_eq!(stream.peek(&mut [0]).unwrap_err().kind(), io::ErrorKind::WouldBlock);
+}
+
+#[test]
+fn sources_on_one_server_share_their_connections() {
+    let (listener, url) = listen();
+    let server = std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        for _ in 0..2 {
+            read_request(&stream);
+            let answer =
+                "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes 0-0/1\r\nContent-Length: 1\r\n\r\nx";
+            stream.write_all(answer.as_bytes()).unwrap();
+        }
+    });
+    for _ in 0..2 {
+        assert_eq!(HttpSource::new(&url, 1).length().unwrap(), 1);
+    }
+    server.join().unwrap();
 }
