@@ -198,11 +198,8 @@ pub fn choose_objects(
         ObjectChoice { details: vec![ObjectDetail::Absent; objects.len()], ..ObjectChoice::default() };
 
     // What is part of nothing, by its preview.
-    let mut is_part = vec![false; objects.len()];
-    objects.iter().flat_map(|object| &object.parts).for_each(|&part| is_part[part] = true);
-    let roots: Vec<usize> = (0..objects.len())
-        .filter(|&index| !is_part[index] && objects[index].pixels(view)[0] >= MIN_PIXELS)
-        .collect();
+    let mut roots = root_objects(objects);
+    roots.retain(|&index| objects[index].pixels(view)[0] >= MIN_PIXELS);
     let small = roots.iter().copied().filter(|&index| objects[index].preview.is_some());
     let mut sizes: Vec<Step> =
         small.map(|index| step(index, ObjectDetail::Preview, objects[index].pixels(view)[0])).collect();
@@ -235,6 +232,61 @@ pub fn choose_objects(
         }
     }
     choice
+}
+
+/// What is part of nothing.
+pub fn root_objects(objects: &[ViewObject]) -> Vec<usize> {
+    let mut is_part = vec![false; objects.len()];
+    objects.iter().flat_map(|object| &object.parts).for_each(|&part| is_part[part] = true);
+    (0..objects.len()).filter(|&index| !is_part[index]).collect()
+}
+
+/// What there is of an object or a coarse asset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ObjectState {
+    /// It can be drawn: whole, by its preview, or as the coarse asset.
+    pub is_there: bool,
+    /// It is a coarse asset in whose place its parts are wanted.
+    pub is_divided: bool,
+}
+
+/// What is drawn of what is there of `roots`: a coarse asset until all of its parts are there; where it is not there itself, those parts that
+/// are.
+pub fn drawn_objects(
+    objects: &[ViewObject],
+    roots: &[usize],
+    state: impl Fn(usize) -> ObjectState,
+) -> Vec<usize> {
+    let mut drawn = Vec::new();
+    for &root in roots {
+        add_drawn(objects, root, &state, &mut drawn);
+    }
+    drawn
+}
+
+/// Adds what is drawn of one of them; whether that is all of it.
+fn add_drawn(
+    objects: &[ViewObject],
+    index: usize,
+    state: &impl Fn(usize) -> ObjectState,
+    drawn: &mut Vec<usize>,
+) -> bool {
+    let ObjectState { is_there, is_divided } = state(index);
+    if is_there && !is_divided {
+        drawn.push(index);
+        return true;
+    }
+    let before = drawn.len();
+    let parts = objects[index].parts.iter();
+    let has_all = parts.fold(true, |all, &part| add_drawn(objects, part, state, drawn) && all);
+    if is_divided && has_all {
+        return true;
+    }
+    if is_there {
+        drawn.truncate(before);
+        drawn.push(index);
+    }
+    is_there
 }
 
 /// Something to be added, the most urgent first; of equals that with the lowest number.
@@ -451,6 +503,33 @@ mod tests {
         // At 0.9 pixels nothing changes.
         assert_eq!(at(90.0, 1000, &middle.details).details, middle.details);
         assert_eq!(at(130.0, 1000, &middle.details).details, far.details);
+    }
+
+    #[test]
+    fn a_coarse_asset_is_drawn_until_all_of_its_parts_are_there() {
+        let mut objects: Vec<_> = [0.0, 1.0, 2.0, 3.0].map(|x| object(Vec3::X * x, 0.05)).into();
+        for parts in [vec![0, 1], vec![2, 3], vec![4, 5]] {
+            objects.push(over(&objects, parts, 2, 0.2));
+        }
+        let roots = root_objects(&objects);
+        assert_eq!(roots, [6]);
+        let drawn = |absent: &[usize], divided: &[usize]| {
+            drawn_objects(&objects, &roots, |index| ObjectState {
+                is_there: !absent.contains(&index),
+                is_divided: divided.contains(&index),
+            })
+        };
+        assert_eq!(drawn(&[], &[]), [6]);
+        assert_eq!(drawn(&[], &[6]), [4, 5]);
+        assert_eq!(drawn(&[], &[4, 6]), [0, 1, 5]);
+        assert_eq!(drawn(&[4, 5, 6], &[4, 5, 6]), [0, 1, 2, 3]);
+        // A part is missing, then what stands for it, then what stands for that.
+        assert_eq!(drawn(&[3], &[4, 5, 6]), [0, 1, 5]);
+        assert_eq!(drawn(&[3, 5], &[4, 5, 6]), [6]);
+        assert_eq!(drawn(&[3, 5, 6], &[4, 5, 6]), [0, 1, 2]);
+        // Nothing has come yet; then it is parts that leave.
+        assert!(drawn(&[0, 1, 2, 3, 4, 5, 6], &[]).is_empty());
+        assert_eq!(drawn(&[6], &[]), [4, 5]);
     }
 
     /// Objects, and coarse assets over runs of what is part of nothing yet, each with a detail so many times as long.

@@ -10,11 +10,11 @@
 //!  Model: draws what is there; a preview until its object has its texels, a coarse asset until all of its parts are there
 //! ```
 
+mod drawing;
 mod opening;
 #[cfg(not(target_arch = "wasm32"))]
 mod settling;
 
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -23,12 +23,12 @@ use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
 use fantex_stream::{
     FrameOptions, ObjectDetail, PoolShares, SharedWork, StreamStatistics, StreamView, ViewObject, World,
-    choose_objects, url_of,
+    choose_objects, root_objects, url_of,
 };
 use glam::Vec3;
 use opening::{Opened, OpenedDetail, Opening, Order, What};
 
-use crate::{FanModel, FrameContext, Gpu, Model, ModelSpace, StreamedModel, max_anisotropy, stream_view};
+use crate::{FanModel, Gpu, ModelSpace, StreamedModel, max_anisotropy, stream_view};
 
 /// Seconds after which an object takes its preview's place even if it lacks texels.
 const MAX_FILLING_SECONDS: f32 = 3.0;
@@ -166,14 +166,12 @@ impl StreamedWorld {
         let space = world.space_to_show(index)?;
         let shapes = world.view_objects(&space)?;
         let boxes: Vec<_> = shapes[..world.objects.len()].iter().map(|shape| shape.bounds).collect();
-        let mut is_part = vec![false; shapes.len()];
-        shapes.iter().flat_map(|shape| &shape.parts).for_each(|&part| is_part[part] = true);
         Ok(Self {
             index: index.to_owned(),
             space: ModelSpace::of_boxes(space, &boxes),
+            objects: shapes.iter().map(|_| Object::default()).collect(),
+            roots: root_objects(&shapes),
             shapes,
-            objects: is_part.iter().map(|_| Object::default()).collect(),
-            roots: (0..is_part.len()).filter(|&node| !is_part[node]).collect(),
             world,
             options,
             shares: PoolShares::default(),
@@ -438,68 +436,10 @@ impl StreamedWorld {
         }
     }
 
-    /// Whether an object or a coarse asset can be drawn, by itself or, where it is divided, by its parts.
-    fn is_there(&self, index: usize) -> bool {
-        self.objects[index].drawn().is_some() || (self.objects[index].is_divided && self.has_parts(index))
-    }
-
-    /// Whether all parts of a coarse asset are there.
-    fn has_parts(&self, index: usize) -> bool {
-        self.shapes[index].parts.iter().all(|&part| self.is_there(part))
-    }
-
-    /// Adds what is drawn of an object or a coarse asset: that itself until all of its parts are there; these, where it is not there itself.
-    fn add_drawn(&self, index: usize, drawn: &mut Vec<usize>) {
-        let object = &self.objects[index];
-        let is_divided = object.is_divided && self.has_parts(index);
-        if object.drawn().is_some() && !is_divided {
-            drawn.push(index);
-        } else {
-            self.shapes[index].parts.iter().for_each(|&part| self.add_drawn(part, drawn));
-        }
-    }
-
     /// Sorts objects and coarse assets, the nearest first.
     fn sort_by_distance(&self, indices: &mut [usize], eye: Vec3) {
         // A distance costs hundreds of others. None is negative, so they have the order of their bits.
         indices.sort_by_cached_key(|&index| (self.shapes[index].distance(eye).to_bits(), index));
-    }
-
-    /// Lists what is drawn, the nearest first. Returns whether that is something else than before.
-    fn order_drawn(&mut self, eye: Vec3) -> bool {
-        let mut drawn = Vec::new();
-        self.roots.iter().for_each(|&root| self.add_drawn(root, &mut drawn));
-        self.sort_by_distance(&mut drawn, eye);
-        let statistics = &mut self.statistics;
-        (statistics.whole, statistics.previews, statistics.coarse, statistics.triangles) = (0, 0, 0, 0);
-        for &index in &drawn {
-            let Some(object) = self.world.objects.get(index) else {
-                statistics.coarse += 1;
-                statistics.triangles += self.world.coarse[index - self.world.objects.len()].triangles;
-                continue;
-            };
-            match self.objects[index].is_whole_drawn() {
-                true => {
-                    (statistics.whole, statistics.triangles) =
-                        (statistics.whole + 1, statistics.triangles + object.triangles)
-                }
-                false => {
-                    statistics.previews += 1;
-                    statistics.triangles += object.preview.map_or(0, |preview| preview.triangles);
-                }
-            }
-        }
-        let mut shown: Vec<(usize, bool)> =
-            drawn.iter().map(|&index| (index, self.objects[index].is_whole_drawn())).collect();
-        shown.sort_unstable();
-        let has_changed = shown != self.shown;
-        self.revision += u64::from(has_changed);
-        (self.drawn, self.shown) = (drawn, shown);
-        has_changed
-    }
-
-    fn drawn(&self) -> impl DoubleEndedIterator<Item = &FanModel> {
-        self.drawn.iter().filter_map(|&index| self.objects[index].drawn())
     }
 }
 
@@ -519,67 +459,5 @@ impl Object {
             (_, Slot::There(_) | Slot::Opening) => ObjectDetail::Preview,
             _ => ObjectDetail::Absent,
         }
-    }
-
-    fn is_whole_drawn(&self) -> bool {
-        self.whole.get().is_some_and(|whole| whole.filling.is_none() || self.preview.get().is_none())
-    }
-
-    /// What is drawn of it.
-    fn drawn(&self) -> Option<&FanModel> {
-        if self.is_whole_drawn() {
-            self.whole.get().map(|whole| &whole.streamed.model)
-        } else {
-            self.preview.get()
-        }
-    }
-
-    fn drawn_mut(&mut self) -> Option<&mut FanModel> {
-        match self.is_whole_drawn() {
-            true => self.whole.get_mut().map(|whole| &mut whole.streamed.model),
-            false => self.preview.get_mut(),
-        }
-    }
-}
-
-impl Model for StreamedWorld {
-    fn space(&self) -> &ModelSpace {
-        &self.space
-    }
-
-    fn shadow_revision(&self) -> u64 {
-        // Models come and go with revisions of their own: sums of them may be the same for others.
-        let mut hasher = DefaultHasher::new();
-        self.revision.hash(&mut hasher);
-        for &(index, _) in &self.shown {
-            self.objects[index].drawn().map(Model::shadow_revision).hash(&mut hasher);
-        }
-        hasher.finish()
-    }
-
-    fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        frame: &FrameContext<'_>,
-    ) -> Result<()> {
-        for &index in &self.drawn {
-            if let Some(model) = self.objects[index].drawn_mut() {
-                model.prepare(gpu, encoder, frame)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.drawn().for_each(|model| model.draw_casters(pass));
-    }
-
-    fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.drawn().for_each(|model| model.draw_opaque(pass));
-    }
-
-    fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
-        self.drawn().rev().for_each(|model| model.draw_layered(pass));
     }
 }
