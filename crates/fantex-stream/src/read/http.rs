@@ -249,7 +249,7 @@ impl HttpSource {
         }
         // A connection is used again once the end of the answer has been read.
         if is_all {
-            reader.read(&mut [0]).unwrap_or_default();
+            fill(&mut reader, &mut [0]).unwrap_or_default();
         }
         Ok(got)
     }
