@@ -31,7 +31,6 @@ use crate::paint::{PaintTool, Painting, PenEvent, StickerKind};
 use crate::pen::PenReadings;
 use crate::readout::Readout;
 use crate::scene_view::{PrepareScene, SceneModel};
-use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
 pub use exporting::{Exporting, HandedOver};
@@ -169,7 +168,8 @@ pub struct Viewer {
     pub look_model: Option<PathBuf>,
     /// What the user has to say before a model is opened.
     pub asked: Option<Asked>,
-    /// Whether how a model becomes an asset is asked; else it becomes one as usual.
+    /// Whether how a model becomes an asset is asked, and whether exports replace files beside them; else it becomes one as usual, and
+    /// they do.
     pub asks: bool,
     pub rig: CameraRig,
     pub path: Option<CameraPath>,
@@ -594,21 +594,6 @@ impl Viewer {
         }
     }
 
-    fn request_picture(&mut self, times: u32) {
-        if self.document.is_some() || self.live.is_some() {
-            let path = self.next_picture(&self.stem());
-            self.request(Request::Picture { path, size: PictureSize::Times(times) });
-        }
-    }
-
-    /// A name for a picture. It may be long until there is a file of it.
-    fn next_picture(&mut self, stem: &str) -> PathBuf {
-        self.named_pictures.retain(|path| !path.exists());
-        let path = next_free(&self.picture_folder, stem, "png", &self.named_pictures);
-        self.named_pictures.push(path.clone());
-        path
-    }
-
     /// The document's name without extension, for names of pictures.
     pub fn stem(&self) -> String {
         let live = self.live.as_ref().map(|live| live.path().to_owned());
@@ -883,4 +868,5 @@ mod keys;
 mod leaving;
 mod opening;
 mod painting;
+mod pictures;
 mod pointing;

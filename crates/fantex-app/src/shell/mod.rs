@@ -407,6 +407,7 @@ impl<'a> Shell<'a> {
             self.workspace.pictures.save(captured.path, captured.image);
         }
         for (path, result) in self.workspace.pictures.poll() {
+            self.workspace.viewer.forget_picture(&path);
             match result {
                 Ok(()) => self.workspace.viewer.notices.info(format!("Saved {}", path.display())),
                 Err(error) if self.workspace.driver.is_some() => self.fail(ctx, error.to_string()),

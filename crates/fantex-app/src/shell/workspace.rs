@@ -164,6 +164,7 @@ impl Workspace {
         self.lost = Some(reason.to_owned());
         self.losses.push(Instant::now());
         self.pictures.forget_windows();
+        self.viewer.forget_pictures();
     }
 
     /// Whether another window is to go on, since the last one has lost its device and that does not happen all the time.

@@ -1,8 +1,10 @@
 //! What is open is left: not before it is saved, and not while something of it is in no file, unless that is asked for again.
 
+use std::path::PathBuf;
+
 use crate::paint::{Leave, Painting, SaveState};
 use crate::viewer::opening::Wanted;
-use crate::viewer::{Request, Viewer};
+use crate::viewer::{Exporting, Request, Viewer};
 
 /// Who is told what is lost and asks again within this time, means it.
 const WARNED_SECONDS: f64 = 10.0;
@@ -106,7 +108,8 @@ impl Viewer {
 
     /// What ends with the program before it is written.
     fn unwritten(&self) -> Option<String> {
-        let path = self.exporting.as_ref()?.written_to()?;
+        let picture = self.named_pictures.first().map(PathBuf::as_path);
+        let path = self.exporting.as_ref().and_then(Exporting::written_to).or(picture)?;
         Some(format!("{} is still being written.", path.display()))
     }
 

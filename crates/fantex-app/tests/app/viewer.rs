@@ -387,6 +387,11 @@ fn pictures_have_names_of_their_own() {
     });
     let expected = ["torus-001.png", "torus-002.png", "torus-window-001.png", "torus-window-002.png"];
     assert_eq!(names.collect::<Vec<_>>(), expected);
+    // Closing tells of those that are not in their files yet.
+    assert!(!viewer.may_close());
+    assert!(viewer.notices.log().any(|text| text.contains("torus-001.png is still being written")));
+    expected.iter().for_each(|name| viewer.forget_picture(&folder.path().join(name)));
+    assert!(viewer.may_close());
 }
 
 /// Names of files are bytes there.
