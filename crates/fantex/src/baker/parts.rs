@@ -51,7 +51,7 @@ impl Baker<'_> {
             Kind::Function(_) | Kind::Custom(_) => "function".to_owned(),
         };
         recipe.add_setting("the source", source);
-        recipe.add_setting("the number of texels", self.budget);
+        recipe.add_setting("the number of texels", (self.budget, self.default_texels));
         recipe.add_setting("the channels", &self.channels);
         recipe.add_setting("the seed", self.seed);
         recipe.add_setting("the fit", self.options.fit);
