@@ -2,8 +2,8 @@
 //! `Pr Pm map_Pr map_Pm norm` that current exporters write. Without `-imfchan`, `map_Pr` is read from green and `map_Pm` from blue: that is glTF's
 //! packing where both are one image, and any channel of a grey one.
 //!
-//! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. What metallic-roughness cannot express is
-//! left out with a note.
+//! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. A black `Kd` beside `map_Kd`, which exporters write that have no
+//! factor, counts as white. What metallic-roughness cannot express is left out with a note.
 
 use std::collections::{HashMap, HashSet};
 use std::error::Error as _;
@@ -215,6 +215,13 @@ impl<'a> Reader<'a> {
 
     fn end_material(&mut self) {
         let Some(mut pending) = self.current.take() else { return };
+        let Material { name, base_color, base_color_texture, .. } = &mut pending.material;
+        if base_color_texture.is_some() && base_color.truncate() == Vec3::ZERO {
+            *base_color = Vec3::ONE.extend(base_color.w);
+            self.library.notes.push(format!(
+                "material {name:?}: Kd is black, which would hide map_Kd, and was taken as white"
+            ));
+        }
         if pending.material.emission_texture.is_some() && !pending.has_emission_factor {
             pending.material.emission = Vec3::ONE;
         }

@@ -50,6 +50,24 @@ fn dissolve_counts_where_transparency_is_given_too() {
 }
 
 #[test]
+fn black_hides_no_map() {
+    let of = |lines: &str| {
+        let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+        let mtl = format!("newmtl m\n{lines}");
+        let model = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())]).unwrap();
+        (model.materials[0].base_color, model.notes.join("\n"))
+    };
+    for lines in ["Kd 0 0 0\nd 0.5\nmap_Kd a.png\n", "map_Kd a.png\nd 0.5\nKd 0 0 0\n"] {
+        let (color, notes) = of(lines);
+        assert_eq!(color, Vec3::ONE.extend(0.5));
+        assert_mentions(&notes, &["material \"m\"", "Kd is black"]);
+    }
+    let black = (Vec3::ZERO.extend(1.0), String::new());
+    assert_eq!(of("Kd 0 0 0\n"), black);
+    assert_eq!(of("Kd 0 0 0\nmap_Pr r.png\n"), black);
+}
+
+#[test]
 fn faces_may_have_no_texture() {
     let model = |files: &str, numbers: [i32; 3]| {
         let [a, b, c] = numbers;
