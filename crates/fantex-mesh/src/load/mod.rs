@@ -584,6 +584,12 @@ pub(crate) fn linear_rgba(rgb_srgb: Vec3, alpha: f32) -> Vec4 {
     if color.is_finite() { color } else { Vec4::ONE }
 }
 
+/// A note about colours of a file that are no numbers, which [`linear_rgba`] makes white.
+fn broken_colors_note(kind: &str, colors: impl Iterator<Item = bool>) -> Option<String> {
+    let broken = colors.filter(|is_finite| !is_finite).count();
+    (broken > 0).then(|| format!("made {} white that had no numbers", counted(broken, kind)))
+}
+
 #[cfg(test)]
 mod tests {
     use glam::DVec3;

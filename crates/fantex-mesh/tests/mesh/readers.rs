@@ -68,6 +68,20 @@ fn black_hides_no_map() {
 }
 
 #[test]
+fn colours_without_numbers_are_noted() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nCOLORSelement face 1\nproperty list uchar int vertex_indices\nFACESend_header\n";
+    let colors = "property float red\nproperty float green\nproperty float blue\n";
+    let header = |vertices: &str, faces: &str| text.replace("COLORS", vertices).replace("FACES", faces);
+    let vertices = header(colors, "") + "0 0 0 1 0 0\n1 0 0 nan 0 0\n0 1 0 0 nan 0\n3 0 1 2\n";
+    let model = load_text("a.ply", &vertices).unwrap();
+    assert_eq!(model.corners.colors, [Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::ONE, Vec4::ONE]);
+    assert_eq!(model.notes, ["made 2 vertex colours white that had no numbers"]);
+    let faces = header("", colors) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 nan nan nan\n";
+    let notes = load_text("a.ply", &faces).unwrap().notes;
+    assert_eq!(notes, ["made 1 face colour white that had no numbers"]);
+}
+
+#[test]
 fn faces_may_have_no_texture() {
     let model = |files: &str, numbers: [i32; 3]| {
         let [a, b, c] = numbers;
