@@ -82,6 +82,39 @@ fn colours_without_numbers_are_noted() {
 }
 
 #[test]
+fn facets_of_stl_have_colours_in_either_convention() {
+    let load = |header: &[u8], attributes: &[u16]| {
+        let mut bytes = header.to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((attributes.len() as u32).to_le_bytes());
+        for attribute in attributes {
+            bytes.extend(floats(&[0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., 0.]));
+            bytes.extend(attribute.to_le_bytes());
+        }
+        let model = load_files(&[("a.stl", &bytes)]).unwrap();
+        let of_facets: Vec<Vec4> = model.corners.colors.iter().step_by(3).copied().collect();
+        assert!(of_facets.is_empty() || model.corners.colors.len() == 3 * attributes.len());
+        (of_facets, model.notes.join("\n"))
+    };
+    let (red, blue) = (Vec4::new(1., 0., 0., 1.), Vec4::new(0., 0., 1., 1.));
+    let (colors, notes) = load(b"VisCAM", &[0x801f, 0x8000 | 31 << 10, 0]);
+    assert_eq!(colors, [blue, red, Vec4::ONE]);
+    assert_mentions(&notes, &["as VisCAM writes them"]);
+    let magics = b"made by hand COLOR=\0\xff\0\xff,MATERIAL=";
+    let (colors, notes) = load(magics, &[0x001f, 31 << 10, 0x8000 | 31]);
+    assert_eq!(colors, [red, blue, Vec4::new(0., 1., 0., 1.)]);
+    assert_mentions(&notes, &["as Magics writes them"]);
+    assert_eq!(load(magics, &[0, 0]).0, [Vec4::new(0., 1., 0., 1.); 2]);
+    // No colours: nothing, white alone, numbers of something else.
+    assert_eq!(load(b"", &[0, 0]), (vec![], String::new()));
+    assert_eq!(load(b"COLOR=\xff\xff\xff\xff", &[0, 0]), (vec![], String::new()));
+    assert_eq!(load(b"", &[0xffff, 0]), (vec![], String::new()));
+    let (colors, notes) = load(b"", &[0x801f, 7, 0]);
+    assert_eq!(colors, []);
+    assert_mentions(&notes, &["attributes of 2 facets", "not colours"]);
+}
+
+#[test]
 fn faces_may_have_no_texture() {
     let model = |files: &str, numbers: [i32; 3]| {
         let [a, b, c] = numbers;
