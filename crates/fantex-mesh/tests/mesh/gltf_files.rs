@@ -217,6 +217,17 @@ fn external_buffers_are_found_by_decoded_relative_paths() {
 }
 
 #[test]
+fn materials_that_no_triangle_has_are_not_spoken_of() {
+    let notes = |material: u32| {
+        let rest = r#","materials":[{"normalTexture":{"index":0}},{}],"textures":[{"source":0}],"images":[{"uri":"a.png"}]"#;
+        let primitive = format!(r#","material":{material}"#);
+        load_text("a.gltf", &triangle_gltf(r#"[{"mesh":0}]"#, &primitive, rest)).unwrap().notes
+    };
+    assert_mentions(&notes(0).join("\n"), &["material 0: a texture was left out"]);
+    assert_eq!(notes(1), Vec::<String>::new());
+}
+
+#[test]
 fn required_extensions_that_cannot_be_read_are_named() {
     let rest = r#","extensionsRequired":["KHR_texture_transform","KHR_strange","EXT_unheard_of"]"#;
     let text = message("a.gltf", triangle_gltf(r#"[{"mesh":0}]"#, "", rest).as_bytes());
