@@ -214,6 +214,11 @@ fn external_buffers_are_found_by_decoded_relative_paths() {
     }
     assert_mentions(&refused("data:application/octet-stream;base64,@@@"), &["buffer 0", "not base64"]);
     assert_mentions(&refused("data:nothing"), &["buffer 0", "no comma"]);
+    // Base64 as a query string would have it.
+    let (head, data) = text[start..end].split_once(',').unwrap();
+    let escaped = data.replace('A', "%41").replace('/', "%2F").replace('=', "%3D");
+    assert_ne!(data, escaped);
+    assert_eq!(files(&format!("{head},{escaped}")).unwrap().triangles, [[0, 1, 2]]);
 }
 
 #[test]
