@@ -19,6 +19,8 @@ pub enum ImageSource {
     },
     /// Channels of several images, where a format names a file for each.
     Packed(Box<PackedImage>),
+    /// A normal map, or the heights of one.
+    Bump(Box<BumpImage>),
 }
 
 /// An image put together of channels of others; as wide and as high as the largest, to which the others are scaled.
@@ -35,6 +37,15 @@ pub struct PackedChannel {
     pub source: ImageSource,
     /// What of it.
     pub channel: ImageChannel,
+}
+
+/// What may be a normal map or a map of heights: the latter is grey everywhere. Heights become normals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BumpImage {
+    /// The image; none that is packed itself.
+    pub source: ImageSource,
+    /// How heights go on beyond the edges, along u and v.
+    pub wrap: [WrapMode; 2],
 }
 
 /// What of an image stands for a number.

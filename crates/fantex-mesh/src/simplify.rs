@@ -6,7 +6,8 @@
 //! vertices are united within the cells of a grid (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering
 //! complex scenes", 1993).
 //!
-//! Of parts with triangles on both sides only the fronts collapse, so that their rims are borders; the backs follow.
+//! Of parts with triangles on both sides only the fronts collapse, so that their rims are borders; the backs follow. Triangles at hubs,
+//! vertices with thousands of them, do not collapse.
 
 use fantex_base::{Error, Result, UnionFind, counted, input};
 use meshoptimizer_rs::{
@@ -25,6 +26,10 @@ const TOLERATED_EXCESS: usize = 2;
 /// is that near to the one that is wanted, as a part of it.
 const MAX_TRIES: usize = 3;
 const TOLERATED_MISS: f64 = 0.05;
+
+/// Vertices with more triangles are hubs. Their triangles are left alone or go into the grid: the time of collapsing is proportional to the square
+/// of their number.
+const MAX_VALENCE: u32 = 1 << 12;
 
 /// Triangles that a material keeps at least.
 const MIN_TRIANGLES: usize = 8;
@@ -88,8 +93,10 @@ fn anchored(mesh: &Mesh, kept: &[u32]) -> Vec<bool> {
 
 struct Simplifier {
     positions: Vec<[f32; 3]>,
-    /// Vertices between materials stay, so that these go on meeting there, and those that were asked for.
+    /// Vertices between materials stay, so that these go on meeting there, those of triangles at hubs, and those that were asked for.
     flags: Vec<VertexFlags>,
+    /// Per vertex.
+    is_hub: Vec<bool>,
     workspace: Workspace,
 }
 
@@ -97,10 +104,13 @@ impl Simplifier {
     fn new(mesh: &Mesh, kept: &[u32]) -> Self {
         let max_bytes = usize::try_from(input::memory_left()).unwrap_or(usize::MAX);
         let mut flags = flags(mesh);
-        kept.iter().for_each(|&vertex| flags[vertex as usize] = VertexFlags::LOCK);
+        let is_hub = hubs(mesh);
+        let at_hubs = mesh.triangles.iter().filter(|triangle| is_at_hub(&is_hub, triangle));
+        at_hubs.flatten().chain(kept).for_each(|&vertex| flags[vertex as usize] = VertexFlags::LOCK);
         Self {
             positions: mesh.positions.iter().map(|p| p.to_array()).collect(),
             flags,
+            is_hub,
             workspace: Workspace::new(Limits { max_bytes, max_work: u64::MAX }),
         }
     }
@@ -115,23 +125,38 @@ impl Simplifier {
         if triangles.len() <= wanted {
             return Ok(triangles);
         }
-        let fronts = Fronts::of(&triangles, self.positions.len());
-        let mut collapsed = |options| self.collapsed(&fronts, triangles.len(), wanted, options);
-        if !may_lose_pieces {
-            return collapsed(SimplifyOptions::EMPTY);
-        }
-        let mut left = collapsed(SimplifyOptions::PRUNE)?;
-        // Where no more edges can collapse, pieces go whatever their size; it may be the whole mesh.
-        if left.len() * TOLERATED_EXCESS < wanted {
-            left = collapsed(SimplifyOptions::EMPTY)?;
-        }
-        if left.len() > TOLERATED_EXCESS * wanted {
+        let is_at_hub = |triangle: &[u32; 3]| is_at_hub(&self.is_hub, triangle);
+        let (at_hubs, others): (Vec<_>, Vec<_>) = triangles.iter().copied().partition(is_at_hub);
+        let share = wanted * others.len() / triangles.len();
+        let wanted_of_others = wanted.saturating_sub(at_hubs.len()).max(share / TOLERATED_EXCESS);
+        let mut left = self.fewer_without_hubs(others, wanted_of_others, may_lose_pieces)?;
+        left.extend(at_hubs);
+        if may_lose_pieces && left.len() > TOLERATED_EXCESS * wanted {
             let positions = Positions::from_packed(&self.positions);
             let indices = left.as_flattened();
             let rough = simplify_sloppy(indices, positions, None, 3 * wanted, 1.0, &mut self.workspace);
             left = rough.map_err(|e| failed(e, triangles.len()))?.indices.as_chunks::<3>().0.to_vec();
         }
         Ok(if left.is_empty() { triangles } else { left })
+    }
+
+    fn fewer_without_hubs(
+        &mut self,
+        triangles: Vec<[u32; 3]>,
+        wanted: usize,
+        may_lose_pieces: bool,
+    ) -> Result<Vec<[u32; 3]>> {
+        if triangles.len() <= wanted || triangles.is_empty() {
+            return Ok(triangles);
+        }
+        let fronts = Fronts::of(&triangles, self.positions.len());
+        let mut collapsed = |options| self.collapsed(&fronts, triangles.len(), wanted, options);
+        if !may_lose_pieces {
+            return collapsed(SimplifyOptions::EMPTY);
+        }
+        let left = collapsed(SimplifyOptions::PRUNE)?;
+        // Where no more edges can collapse, pieces go whatever their size; it may be the whole mesh.
+        if left.len() * TOLERATED_EXCESS < wanted { collapsed(SimplifyOptions::EMPTY) } else { Ok(left) }
     }
 
     /// What is left of `count` triangles when edges between fronts have collapsed, with its backs.
@@ -208,6 +233,17 @@ fn triangles_by_material(mesh: &Mesh) -> Vec<Vec<[u32; 3]>> {
         by_material[mesh.material_of(index)].push(triangle);
     }
     by_material
+}
+
+/// Which vertices are hubs.
+fn hubs(mesh: &Mesh) -> Vec<bool> {
+    let mut valences = vec![0_u32; mesh.positions.len()];
+    mesh.triangles.iter().flatten().for_each(|&vertex| valences[vertex as usize] += 1);
+    valences.into_iter().map(|valence| valence > MAX_VALENCE).collect()
+}
+
+fn is_at_hub(is_hub: &[bool], triangle: &[u32; 3]) -> bool {
+    triangle.iter().any(|&vertex| is_hub[vertex as usize])
 }
 
 fn flags(mesh: &Mesh) -> Vec<VertexFlags> {

@@ -61,7 +61,7 @@ impl LookImages {
     pub(crate) fn of_model(&self, source: &ImageSource, image_use: ImageUse) -> Result<Arc<ImageTexture>> {
         match source {
             ImageSource::File(path) => self.file(path.clone(), image_use),
-            ImageSource::Embedded { .. } | ImageSource::Packed(_) => {
+            ImageSource::Embedded { .. } | ImageSource::Packed(_) | ImageSource::Bump(_) => {
                 Ok(image_use.texture(read_image(source, image_use.space)?))
             }
         }

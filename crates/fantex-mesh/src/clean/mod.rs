@@ -9,6 +9,7 @@
 
 mod collapse;
 mod exact;
+mod facing;
 mod inward;
 mod repeats;
 mod topology;
@@ -123,7 +124,14 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     report.topology = Topology::of(&surface.triangles, &corners);
     let mut turned = Vec::new();
     if report.topology.edges_inconsistent > 0 || options.turn_outward {
-        let turning = topology::decide(&positions, &surface.triangles, &corners, options.turn_outward);
+        let normals = &model.corners.normals;
+        let area_in_front = |t: u32| {
+            let source = surface.sources.as_ref().map_or(t, |sources| sources[t as usize]) as usize;
+            let normals = normals.get(3 * source..3 * source + 3).unwrap_or_default();
+            facing::area_in_front(surface.triangles[t as usize].map(|v| positions[v as usize]), normals)
+        };
+        let turning =
+            topology::decide(&positions, &surface.triangles, &corners, area_in_front, options.turn_outward);
         turned = turning.turn;
         report.non_orientable_components = turning.non_orientable;
         report.triangles_flipped = surface.turn(&turned);
@@ -132,6 +140,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     }
     let sources = surface.sources.take();
     let mut mesh = surface.into_mesh(model, positions, (sources.as_deref(), &turned), world_from_mesh);
+    facing::reverse_opposed(&mut mesh, &turned);
     report.corner_values_non_finite = replace_unusable(&mut mesh.corners);
     Ok((mesh, report, CornerOrigins { sources, turned }))
 }

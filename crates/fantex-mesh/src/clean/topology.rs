@@ -1,5 +1,6 @@
 //! The topology of an indexed mesh: edges, manifoldness, components, Euler characteristic.
 
+use std::cmp::Ordering;
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -177,15 +178,20 @@ pub(super) struct Turning {
     pub(super) non_orientable: u64,
 }
 
-/// Decides which triangles to turn so that neighbours across edges with exactly two triangles agree: in each patch the
-/// minority (for a tie, those that disagree with its first triangle).
+/// Decides which triangles to turn so that neighbours across edges with exactly two triangles agree. A patch is a component connected
+/// through such edges. The front of one where some disagree is the side
 ///
-/// A patch is a component connected through such edges. With `outward`, closed patches of negative volume are turned as a
-/// whole as well.
+/// 1. that most of its corner normals point to, by area: `area_in_front` gives that of a triangle less what they say is behind;
+/// 2. at a tie, the front of most of its triangles;
+/// 3. at a tie, the outside, where it is closed;
+/// 4. else the front of its first triangle.
+///
+/// With `outward`, the front of every closed patch is the outside.
 pub(super) fn decide(
     positions: &[Vec3],
     triangles: &[[u32; 3]],
     corners: &VertexCorners,
+    area_in_front: impl Fn(u32) -> f64,
     outward: bool,
 ) -> Turning {
     let neighbours = neighbours(triangles, corners);
@@ -200,17 +206,37 @@ pub(super) fn decide(
         let is_orientable =
             flood(seed as u32, triangles, &neighbours, &mut visited, &mut turning.turn, &mut patch);
         turning.non_orientable += u64::from(!is_orientable);
-        let turned = patch.iter().filter(|&&t| turning.turn[t as usize]).count();
-        let is_closed = || patch.iter().all(|&t| neighbours[t as usize].iter().all(|&h| h != NONE));
-        let mut invert = 2 * turned > patch.len();
-        if outward && is_orientable && is_closed() {
-            invert = signed_volume(positions, triangles, &patch, &turning.turn) < 0.0;
-        }
+        let turn = &turning.turn;
+        let turned = patch.iter().filter(|&&t| turn[t as usize]).count();
+        let has_outside =
+            || is_orientable && patch.iter().all(|&t| neighbours[t as usize].iter().all(|&h| h != NONE));
+        let is_inside_out = || has_outside() && signed_volume(positions, triangles, &patch, turn) < 0.0;
+        let is_inverted = || match (by_normals(&patch, turn, &area_in_front), (2 * turned).cmp(&patch.len()))
+        {
+            (Ordering::Equal, Ordering::Equal) => is_inside_out(),
+            (Ordering::Equal, most_turned) => most_turned.is_gt(),
+            (in_front, _) => in_front.is_lt(),
+        };
+        let invert = if outward && has_outside() { is_inside_out() } else { turned > 0 && is_inverted() };
         if invert {
             patch.iter().for_each(|&t| turning.turn[t as usize] ^= true);
         }
     }
     turning
+}
+
+/// Where the areas in front and behind differ by less than this part of both, normals say nothing.
+const CLEAR_SHARE: f64 = 0.01;
+
+/// Whether more of a patch's area is in front of its triangles, by their normals, or behind them, after those flagged have turned.
+fn by_normals(patch: &[u32], turn: &[bool], area_in_front: impl Fn(u32) -> f64) -> Ordering {
+    let (mut in_front, mut all) = (0.0, 0.0);
+    for &t in patch {
+        let area = area_in_front(t);
+        in_front += if turn[t as usize] { -area } else { area };
+        all += area.abs();
+    }
+    if in_front.abs() <= CLEAR_SHARE * all { Ordering::Equal } else { in_front.total_cmp(&0.0) }
 }
 
 /// For every half-edge the opposite one, where exactly two triangles meet.

@@ -489,9 +489,15 @@ fn finish(model: &mut Model) -> Result<()> {
     Ok(())
 }
 
-/// A texture needs coordinates to be looked up with; one that names a set the model lacks is left out.
+/// A texture needs coordinates to be looked up with; one that names a set the model lacks is left out. Of materials that no triangle has,
+/// which a part of the file may have that was not loaded, there is nothing to say.
 fn drop_textures_without_coordinates(model: &mut Model) {
     let sets = model.corners.uv_sets.len();
+    let mut is_used = vec![false; model.materials.len()];
+    match &model.triangle_materials[..] {
+        [] => is_used[0] = true,
+        of_triangles => of_triangles.iter().for_each(|&material| is_used[material as usize] = true),
+    }
     for (index, material) in model.materials.iter_mut().enumerate() {
         let textures = [
             &mut material.base_color_texture,
@@ -501,7 +507,8 @@ fn drop_textures_without_coordinates(model: &mut Model) {
             &mut material.emission_texture,
         ];
         for texture in textures {
-            if let Some(dropped) = texture.take_if(|t| t.uv_set >= sets) {
+            let dropped = texture.take_if(|t| t.uv_set >= sets);
+            if let Some(dropped) = dropped.filter(|_| is_used[index]) {
                 let set = dropped.uv_set;
                 model.notes.push(format!(
                     "material {index}: a texture was left out, because the model has no texture coordinates {set}"
@@ -582,6 +589,12 @@ pub(crate) fn linear_rgba(rgb_srgb: Vec3, alpha: f32) -> Vec4 {
     let linear = rgb_srgb.to_array().map(linear_from_srgb);
     let color = Vec3::from(linear).extend(alpha);
     if color.is_finite() { color } else { Vec4::ONE }
+}
+
+/// A note about colours of a file that are no numbers, which [`linear_rgba`] makes white.
+fn broken_colors_note(kind: &str, colors: impl Iterator<Item = bool>) -> Option<String> {
+    let broken = colors.filter(|is_finite| !is_finite).count();
+    (broken > 0).then(|| format!("made {} white that had no numbers", counted(broken, kind)))
 }
 
 #[cfg(test)]

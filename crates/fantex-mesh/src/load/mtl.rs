@@ -2,8 +2,8 @@
 //! `Pr Pm map_Pr map_Pm norm` that current exporters write. Without `-imfchan`, `map_Pr` is read from green and `map_Pm` from blue: that is glTF's
 //! packing where both are one image, and any channel of a grey one.
 //!
-//! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. What metallic-roughness cannot express is
-//! left out with a note.
+//! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. A black `Kd` beside `map_Kd`, which exporters write that have no
+//! factor, counts as white. What follows `map_Bump` is a [`BumpImage`]. What metallic-roughness cannot express is left out with a note.
 
 use std::collections::{HashMap, HashSet};
 use std::error::Error as _;
@@ -15,7 +15,8 @@ use glam::{Mat3, Vec2, Vec3};
 use super::obj::{at_line, line_end, not_a_number, number, too_few_numbers, words};
 use crate::load::{SourceFile, linear_rgba, locate, read_file, relative_path, shown};
 use crate::{
-    AlphaMode, ImageChannel, ImageSource, Material, PackedChannel, PackedImage, TextureRef, WrapMode,
+    AlphaMode, BumpImage, ImageChannel, ImageSource, Material, PackedChannel, PackedImage, TextureRef,
+    WrapMode,
 };
 
 #[derive(Default)]
@@ -30,6 +31,8 @@ pub(super) struct Library {
     of_path: HashMap<PathBuf, usize>,
     /// Index into `images`, of those made of channels of others.
     of_channels: HashMap<[Option<(usize, ImageChannel)>; 4], usize>,
+    /// Index into `images`, of bump maps by the image that they are made of.
+    of_bump: HashMap<(usize, [WrapMode; 2]), usize>,
     pub(super) notes: Vec<String>,
 }
 
@@ -198,16 +201,19 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Exporters write tangent-space normal maps after `map_Bump` too; height maps after it cannot be told apart here.
+    /// Exporters write tangent-space normal maps after `map_Bump` too; heights are told apart when the image is decoded.
     fn read_normal_map(&mut self, pending: &mut Pending, keyword: &[u8], arguments: &[u8]) {
-        let Some(parsed) = self.texture(arguments) else { return };
+        let Some(mut parsed) = self.texture(arguments) else { return };
         let is_bump = !keyword.ends_with(b"norm");
         if is_bump && pending.material.normal_texture.is_some() {
             return;
         }
         if is_bump {
             let name = &pending.material.name;
-            self.library.notes.push(format!("the bump map of material {name:?} is read as a normal map"));
+            self.library.notes.push(format!(
+                "the bump map of material {name:?} is read as heights where it is grey, else as a normal map"
+            ));
+            parsed.texture.image = self.bump(&parsed.texture);
         }
         pending.material.normal_scale = parsed.bump_scale;
         pending.material.normal_texture = Some(parsed.texture);
@@ -215,6 +221,13 @@ impl<'a> Reader<'a> {
 
     fn end_material(&mut self) {
         let Some(mut pending) = self.current.take() else { return };
+        let Material { name, base_color, base_color_texture, .. } = &mut pending.material;
+        if base_color_texture.is_some() && base_color.truncate() == Vec3::ZERO {
+            *base_color = Vec3::ONE.extend(base_color.w);
+            self.library.notes.push(format!(
+                "material {name:?}: Kd is black, which would hide map_Kd, and was taken as white"
+            ));
+        }
         if pending.material.emission_texture.is_some() && !pending.has_emission_factor {
             pending.material.emission = Vec3::ONE;
         }
@@ -309,6 +322,17 @@ impl<'a> Reader<'a> {
                 Some(PackedChannel { source: images[image].clone(), channel })
             });
             images.push(ImageSource::Packed(Box::new(PackedImage { channels })));
+            images.len() - 1
+        })
+    }
+
+    /// The image of a texture as a bump map.
+    fn bump(&mut self, texture: &TextureRef) -> usize {
+        let Library { images, image_places, of_bump, .. } = &mut *self.library;
+        *of_bump.entry((texture.image, texture.wrap)).or_insert_with(|| {
+            image_places.push(image_places[texture.image].clone());
+            let source = images[texture.image].clone();
+            images.push(ImageSource::Bump(Box::new(BumpImage { source, wrap: texture.wrap })));
             images.len() - 1
         })
     }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::counts::there_are;
 use crate::load::mtl::{Library, load_libraries};
 use crate::load::polygon::Triangulator;
-use crate::load::{SourceFile, are_bytes, linear_rgba, pad, parsed, shown};
+use crate::load::{SourceFile, are_bytes, broken_colors_note, linear_rgba, pad, parsed, shown};
 use crate::{Material, Model, Parts};
 
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
@@ -499,10 +499,8 @@ fn spread_attributes(model: &mut Model, text: &ObjText, corners: &[Corner]) {
 
 /// Linear colours per position. Some files hold bytes in decimal.
 fn linear_colors(text: &ObjText, notes: &mut Vec<String>) -> Vec<Vec4> {
-    let broken = text.colors_srgb.iter().filter(|&&c| !c.is_finite() && c != UNCOLORED).count();
-    if broken > 0 {
-        notes.push(format!("made {} white that had no numbers", counted(broken, "vertex colour")));
-    }
+    let are_numbers = text.colors_srgb.iter().map(|&c| c.is_finite() || c == UNCOLORED);
+    notes.extend(broken_colors_note("vertex colour", are_numbers));
     let is_bytes = are_bytes(text.colors_srgb.iter().copied());
     if is_bytes {
         notes.push("vertex colours are numbers of 0..255, and taken as such".to_owned());

@@ -17,7 +17,9 @@ use rayon::prelude::*;
 
 use crate::counts::there_are;
 use crate::load::polygon::Triangulator;
-use crate::load::{SourceFile, Words, are_bytes, linear_rgba, locate, pad, parsed, relative_path, shown};
+use crate::load::{
+    SourceFile, Words, are_bytes, broken_colors_note, linear_rgba, locate, pad, parsed, relative_path, shown,
+};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
@@ -737,8 +739,13 @@ fn bytes_as_shares(colors: &mut [Vec4]) {
 
 fn build(file: &SourceFile, header: &Header, mut content: Content) -> Result<Model> {
     file.check_triangles(content.faces.triangle_count())?;
-    let mut faces = content.faces.triangulated(&content.positions);
     let mut model = Model::default();
+    for (kind, colors) in
+        [("vertex colour", &content.colors_srgb), ("face colour", &content.faces.colors_srgb)]
+    {
+        model.notes.extend(broken_colors_note(kind, colors.iter().map(|color| color.is_finite())));
+    }
+    let mut faces = content.faces.triangulated(&content.positions);
     let count = faces.len();
     if !content.normals.is_empty() {
         model.corners.normals = faces.corners.iter().map(|&v| content.normals[v as usize]).collect();

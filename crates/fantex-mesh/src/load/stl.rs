@@ -2,11 +2,18 @@
 //!
 //! Facet normals are ignored: they say no more than the winding does, many exporters leave them zero, and where the
 //! two disagree every other program trusts the winding.
+//!
+//! Colours of binary facets (sRGB, five bits a channel, in the attributes that the format leaves open) are read in both conventions:
+//!
+//! - Materialise Magics, where the header has `COLOR=` and a colour for the whole: red, green and blue from bit 0 on; bit 15 says that the facet
+//!   has the colour of the whole.
+//! - VisCAM and SolidView: blue, green and red from bit 0 on; bit 15 says that the facet has a colour. Where some facet has no such bit and still
+//!   other bits, they are something else.
 
 use fantex_base::{Error, Place, Result, counted};
-use glam::DVec3;
+use glam::{DVec3, Vec3, Vec3Swizzles, Vec4};
 
-use super::{SourceFile, Words, parsed, shown};
+use super::{SourceFile, Words, linear_rgba, parsed, shown};
 use crate::Model;
 
 const HEADER_BYTES: usize = 84;
@@ -81,18 +88,65 @@ fn read_binary(file: &SourceFile, facets: u32) -> Result<Model> {
     file.check_triangles(facets as usize)?;
     file.check_positions(3 * facets as usize)?;
     let mut positions = Vec::with_capacity(3 * facets as usize);
+    let mut attributes = Vec::with_capacity(facets as usize);
     for facet in body.chunks_exact(FACET_BYTES) {
         // 12 bytes of normal, three corners of three floats, two bytes of attributes.
         let corners: [f32; 9] = bytemuck::pod_read_unaligned(&facet[12..48]);
         let corners = corners.map(|x| f64::from(f32::from_bits(u32::from_le(x.to_bits()))));
         positions.extend(corners.chunks_exact(3).map(DVec3::from_slice));
+        attributes.push(u16::from_le_bytes([facet[48], facet[49]]));
     }
     let mut model = soup(positions);
+    color(&mut model, &file.bytes[..HEADER_BYTES - 4], &attributes);
     let trailing = file.bytes.len() as u64 - needed;
     if trailing > 0 {
         model.notes.push(format!("ignored {} after the last facet", counted(trailing, "byte")));
     }
     Ok(model)
+}
+
+/// Gives corners the colours of their facets, if these have any.
+fn color(model: &mut Model, header: &[u8], attributes: &[u16]) {
+    const FLAG: u16 = 1 << 15;
+    let colored = attributes.iter().filter(|&&a| a != 0).count();
+    let of_whole = magics_color(header);
+    if colored == 0 && of_whole.is_none() {
+        return;
+    }
+    // sRGB, that in the lowest bits first.
+    let channels = |a: u16| Vec3::from([0, 5, 10].map(|bit| f32::from((a >> bit) & 31) / 31.0));
+    let opaque = |color_srgb: Vec3| linear_rgba(color_srgb, 1.0);
+    let (convention, colors): (_, Vec<Vec4>) = if let Some(of_whole) = of_whole {
+        // Attributes that are all zero would be black: nobody has set them.
+        let own = |a: u16| colored > 0 && a & FLAG == 0;
+        let of = |&a: &u16| opaque(if own(a) { channels(a) } else { of_whole });
+        ("Magics", attributes.iter().map(of).collect())
+    } else if attributes.iter().all(|&a| a == 0 || a & FLAG != 0) {
+        let of = |&a: &u16| match a & FLAG {
+            0 => Vec4::ONE,
+            _ => opaque(channels(a).zyx()),
+        };
+        ("VisCAM", attributes.iter().map(of).collect())
+    } else {
+        let facets = counted(colored, "facet");
+        model.notes.push(format!(
+            "ignored the attributes of {facets}, which are not colours as VisCAM or Magics write them"
+        ));
+        return;
+    };
+    // All white is no colour.
+    if colors.iter().any(|color| *color != Vec4::ONE) {
+        model.notes.push(format!("colours of facets were read as {convention} writes them"));
+        model.corners.colors = colors.into_iter().flat_map(|color| [color; 3]).collect();
+    }
+}
+
+/// The colour of the whole in a header of Magics, sRGB. Its opacity, the fourth byte, says nothing in many files.
+fn magics_color(header: &[u8]) -> Option<Vec3> {
+    const KEY: &[u8] = b"COLOR=";
+    let start = header.windows(KEY.len()).position(|word| word == KEY)? + KEY.len();
+    let &rgb = header[start..].first_chunk::<3>()?;
+    Some(Vec3::from(rgb.map(|byte| f32::from(byte) / 255.0)))
 }
 
 fn soup(positions: Vec<DVec3>) -> Model {

@@ -446,6 +446,76 @@ fn random_flips_are_undone_and_attributes_follow() {
     assert_eq!(mesh.positions.len(), original.positions.len());
 }
 
+/// A ball with the normals of a sphere.
+fn ball() -> Model {
+    let mut ball = icosphere(2);
+    ball.corners.normals =
+        ball.triangles.iter().flatten().map(|&v| ball.positions[v as usize].as_vec3()).collect();
+    ball
+}
+
+/// Six times what a mesh encloses.
+fn volume(mesh: &Mesh) -> f32 {
+    (0..mesh.triangles.len()).map(|t| mesh.triangle_positions(t)).map(|[a, b, c]| a.dot(b.cross(c))).sum()
+}
+
+#[track_caller]
+fn assert_outward(mesh: &Mesh) {
+    assert!(volume(mesh) > 0.0);
+    for (corner, &v) in mesh.triangles.iter().flatten().enumerate() {
+        let (normal, outward) = (mesh.corners.normals[corner], mesh.positions[v as usize]);
+        assert!(normal.dot(outward.normalize()) > 0.999, "corner {corner}: {normal}");
+    }
+}
+
+#[test]
+fn normals_decide_which_side_is_the_front() {
+    let count = ball().triangles.len();
+    // Fewer than half, half, and nearly all of the triangles are the wrong way round; their normals are not.
+    for turned in [count / 4, count / 2, count - 1] {
+        let mut model = ball();
+        for t in 0..turned {
+            model.triangles[t].swap(1, 2);
+            model.corners.normals.swap(3 * t + 1, 3 * t + 2);
+        }
+        let (mesh, report) = cleaned(model);
+        assert_eq!((report.triangles_flipped, report.topology.edges_inconsistent), (turned as u64, 0));
+        assert_outward(&mesh);
+    }
+}
+
+#[test]
+fn normals_follow_when_triangles_turn() {
+    let count = ball().triangles.len();
+    // Some of the triangles are seen from behind, and so are their normals.
+    for turned in [count / 4, count / 2] {
+        let mut model = ball();
+        model.corners.tangents = vec![Vec3::X.extend(1.0); 3 * count];
+        for t in 0..turned {
+            model.triangles[t].swap(1, 2);
+            model.corners.normals.swap(3 * t + 1, 3 * t + 2);
+            for corner in 3 * t..3 * t + 3 {
+                model.corners.normals[corner] *= -1.0;
+                model.corners.tangents[corner].w = -1.0;
+            }
+        }
+        let (mesh, report) = cleaned(model);
+        assert_eq!(report.triangles_flipped, turned as u64);
+        assert_outward(&mesh);
+        assert_eq!(mesh.corners.tangents, vec![Vec3::X.extend(1.0); 3 * count]);
+    }
+}
+
+#[test]
+fn a_closed_patch_of_which_half_is_turned_has_its_outside_outside() {
+    let mut model = icosphere(2);
+    let half = model.triangles.len() / 2;
+    model.triangles[..half].iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    let (mesh, report) = cleaned(model);
+    assert_eq!(report.triangles_flipped, half as u64);
+    assert!(volume(&mesh) > 0.0);
+}
+
 #[test]
 fn dropped_triangles_take_their_attributes_and_materials_along() {
     let mut model = soup(circle(6), [[0, 1, 2], [0, 0, 3], [2, 3, 4], [0, 1, 2], [4, 5, 0]]);

@@ -267,7 +267,11 @@ fn material_libraries_are_read() {
     assert_eq!(name(cut.base_color_texture.as_ref().unwrap().image), "leaf.png");
     assert_eq!(name(cut.emission_texture.as_ref().unwrap().image), "glow.png");
     assert_eq!(cut.emission, glam::Vec3::ONE);
-    assert_eq!(name(cut.normal_texture.as_ref().unwrap().image), "bump.png");
+    // Whether it holds heights shows when it is decoded.
+    let bump = &model.images[cut.normal_texture.as_ref().unwrap().image];
+    let ImageSource::Bump(bump) = bump else { panic!("{bump:?}") };
+    let ImageSource::File(path) = &bump.source else { panic!("{bump:?}") };
+    assert!(path.ends_with("bump.png") && bump.wrap == [WrapMode::Repeat; 2], "{bump:?}");
     assert_eq!(name(cut.metallic_roughness_texture.as_ref().unwrap().image), "rough.png");
     assert_eq!((none.name.as_str(), none.base_color), ("none", Vec4::ONE));
     let notes = model.notes.join("\n");

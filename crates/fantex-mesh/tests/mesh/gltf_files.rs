@@ -214,6 +214,22 @@ fn external_buffers_are_found_by_decoded_relative_paths() {
     }
     assert_mentions(&refused("data:application/octet-stream;base64,@@@"), &["buffer 0", "not base64"]);
     assert_mentions(&refused("data:nothing"), &["buffer 0", "no comma"]);
+    // Base64 as a query string would have it.
+    let (head, data) = text[start..end].split_once(',').unwrap();
+    let escaped = data.replace('A', "%41").replace('/', "%2F").replace('=', "%3D");
+    assert_ne!(data, escaped);
+    assert_eq!(files(&format!("{head},{escaped}")).unwrap().triangles, [[0, 1, 2]]);
+}
+
+#[test]
+fn materials_that_no_triangle_has_are_not_spoken_of() {
+    let notes = |material: u32| {
+        let rest = r#","materials":[{"normalTexture":{"index":0}},{}],"textures":[{"source":0}],"images":[{"uri":"a.png"}]"#;
+        let primitive = format!(r#","material":{material}"#);
+        load_text("a.gltf", &triangle_gltf(r#"[{"mesh":0}]"#, &primitive, rest)).unwrap().notes
+    };
+    assert_mentions(&notes(0).join("\n"), &["material 0: a texture was left out"]);
+    assert_eq!(notes(1), Vec::<String>::new());
 }
 
 #[test]

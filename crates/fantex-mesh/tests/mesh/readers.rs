@@ -50,6 +50,71 @@ fn dissolve_counts_where_transparency_is_given_too() {
 }
 
 #[test]
+fn black_hides_no_map() {
+    let of = |lines: &str| {
+        let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+        let mtl = format!("newmtl m\n{lines}");
+        let model = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())]).unwrap();
+        (model.materials[0].base_color, model.notes.join("\n"))
+    };
+    for lines in ["Kd 0 0 0\nd 0.5\nmap_Kd a.png\n", "map_Kd a.png\nd 0.5\nKd 0 0 0\n"] {
+        let (color, notes) = of(lines);
+        assert_eq!(color, Vec3::ONE.extend(0.5));
+        assert_mentions(&notes, &["material \"m\"", "Kd is black"]);
+    }
+    let black = (Vec3::ZERO.extend(1.0), String::new());
+    assert_eq!(of("Kd 0 0 0\n"), black);
+    assert_eq!(of("Kd 0 0 0\nmap_Pr r.png\n"), black);
+}
+
+#[test]
+fn colours_without_numbers_are_noted() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nCOLORSelement face 1\nproperty list uchar int vertex_indices\nFACESend_header\n";
+    let colors = "property float red\nproperty float green\nproperty float blue\n";
+    let header = |vertices: &str, faces: &str| text.replace("COLORS", vertices).replace("FACES", faces);
+    let vertices = header(colors, "") + "0 0 0 1 0 0\n1 0 0 nan 0 0\n0 1 0 0 nan 0\n3 0 1 2\n";
+    let model = load_text("a.ply", &vertices).unwrap();
+    assert_eq!(model.corners.colors, [Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::ONE, Vec4::ONE]);
+    assert_eq!(model.notes, ["made 2 vertex colours white that had no numbers"]);
+    let faces = header("", colors) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 nan nan nan\n";
+    let notes = load_text("a.ply", &faces).unwrap().notes;
+    assert_eq!(notes, ["made 1 face colour white that had no numbers"]);
+}
+
+#[test]
+fn facets_of_stl_have_colours_in_either_convention() {
+    let load = |header: &[u8], attributes: &[u16]| {
+        let mut bytes = header.to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((attributes.len() as u32).to_le_bytes());
+        for attribute in attributes {
+            bytes.extend(floats(&[0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., 0.]));
+            bytes.extend(attribute.to_le_bytes());
+        }
+        let model = load_files(&[("a.stl", &bytes)]).unwrap();
+        let of_facets: Vec<Vec4> = model.corners.colors.iter().step_by(3).copied().collect();
+        assert!(of_facets.is_empty() || model.corners.colors.len() == 3 * attributes.len());
+        (of_facets, model.notes.join("\n"))
+    };
+    let (red, blue) = (Vec4::new(1., 0., 0., 1.), Vec4::new(0., 0., 1., 1.));
+    let (colors, notes) = load(b"VisCAM", &[0x801f, 0x8000 | 31 << 10, 0]);
+    assert_eq!(colors, [blue, red, Vec4::ONE]);
+    assert_mentions(&notes, &["as VisCAM writes them"]);
+    let magics = b"made by hand COLOR=\0\xff\0\xff,MATERIAL=";
+    let (colors, notes) = load(magics, &[0x001f, 31 << 10, 0x8000 | 31]);
+    assert_eq!(colors, [red, blue, Vec4::new(0., 1., 0., 1.)]);
+    assert_mentions(&notes, &["as Magics writes them"]);
+    assert_eq!(load(magics, &[0, 0]).0, [Vec4::new(0., 1., 0., 1.); 2]);
+    // No colours: nothing, white alone, numbers of something else.
+    assert_eq!(load(b"", &[0, 0]), (vec![], String::new()));
+    assert_eq!(load(b"COLOR=\xff\xff\xff\xff", &[0, 0]), (vec![], String::new()));
+    assert_eq!(load(b"", &[0xffff, 0]), (vec![], String::new()));
+    let (colors, notes) = load(b"", &[0x801f, 7, 0]);
+    assert_eq!(colors, []);
+    assert_mentions(&notes, &["attributes of 2 facets", "not colours"]);
+}
+
+#[test]
 fn faces_may_have_no_texture() {
     let model = |files: &str, numbers: [i32; 3]| {
         let [a, b, c] = numbers;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use fantex_base::{Random, Result};
-use fantex_mesh::generate::{book, grid, icosphere, torus};
+use fantex_mesh::generate::{book, grid, icosphere, torus, uv_sphere};
 use fantex_mesh::{
     CleanOptions, Material, Mesh, Model, OpposedTriangles, Topology, TriangleBvh, VertexCorners, clean,
 };
@@ -193,6 +193,19 @@ fn loose_and_non_manifold_pieces_get_fewer_too() {
         let count = coarse.map_or(0, |mesh| mesh.triangles.len());
         assert!(count <= 2 * wanted, "{count} of {wanted}");
     }
+}
+
+#[test]
+fn triangles_at_hubs_stay_or_go_into_the_grid() {
+    let mesh = cleaned(uv_sphere(4100, 4));
+    let coarse = simplified(&mesh, 12_000).unwrap();
+    assert!(coarse.triangles.len() <= 24_000 && coarse.triangles.len() < mesh.triangles.len());
+    assert_eq!(topology(&coarse).edges_boundary, 0);
+    let corners = VertexCorners::of(&coarse.triangles, coarse.positions.len());
+    let at_hubs = (0..coarse.positions.len()).filter(|&v| corners.at(v).len() == 4100).count();
+    assert_eq!(at_hubs, 2);
+    let count = simplified(&cleaned(uv_sphere(4100, 2)), 1000).unwrap().triangles.len();
+    assert!((100..=2000).contains(&count), "{count}");
 }
 
 #[test]

@@ -8,6 +8,7 @@
 //! Whoever evaluates a material chooses how its images are filtered (for a pixel, for the texel of a bake); what is made
 //! of the texels is the same for all and stands here.
 
+mod bump;
 mod filtering;
 mod packed;
 

@@ -3,10 +3,11 @@
 use fantex_base::{Error, Result};
 use fantex_mesh::{ImageChannel, ImageSource, PackedImage};
 
+use super::bump;
 use crate::{AlphaUse, ColorSpace, Depth, Image, Samples};
 
 /// Decodes an image of a model. Its numbers are taken for `space`, whatever the file claims (glTF 2.0, section 3.8), except for floats; of
-/// packed images, alpha comes from numbers as they are.
+/// packed images, alpha comes from numbers as they are; of bump maps that are grey, the normals that their heights make.
 ///
 /// # Errors
 /// A file cannot be read or decoded, or the images of a packed one differ too much in shape.
@@ -15,6 +16,7 @@ pub fn read_image(source: &ImageSource, space: ColorSpace) -> Result<Image> {
         ImageSource::File(path) => Image::load_as(path, space)?,
         ImageSource::Embedded { label, bytes } => Image::decode(bytes, label, space)?,
         ImageSource::Packed(packed) => return pack(packed, space),
+        ImageSource::Bump(bump) => return bump::read(bump, space),
     };
     if !matches!(image.samples, Samples::F32(_)) {
         image.space = space;

@@ -1,6 +1,8 @@
 //! Cut-outs and highlights under minification; images of materials.
 
-use fantex_mesh::{AlphaMode, ImageChannel, ImageSource, Material, PackedChannel, PackedImage};
+use fantex_mesh::{
+    AlphaMode, BumpImage, ImageChannel, ImageSource, Material, PackedChannel, PackedImage, WrapMode,
+};
 use fantex_texture::material::{
     AlphaCoverage, MaterialTextures, TextureLayer, preserve_coverage, read_image, roughness_with_variance,
 };
@@ -229,4 +231,35 @@ fn packed_images_take_a_channel_of_each_source() {
     let crossed = ImageSource::Packed(Box::new(PackedImage { channels: [red, green, None, None] }));
     let refused = read_image(&crossed, ColorSpace::Linear).unwrap_err();
     assert!(refused.to_string().contains("64 x 64 texels"), "{refused}");
+}
+
+#[test]
+fn grey_bump_maps_are_heights_and_others_normals() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str, channels: u8, texel: fn(u32, u32) -> [u8; 3]| {
+        let path = folder.path().join(name);
+        let texels = (0..64).flat_map(|y| (0..64).map(move |x| texel(x, y)));
+        let samples = texels.flat_map(|rgb| rgb.into_iter().take(usize::from(channels)));
+        let samples = Samples::U8(samples.collect());
+        let image = Image { width: 64, height: 64, channels, space: ColorSpace::Linear, samples };
+        image.save(&path).unwrap();
+        let bump = BumpImage { source: ImageSource::File(path), wrap: [WrapMode::Repeat, WrapMode::Clamp] };
+        (read_image(&ImageSource::Bump(Box::new(bump)), ColorSpace::Linear).unwrap(), image)
+    };
+    // White is a texel high: steep enough to see which way the normals lean.
+    let ramp = |x: u32, y: u32| [(x + 2 * y) as u8; 3];
+    let (normals, _) = read("grey.png", 1, ramp);
+    let at = |image: &Image, x, y| Vec3::from_slice(&image.linear_texel(x, y)[..3]);
+    let leaning = |x: f32, y: f32| 0.5 + 0.5 * (Vec3::new(x, y, 255.0) / 255.0).normalize();
+    let near = |x, y, expected: Vec3| {
+        let found = at(&normals, x, y);
+        assert!((found - expected).length() < 1e-4, "{x} {y}: {found} instead of {expected}");
+    };
+    // Uphill to the right and downwards.
+    near(10, 10, leaning(-1.0, 2.0));
+    near(10, 0, leaning(-1.0, 1.0));
+    near(0, 10, leaning(31.0, 2.0));
+    assert_eq!(read("gray_in_color.png", 3, ramp).0, normals);
+    let (same, image) = read("colors.png", 3, |x, _| [128, 128, 255 - x as u8]);
+    assert_eq!(same, image);
 }

@@ -1,5 +1,6 @@
 //! The GLB container: a header, a chunk of JSON and an optional chunk of binary data.
 
+use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -99,9 +100,11 @@ fn decode_data(data: &str) -> Result<HeldBytes> {
     let broken = |why| Error::malformed(format!("its data URI is broken: {why}"));
     let (media_type, content) = data.split_once(',').ok_or_else(|| broken("it has no comma"))?;
     let held = input::reserve("its data URI", content.len() as u64)?;
+    // A copy only where something is encoded.
+    let content = Cow::from(percent_encoding::percent_decode_str(content));
     let bytes = match media_type.ends_with(";base64") {
-        true => BASE64.decode(content.trim_end()).map_err(|_| broken("it is not base64"))?,
-        false => percent_encoding::percent_decode_str(content).collect(),
+        true => BASE64.decode(content.trim_ascii_end()).map_err(|_| broken("it is not base64"))?,
+        false => content.into_owned(),
     };
     Ok(HeldBytes { bytes, _held: held })
 }
