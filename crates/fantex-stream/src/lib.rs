@@ -36,6 +36,7 @@ mod outline;
 mod parcel;
 pub mod read;
 mod residency;
+mod retry_timer;
 mod shape;
 mod sharing;
 mod streamer;
@@ -59,6 +60,7 @@ pub use parcel::*;
 pub use read::{open_asset, open_preview, open_source, read_whole};
 pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
+pub use retry_timer::*;
 pub use sharing::*;
 pub use streamer::*;
 #[cfg(feature = "http")]

@@ -13,7 +13,7 @@ use web_time::Instant;
 use crate::demand::{Demand, DemandSurface, DemandWork};
 use crate::residency::{COUNTED_LEVELS, FRAME_NANOSECONDS, FrameWork, ParcelCount, RequestLimits, Residency};
 use crate::shape::TileShapes;
-use crate::{AtlasShape, Detail, FrameChanges, Outline, PageTable, Parcel, ParcelLoader};
+use crate::{AtlasShape, Detail, FrameChanges, Outline, PageTable, Parcel, ParcelLoader, RetryTimer};
 
 /// What a streamer is built with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,7 +71,7 @@ pub struct Streamer {
     motion: Motion,
     changed: Vec<u32>,
     times: UpdateTimes,
-    retries: Retries,
+    retries: RetryTimer,
 }
 
 /// Processor time of the last update.
@@ -102,7 +102,7 @@ impl Streamer {
             motion: Motion::default(),
             changed: Vec::new(),
             times: UpdateTimes::default(),
-            retries: Retries::default(),
+            retries: RetryTimer::default(),
         }
     }
 
@@ -131,8 +131,8 @@ impl Streamer {
         self.residency.request(&self.demand, None, &self.options.limits);
         let requested = Instant::now();
         self.look_ahead();
-        if is_remote && self.retries.are_due(frame.elapsed_seconds, self.residency.take_recovery()) {
-            self.retries.made(self.residency.retry_passing());
+        if is_remote && self.retries.is_due(frame.elapsed_seconds, self.residency.take_recovery()) {
+            self.retries.tried(self.residency.retry_passing());
         }
         let predicted = Instant::now();
         self.residency.tell(&mut *self.loader);
@@ -336,43 +336,6 @@ impl StreamStatistics {
     /// Share of the visible tiles that are at their level, 0 to 1; 1 if none is visible.
     pub fn complete_share(&self) -> f64 {
         if self.visible_groups == 0 { 1.0 } else { self.complete_groups as f64 / self.visible_groups as f64 }
-    }
-}
-
-/// Seconds before what failed for a reason that may pass is asked for again: doubled each time, up to the last.
-const RETRY_SECONDS: [f32; 2] = [2.0, 60.0];
-
-/// When that is.
-#[derive(Debug)]
-struct Retries {
-    pause: f32,
-    left: f32,
-    /// What was asked for again has come.
-    is_back: bool,
-}
-
-impl Default for Retries {
-    fn default() -> Self {
-        Self { pause: RETRY_SECONDS[0], left: RETRY_SECONDS[0], is_back: false }
-    }
-}
-
-impl Retries {
-    /// Where something `is_back`, the others are not waited for.
-    fn are_due(&mut self, elapsed_seconds: f32, is_back: bool) -> bool {
-        self.left -= elapsed_seconds;
-        self.is_back = is_back;
-        is_back || self.left <= 0.0
-    }
-
-    /// `has_any`: there is something that failed.
-    fn made(&mut self, has_any: bool) {
-        self.pause = if has_any && !self.is_back {
-            (2.0 * self.pause).min(RETRY_SECONDS[1])
-        } else {
-            RETRY_SECONDS[0]
-        };
-        self.left = self.pause;
     }
 }
 

@@ -81,7 +81,7 @@ impl WorldScene {
 
     /// Whether something that could not be read will be asked for again.
     pub(super) fn will_retry(&self) -> bool {
-        self.world.streamers().any(|streamer| streamer.recoverable > 0)
+        self.world.will_retry()
     }
 
     pub(super) fn is_settled(&self) -> bool {

@@ -21,8 +21,10 @@ pub(crate) struct Store {
 }
 
 /// What commands of these tests get from nobody else.
-const FOREIGN: [&str; 12] = [
+const FOREIGN: [&str; 14] = [
     "AWS_ACCESS_KEY_ID",
+    "AWS_CONTAINER_CREDENTIALS_FULL_URI",
+    "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
     "AWS_ENDPOINT_URL",
     "AWS_ENDPOINT_URL_S3",
     "AWS_REGION",
@@ -68,6 +70,7 @@ impl Store {
         for name in FOREIGN {
             command.env_remove(name);
         }
+        command.env("AWS_SHARED_CREDENTIALS_FILE", "none");
         for (name, value) in &self.variables {
             command.env(name, value);
         }

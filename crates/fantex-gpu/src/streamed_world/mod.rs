@@ -21,9 +21,11 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 use fantex_base::Result;
 use fantex_scene::{Camera, FilterOptions};
+use fantex_store::io_cause;
+use fantex_stream::read::is_transient;
 use fantex_stream::{
-    FrameOptions, ObjectDetail, PoolShares, SharedWork, StreamStatistics, StreamView, ViewObject, World,
-    choose_objects, root_objects, url_of,
+    FrameOptions, ObjectDetail, PoolShares, RetryTimer, SharedWork, StreamStatistics, StreamView, ViewObject,
+    World, choose_objects, root_objects, url_of,
 };
 use glam::Vec3;
 use opening::{Opened, OpenedDetail, Opening, Order, What};
@@ -89,6 +91,10 @@ pub struct StreamedWorld {
     opened: (Sender<Opened>, Receiver<Opened>),
     opening: Opening,
     statistics: WorldStatistics,
+    /// What could not be opened for a reason that may pass: numbers, and whether the whole object was wanted.
+    passing: Vec<(usize, bool)>,
+    /// When that is tried again.
+    retries: RetryTimer,
     /// Objects and coarse assets that are drawn, the nearest first.
     drawn: Vec<usize>,
     /// The same, ascending, and whether they are whole.
@@ -178,6 +184,8 @@ impl StreamedWorld {
             opened: channel(),
             opening: Opening::default(),
             statistics: WorldStatistics::default(),
+            passing: Vec::new(),
+            retries: RetryTimer::default(),
             drawn: Vec::new(),
             shown: Vec::new(),
             revision: 0,
@@ -222,12 +230,33 @@ impl StreamedWorld {
     /// Asks once more for what could not be opened or read.
     pub fn retry(&mut self) {
         self.statistics.failed.clear();
+        self.passing.clear();
         for object in &mut self.objects {
             object.preview.forgive();
             object.whole.forgive();
             if let Some(whole) = object.whole.get_mut() {
                 whole.streamed.streamer.retry_damaged();
             }
+        }
+    }
+
+    /// Whether something that could not be opened or read will be asked for again without [`retry`](Self::retry), if frames go on.
+    pub fn will_retry(&self) -> bool {
+        !self.passing.is_empty() || self.streamers().any(|streamer| streamer.recoverable > 0)
+    }
+
+    /// Lets what failed for a reason that may pass be opened again, when it is time.
+    fn retry_passing(&mut self, elapsed_seconds: f32) {
+        if !self.retries.is_due(elapsed_seconds, false) {
+            return;
+        }
+        let passing = std::mem::take(&mut self.passing);
+        self.retries.tried(!passing.is_empty());
+        for (index, is_whole) in passing {
+            let asset = self.asset(index).to_owned();
+            self.statistics.failed.retain(|(failed, _)| *failed != asset);
+            let object = &mut self.objects[index];
+            if is_whole { object.whole.forgive() } else { object.preview.forgive() }
         }
     }
 
@@ -284,6 +313,7 @@ impl StreamedWorld {
         frame: FrameOptions,
     ) -> Result<bool> {
         self.take_opened();
+        self.retry_passing(frame.elapsed_seconds);
         let view = stream_view(camera, size, &self.space);
         let shown: Vec<_> = self.objects.iter().map(Object::detail).collect();
         let budget_bytes = self.options.geometry_bytes;
@@ -372,13 +402,17 @@ impl StreamedWorld {
         }
     }
 
+    /// Whether an asset of the index comes over a network.
+    fn is_remote(&self, asset: &str) -> bool {
+        // A page has no files.
+        cfg!(target_arch = "wasm32") || url_of(&World::place_of(&self.index, asset)).is_some()
+    }
+
     /// Begins to open an object, its preview, or a coarse asset, unless too many are being opened.
     fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) {
         let is_whole = detail == ObjectDetail::Whole;
         let place = World::place_of(&self.index, self.asset(index));
-        // A page has no files.
-        let is_remote = cfg!(target_arch = "wasm32") || url_of(&place).is_some();
-        if !self.opening.may_add(is_whole, is_remote) {
+        if !self.opening.may_add(is_whole, self.is_remote(self.asset(index))) {
             return;
         }
         let what = match is_whole {
@@ -406,11 +440,12 @@ impl StreamedWorld {
     fn take_opened(&mut self) {
         let anisotropy = max_anisotropy(&self.options.filter);
         while let Ok(Opened { object: index, result }) = self.opened.1.try_recv() {
-            *self.opening.count(matches!(result, OpenedDetail::Whole(_))) -= 1;
+            let is_whole = matches!(result, OpenedDetail::Whole(_));
+            *self.opening.count(is_whole) -= 1;
             let object = &mut self.objects[index];
             let error = match result {
                 OpenedDetail::Preview(preview) => {
-                    let error = preview.as_ref().err().map(ToString::to_string);
+                    let error = preview.as_ref().err().cloned();
                     object.preview.fill(preview.ok().map(|preview| {
                         let (model, surface) = *preview;
                         self.shapes[index].surface = surface;
@@ -419,7 +454,7 @@ impl StreamedWorld {
                     error
                 }
                 OpenedDetail::Whole(streamed) => {
-                    let error = streamed.as_ref().err().map(ToString::to_string);
+                    let error = streamed.as_ref().err().cloned();
                     object.whole.fill(streamed.ok().map(|streamed| {
                         let mut streamed = *streamed;
                         streamed.streamer.set_max_anisotropy(anisotropy);
@@ -431,7 +466,10 @@ impl StreamedWorld {
             };
             if let Some(error) = error {
                 let asset = self.asset(index).to_owned();
-                self.statistics.failed.push((asset, error));
+                if self.is_remote(&asset) && io_cause(&error).is_some_and(is_transient) {
+                    self.passing.push((index, is_whole));
+                }
+                self.statistics.failed.push((asset, error.to_string()));
             }
         }
     }

@@ -30,6 +30,8 @@ mod file;
 #[cfg(feature = "http")]
 pub(crate) mod http;
 #[cfg(feature = "http")]
+mod keys;
+#[cfg(feature = "http")]
 pub(crate) mod object;
 pub(crate) mod ranges;
 #[cfg(feature = "http")]

@@ -3,7 +3,7 @@
 
 use std::io;
 
-use rusty_s3::{Credentials, Method};
+use rusty_s3::Method;
 
 use super::azure::AzureBlob;
 use super::s3::S3Object;
@@ -36,14 +36,10 @@ impl StoredObject {
     /// # Errors
     /// Bucket or key is missing, the endpoint is no URL, or the variables name no account.
     pub(crate) fn at(location: &str) -> io::Result<Option<Self>> {
-        Self::with_variables(location, |name| std::env::var(name).ok(), Credentials::from_env())
+        Self::with_variables(location, |name| std::env::var(name).ok())
     }
 
-    fn with_variables(
-        location: &str,
-        variable: impl Fn(&str) -> Option<String>,
-        credentials: Option<Credentials>,
-    ) -> io::Result<Option<Self>> {
+    fn with_variables(location: &str, variable: impl Fn(&str) -> Option<String>) -> io::Result<Option<Self>> {
         let Some((scheme, rest)) = location.split_once("://") else { return Ok(None) };
         let scheme = scheme.to_ascii_lowercase();
         let parts = match scheme.as_str() {
@@ -62,7 +58,7 @@ impl StoredObject {
         }
         let store = match scheme.as_str() {
             "az" => Store::Azure(Box::new(AzureBlob::new((name, key), variable)?)),
-            scheme => Store::S3(Box::new(S3Object::new((name, key), scheme == "gs", variable, credentials)?)),
+            scheme => Store::S3(Box::new(S3Object::new((name, key), scheme == "gs", variable)?)),
         };
         Ok(Some(Self { key: key.to_owned(), store }))
     }
@@ -136,11 +132,16 @@ mod tests {
     use super::*;
 
     fn object(location: &str, variables: &[(&str, &str)], has_key: bool) -> StoredObject {
+        let key = [("AWS_ACCESS_KEY_ID", "ID"), ("AWS_SECRET_ACCESS_KEY", "SECRET")];
+        let key = if has_key { &key[..] } else { &[] };
         let variable = |name: &str| {
-            variables.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned())
+            variables
+                .iter()
+                .chain(key)
+                .find(|(known, _)| *known == name)
+                .map(|(_, value)| (*value).to_owned())
         };
-        let credentials = has_key.then(|| Credentials::new("ID", "SECRET"));
-        StoredObject::with_variables(location, variable, credentials).unwrap().unwrap()
+        StoredObject::with_variables(location, variable).unwrap().unwrap()
     }
 
     #[test]
@@ -191,7 +192,7 @@ mod tests {
 
     #[test]
     fn what_names_no_object_is_refused() {
-        let none = |location: &str| StoredObject::with_variables(location, |_| None, None);
+        let none = |location: &str| StoredObject::with_variables(location, |_| None);
         assert!(none("https://a.org/b.fan").unwrap().is_none());
         assert!(none("b.fan").unwrap().is_none());
         for (location, words) in [
@@ -209,7 +210,7 @@ mod tests {
             assert!(sentence.contains("neither '.' nor '..'"), "{sentence}");
         }
         let endpoint = |_: &str| Some("not a url".to_owned());
-        let sentence = StoredObject::with_variables("s3://a/b", endpoint, None).unwrap_err().to_string();
+        let sentence = StoredObject::with_variables("s3://a/b", endpoint).unwrap_err().to_string();
         assert!(sentence.contains("AWS_ENDPOINT_URL"), "{sentence}");
     }
 }

@@ -1,8 +1,7 @@
 //! Objects in stores that speak Amazon's S3, Google's among them.
 //!
-//! The variables are those of Amazon's own programs: `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_SESSION_TOKEN`, `AWS_REGION` (or
-//! `AWS_DEFAULT_REGION`), and `AWS_ENDPOINT_URL_S3` (or `AWS_ENDPOINT_URL`) for stores of others. Without a key, objects are read as
-//! everybody may.
+//! The variables are those of Amazon's own programs: `AWS_REGION` (or `AWS_DEFAULT_REGION`), `AWS_ENDPOINT_URL_S3` (or `AWS_ENDPOINT_URL`) for
+//! stores of others, and those of [keys](Keys). Without a key, objects are read as everybody may.
 
 use std::io;
 use std::sync::{Mutex, PoisonError};
@@ -10,7 +9,9 @@ use std::time::{Duration, SystemTime};
 
 use jiff::Timestamp;
 use rusty_s3::signing::sign;
-use rusty_s3::{Bucket, Credentials, Method, UrlStyle};
+use rusty_s3::{Bucket, Method, UrlStyle};
+
+use super::keys::{HeldKeys, Keys, MIN_TIME_LEFT};
 
 /// How long a signed URL holds.
 const SIGNED_TIME: Duration = Duration::from_hours(1);
@@ -29,8 +30,24 @@ pub(crate) struct S3Object {
     pub(crate) has_conditional_writes: bool,
     /// Whether the store copies ranges of objects into others. (Google's documents no such request; it joins whole objects.)
     copies_ranges: bool,
-    credentials: Option<Credentials>,
-    signed: Mutex<Option<(SystemTime, String)>>,
+    keys: Keys,
+    signed: Mutex<Option<SignedUrl>>,
+}
+
+/// Where an object is read by who has signed the address.
+#[derive(Clone, Debug)]
+struct SignedUrl {
+    url: String,
+    since: SystemTime,
+    /// Of the keys; none for ever.
+    until: Option<SystemTime>,
+}
+
+impl SignedUrl {
+    fn is_usable(&self) -> bool {
+        self.since.elapsed().is_ok_and(|age| age < USED_TIME)
+            && self.until.is_none_or(|until| SystemTime::now() + MIN_TIME_LEFT < until)
+    }
 }
 
 impl S3Object {
@@ -42,7 +59,6 @@ impl S3Object {
         (name, key): (&str, &str),
         is_google: bool,
         variable: impl Fn(&str) -> Option<String>,
-        credentials: Option<Credentials>,
     ) -> io::Result<Self> {
         let first = |names: [&str; 2]| {
             names.into_iter().find_map(|name| variable(name).filter(|value| !value.is_empty()))
@@ -69,7 +85,7 @@ impl S3Object {
             key: key.to_owned(),
             has_conditional_writes: !is_google,
             copies_ranges: !is_google,
-            credentials,
+            keys: Keys::of(&variable, is_google),
             signed: Mutex::default(),
         })
     }
@@ -78,10 +94,14 @@ impl S3Object {
     pub(crate) fn url(&self) -> String {
         let mut signed = self.signed.lock().unwrap_or_else(PoisonError::into_inner);
         match &*signed {
-            Some((since, url)) if since.elapsed().is_ok_and(|age| age < USED_TIME) => url.clone(),
+            Some(known) if known.is_usable() => known.url.clone(),
             _ => {
-                let url = self.signed(Method::Get, &[], &[]);
-                *signed = Some((SystemTime::now(), url.clone()));
+                let keys = self.keys.now();
+                let url = self.signed_by(keys.as_ref(), Method::Get, &[], &[]);
+                // A container that gave none is asked again.
+                let is_known = keys.is_some() || matches!(self.keys, Keys::Nobody);
+                let (since, until) = (SystemTime::now(), keys.and_then(|keys| keys.until));
+                *signed = is_known.then(|| SignedUrl { url: url.clone(), since, until });
                 url
             }
         }
@@ -90,8 +110,18 @@ impl S3Object {
     /// The address of a request that is made now. Query and headers are sorted by name, names of headers in lower case; the headers come with
     /// the request.
     pub(crate) fn signed(&self, method: Method, query: &[(&str, &str)], headers: &[(&str, &str)]) -> String {
+        self.signed_by(self.keys.now().as_ref(), method, query, headers)
+    }
+
+    fn signed_by(
+        &self,
+        keys: Option<&HeldKeys>,
+        method: Method,
+        query: &[(&str, &str)],
+        headers: &[(&str, &str)],
+    ) -> String {
         let mut url = self.bucket.object_url(&self.key);
-        let Some(credentials) = &self.credentials else {
+        let Some(HeldKeys { credentials, .. }) = keys else {
             if !query.is_empty() {
                 url.query_pairs_mut().extend_pairs(query);
             }
@@ -112,14 +142,7 @@ impl S3Object {
 
     /// What to do where the store does not let somebody `read` or `write`.
     pub(crate) fn advice(&self, verb: &str) -> String {
-        match self.credentials {
-            Some(_) => format!(
-                "check AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and what they may {verb}"
-            ),
-            None => {
-                format!("set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, as not everybody may {verb} it")
-            }
-        }
+        self.keys.advice(verb)
     }
 }
 
@@ -129,11 +152,16 @@ mod tests {
 
     #[test]
     fn addresses_are_signed_anew_once_they_are_old() {
-        let credentials = Some(Credentials::new("ID", "SECRET"));
-        let object = S3Object::new(("scans", "a.fan"), false, |_| None, credentials).unwrap();
+        let object = S3Object::new(("scans", "a.fan"), false, |_| None).unwrap();
         let now = SystemTime::now();
-        for (since, is_used) in [(now, true), (now - 2 * USED_TIME, false), (now + 2 * USED_TIME, false)] {
-            *object.signed.lock().unwrap() = Some((since, "known".to_owned()));
+        for (since, until, is_used) in [
+            (now, None, true),
+            (now - 2 * USED_TIME, None, false),
+            (now + 2 * USED_TIME, None, false),
+            (now, Some(now + 2 * MIN_TIME_LEFT), true),
+            (now, Some(now + MIN_TIME_LEFT / 2), false),
+        ] {
+            *object.signed.lock().unwrap() = Some(SignedUrl { url: "known".to_owned(), since, until });
             assert_eq!(object.url() == "known", is_used);
         }
     }

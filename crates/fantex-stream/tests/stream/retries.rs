@@ -75,8 +75,13 @@ impl Stage {
         let geometry = Arc::new(CoveredMesh { mesh, cover });
         let error = Arc::new(Mutex::new(Some(kind)));
         let asked = Arc::new(AtomicU32::new(0));
-        let (pending, shared) = (Vec::new(), (geometry.clone(), error.clone(), asked.clone()));
-        let loader = Server { geometry: shared.0, error: shared.1, asked: shared.2, pending, is_remote };
+        let loader = Server {
+            geometry: geometry.clone(),
+            error: error.clone(),
+            asked: asked.clone(),
+            pending: Vec::new(),
+            is_remote,
+        };
         let streamer = Streamer::new(geometry.clone(), Box::new(loader), StreamerOptions::default());
         Self { streamer, geometry, error, asked }
     }
