@@ -142,6 +142,10 @@ fn put_image(hash: &mut Xxh3, image: &ImageSource) {
                 channel.iter().for_each(|channel| put_image(hash, &channel.source));
             }
         }
+        ImageSource::Bump(bump) => {
+            put(hash, format!("{:?}", bump.wrap).as_bytes());
+            put_image(hash, &bump.source);
+        }
     }
 }
 
