@@ -13,16 +13,16 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    AssetSource, BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress,
-    Prefilter, Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake,
-    bake_part, plan_bake,
+    BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress, Prefilter,
+    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, bake, bake_part,
+    plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
 use fantex_base::{Error, ErrorKind, Result, counted, grouped};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
-use fantex_mesh::{Material, ObjectSpace};
-use fantex_store::{PageCache, Plan, Quality};
+use fantex_mesh::ObjectSpace;
+use fantex_store::{Plan, Quality};
 use fantex_texture::material::MaterialTextures;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
@@ -32,6 +32,7 @@ use fantex_export::ExportOptions;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
 
+use crate::asset_materials::{AssetChannels, of_transfer, without_textures};
 use crate::look_scene::{LookBake, MaterialResolver};
 use crate::{Asset, FileKind, LongestEdge, Mesh, budget_texels};
 
@@ -701,28 +702,28 @@ impl<'a> Baker<'a> {
             None
         };
         let named = |note: &String| format!("{}: {note}", detailed.path().display());
-        let baked = self.transfer(detailed, colors, detailed.path(), cage, goal)?;
+        let detail = (colors, detailed.has_materials());
+        let baked = self.transfer(detailed, detail, detailed.path(), cage, goal)?;
         Ok(Baked { notes: detailed.notes().iter().map(named).chain(baked.notes).collect(), ..baked })
     }
 
     /// Bakes what another asset holds, and its shape.
     fn transfer_asset(&self, asset: &Asset, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
-        let cache_bytes = usize::try_from(self.options.memory_bytes / 4).unwrap_or(usize::MAX);
-        let source = AssetSource::new(&PageCache::new(Arc::clone(asset.shared()), cache_bytes));
-        self.transfer(asset.mesh(), Some(&source), asset.path(), cage, goal)
+        let source = AssetChannels::all_of(asset.shared(), self.options.memory_bytes / 4);
+        self.transfer(asset.mesh(), (Some(&source), true), asset.path(), cage, goal)
     }
 
-    /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit.
+    /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit. With the source: whether it is what the mesh's materials show.
     fn transfer(
         &self,
         detailed: &fantex_mesh::Mesh,
-        detail: Option<&dyn fantex_bake::Source>,
+        (detail, of_materials): (Option<&dyn fantex_bake::Source>, bool),
         path: &Path,
         cage: Option<f64>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         let mesh = self.refined(self.mesh, self.cuts(goal), None);
-        let mesh = without_textures(&mesh);
+        let mesh = if of_materials { of_transfer(&mesh, detailed) } else { without_textures(&mesh) };
         let options = TransferOptions { cage, ..TransferOptions::default() };
         let source = TransferSource::new(&mesh, detailed, detail, &options)?;
         let baked = self.bake(&mesh, &source, None, goal);
@@ -860,26 +861,6 @@ fn in_three_digits(length: f64) -> String {
 fn rounded(count: f64) -> u64 {
     let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
     (unit * (count / unit).ceil()) as u64
-}
-
-/// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
-/// themselves. (A white glow, for example, would cover the source's colours.)
-fn without_textures(mesh: &fantex_mesh::Mesh) -> Cow<'_, fantex_mesh::Mesh> {
-    let has_factors = |m: &Material| m.emission_texture.is_some() || m.metallic_roughness_texture.is_some();
-    if !mesh.materials.iter().any(has_factors) {
-        return Cow::Borrowed(mesh);
-    }
-    let mut mesh = fantex_mesh::Mesh::clone(mesh);
-    let plain = Material::default();
-    for material in &mut mesh.materials {
-        if material.emission_texture.take().is_some() {
-            material.emission = plain.emission;
-        }
-        if material.metallic_roughness_texture.take().is_some() {
-            (material.metallic, material.roughness) = (plain.metallic, plain.roughness);
-        }
-    }
-    Cow::Owned(mesh)
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use fantex_mesh::{
 };
 use glam::{Vec3, Vec4};
 
+use crate::asset_materials::without_tiles;
 use crate::{Asset, FileKind};
 
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
@@ -88,10 +89,7 @@ impl Mesh {
     /// onto it, or to make it coarser.
     pub fn of_asset(asset: &Asset) -> Self {
         let mut mesh = asset.mesh().clone();
-        for material in &mut mesh.materials {
-            // Factors are in the texels.
-            (material.base_color, material.emission) = (Vec4::ONE, Vec3::ZERO);
-        }
+        mesh.materials = without_tiles(asset.shared());
         mesh.corners.colors.clear();
         Self {
             mesh,
