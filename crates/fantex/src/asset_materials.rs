@@ -26,6 +26,17 @@ fn is_unsaid(material: &Material) -> bool {
     *material == unsaid
 }
 
+/// Whether a material says more than "white".
+pub(crate) fn says_something(material: &Material) -> bool {
+    let Material { base_color, metallic, roughness, emission, alpha, unlit, .. } = material;
+    let plain = Material::default();
+    let is_colored = (*base_color, *emission) != (plain.base_color, plain.emission);
+    // Of a material from a file only: what stands for none says nothing by its factors.
+    let is_of_file = !material.place.is_empty();
+    let finish = (*metallic, *roughness, *alpha, *unlit);
+    is_colored || is_of_file && finish != (plain.metallic, plain.roughness, plain.alpha, plain.unlit)
+}
+
 /// For colours from elsewhere: factors that were meant to scale a texture of the model say nothing by themselves. (A white glow, for example, would
 /// cover the source's colours.)
 pub(crate) fn without_textures(mesh: &Mesh) -> Cow<'_, Mesh> {
@@ -318,5 +329,14 @@ mod tests {
         assert_eq!((material.metallic, material.roughness), (plain.metallic, plain.roughness));
         assert!(!material.double_sided);
         assert_eq!(without_textures(&said).materials, said.materials);
+    }
+
+    #[test]
+    fn white_materials_of_files_count_unless_they_are_plain() {
+        let plain = Material { place: "line 1".into(), ..Material::default() };
+        let of = |material: &Material| ball(1, std::slice::from_ref(material)).has_materials();
+        assert!(of(&metal(0.25)) && !of(&plain) && !of(&unsaid()));
+        assert!(of(&Material { unlit: true, ..plain.clone() }));
+        assert!(of(&Material { alpha: AlphaMode::Blend, ..plain }));
     }
 }
