@@ -24,6 +24,7 @@ use fantex_texture::material::TangentFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::samples::{cells, mean_of_cells};
 use crate::{Source, SourceChannel, TexelPoint};
 
 /// How well two meshes fitted.
@@ -48,12 +49,6 @@ fn check_samples(samples: u32) -> Result<()> {
             "samples is {samples}, but a texel takes 1 to {MAX_SAMPLES} rays along each side"
         )))
     }
-}
-
-/// Centres of `n * n` cells of a texel, from -0.5 to 0.5 along its sides.
-fn cells(n: u32) -> impl Iterator<Item = [f32; 2]> {
-    let at = move |i: u32| (i as f32 + 0.5) / n as f32 - 0.5;
-    (0..n * n).map(move |i| [at(i % n), at(i / n)])
 }
 
 // From a point of the coarse mesh to the point of the detailed mesh that it stands for.
@@ -330,49 +325,13 @@ impl Source for TransferSource<'_> {
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let share = 1.0 / self.samples as f32;
         let steps = point.position_steps.map(|s| s * share);
-        let mut sums = vec![Vec4::ZERO; values.len()];
-        for [x, y] in cells(self.samples) {
+        mean_of_cells(self.samples, point, &self.channels, values, |[x, y], values| {
             let lambda = point.at.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
             // Parts of a texel may lie beside its triangle, which may be a sliver.
             let at = SurfacePoint { lambda, ..point.at }.on_triangle(self.projector.coarse);
-            let at = self.projector.find(at);
-            self.value_at(at, steps, values);
-            for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
-                *sum += match channel.kind {
-                    ChannelKind::Anisotropy => doubled_angle(*value, point.normal),
-                    // Colours count in proportion to their coverage.
-                    _ if channel.has_alpha => (value.truncate() * value.w).extend(value.w),
-                    _ => *value,
-                };
-            }
-        }
-        for ((value, sum), channel) in values.iter_mut().zip(sums).zip(&self.channels) {
-            let mean = sum * (share * share);
-            *value = match channel.kind {
-                ChannelKind::Normal => sum.truncate().try_normalize().unwrap_or(point.normal).extend(0.0),
-                ChannelKind::Anisotropy => from_doubled_angle(mean, point.normal),
-                _ if channel.has_alpha && mean.w > 0.0 => (mean.truncate() / mean.w).extend(mean.w),
-                _ => mean,
-            };
-        }
+            self.value_at(self.projector.find(at), steps, values);
+        });
     }
-}
-
-// Directions of stretched highlights are lines: their sign is arbitrary. They are averaged as vectors of twice their angle.
-
-/// A direction (xyz) and its strength, as a vector of twice its angle around the normal, as long as it is strong.
-fn doubled_angle(direction: Vec4, normal: Vec3) -> Vec4 {
-    let (x, y) = normal.any_orthonormal_pair();
-    let along = Vec2::new(direction.truncate().dot(x), direction.truncate().dot(y)).normalize_or_zero();
-    (along.rotate(along) * direction.w).extend(0.0).extend(0.0)
-}
-
-/// The unit direction of that vector, and its strength.
-fn from_doubled_angle(doubled: Vec4, normal: Vec3) -> Vec4 {
-    let (x, y) = normal.any_orthonormal_pair();
-    let doubled = doubled.truncate().truncate();
-    let along = Vec2::from_angle(0.5 * doubled.to_angle());
-    (x * along.x + y * along.y).extend(doubled.length())
 }
 
 // An ordinary normal map: an image over the coarse mesh's texture coordinates.
