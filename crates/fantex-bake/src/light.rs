@@ -27,7 +27,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, SurfacePoint, TriangleBvh, shading_normals};
+use fantex_mesh::{AlphaMode, Mesh, SurfacePoint, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use glam::{DVec3, Vec3, Vec4};
 
@@ -468,7 +468,8 @@ impl std::fmt::Debug for LightScene<'_> {
     }
 }
 
-/// The base colour and emission that a [`Source`] would bake, as a reflector; alpha below a half lets light through.
+/// The base colour and emission that a [`Source`] would bake, as a reflector. Alpha below the threshold of a cut-out lets light through, or below a
+/// half where it is the share of the surface that is there, or blended.
 pub struct SourceReflector<'a> {
     mesh: &'a Mesh,
     colors: SurfaceColors<'a>,
@@ -506,10 +507,13 @@ impl Reflector for SourceReflector<'_> {
     }
 
     fn is_solid(&self, at: SurfacePoint) -> bool {
-        match self.colors.base_color {
-            Some(channel) if self.colors.has_alpha => self.value(channel, at).w >= 0.5,
-            _ => true,
-        }
+        let Some(channel) = self.colors.base_color.filter(|_| self.colors.has_alpha) else { return true };
+        let threshold = match self.mesh.alpha_mode(at.index()) {
+            // A number to be compared with it; not where alpha is the share that is there.
+            AlphaMode::Mask(threshold) if !self.colors.has_shares() => threshold,
+            _ => 0.5,
+        };
+        self.value(channel, at).w >= threshold
     }
 }
 

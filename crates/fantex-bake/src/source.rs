@@ -354,6 +354,11 @@ impl<'a> SurfaceColors<'a> {
         Self { source, channels: channels.len(), base_color, emission, has_alpha, exceeds_one }
     }
 
+    /// As [`Source::has_shares`].
+    pub(crate) fn has_shares(&self) -> bool {
+        self.source.has_shares()
+    }
+
     /// The values of all channels.
     pub(crate) fn values(&self, point: &TexelPoint) -> Vec<Vec4> {
         let mut values = vec![Vec4::ZERO; self.channels];
@@ -390,7 +395,7 @@ impl Source for LitSource<'_> {
     }
 
     fn has_shares(&self) -> bool {
-        self.colors.as_ref().is_some_and(|colors| colors.source.has_shares())
+        self.colors.as_ref().is_some_and(SurfaceColors::has_shares)
     }
 
     fn damage(&self) -> Damage {

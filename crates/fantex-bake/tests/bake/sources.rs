@@ -237,6 +237,22 @@ fn bright_light_makes_colours_that_exceed_one() {
     assert!(exceeds_one(BakeLight::Point { position: DVec3::Y, color: Vec3::splat(0.1), radius: 0.0 }));
 }
 
+#[test]
+fn cut_outs_let_light_through_below_their_own_threshold() {
+    let cut_out = |threshold| Material {
+        base_color: Vec4::new(1.0, 1.0, 1.0, 0.3),
+        alpha: AlphaMode::Mask(threshold),
+        ..Material::default()
+    };
+    let mesh = two_materials([cut_out(0.4), cut_out(0.2)], Vec::new());
+    let source = LookSource::of_model(&mesh).unwrap();
+    let reflector = SourceReflector::new(&mesh, &source);
+    for triangle in 0..mesh.triangles.len() {
+        let at = texels(&mesh, triangle)[75].at;
+        assert_eq!(reflector.is_solid(at), is_right(&mesh, triangle));
+    }
+}
+
 /// Holes are finer than texels: their alpha is a share.
 #[test]
 fn light_keeps_the_coverage_of_cut_outs() {
