@@ -15,8 +15,9 @@ use fantex_store::{
 use rayon::prelude::*;
 
 use crate::light::BYTES_PER_TEXEL;
+use crate::samples::TexelMeans;
 use crate::tile::{BakedTile, ChannelPlan, TileBaker};
-use crate::{LightMapNoise, LightMapSource, Source};
+use crate::{LightMapNoise, LightMapSource, Prefilter, Source};
 
 /// Bytes that one texel of a batch takes in encoded form, per channel: an uncompressed byte format with its levels.
 const ENCODED_BYTES_PER_TEXEL: u64 = 6;
@@ -175,20 +176,15 @@ impl<'a> Job<'a> {
         let _held = input::hold((by_triangle + size_of_val(normals.as_slice())) as u64);
         let own = &cover.groups[groups.start as usize..groups.end as usize];
         let meter = Meter::new(progress, own.iter().map(Group::texels).sum());
+        let means = TexelMeans::of(*source);
+        let gives_points = source.prefilter() == Prefilter::Point && source.light_map().is_none();
+        let source: &dyn Source = if options.fit == Fit::Box && gives_points { &means } else { *source };
         let is_noisy = source.light_map().is_some_and(LightMapSource::denoises);
         let extra = if is_noisy { BYTES_PER_TEXEL } else { 0 };
         let limits = BatchLimits::new(options, plans.len(), extra);
         let in_work = limits.in_work;
-        let baker = TileBaker {
-            mesh,
-            cover,
-            source: *source,
-            normals: &normals,
-            plans,
-            options,
-            in_work,
-            meter: &meter,
-        };
+        let baker =
+            TileBaker { mesh, cover, source, normals: &normals, plans, options, in_work, meter: &meter };
         let mut baked = Texels { means: Vec::with_capacity(own.len() * plans.len()), ..Texels::default() };
         for batch in batches(cover, groups, limits.texels) {
             let tiles = batch
@@ -295,9 +291,10 @@ pub enum Fit {
     /// Fitted to the bilinear reconstruction (local least squares), with overshoot bounded.
     #[default]
     Sharp,
-    /// The source's value at the texel's centre.
+    /// The source's value at the texel's centre, however fine its detail is: what is finer than a texel aliases. Baked
+    /// light is the mean over the texel in any case.
     Point,
-    /// The mean over the texel.
+    /// The mean over the texel; that of 4 x 4 points of it where the source gives values at points.
     Box,
 }
 

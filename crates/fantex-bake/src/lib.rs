@@ -13,6 +13,7 @@ mod image_source;
 mod light;
 mod look_source;
 mod raster;
+mod samples;
 mod source;
 mod tile;
 mod transfer;

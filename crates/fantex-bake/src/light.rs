@@ -27,13 +27,13 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result};
-use fantex_mesh::{Mesh, SurfacePoint, TriangleBvh, shading_normals};
+use fantex_mesh::{AlphaMode, Mesh, SurfacePoint, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::light::denoise::Estimate;
 pub(crate) use crate::light::denoise::{BYTES_PER_TEXEL, NoisyLight, REACH_TEXELS, SmoothLight};
-use crate::light::sky_table::SkyTable;
+use crate::light::sky_table::{SkyTable, most_reflected};
 pub use crate::light::tracer::BakeLight;
 use crate::light::tracer::{Lamp, Sequence, Tracer, mixed};
 use crate::source::SurfaceColors;
@@ -41,6 +41,9 @@ use crate::{LightQuantity, Source, SourceChannel, TexelPoint};
 
 /// Independent estimates of a texel.
 const ESTIMATES: u32 = 4;
+
+/// Triangles that are asked for their colour to tell how bright a picture may be.
+const COLOR_LOOKS: usize = 4096;
 
 /// Paths of an estimate between two looks at whether the user wants to stop: a fraction of a millisecond.
 const PATHS_PER_CHECK: u32 = 64;
@@ -105,6 +108,30 @@ impl<'a> LightMapSource<'a> {
             occlusion_distance,
         };
         Ok(Self { tracer, meter: NoiseMeter::default() })
+    }
+
+    /// The largest red, green or blue that surfaces show in this light, about: some of them are asked for their colour, each with all lamps and the
+    /// sky in full view. Infinite where lamps may be near.
+    pub(crate) fn brightest(&self) -> f32 {
+        let Tracer { mesh, lamps, sky, reflector, options, .. } = &self.tracer;
+        let light = lamps.iter().map(|lamp| match lamp {
+            Lamp::Directional { color, .. } => *color,
+            Lamp::Ball { color, .. } if *color == Vec3::ZERO => Vec3::ZERO,
+            Lamp::Ball { .. } => Vec3::INFINITY,
+        });
+        let light = match options.quantity {
+            LightQuantity::AmbientOcclusion => Vec3::ONE,
+            LightQuantity::Full | LightQuantity::Direct => light.sum::<Vec3>() + most_reflected(*sky),
+        };
+        if !light.is_finite() {
+            return f32::INFINITY;
+        }
+        let triangles = mesh.triangles.len();
+        let shown = (0..triangles).step_by(triangles.div_ceil(COLOR_LOOKS).max(1)).map(|triangle| {
+            let at = SurfacePoint { triangle: triangle as u32, lambda: Vec3::splat(1.0 / 3.0) };
+            (reflector.albedo(at) * light + reflector.emission(at)).max_element()
+        });
+        shown.fold(0.0, f32::max)
     }
 
     /// Light at a point; `lambda_steps` are the sides of the parallelogram around it over which the mean is taken, as changes
@@ -441,7 +468,8 @@ impl std::fmt::Debug for LightScene<'_> {
     }
 }
 
-/// The base colour and emission that a [`Source`] would bake, as a reflector; alpha below a half lets light through.
+/// The base colour and emission that a [`Source`] would bake, as a reflector. Alpha below the threshold of a cut-out lets light through, or below a
+/// half where it is the share of the surface that is there, or blended.
 pub struct SourceReflector<'a> {
     mesh: &'a Mesh,
     colors: SurfaceColors<'a>,
@@ -479,10 +507,13 @@ impl Reflector for SourceReflector<'_> {
     }
 
     fn is_solid(&self, at: SurfacePoint) -> bool {
-        match self.colors.base_color {
-            Some(channel) if self.colors.has_alpha => self.value(channel, at).w >= 0.5,
-            _ => true,
-        }
+        let Some(channel) = self.colors.base_color.filter(|_| self.colors.has_alpha) else { return true };
+        let threshold = match self.mesh.alpha_mode(at.index()) {
+            // A number to be compared with it; not where alpha is the share that is there.
+            AlphaMode::Mask(threshold) if !self.colors.has_shares() => threshold,
+            _ => 0.5,
+        };
+        self.value(channel, at).w >= threshold
     }
 }
 

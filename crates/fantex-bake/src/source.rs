@@ -330,6 +330,7 @@ impl Source for SineSource {
 pub struct LitSource<'a> {
     light: LightMapSource<'a>,
     colors: Option<SurfaceColors<'a>>,
+    exceeds_one: bool,
 }
 
 /// A source, and where its base colour and emission are among its channels.
@@ -353,6 +354,11 @@ impl<'a> SurfaceColors<'a> {
         Self { source, channels: channels.len(), base_color, emission, has_alpha, exceeds_one }
     }
 
+    /// As [`Source::has_shares`].
+    pub(crate) fn has_shares(&self) -> bool {
+        self.source.has_shares()
+    }
+
     /// The values of all channels.
     pub(crate) fn values(&self, point: &TexelPoint) -> Vec<Vec4> {
         let mut values = vec![Vec4::ZERO; self.channels];
@@ -371,16 +377,17 @@ impl<'a> LitSource<'a> {
     /// The light, and what it falls on: without a source, or with one that has no base colour, the light alone.
     pub fn new(light: LightMapSource<'a>, source: Option<&'a dyn Source>) -> Self {
         let colors = source.map(SurfaceColors::new).filter(|colors| colors.base_color.is_some());
-        Self { light, colors }
+        let exceeds_one = colors.as_ref().is_some_and(|colors| colors.exceeds_one);
+        // Rounding of white under white light is no glare.
+        let exceeds_one = exceeds_one || light.brightest() > 1.001;
+        Self { light, colors, exceeds_one }
     }
 }
 
 impl Source for LitSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
-        let colors = self.colors.as_ref();
-        let has_alpha = colors.is_some_and(|colors| colors.has_alpha);
-        let exceeds_one = colors.is_some_and(|colors| colors.exceeds_one);
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha, exceeds_one }]
+        let has_alpha = self.colors.as_ref().is_some_and(|colors| colors.has_alpha);
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha, exceeds_one: self.exceeds_one }]
     }
 
     fn jumps_at_creases(&self) -> bool {
@@ -388,7 +395,7 @@ impl Source for LitSource<'_> {
     }
 
     fn has_shares(&self) -> bool {
-        self.colors.as_ref().is_some_and(|colors| colors.source.has_shares())
+        self.colors.as_ref().is_some_and(SurfaceColors::has_shares)
     }
 
     fn damage(&self) -> Damage {

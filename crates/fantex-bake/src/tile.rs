@@ -31,7 +31,7 @@ use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
 use crate::raster::{Fitting, Mean, Overshoot, StoredRows, is_block_read};
 use crate::{
-    BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane,
+    BakeFormat, BakeOptions, Fit, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane,
     clear_what_is_no_number,
 };
 
@@ -41,8 +41,17 @@ const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHAR
 /// Points that a source is asked for at a time.
 const POINTS: usize = 256;
 
+/// How large a part of a texel's side stands for its centre: relief is a difference of heights, so it must not be zero.
+const POINT_SIDE: f32 = 1.0 / 64.0;
+
 /// Texels of light between two looks at whether the user wants to stop.
 const LIT_TEXELS: u32 = 16;
+
+/// Makes the area around a point so small that its mean is the value at the point.
+fn narrow(point: &mut TexelPoint) {
+    point.lambda_steps = point.lambda_steps.map(|step| step * POINT_SIDE);
+    point.position_steps = point.position_steps.map(|step| step * POINT_SIDE);
+}
 
 pub(crate) struct TileBaker<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -189,6 +198,9 @@ impl TileBaker<'_> {
                     Some(noisy.collect::<Result<_>>()?)
                 }
             };
+            if self.options.fit == Fit::Point {
+                points.iter_mut().for_each(narrow);
+            }
             match &known {
                 None => self.source.evaluate_all(points, &mut values),
                 Some(known) => {

@@ -12,7 +12,7 @@
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_cover::{SPAN_SLACK, span};
 use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
@@ -24,6 +24,7 @@ use fantex_texture::material::TangentFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::samples::{cells, mean_of_cells};
 use crate::{Source, SourceChannel, TexelPoint};
 
 /// How well two meshes fitted.
@@ -48,12 +49,6 @@ fn check_samples(samples: u32) -> Result<()> {
             "samples is {samples}, but a texel takes 1 to {MAX_SAMPLES} rays along each side"
         )))
     }
-}
-
-/// Centres of `n * n` cells of a texel, from -0.5 to 0.5 along its sides.
-fn cells(n: u32) -> impl Iterator<Item = [f32; 2]> {
-    let at = move |i: u32| (i as f32 + 0.5) / n as f32 - 0.5;
-    (0..n * n).map(move |i| [at(i % n), at(i / n)])
 }
 
 // From a point of the coarse mesh to the point of the detailed mesh that it stands for.
@@ -330,49 +325,13 @@ impl Source for TransferSource<'_> {
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let share = 1.0 / self.samples as f32;
         let steps = point.position_steps.map(|s| s * share);
-        let mut sums = vec![Vec4::ZERO; values.len()];
-        for [x, y] in cells(self.samples) {
+        mean_of_cells(self.samples, point, &self.channels, values, |[x, y], values| {
             let lambda = point.at.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
             // Parts of a texel may lie beside its triangle, which may be a sliver.
             let at = SurfacePoint { lambda, ..point.at }.on_triangle(self.projector.coarse);
-            let at = self.projector.find(at);
-            self.value_at(at, steps, values);
-            for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
-                *sum += match channel.kind {
-                    ChannelKind::Anisotropy => doubled_angle(*value, point.normal),
-                    // Colours count in proportion to their coverage.
-                    _ if channel.has_alpha => (value.truncate() * value.w).extend(value.w),
-                    _ => *value,
-                };
-            }
-        }
-        for ((value, sum), channel) in values.iter_mut().zip(sums).zip(&self.channels) {
-            let mean = sum * (share * share);
-            *value = match channel.kind {
-                ChannelKind::Normal => sum.truncate().try_normalize().unwrap_or(point.normal).extend(0.0),
-                ChannelKind::Anisotropy => from_doubled_angle(mean, point.normal),
-                _ if channel.has_alpha && mean.w > 0.0 => (mean.truncate() / mean.w).extend(mean.w),
-                _ => mean,
-            };
-        }
+            self.value_at(self.projector.find(at), steps, values);
+        });
     }
-}
-
-// Directions of stretched highlights are lines: their sign is arbitrary. They are averaged as vectors of twice their angle.
-
-/// A direction (xyz) and its strength, as a vector of twice its angle around the normal, as long as it is strong.
-fn doubled_angle(direction: Vec4, normal: Vec3) -> Vec4 {
-    let (x, y) = normal.any_orthonormal_pair();
-    let along = Vec2::new(direction.truncate().dot(x), direction.truncate().dot(y)).normalize_or_zero();
-    (along.rotate(along) * direction.w).extend(0.0).extend(0.0)
-}
-
-/// The unit direction of that vector, and its strength.
-fn from_doubled_angle(doubled: Vec4, normal: Vec3) -> Vec4 {
-    let (x, y) = normal.any_orthonormal_pair();
-    let doubled = doubled.truncate().truncate();
-    let along = Vec2::from_angle(0.5 * doubled.to_angle());
-    (x * along.x + y * along.y).extend(doubled.length())
 }
 
 // An ordinary normal map: an image over the coarse mesh's texture coordinates.
@@ -413,6 +372,8 @@ impl Default for NormalMapOptions {
 
 const MAX_SIDE: u32 = 8192;
 const MAX_PADDING: u32 = 256;
+/// Of an image of normals: its triangles, the normals, those that padding adds, and what is returned.
+const NORMAL_MAP_TEXEL_BYTES: u64 = 40;
 /// Nobody's texel.
 const EMPTY: u32 = u32::MAX;
 
@@ -423,7 +384,7 @@ const EMPTY: u32 = u32::MAX;
 /// mesh's own, or those of [`corner_tangents`]. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// An option out of range, no such texture coordinates, or an empty mesh.
+/// An option out of range, no such texture coordinates, an empty mesh, or more memory than is allowed.
 pub fn bake_normal_map(
     coarse: &Mesh,
     detailed: &Mesh,
@@ -432,7 +393,7 @@ pub fn bake_normal_map(
     bake_normal_map_until(coarse, detailed, options, &|| false)
 }
 
-/// [`bake_normal_map`], until somebody wants to stop, which is asked for each texel.
+/// [`bake_normal_map`], until somebody wants to stop, which is asked for each texel and each step of the padding.
 ///
 /// # Errors
 /// As there; or it was ended.
@@ -443,10 +404,12 @@ pub fn bake_normal_map_until(
     is_cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<(Image, TransferReport)> {
     let uv = check(coarse, options)?;
+    let [width, height] = options.size;
+    let bytes = u64::from(width) * u64::from(height) * NORMAL_MAP_TEXEL_BYTES;
+    let _held = input::reserve(format_args!("a normal map of {width} x {height} texels"), bytes)?;
     let projector = Projector::new(coarse, detailed, options.cage)?;
     let charts = Charts::new(coarse, uv, options.size);
     let frames = Frames::new(coarse, uv, options.space);
-    let [width, height] = options.size;
     let normal_at = |texel: usize| {
         let owner = charts.owners[texel];
         (owner != EMPTY && !is_cancelled()).then(|| {
@@ -461,11 +424,9 @@ pub fn bake_normal_map_until(
     };
     let mut normals: Vec<Option<Vec3>> =
         (0..charts.owners.len()).into_par_iter().with_min_len(256).map(normal_at).collect();
+    pad(&mut normals, width as usize, options.padding, is_cancelled);
     if is_cancelled() {
         return Err(Error::cancelled("the normal map was cancelled"));
-    }
-    for _ in 0..options.padding {
-        normals = grown(&normals, width as usize);
     }
     let encoded = |n: Option<Vec3>| (n.unwrap_or(frames.nothing()) * 0.5 + 0.5).to_array();
     let samples = normals.into_iter().flat_map(encoded).collect();
@@ -619,27 +580,51 @@ impl Frames {
     }
 }
 
-/// Empty texels beside full ones take the mean of these.
-fn grown(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
-    let height = normals.len() / width;
-    let grow = |texel: usize| {
-        if normals[texel].is_some() {
-            return normals[texel];
+/// Fills what is empty beside what is full, so many texels far: each takes the mean of what was full around it before. Ends early if that is wanted.
+fn pad(normals: &mut [Option<Vec3>], width: usize, texels: u32, is_cancelled: &(dyn Fn() -> bool + Sync)) {
+    if texels == 0 {
+        return;
+    }
+    let borders = (0..normals.len() as u32).into_par_iter().with_min_len(1 << 12).filter(|&texel| {
+        let full = |around: usize| normals[around].is_some();
+        normals[texel as usize].is_none() && texels_around(texel, width, normals.len()).any(full)
+    });
+    let mut front: Vec<u32> = borders.collect();
+    for step in 0..texels {
+        if front.is_empty() || is_cancelled() {
+            return;
         }
-        let (x, y) = (texel % width, texel / width);
-        let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
-        let around = rows.flat_map(|row| {
-            let columns = x.saturating_sub(1)..=(x + 1).min(width - 1);
-            columns.filter_map(move |column| normals[row * width + column])
-        });
-        around.reduce(|a, b| a + b).map(|sum| sum.try_normalize().unwrap_or(sum))
-    };
-    (0..normals.len()).into_par_iter().with_min_len(1 << 12).map(grow).collect()
+        let mean = |&texel: &u32| {
+            let around = texels_around(texel, width, normals.len()).filter_map(|around| normals[around]);
+            around.reduce(|a, b| a + b).map(|sum| sum.try_normalize().unwrap_or(sum))
+        };
+        let means: Vec<Option<Vec3>> = front.par_iter().with_min_len(1 << 10).map(mean).collect();
+        for (&texel, mean) in front.iter().zip(means) {
+            normals[texel as usize] = mean;
+        }
+        if step + 1 < texels {
+            let beside = front.iter().flat_map(|&texel| texels_around(texel, width, normals.len()));
+            let mut next: Vec<u32> =
+                beside.filter(|&texel| normals[texel].is_none()).map(|texel| texel as u32).collect();
+            next.sort_unstable();
+            next.dedup();
+            front = next;
+        }
+    }
+}
+
+/// A texel and those around it, row by row.
+fn texels_around(texel: u32, width: usize, count: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (texel as usize % width, texel as usize / width);
+    let rows = y.saturating_sub(1)..=(y + 1).min(count / width - 1);
+    rows.flat_map(move |row| {
+        (x.saturating_sub(1)..=(x + 1).min(width - 1)).map(move |column| row * width + column)
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use fantex_base::Random;
+    use fantex_base::{Random, ReadLimits, ReadOptions};
     use fantex_mesh::{CleanOptions, clean, generate, interpolate};
 
     use super::*;
@@ -716,6 +701,47 @@ mod tests {
             let mesh = Mesh { triangles: vec![[0, 1, 2]; uv.len() / 3], ..Mesh::default() };
             assert_eq!(Charts::new(&mesh, &uv, size).owners, owners_in_boxes(&uv, size), "{round}: {uv:?}");
         }
+    }
+
+    /// All texels, again and again.
+    fn padded(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
+        let value = |texel: usize| {
+            let around =
+                texels_around(texel as u32, width, normals.len()).filter_map(|around| normals[around]);
+            let mean = || around.reduce(|a, b| a + b).map(|sum| sum.try_normalize().unwrap_or(sum));
+            normals[texel].or_else(mean)
+        };
+        (0..normals.len()).map(value).collect()
+    }
+
+    #[test]
+    fn padding_goes_on_from_where_it_was() {
+        let mut random = Random::new(5);
+        for (width, height) in [(23, 17), (1, 40), (40, 1)] {
+            let mut normal = |_| {
+                let unit = |random: &mut Random| random.unit() as f32 - 0.5;
+                let direction = Vec3::new(unit(&mut random), unit(&mut random), unit(&mut random));
+                (random.below(30) == 0).then(|| direction.normalize())
+            };
+            let start: Vec<Option<Vec3>> = (0..width * height).map(&mut normal).collect();
+            let mut expected = start.clone();
+            for texels in 0..12 {
+                let mut found = start.clone();
+                pad(&mut found, width, texels, &|| false);
+                assert!(found == expected, "{width} x {height}, {texels} texels");
+                expected = padded(&expected, width);
+            }
+        }
+    }
+
+    #[test]
+    fn large_normal_maps_count_as_memory() {
+        let (mut mesh, _) = clean(generate::icosphere(1), &CleanOptions::default()).unwrap();
+        mesh.corners.uv_sets = vec![vec![Vec2::ZERO; 3 * mesh.triangles.len()]];
+        let limits = ReadLimits::new(ReadOptions { memory_bytes: 64 << 20, ..ReadOptions::default() });
+        let options = NormalMapOptions { size: [4096; 2], ..NormalMapOptions::default() };
+        let error = limits.run(|| bake_normal_map(&mesh, &mesh, &options)).unwrap_err();
+        assert!(error.to_string().contains("a normal map of 4096 x 4096 texels"), "{error}");
     }
 
     #[test]

@@ -10,6 +10,7 @@ use fantex_mesh::{Mesh, SurfacePoint};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::Photograph;
+use crate::blend::{Blend, joint_confidence};
 use crate::pyramid::{PageReader, PageStore};
 use crate::survey::{BestViews, Clusters, Survey, conjugate_gradients, face_normal, solve_gains, survey};
 use crate::view::{Seen, Spot, View};
@@ -84,14 +85,16 @@ impl<'a> PhotoSource<'a> {
         let fill = match options.unseen {
             Some(color) => Fill::Constant(color),
             None => {
-                let known =
-                    |best: &BestViews| best.color(&gains).filter(|_| best.confidence() >= SEEN_CONFIDENCE);
+                let known = |best: &BestViews| {
+                    let blend = best.blend(&gains);
+                    blend.color().filter(|_| blend.is_sure())
+                };
                 let mean = mean(spread.iter().filter_map(known));
                 let known: Vec<Option<Vec3>> = of_vertices.iter().map(known).collect();
                 Fill::Spread(spread_known(mesh, &known, mean))
             }
         };
-        let unseen = spread.iter().filter(|best| seen_share(best.confidence()) < 0.5).count();
+        let unseen = spread.iter().filter(|best| best.blend(&gains).seen_share() < 0.5).count();
         let [memory_bytes, scratch_bytes] = store.bytes();
         let report = PhotoReport {
             photographs: photographs.len(),
@@ -122,12 +125,13 @@ impl<'a> PhotoSource<'a> {
         self.store.failure()
     }
 
-    /// How sure it is that a photograph sees a point of a triangle: 0 where none does, 1 far from all edges of what is seen.
+    /// How sure it is that a photograph sees a point of a triangle: 0 where none does, 1 far from all edges of what is seen. What masks leave out of it
+    /// counts as seen.
     pub fn confidence(&self, triangle: usize, lambda: Vec3) -> f32 {
         let views = self.views_of(triangle);
         let at = SurfacePoint { triangle: triangle as u32, lambda }.clamped();
         let looked = look(&views, &PageReader::new(&self.store), &self.spot(at));
-        confidence_of(&looked)
+        joint_confidence(looked.iter().map(|(_, seen)| seen.confidence))
     }
 
     fn views_of(&self, triangle: usize) -> Vec<&View> {
@@ -151,27 +155,24 @@ impl<'a> PhotoSource<'a> {
         // It may lie beside its triangle.
         let at = point.at.clamped();
         let spot = self.spot(at);
-        let looked = look(views, reader, &spot);
-        let largest = looked.iter().map(|(_, seen)| seen.weight).fold(0.0, f32::max);
-        // Colours count by weight and mask; how much of the masks is open counts as confidence.
-        let (mut sum, mut open, mut total) = (Vec3::ZERO, 0.0, 0.0);
-        for (view, seen) in looked.iter().filter(|(_, seen)| seen.weight > largest * KEPT_SHARE) {
-            let weight = kept_weight(seen.weight, largest);
-            let color = view.color(reader, seen, spot.position, point.position_steps);
-            sum += color.truncate() * (weight * color.w);
-            open += weight * color.w;
-            total += weight;
+        let mut looked = look(views, reader, &spot);
+        looked.sort_by(|(_, a), (_, b)| b.weight.total_cmp(&a.weight));
+        let mut blend = Blend::default();
+        for (view, seen) in looked {
+            if blend.is_settled(seen.weight) {
+                break;
+            }
+            let color = view.color(reader, &seen, spot.position, point.position_steps);
+            blend.add(seen.weight * color.w, color.truncate(), seen.confidence * color.w);
         }
         let fill = || match &self.fill {
             Fill::Constant(color) => *color,
             Fill::Spread(colors) => self.blend(at, colors),
         };
-        if open <= 0.0 {
-            return fill();
-        }
-        match seen_share(confidence_of(&looked) * open / total) {
-            1.0 => sum / open,
-            share => fill().lerp(sum / open, share),
+        match (blend.color(), blend.seen_share()) {
+            (None, _) => fill(),
+            (Some(color), 1.0) => color,
+            (Some(color), share) => fill().lerp(color, share),
         }
     }
 }
@@ -179,10 +180,6 @@ impl<'a> PhotoSource<'a> {
 fn look<'v>(views: &[&'v View], reader: &PageReader<'_>, spot: &Spot) -> Vec<(&'v View, Seen)> {
     let sees = |&view: &&'v View| Some((view, view.seen(reader, spot)?));
     views.iter().filter_map(sees).collect()
-}
-
-fn confidence_of(looked: &[(&View, Seen)]) -> f32 {
-    joint_confidence(looked.iter().map(|(_, seen)| seen.confidence))
 }
 
 /// Pixels per mesh unit of the sharpest corner.
@@ -209,30 +206,6 @@ impl Source for PhotoSource<'_> {
             }
         });
     }
-}
-
-// ---- Which photographs count at a point, and how much.
-
-/// A photograph counts at a point if its weight is more than this share of the largest one there.
-pub(crate) const KEPT_SHARE: f32 = 0.1;
-
-/// What a photograph counts at a point, if it does: its weight, and that beyond the share it must have. Both are continuous, so
-/// photographs come and go without a step, and the best one always stays.
-pub(crate) fn kept_weight(weight: f32, largest: f32) -> f32 {
-    weight / largest * (weight / largest - KEPT_SHARE).max(0.0)
-}
-
-/// How sure it is that a point is seen at all, 0..=1, from the confidences of the photographs: 1 if one of them is sure.
-pub(crate) fn joint_confidence(confidences: impl Iterator<Item = f32>) -> f32 {
-    1.0 - confidences.map(|confidence| 1.0 - confidence.clamp(0.0, 1.0)).product::<f32>()
-}
-
-/// The confidence from which on the fill of unseen surface does not count.
-pub(crate) const SEEN_CONFIDENCE: f32 = 0.1;
-
-/// The share of what was seen, beside what is filled in.
-pub(crate) fn seen_share(confidence: f32) -> f32 {
-    crate::view::smooth(f64::from(confidence / SEEN_CONFIDENCE))
 }
 
 // ---- Colours for what no photograph sees: those of the surroundings, spread along the surface.
@@ -406,20 +379,6 @@ mod tests {
     use fantex_mesh::{CleanOptions, clean, generate};
 
     use super::*;
-
-    #[test]
-    fn weights_are_continuous_and_the_best_stays() {
-        let mut before = kept_weight(0.0, 1.0);
-        for i in 0..=1000 {
-            let now = kept_weight(i as f32 * 1e-3, 1.0);
-            assert!(now >= before && now - before < 0.003);
-            before = now;
-        }
-        assert_eq!(kept_weight(KEPT_SHARE, 1.0), 0.0);
-        assert!(kept_weight(7.0, 7.0) > 0.89);
-        assert_eq!(seen_share(0.0), 0.0);
-        assert_eq!(seen_share(joint_confidence([0.3, 0.0].into_iter())), 1.0);
-    }
 
     fn sphere() -> Mesh {
         clean(generate::icosphere(4), &CleanOptions::default()).unwrap().0

@@ -13,9 +13,9 @@ use half::f16;
 use image::{ColorType, ImageDecoder as _, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
+use crate::blend::{Blend, KEPT_SHARE};
 use crate::pyramid::{PageReader, PageStore, Pyramid, level_for_width};
 use crate::sight::SightMap;
-use crate::source::{KEPT_SHARE, joint_confidence, kept_weight};
 use crate::view::{Mask, Seen, Spot, View, have_one_shape, mesh_camera, seen};
 use crate::{PhotoOptions, Photograph, scratch_error};
 
@@ -65,10 +65,6 @@ impl BestViews {
         self.0[0].weight
     }
 
-    pub(crate) fn confidence(&self) -> f32 {
-        joint_confidence(self.views().map(|best| best.confidence.to_f32()))
-    }
-
     /// What the best views see, for exposure.
     pub(crate) fn observations(&self) -> Vec<Observation> {
         let observation = |best: &BestView| Observation {
@@ -79,15 +75,14 @@ impl BestViews {
         self.views().map(observation).collect()
     }
 
-    /// The blended colour, with the photographs' gains.
-    pub(crate) fn color(&self, gains: &[Vec3]) -> Option<Vec3> {
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        for best in self.views().filter(|best| best.weight > self.weight() * KEPT_SHARE) {
-            let weight = kept_weight(best.weight, self.weight());
-            sum += Vec3::from(best.color.map(f16::to_f32)) * gains[best.view as usize] * weight;
-            total += weight;
+    /// What they see together, with the photographs' gains.
+    pub(crate) fn blend(&self, gains: &[Vec3]) -> Blend {
+        let mut blend = Blend::default();
+        for best in self.views() {
+            let color = Vec3::from(best.color.map(f16::to_f32)) * gains[best.view as usize];
+            blend.add(best.weight, color, best.confidence.to_f32());
         }
-        (total > 0.0).then(|| sum / total)
+        blend
     }
 }
 
@@ -582,15 +577,15 @@ mod tests {
             confidence: f16::from_f32(0.5),
         };
         let mut best = BestViews::NONE;
-        assert_eq!(best.confidence(), 0.0);
-        assert_eq!(best.color(&[]), None);
+        assert_eq!((best.blend(&[]).color(), best.blend(&[]).seen_share()), (None, 0.0));
         let added = [(0, 0.25), (1, 0.5), (2, 0.125), (3, 0.5), (4, 0.75), (5, 0.0)]
             .map(|(v, w)| best.add(entry(v, w)));
         assert_eq!(added, [true, true, false, false, true, false]);
         assert_eq!(best.views().map(|b| b.view).collect::<Vec<_>>(), [4, 1, 3, 0]);
         assert_eq!(best.weight(), 0.75);
-        assert!((best.confidence() - 0.9375).abs() < 1e-6);
-        let color = best.color(&[Vec3::ONE; 6]).unwrap();
+        let blend = best.blend(&[Vec3::ONE; 6]);
+        assert!(blend.is_sure());
+        let color = blend.color().unwrap();
         assert!(color.x > 0.5 && color.x < 0.75, "{color}");
     }
 

@@ -12,19 +12,17 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    AssetSource, BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, NoProgress, Progress,
-    Source as BakeSource, TransferOptions, TransferSource, VertexColorSource, bake, bake_part, plan_bake,
+    BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, NoProgress, Progress, Source as BakeSource,
+    TransferOptions, TransferSource, VertexColorSource, bake, bake_part, plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
 use fantex_base::{Error, ErrorKind, ReadLimits, Result, counted, grouped};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
-use fantex_mesh::Material;
-use fantex_store::{ChannelKind, PageCache, Plan, Quality, Recipe};
+use fantex_store::{ChannelKind, Plan, Quality, Recipe};
 use fantex_texture::material::MaterialTextures;
 use glam::Vec4;
 
@@ -36,6 +34,7 @@ pub use source::Source;
 
 use self::more_channels::WithChannels;
 use self::source::Kind;
+use crate::asset_materials::{AssetChannels, of_transfer, without_textures};
 use crate::look_scene::{LookBake, MaterialResolver};
 use crate::{Asset, FileKind, LongestEdge, Mesh, budget_texels};
 
@@ -53,7 +52,7 @@ enum Budget {
 /// Bakes a source onto a mesh: covers the mesh, fills the tiles, writes the asset.
 ///
 /// Without a source the model's own materials or vertex colours are baked; without a number of texels textures keep their own
-/// density, and everything else gets [`Baker::default_texels`]. A model that repeats its textures gets at most 16 million, or twice the
+/// density (small ones get up to 16 texels for each of theirs, 262 144 in all), and everything else gets [`Baker::default_texels`]. A model that repeats its textures gets at most 16 million, or twice the
 /// texels of its images, and a note.
 #[derive(Debug)]
 #[must_use = "nothing is baked before `write`"]
@@ -89,6 +88,10 @@ impl<'a> Baker<'a> {
 
     /// A model that shows parts of its images again and again gets no more than so many texels by itself, or twice those of its images.
     const REPEATED_TEXELS: u64 = 16_000_000;
+
+    /// Small textures get up to [`CRISP_TEXELS`](Self::CRISP_TEXELS) for each of theirs, as long as these are not more than so many: with one
+    /// each, turned against theirs, what is a few texels wide would be blurred.
+    const FEW_TEXELS: f64 = (1 << 18) as f64;
 
     /// Texels for each of an image's whose texels are to appear as squares: edges a quarter as wide as a square look crisp.
     const CRISP_TEXELS: f64 = 16.0;
@@ -574,29 +577,29 @@ impl<'a> Baker<'a> {
             None
         };
         let named = |note: &String| format!("{}: {note}", detailed.path().display());
-        let baked = self.transfer(detailed, colors, detailed.path(), cage, goal)?;
+        let detail = (colors, detailed.has_materials());
+        let baked = self.transfer(detailed, detail, detailed.path(), cage, goal)?;
         Ok(Baked { notes: detailed.notes().iter().map(named).chain(baked.notes).collect(), ..baked })
     }
 
     /// Bakes what another asset holds, and its shape.
     fn transfer_asset(&self, asset: &Asset, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
         goal.recipe().iter().for_each(|recipe| recipe.borrow_mut().add_asset("the other asset", asset));
-        let cache_bytes = usize::try_from(self.options.memory_bytes / 4).unwrap_or(usize::MAX);
-        let source = AssetSource::new(&PageCache::new(Arc::clone(asset.shared()), cache_bytes));
-        self.transfer(asset.mesh(), Some(&source), asset.path(), cage, goal)
+        let source = AssetChannels::all_of(asset.shared(), self.options.memory_bytes / 4);
+        self.transfer(asset.mesh(), (Some(&source), true), asset.path(), cage, goal)
     }
 
-    /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit.
+    /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit. With the source: whether it is what the mesh's materials show.
     fn transfer(
         &self,
         detailed: &fantex_mesh::Mesh,
-        detail: Option<&dyn BakeSource>,
+        (detail, of_materials): (Option<&dyn BakeSource>, bool),
         path: &Path,
         cage: Option<f64>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         let mesh = self.refined(self.mesh, self.cuts(goal), None)?;
-        let mesh = without_textures(&mesh);
+        let mesh = if of_materials { of_transfer(&mesh, detailed) } else { without_textures(&mesh) };
         let options = TransferOptions { cage, ..TransferOptions::default() };
         let source = TransferSource::new(&mesh, detailed, detail, &options)?;
         let baked = self.bake(&mesh, &source, None, goal);
@@ -741,12 +744,14 @@ impl OwnTexels {
 
     /// How many texels it gets by itself.
     fn given(&self) -> f64 {
-        self.texels.min(self.most)
+        let least = (Baker::CRISP_TEXELS * self.texels).min(Baker::FEW_TEXELS);
+        self.texels.max(least).min(self.most)
     }
 
-    /// Of the density.
+    /// Of the density, which may be more than one.
     fn given_share(&self) -> f32 {
-        if self.texels > self.most { (self.most / self.texels).sqrt() as f32 } else { 1.0 }
+        let share = (self.given() / self.texels).sqrt() as f32;
+        if share.is_finite() { share } else { 1.0 }
     }
 }
 
@@ -769,26 +774,6 @@ fn in_three_digits(length: f64) -> String {
 fn rounded(count: f64) -> u64 {
     let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
     (unit * (count / unit).ceil()) as u64
-}
-
-/// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
-/// themselves. (A white glow, for example, would cover the source's colours.)
-fn without_textures(mesh: &fantex_mesh::Mesh) -> Cow<'_, fantex_mesh::Mesh> {
-    let has_factors = |m: &Material| m.emission_texture.is_some() || m.metallic_roughness_texture.is_some();
-    if !mesh.materials.iter().any(has_factors) {
-        return Cow::Borrowed(mesh);
-    }
-    let mut mesh = fantex_mesh::Mesh::clone(mesh);
-    let plain = Material::default();
-    for material in &mut mesh.materials {
-        if material.emission_texture.take().is_some() {
-            material.emission = plain.emission;
-        }
-        if material.metallic_roughness_texture.take().is_some() {
-            (material.metallic, material.roughness) = (plain.metallic, plain.roughness);
-        }
-    }
-    Cow::Owned(mesh)
 }
 
 #[cfg(test)]

@@ -11,10 +11,11 @@ use std::sync::Arc;
 use fantex_bake::{AssetSource, Progress, Source, SourceChannel, TexelPoint};
 use fantex_base::Result;
 use fantex_mesh::{Material, Mesh, SurfacePoint, WorldFromMesh, shading_normals};
-use fantex_store::{Asset, Channel, ChannelKind, Damage, PageCache};
+use fantex_store::{Asset, ChannelKind, Damage};
 use glam::{Vec3, Vec4};
 
 use crate::PreviewOptions;
+use crate::asset_materials::{AssetChannels, asset_source};
 use crate::joined::{FirstTriangles, JoinedMesh};
 use crate::preview::write_coarse;
 
@@ -90,16 +91,8 @@ pub(crate) struct FinerSurface {
     firsts: FirstTriangles,
     /// Which triangles of all assets those of the mesh are; none where they are the same.
     triangles: Option<Vec<u32>>,
-    parts: Vec<FinerPart>,
+    parts: Vec<AssetChannels>,
     channels: Vec<SourceChannel>,
-}
-
-/// One of the assets.
-struct FinerPart {
-    source: AssetSource,
-    asset: Arc<Asset>,
-    /// Per channel of all the number of the asset's own; none where it has none.
-    channels: Vec<Option<usize>>,
 }
 
 impl FinerSurface {
@@ -118,15 +111,10 @@ impl FinerSurface {
             true => (mesh, None),
             false => (mesh.subset(&sound).0, Some(sound)),
         };
-        let share = usize::try_from(memory_bytes / assets.len() as u64).unwrap_or(usize::MAX);
-        let source = |asset: &Arc<Asset>| AssetSource::new(&PageCache::new(Arc::clone(asset), share));
-        let sources: Vec<AssetSource> = assets.iter().map(source).collect();
+        let share = memory_bytes / assets.len() as u64;
+        let sources: Vec<AssetSource> = assets.iter().map(|asset| asset_source(asset, share)).collect();
         let channels = common_channels(&sources);
-        let part = |(source, asset): (AssetSource, &Arc<Asset>)| {
-            let own = source.channels();
-            let number = |channel: &SourceChannel| own.iter().position(|own| own.kind == channel.kind);
-            FinerPart { channels: channels.iter().map(number).collect(), source, asset: Arc::clone(asset) }
-        };
+        let part = |(source, asset)| AssetChannels::new(source, asset, channels.clone());
         let parts = sources.into_iter().zip(assets).map(part).collect();
         Self { mesh, firsts, triangles, parts, channels }
     }
@@ -165,7 +153,7 @@ impl Source for FinerSurface {
 
     fn damage(&self) -> Damage {
         let mut all = Damage::default();
-        for damage in self.parts.iter().map(|part| part.source.damage()) {
+        for damage in self.parts.iter().map(Source::damage) {
             all.pages += damage.pages;
             all.first.extend(damage.first);
         }
@@ -178,27 +166,7 @@ impl Source for FinerSurface {
         let triangle = self.triangles.as_ref().map_or(triangle, |all| all[triangle as usize]);
         let (part, triangle) = self.firsts.locate(triangle);
         let (part, at) = (&self.parts[part], SurfacePoint { triangle, ..point.at });
-        part.evaluate(&TexelPoint { at, ..*point }, &self.channels, values);
-    }
-}
-
-impl FinerPart {
-    /// Writes the values of all channels at a point of the asset.
-    fn evaluate(&self, point: &TexelPoint, channels: &[SourceChannel], values: &mut [Vec4]) {
-        let is_own = self.channels.iter().enumerate().all(|(number, own)| *own == Some(number));
-        if is_own {
-            return self.source.evaluate(point, values);
-        }
-        let mut own = vec![Vec4::ZERO; self.asset.channels().len()];
-        self.source.evaluate(point, &mut own);
-        for ((value, number), channel) in values.iter_mut().zip(&self.channels).zip(channels) {
-            *value = match (number, channel.kind) {
-                (Some(number), _) => own[*number],
-                (None, ChannelKind::Normal) => point.normal.extend(0.0),
-                // What the asset shows without it.
-                (None, kind) => Channel::plain_value(kind, self.asset.mesh(), point.at.index()).into(),
-            };
-        }
+        part.evaluate(&TexelPoint { at, ..*point }, values);
     }
 }
 

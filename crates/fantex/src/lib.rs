@@ -79,6 +79,7 @@
 #[cfg(feature = "http")]
 pub mod addresses;
 mod asset;
+mod asset_materials;
 mod baker;
 mod coarse;
 #[cfg(feature = "http")]

@@ -8,8 +8,8 @@ use fantex_base::Result;
 use fantex_mesh::{
     CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load, simplified,
 };
-use glam::{Vec3, Vec4};
 
+use crate::asset_materials::{says_something, without_tiles};
 use crate::{Asset, FileKind};
 
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
@@ -88,10 +88,7 @@ impl Mesh {
     /// onto it, or to make it coarser.
     pub fn of_asset(asset: &Asset) -> Self {
         let mut mesh = asset.mesh().clone();
-        for material in &mut mesh.materials {
-            // Factors are in the texels.
-            (material.base_color, material.emission) = (Vec4::ONE, Vec3::ZERO);
-        }
+        mesh.materials = without_tiles(asset.shared());
         mesh.corners.colors.clear();
         Self {
             mesh,
@@ -148,10 +145,10 @@ impl Mesh {
         self.mesh
     }
 
-    /// Whether the materials say more than "white": by textures, colours or light of their own.
+    /// Whether the materials say more than "white": by textures, colours or light of their own, or, in a file, by how metallic or rough they are, what
+    /// alpha means, or that they are unlit.
     pub fn has_materials(&self) -> bool {
-        let is_plain = |m: &fantex_mesh::Material| m.base_color == Vec4::ONE && m.emission == Vec3::ZERO;
-        self.has_textures() || !self.mesh.materials.iter().all(is_plain)
+        self.has_textures() || self.mesh.materials.iter().any(says_something)
     }
 
     /// Whether the model has colours at its vertices.

@@ -91,6 +91,23 @@ impl SkyTable {
     }
 }
 
+/// A bound of what a white surface reflects of a sky: neither more than its brightest direction, nor than if all of it shone straight ahead.
+pub(crate) fn most_reflected(sky: &dyn Sky) -> Vec3 {
+    let row = |row: usize| {
+        let looks = (0..SIDE).map(|column| {
+            let place = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) / SIDE as f32;
+            let radiance = sky.radiance(direction(place));
+            if radiance.is_finite() { radiance.max(Vec3::ZERO) } else { Vec3::ZERO }
+        });
+        looks.fold((Vec3::ZERO, Vec3::ZERO), |(most, sum), radiance| (most.max(radiance), sum + radiance))
+    };
+    // Summed in order: the same on any number of threads.
+    let rows: Vec<(Vec3, Vec3)> = (0..SIDE).into_par_iter().map(row).collect();
+    let most = rows.iter().fold(Vec3::ZERO, |most, row| most.max(row.0));
+    let mean = rows.iter().map(|row| row.1).sum::<Vec3>() / (SIDE * SIDE) as f32;
+    most.min(4.0 * mean)
+}
+
 fn brightness(sky: &dyn Sky, column: usize, row: usize) -> f64 {
     let looks = (0..LOOKS * LOOKS).map(|look| {
         let within = Vec2::new((look % LOOKS) as f32 + 0.5, (look / LOOKS) as f32 + 0.5) / LOOKS as f32;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fantex_bake::{
-    AssetSource, BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, Source,
+    AssetSource, BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Prefilter, Progress, SineSource, Source,
     TexelPoint, bake, fidelity, plan_bake,
 };
 use fantex_base::ErrorKind;
@@ -457,6 +457,49 @@ fn linear_functions_come_back_from_a_plane() {
                 }
             }
         }
+    }
+}
+
+/// Stripes finer than a texel: values of their points or, over a texel, their means.
+struct Stripes {
+    prefilter: Prefilter,
+    per_unit: f32,
+}
+
+impl Source for Stripes {
+    fn prefilter(&self) -> Prefilter {
+        self.prefilter
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let across = point.position_steps.iter().map(|step| step.x.abs()).sum::<f32>();
+        let blur = if self.prefilter == Prefilter::Box { (self.per_unit * across).min(1.0) } else { 0.0 };
+        let stripe = f32::from(u8::from((point.position.x * self.per_unit).rem_euclid(1.0) < 0.5));
+        values[0] = Vec4::splat(stripe * (1.0 - blur) + 0.5 * blur).with_w(1.0);
+    }
+}
+
+#[test]
+fn fits_by_point_and_by_box_are_what_they_are_called_for_all_sources() {
+    let mesh = cleaned(generate::grid(2));
+    let cover = cover(&mesh, 64, 10_000);
+    let at = |fit, prefilter| {
+        let texel_side = (mesh.area() / cover.texels() as f64).sqrt();
+        let stripes = Stripes { prefilter, per_unit: (2.3 / texel_side) as f32 };
+        let baked = baked(&mesh, &cover, &stripes, &float_options(fit));
+        flat_texels(&cover, 0, 37)
+            .into_iter()
+            .map(|(at, _)| texel(&baked.cache, 0, 0, at).x)
+            .collect::<Vec<_>>()
+    };
+    for prefilter in [Prefilter::Point, Prefilter::Box] {
+        let points = at(Fit::Point, prefilter);
+        assert!(
+            points.iter().any(|x| *x < 0.2) && points.iter().any(|x| *x > 0.8),
+            "{prefilter:?}: {points:?}"
+        );
+        let off = at(Fit::Box, prefilter).iter().map(|x| (x - 0.5).abs()).sum::<f32>() / points.len() as f32;
+        assert!(off < 0.26, "{prefilter:?}: {off}");
     }
 }
 

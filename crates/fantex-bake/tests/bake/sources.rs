@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::{
-    Fit, LightMapOptions, LightMapSource, LightQuantity, LightScene, LitSource, LookSource,
+    BakeLight, Fit, LightMapOptions, LightMapSource, LightQuantity, LightScene, LitSource, LookSource,
     MappedImageSource, Reflector, SolidSource, Source, SourceChannel, SourceReflector, TexelPoint,
     VertexColorSource, baked_materials,
 };
@@ -216,6 +216,41 @@ fn lit<'a>(mesh: &'a Mesh, source: &'a dyn Source, reflector: &'a dyn Reflector)
     let options =
         LightMapOptions { quantity: LightQuantity::Direct, samples: 4, denoise: false, ..Default::default() };
     LitSource::new(LightMapSource::new(mesh, &scene, options).unwrap(), Some(source))
+}
+
+#[test]
+fn bright_light_makes_colours_that_exceed_one() {
+    let mesh = cleaned(generate::grid(2));
+    let grey = OfPosition(|_| Vec4::new(0.6, 0.6, 0.6, 1.0));
+    let (reflector, sky) = (SourceReflector::new(&mesh, &grey), |_: Vec3| Vec3::splat(0.5));
+    let exceeds_one = |light: BakeLight| {
+        let scene = LightScene { lights: vec![light], sky: &sky, reflector: &reflector };
+        let options = LightMapOptions { quantity: LightQuantity::Direct, ..Default::default() };
+        let light = LightMapSource::new(&mesh, &scene, options).unwrap();
+        LitSource::new(light, Some(&grey)).channels()[0].exceeds_one
+    };
+    let sun = |strength: f32| {
+        let color = Vec3::splat(strength);
+        exceeds_one(BakeLight::Directional { to_light: Vec3::Y, color, radius_degrees: 0.25 })
+    };
+    assert!(!sun(1.0) && sun(4.0));
+    assert!(exceeds_one(BakeLight::Point { position: DVec3::Y, color: Vec3::splat(0.1), radius: 0.0 }));
+}
+
+#[test]
+fn cut_outs_let_light_through_below_their_own_threshold() {
+    let cut_out = |threshold| Material {
+        base_color: Vec4::new(1.0, 1.0, 1.0, 0.3),
+        alpha: AlphaMode::Mask(threshold),
+        ..Material::default()
+    };
+    let mesh = two_materials([cut_out(0.4), cut_out(0.2)], Vec::new());
+    let source = LookSource::of_model(&mesh).unwrap();
+    let reflector = SourceReflector::new(&mesh, &source);
+    for triangle in 0..mesh.triangles.len() {
+        let at = texels(&mesh, triangle)[75].at;
+        assert_eq!(reflector.is_solid(at), is_right(&mesh, triangle));
+    }
 }
 
 /// Holes are finer than texels: their alpha is a share.

@@ -1,6 +1,7 @@
 //! glTF: hierarchy, primitives, accessors, materials, extensions, and what is refused.
 
 use crate::common::*;
+use fantex_base::{ReadLimits, ReadOptions};
 use fantex_mesh::{AlphaMode, ImageSource, Material, Model, Parts, WrapMode};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -382,6 +383,17 @@ fn instances_that_make_no_sense_are_refused() {
     // A few letters must not ask for any amount of memory.
     let zeros = r#",{"componentType":5126,"count":4000000000000,"type":"VEC3"}"#;
     assert_mentions(&refuse(r#""TRANSLATION":4"#, zeros), &["triangles", "limit"]);
+    let million = zeros.replace("4000000000000", "1000000");
+    let of = |mebibytes: u64| {
+        ReadLimits::new(ReadOptions { memory_bytes: mebibytes << 20, ..ReadOptions::default() })
+    };
+    let message = of(200).run(|| refuse(r#""TRANSLATION":4"#, &million));
+    assert_mentions(&message, &["1000000 instances of node 0"]);
+    // Those of a mesh without triangles take no place.
+    let empty = instanced_gltf(r#""TRANSLATION":4"#, &million, "")
+        .replace(r#""nodes":[{"mesh":0,"#, r#""nodes":[{"mesh":0},{"mesh":1,"#)
+        .replace(r#"]}],"bufferViews""#, r#"]},{"primitives":[]}],"bufferViews""#);
+    assert_eq!(of(16).run(|| load_text("a.gltf", &empty)).unwrap().triangles.len(), 1);
 }
 
 /// A 16-fold nested chain of nodes is fine, and so is one of a hundred thousand: nothing recurses.

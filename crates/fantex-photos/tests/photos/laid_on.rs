@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use fantex_bake::{NoProgress, Progress, Source};
 use fantex_mesh::Mesh;
-use fantex_photos::{Distortion, Lens, PhotoOptions, PhotoSource, Photograph};
+use fantex_photos::{CameraFromWorld, Distortion, Lens, PhotoCamera, PhotoOptions, PhotoSource, Photograph};
 use fantex_texture::{ColorSpace, Depth, Image, Samples};
 use glam::{DVec3, Quat, Vec3};
 use tempfile::TempDir;
@@ -191,6 +191,46 @@ fn what_a_mask_leaves_out_is_not_laid_on() {
     assert!(error.to_string().contains("has [64, 16] pixels, but its photograph has"), "{error}");
 }
 
+/// A green photograph from near by, and a red one from so far that it does not count beside the green one.
+#[test]
+fn what_a_mask_leaves_out_of_the_best_photograph_the_next_one_shows() {
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let mesh = Mesh {
+        positions: corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let saved = |name: &str, color: [f32; 4]| {
+        let path = folder.path().join(name);
+        Image::from_linear_rgb(100, 100, &vec![color; 10_000]).save(&path).unwrap();
+        path
+    };
+    let photograph = |name: &str, color: [f32; 4], distance: f64| Photograph {
+        path: saved(name, color),
+        mask: None,
+        name: name.into(),
+        camera: PhotoCamera::pinhole([100, 100], 112.0),
+        camera_from_world: CameraFromWorld::looking_at(DVec3::Z * distance, DVec3::ZERO, DVec3::Y),
+    };
+    let mut photographs =
+        [photograph("near.png", [0.0, 1.0, 0.0, 1.0], 3.0), photograph("far.png", [1.0, 0.0, 0.0, 1.0], 4.8)];
+    let mask = folder.path().join("mask.png");
+    let is_used = |pixel: usize| !((30..70).contains(&(pixel % 100)) && (30..70).contains(&(pixel / 100)));
+    let used = (0..10_000).map(|pixel| f32::from(u8::from(is_used(pixel)))).collect();
+    Image::from_linear(100, 100, 1, used).converted(Depth::U8, ColorSpace::Linear).save(&mask).unwrap();
+    photographs[0].mask = Some(mask);
+    let options = PhotoOptions { exposure: false, unseen: Some(Vec3::Z), ..options() };
+    let source = PhotoSource::new(&mesh, &photographs, &options, &NoProgress).unwrap();
+    // In the middle of the mask, and far from it.
+    for (lambda, expected) in [(Vec3::new(0.5, 0.02, 0.48), Vec3::X), (Vec3::new(0.04, 0.92, 0.04), Vec3::Y)]
+    {
+        let point = point_of(mesh.triangle_positions(0), 0, lambda, Vec3::Z, TEXEL);
+        let color = encoded_color(&source, &point);
+        assert!(color.abs_diff_eq(expected, 0.02), "{lambda}: {color}");
+    }
+}
+
 #[test]
 fn unseen_surface_takes_the_colours_around_it_or_a_given_one() {
     let Shoot { mesh, photographs, .. } = shoot();
@@ -293,7 +333,7 @@ fn smaller_photographs_fit_their_cameras() {
 fn glass_and_cut_outs_are_seen_through() {
     use fantex_bake::TexelPoint;
     use fantex_mesh::{AlphaMode, Material, TriangleBvh};
-    use fantex_photos::{CameraFromWorld, CaptureOptions, PhotoCamera, capture};
+    use fantex_photos::{CaptureOptions, capture};
     use glam::Vec4;
 
     let quad = |z: f32| [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z));

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use fantex_bake::Progress;
 use fantex_base::files::folder_of;
 use fantex_base::{Error, ErrorKind, Result, counted};
-use fantex_mesh::Material;
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
 use glam::Vec3;
 
 use super::{Baked, Baker, Budget, Goal, Observer};
+use crate::asset_materials::of_photographs;
 
 /// Photographs of a model, with their cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,12 +54,7 @@ impl Baker<'_> {
         photos: &PhotoSet,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
-        // Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
-        for material in &mut mesh.materials {
-            let (name, double_sided) = (std::mem::take(&mut material.name), material.double_sided);
-            *material = Material { name, double_sided, ..Material::default() };
-        }
-        mesh.images.clear();
+        of_photographs(&mut mesh);
         let mesh = &mesh;
 
         let photographs = read_cameras(&photos.path, photos.images.as_deref(), photos.frame)?;

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use fantex_bake::{
     BakeLight, LightMapOptions, LightMapSource, LightScene, LitSource, LookSource, Source, SourceReflector,
-    baked_materials,
 };
 use fantex_base::{Error, Result, counted, grouped};
 use fantex_look::data::{Beam, EnvironmentTable, LightBakeTable, LightTable, ProjectorTable};
@@ -21,6 +20,7 @@ use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Vec3};
 
 use super::{MaterialResolver, ResolvedMaterials, note_of_lacking_coordinates};
+use crate::asset_materials::of_look;
 
 impl MaterialResolver<'_> {
     /// The lamps of the look, without its environment; `None` where it has neither.
@@ -269,15 +269,8 @@ impl LookBake {
             let painted = Arc::new(painted(texture));
             materials.iter_mut().for_each(|material| *material = Arc::clone(&painted));
         }
-        mesh.materials = baked_materials(&materials);
         let light = bake.light.as_ref().map(|table| resolver.baked_light(table)).transpose()?;
-        if light.is_some() {
-            // What is baked is the finished picture.
-            mesh.materials.iter_mut().for_each(|material| {
-                material.unlit = true;
-                material.emission = Vec3::ZERO;
-            });
-        }
+        mesh.materials = of_look(&materials, light.is_some());
         Ok(Self { materials, time: bake.time as f32, heights, light })
     }
 

@@ -60,7 +60,7 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     let document = Document { root: &root, buffers, unpacked, file };
     load_materials(&document, &mut model)?;
     let (instances, world_from_node) = mesh_instances(&document, &mut model.notes)?;
-    load_all(&document, &instances, &world_from_node, &mut model)?;
+    load_all(&document, &instances.meshes, &world_from_node, &mut model)?;
     Ok(model)
 }
 
@@ -154,16 +154,23 @@ struct MeshInstance {
     world_from_mesh: DAffine3,
 }
 
+#[derive(Default)]
+struct MeshInstances {
+    meshes: Vec<MeshInstance>,
+    /// The memory of those that stand in lists.
+    held: Vec<Held>,
+}
+
 /// Walks the default scene depth first, children in their order.
 /// Also tells where the nodes stand.
 fn mesh_instances(
     document: &Document,
     notes: &mut Vec<String>,
-) -> Result<(Vec<MeshInstance>, Vec<Option<DAffine3>>)> {
+) -> Result<(MeshInstances, Vec<Option<DAffine3>>)> {
     let nodes = &document.root.nodes;
     let roots = scene_roots(document, notes)?;
     let mut reached = vec![None; nodes.len()];
-    let mut instances = Vec::new();
+    let mut instances = MeshInstances::default();
     let mut pending: Vec<(usize, DAffine3)> =
         roots.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
     while let Some((index, world_from_parent)) = pending.pop() {
@@ -176,15 +183,19 @@ fn mesh_instances(
         if let Some(mesh) = node.mesh {
             get(&document.root.meshes, mesh, "mesh", || format!("node {index}"))?;
             match &node.extensions.instancing {
-                None => instances.push(MeshInstance { node: index, mesh, world_from_mesh: world_from_node }),
+                None => instances.meshes.push(MeshInstance {
+                    node: index,
+                    mesh,
+                    world_from_mesh: world_from_node,
+                }),
                 Some(instancing) => {
-                    let placed = node_from_instances(document, index, mesh, instancing)?;
+                    let placed = node_from_instances(document, index, mesh, instancing, &mut instances.held)?;
                     let in_world = |node_from_mesh| MeshInstance {
                         node: index,
                         mesh,
                         world_from_mesh: world_from_node * node_from_mesh,
                     };
-                    instances.extend(placed.into_iter().map(in_world));
+                    instances.meshes.extend(placed.into_iter().map(in_world));
                 }
             }
         }
@@ -234,13 +245,17 @@ fn affine(translation: DVec3, rotation: DQuat, scale: DVec3) -> DAffine3 {
 
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
+/// Bytes that an instance takes: in two lists, and what its place is read from (three, four and three floats).
+const INSTANCE_BYTES: u64 = (size_of::<DAffine3>() + size_of::<MeshInstance>() + 40) as u64;
+
 /// Where the instances of `mesh` stand below a node. What an instance is not given is the identity's, and attributes of the file's own
-/// (a colour, a number) are left alone.
+/// (a colour, a number) are left alone. Of a mesh without triangles there is one, for what is to be said of it.
 fn node_from_instances(
     document: &Document,
     node: usize,
     mesh: usize,
     instancing: &Instancing,
+    held: &mut Vec<Held>,
 ) -> Result<Vec<DAffine3>> {
     let mut counts = Vec::new();
     for name in ["TRANSLATION", "ROTATION", "SCALE"] {
@@ -259,7 +274,14 @@ fn node_from_instances(
             other.0
         )));
     }
-    check_triangles(document, mesh, first.1)?;
+    let triangles = triangles_about(document, mesh);
+    if triangles == 0 {
+        return Ok(vec![DAffine3::IDENTITY]);
+    }
+    // Before a list of instances is made: a few letters of JSON can ask for any number of them.
+    document.file.check_triangles(first.1.saturating_mul(triangles))?;
+    let instances = format_args!("{} instances of node {node}", first.1);
+    held.push(input::reserve(instances, (first.1 as u64).saturating_mul(INSTANCE_BYTES))?);
     let translations = read_per_instance::<3>(document, instancing, "TRANSLATION", "three floats")?;
     let rotations =
         read_per_instance::<4>(document, instancing, "ROTATION", "four floats or normalised integers")?;
@@ -285,18 +307,15 @@ fn read_per_instance<const N: usize>(
     Reader::new(document, accessor, name)?.read_floats(name, expected, false).map(Some)
 }
 
-/// Refuses more triangles than the limit before a list of instances is made: a few letters of JSON can ask for any number of them.
-fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<()> {
+/// How many triangles a mesh has, of corners that are not shared as in strips; 0 only if it has none.
+fn triangles_about(document: &Document, mesh: usize) -> usize {
     let accessors = &document.root.accessors;
     let corners = |primitive: &Primitive| {
         let accessor = primitive.indices.or_else(|| primitive.attributes.get("POSITION").copied());
         accessor.and_then(|index| accessors.get(index)).map_or(0, |accessor| accessor.count)
     };
     let primitives = &document.root.meshes[mesh].primitives;
-    let of_mesh = primitives.iter().fold(0usize, |sum, primitive| sum.saturating_add(corners(primitive) / 3));
-    // What has no triangle counts as one, as it takes its place in the list.
-    document.file.check_triangles(count.saturating_mul(of_mesh.max(1)))?;
-    Ok(())
+    primitives.iter().fold(0usize, |sum, primitive| sum.saturating_add(corners(primitive) / 3))
 }
 
 // Primitives: from accessors to triangles with corner attributes.
