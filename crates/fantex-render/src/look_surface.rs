@@ -17,7 +17,7 @@ use fantex_texture::look::{
     Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, LookTangents, MIN_RELIEF_STEP,
     NormalSpace, Opacity, Relief, Slot, TangentSpace, height_change, normal_by_map,
 };
-use fantex_texture::material::{TangentFrame, roughness_with_variance, vertex_color};
+use fantex_texture::material::{ROUNDED_LENGTH, TangentFrame, roughness_with_variance, vertex_color};
 use fantex_texture::{Eye, Filtering, ShadingPoint, Stretch, Texture, UvPoint};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
@@ -609,9 +609,6 @@ fn bend_by_normal(
         None => Bent { normal, slope_variance: 0.0 },
     }
 }
-
-/// Shortest mean of unit normals that rounding to bytes explains.
-const ROUNDED_LENGTH: f32 = 1.0 - 1.0 / 255.0;
 
 /// Variance, along each axis, of the slopes of unit normals whose mean has this length.
 fn mean_normal_variance(length: f32) -> f32 {

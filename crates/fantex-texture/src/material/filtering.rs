@@ -141,13 +141,16 @@ pub fn roughness_with_variance(perceptual_roughness: f32, slope_variance: f32) -
     (alpha2 + 2.0 * slope_variance.max(0.0)).min(1.0).sqrt().sqrt()
 }
 
-/// Lengths that rounding of each coordinate to bytes explains are at most this far from one.
-const ROUNDED_LENGTHS: f32 = 0.01;
+/// Shortest mean of unit normals that rounding to bytes explains.
+pub const ROUNDED_LENGTH: f32 = 1.0 - 1.0 / 255.0;
+
+/// Longest normal that is left as it is: rounding to bytes explains it, too.
+const LONGEST: f32 = 1.01;
 
 impl Image {
     /// The picture of encoded normals (`[-1,1]` as `[0,1]`) with all of them of unit length: those that a lossy file or a painter has made
-    /// shorter would else count as spread of bumps. Texels that are no direction, and images with fewer than three linear channels, stay
-    /// as they are.
+    /// shorter would else count as spread of bumps. None is shorter than [`ROUNDED_LENGTH`] in the end. Texels that are no direction, and
+    /// images with fewer than three linear channels, stay as they are.
     #[must_use]
     pub fn with_unit_normals(mut self) -> Self {
         let channels = usize::from(self.channels);
@@ -157,34 +160,55 @@ impl Image {
         }
         match &mut self.samples {
             Samples::U8(samples) => {
-                let number = |unit: f32| (unit * 255.0).round() as u8;
-                bring_to_unit_length(samples, channels, |&byte| f32::from(byte) / 255.0, number);
+                let unit = |byte: u8| f32::from(byte) / 255.0;
+                bring_to_unit_length(samples, channels, unit, |number| number as u8, 255.0);
             }
             Samples::U16(samples) => {
-                let number = |unit: f32| (unit * 65535.0).round() as u16;
-                bring_to_unit_length(samples, channels, |&number| f32::from(number) / 65535.0, number);
+                let unit = |number: u16| f32::from(number) / 65535.0;
+                bring_to_unit_length(samples, channels, unit, |number| number as u16, 65535.0);
             }
-            Samples::F32(samples) => bring_to_unit_length(samples, channels, |&number| number, |unit| unit),
+            Samples::F32(samples) => {
+                for texel in samples.chunks_exact_mut(channels) {
+                    let normal = decoded(texel, |number| number);
+                    if let Some(normal) = normal.try_normalize().filter(|_| is_off(normal)) {
+                        texel[..3].copy_from_slice(&(normal * 0.5 + 0.5).to_array());
+                    }
+                }
+            }
         }
         self
     }
 }
 
-/// Normals in the first three of some channels.
-fn bring_to_unit_length<T>(
+fn decoded<T: Copy>(texel: &[T], unit: impl Fn(T) -> f32) -> Vec3 {
+    Vec3::new(unit(texel[0]), unit(texel[1]), unit(texel[2])) * 2.0 - 1.0
+}
+
+fn is_off(normal: Vec3) -> bool {
+    !(ROUNDED_LENGTH..=LONGEST).contains(&normal.length())
+}
+
+/// Normals in the first three of some channels of whole numbers up to `most`.
+fn bring_to_unit_length<T: Copy>(
     samples: &mut [T],
     channels: usize,
-    unit: impl Fn(&T) -> f32,
+    unit: impl Fn(T) -> f32,
     sample: impl Fn(f32) -> T,
+    most: f32,
 ) {
     for texel in samples.chunks_exact_mut(channels) {
-        let normal = Vec3::new(unit(&texel[0]), unit(&texel[1]), unit(&texel[2])) * 2.0 - 1.0;
-        if (normal.length() - 1.0).abs() > ROUNDED_LENGTHS
-            && let Some(normal) = normal.try_normalize()
-        {
+        let normal = decoded(texel, &unit);
+        let Some(normal) = normal.try_normalize().filter(|_| is_off(normal)) else { continue };
+        let mut put = |round: fn(f32) -> f32| {
             for (own, coordinate) in texel.iter_mut().zip(normal.to_array()) {
-                *own = sample(0.5 + 0.5 * coordinate);
+                // Upwards is away from the middle.
+                let step = round(coordinate.abs() * 0.5 * most - 0.5);
+                *own = sample(0.5 * most + (step + 0.5).min(0.5 * most).copysign(coordinate));
             }
+            decoded(texel, &unit).length()
+        };
+        if put(f32::round) < ROUNDED_LENGTH {
+            put(f32::ceil);
         }
     }
 }

@@ -4,9 +4,10 @@ use fantex_mesh::{
     AlphaMode, BumpImage, ImageChannel, ImageSource, Material, PackedChannel, PackedImage, WrapMode,
 };
 use fantex_texture::material::{
-    AlphaCoverage, MaterialTextures, TextureLayer, preserve_coverage, read_image, roughness_with_variance,
+    AlphaCoverage, MaterialTextures, ROUNDED_LENGTH, TextureLayer, preserve_coverage, read_image,
+    roughness_with_variance,
 };
-use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, Wrap};
+use fantex_texture::{ColorSpace, Depth, Filter, Image, ImageTexture, SampleOptions, Samples, Wrap};
 use glam::{Mat3, Vec2, Vec3};
 use std::sync::Arc;
 
@@ -262,4 +263,31 @@ fn grey_bump_maps_are_heights_and_others_normals() {
     assert_eq!(read("gray_in_color.png", 3, ramp).0, normals);
     let (same, image) = read("colors.png", 3, |x, _| [128, 128, 255 - x as u8]);
     assert_eq!(same, image);
+}
+
+#[test]
+fn no_normal_stays_short() {
+    // A spiral over the upper half of the sphere, as long as a lossy file may leave normals.
+    let normals: Vec<Vec3> = (0..1024)
+        .map(|i| {
+            let (height, angle) = (i as f32 / 1024.0, i as f32 * 2.4);
+            (Vec2::from_angle(angle) * (1.0 - height * height).sqrt()).extend(height)
+        })
+        .collect();
+    let lengths = (0..1024).map(|i| 0.85 + 0.3 * (i * 37 % 101) as f32 / 100.0);
+    let texels: Vec<[f32; 4]> =
+        normals.iter().zip(lengths).map(|(n, l)| (*n * l * 0.5 + 0.5).extend(1.0).to_array()).collect();
+    for depth in [Depth::U8, Depth::U16, Depth::F32] {
+        let image = Image::from_linear_rgb(32, 32, &texels).converted(depth, ColorSpace::Linear);
+        let image = image.with_unit_normals();
+        for (i, normal) in (0u32..).zip(&normals) {
+            let found = Vec3::from_slice(&image.linear_texel(i % 32, i / 32)[..3]) * 2.0 - 1.0;
+            let length = found.length();
+            assert!((ROUNDED_LENGTH..1.02).contains(&length), "{depth:?} {i}: {length}");
+            assert!(found.angle_between(*normal) < 0.015, "{depth:?} {i}: {found} instead of {normal}");
+        }
+    }
+    // What is no direction stays, and so does what is no normal map.
+    let grey = Image::from_linear_rgb(1, 1, &[[0.5; 4]]);
+    assert_eq!(grey.clone().with_unit_normals(), grey);
 }
