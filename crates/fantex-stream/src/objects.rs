@@ -278,8 +278,9 @@ fn add_drawn(
     }
     let before = drawn.len();
     let parts = objects[index].parts.iter();
-    let has_all = parts.fold(true, |all, &part| add_drawn(objects, part, state, drawn) && all);
-    if is_divided && has_all {
+    // All are added, whatever the first ones have.
+    let lacking = parts.filter(|part| !add_drawn(objects, **part, state, drawn)).count();
+    if is_divided && lacking == 0 {
         return true;
     }
     if is_there {

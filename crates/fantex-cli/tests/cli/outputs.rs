@@ -183,7 +183,9 @@ impl Bench {
 #[test]
 fn no_output_is_lost_where_the_first_write_fails() {
     let bench = Bench::new();
-    CASES.iter().for_each(|case| bench.attack(case, 1..2));
+    // The demo takes as long as all others, and its files are written as those of the commands that it is made of.
+    let cases = CASES.iter().filter(|case| !case.arguments.starts_with("demo"));
+    cases.for_each(|case| bench.attack(case, 1..2));
 }
 
 /// Encoders of PNG write the end of the file when they are dropped.

@@ -20,7 +20,7 @@ impl<'a> WithChannels<'a> {
         let own = source.channels();
         let is_missing = |kind: ChannelKind| own.iter().all(|channel| channel.kind != kind);
         let missing: Vec<_> = wanted.iter().copied().filter(|(kind, _)| is_missing(*kind)).collect();
-        (!missing.is_empty()).then(|| Self { source, mesh, own: own.len(), missing })
+        (!missing.is_empty()).then_some(Self { source, mesh, own: own.len(), missing })
     }
 
     /// The value of a channel that the source lacks. Its tiles take the place of the materials' factors.
