@@ -1,5 +1,6 @@
 //! Previews look like what they stand for, are read alone, and survive edits; assets are a source for other meshes.
 
+#![cfg(feature = "paint")]
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 use std::io;
