@@ -274,17 +274,19 @@ fn no_normal_stays_short() {
             (Vec2::from_angle(angle) * (1.0 - height * height).sqrt()).extend(height)
         })
         .collect();
-    let lengths = (0..1024).map(|i| 0.85 + 0.3 * (i * 37 % 101) as f32 / 100.0);
+    let lengths = (0..1024).map(|i| 0.8 + 0.2 * (i * 37 % 101) as f32 / 100.0);
     let texels: Vec<[f32; 4]> =
         normals.iter().zip(lengths).map(|(n, l)| (*n * l * 0.5 + 0.5).extend(1.0).to_array()).collect();
-    for depth in [Depth::U8, Depth::U16, Depth::F32] {
+    // Each coordinate is rounded twice: to half a step of what is short, and by up to a step where that is needed.
+    let off = |step: f32| 3_f32.sqrt() * (0.5 * step / 0.8 + step) + 1e-3;
+    for (depth, step) in [(Depth::U8, 2.0 / 255.0), (Depth::U16, 2.0 / 65535.0), (Depth::F32, 0.0)] {
         let image = Image::from_linear_rgb(32, 32, &texels).converted(depth, ColorSpace::Linear);
         let image = image.with_unit_normals();
         for (i, normal) in (0u32..).zip(&normals) {
             let found = Vec3::from_slice(&image.linear_texel(i % 32, i / 32)[..3]) * 2.0 - 1.0;
             let length = found.length();
             assert!((ROUNDED_LENGTH..1.02).contains(&length), "{depth:?} {i}: {length}");
-            assert!(found.angle_between(*normal) < 0.015, "{depth:?} {i}: {found} instead of {normal}");
+            assert!(found.angle_between(*normal) < off(step), "{depth:?} {i}: {found} instead of {normal}");
         }
     }
     // What is no direction stays, and so does what is no normal map.
