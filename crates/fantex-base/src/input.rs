@@ -44,7 +44,11 @@ impl Default for ReadOptions {
 
 /// Limits for files that others made, with one budget of memory. Clones share the budget.
 #[derive(Clone, Debug)]
-pub struct ReadLimits(Arc<Limits>, Option<Arc<Mutex<BTreeSet<PathBuf>>>>);
+pub struct ReadLimits {
+    limits: Arc<Limits>,
+    /// Files that were opened, if that is [noted](Self::noting_files).
+    noted: Option<Arc<Mutex<BTreeSet<PathBuf>>>>,
+}
 
 #[derive(Debug)]
 struct Limits {
@@ -64,18 +68,19 @@ thread_local! {
 impl ReadLimits {
     /// Limits with a budget of their own.
     pub fn new(options: ReadOptions) -> Self {
-        Self(Arc::new(Limits { options, held: AtomicU64::new(0), opened: Mutex::default() }), None)
+        let limits = Limits { options, held: AtomicU64::new(0), opened: Mutex::default() };
+        Self { limits: Arc::new(limits), noted: None }
     }
 
     /// The same limits, which also note the paths of the files that are [opened](open) within them.
     #[must_use]
     pub fn noting_files(&self) -> Self {
-        Self(Arc::clone(&self.0), Some(Arc::default()))
+        Self { limits: Arc::clone(&self.limits), noted: Some(Arc::default()) }
     }
 
     /// The paths that were [noted](Self::noting_files), in order.
     pub fn noted_files(&self) -> Vec<PathBuf> {
-        self.1.iter().flat_map(|paths| locked(paths).clone()).collect()
+        self.noted.iter().flat_map(|paths| locked(paths).clone()).collect()
     }
 
     /// Those that hold here and now: of the innermost [`run`](Self::run) on this thread, else of the process.
@@ -104,12 +109,12 @@ impl ReadLimits {
 
     /// What is allowed.
     pub fn options(&self) -> &ReadOptions {
-        &self.0.options
+        &self.limits.options
     }
 
     /// Bytes of the budget that nothing holds.
     pub fn memory_left(&self) -> u64 {
-        self.0.options.memory_bytes.saturating_sub(self.0.held.load(Relaxed))
+        self.limits.options.memory_bytes.saturating_sub(self.limits.held.load(Relaxed))
     }
 }
 
@@ -126,7 +131,7 @@ struct Counted(u64, ReadLimits);
 
 impl Drop for Counted {
     fn drop(&mut self) {
-        self.1.0.held.fetch_sub(self.0, Relaxed);
+        self.1.limits.held.fetch_sub(self.0, Relaxed);
     }
 }
 
@@ -144,7 +149,7 @@ pub fn share_of_cache(bytes: u64) -> u64 {
 /// Counts memory that is there already.
 pub fn hold(bytes: u64) -> Held {
     let limits = ReadLimits::current();
-    limits.0.held.fetch_add(bytes, Relaxed);
+    limits.limits.held.fetch_add(bytes, Relaxed);
     Held(Arc::new(Counted(bytes, limits)))
 }
 
@@ -154,7 +159,7 @@ pub fn hold(bytes: u64) -> Held {
 /// The budget does not allow it ([`too_large`]).
 pub fn reserve(what: impl Display, bytes: u64) -> Result<Held> {
     let limits = ReadLimits::current();
-    let (held, most) = (&limits.0.held, limits.options().memory_bytes);
+    let (held, most) = (&limits.limits.held, limits.options().memory_bytes);
     let add = |held: u64| held.checked_add(bytes).filter(|&sum| sum <= most);
     match held.fetch_update(Relaxed, Relaxed, add) {
         Ok(_) => Ok(Held(Arc::new(Counted(bytes, limits)))),
@@ -187,9 +192,9 @@ pub fn open(path: &Path) -> io::Result<File> {
         let file = File::open(path)?;
         let limits = ReadLimits::current();
         if limits.options().protect_inputs {
-            locked(&limits.0.opened).extend(identity(&file.metadata()?));
+            locked(&limits.limits.opened).extend(identity(&file.metadata()?));
         }
-        if let Some(paths) = &limits.1 {
+        if let Some(paths) = &limits.noted {
             locked(paths).insert(path.to_owned());
         }
         return Ok(file);
@@ -205,7 +210,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// It was opened, and inputs are [protected](ReadOptions::protect_inputs).
 pub fn check_output(path: &Path) -> Result<()> {
     let limits = ReadLimits::current();
-    let is_opened = |id| locked(&limits.0.opened).contains(&id);
+    let is_opened = |id| locked(&limits.limits.opened).contains(&id);
     if !std::fs::metadata(path).is_ok_and(|found| identity(&found).is_some_and(is_opened)) {
         return Ok(());
     }

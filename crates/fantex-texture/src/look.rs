@@ -9,6 +9,7 @@ use glam::{Mat3, Vec3, Vec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use relief::height_map;
 pub use relief::{
     DerivativeTexture, GradientAxes, LookTangents, MIN_RELIEF_STEP, height_change, normal_by_map,
 };

@@ -813,6 +813,20 @@ mod tests {
     }
 
     #[test]
+    fn small_textures_get_more_texels_than_they_have() {
+        let own = |texels: f64| OwnTexels { density: Vec::new(), texels, most: 1e6 };
+        for (texels, given) in
+            [(1e3, 16e3), (16_384.0, 262_144.0), (1e5, 262_144.0), (4e5, 4e5), (1e6, 1e6), (4e6, 1e6)]
+        {
+            let own = own(texels);
+            assert_eq!(own.given(), given);
+            assert!((f64::from(own.given_share()).powi(2) * texels / given - 1.0).abs() < 1e-6);
+        }
+        // Textures of which a point is shown have no density.
+        assert_eq!((own(0.0).given(), own(0.0).given_share()), (0.0, 1.0));
+    }
+
+    #[test]
     fn lengths_have_three_digits_in_every_unit() {
         let said = [0.021, 1.0, 87.83, 4321.4, 8.783e7, 2.5e-9, 0.0].map(in_three_digits);
         assert_eq!(said, ["0.0210", "1.00", "87.8", "4321", "8.78e7", "2.50e-9", "0.00"]);

@@ -48,7 +48,7 @@ pub(crate) struct InfoArgs {
 /// How a model is covered.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct CoverArgs {
-    /// Texels in all, e.g. 64k or 4M (1k = 1000) [default: the density of the model's textures, 4M without]
+    /// Texels in all, e.g. 64k or 4M (1k = 1000) [default: the density of the model's textures, more where they are small; 4M without]
     #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "density")]
     pub(crate) texels: Option<Count>,
     /// Texels per world unit of length, everywhere

@@ -402,17 +402,11 @@ impl StreamedWorld {
         }
     }
 
-    /// Whether an asset of the index comes over a network.
-    fn is_remote(&self, asset: &str) -> bool {
-        // A page has no files.
-        cfg!(target_arch = "wasm32") || url_of(&World::place_of(&self.index, asset)).is_some()
-    }
-
     /// Begins to open an object, its preview, or a coarse asset, unless too many are being opened.
     fn open(&mut self, gpu: &Arc<Gpu>, index: usize, detail: ObjectDetail) {
         let is_whole = detail == ObjectDetail::Whole;
         let place = World::place_of(&self.index, self.asset(index));
-        if !self.opening.may_add(is_whole, self.is_remote(self.asset(index))) {
+        if !self.opening.may_add(is_whole, is_remote(&place)) {
             return;
         }
         let what = match is_whole {
@@ -466,7 +460,8 @@ impl StreamedWorld {
             };
             if let Some(error) = error {
                 let asset = self.asset(index).to_owned();
-                if self.is_remote(&asset) && io_cause(&error).is_some_and(is_transient) {
+                let is_remote = is_remote(&World::place_of(&self.index, &asset));
+                if is_remote && io_cause(&error).is_some_and(is_transient) {
                     self.passing.push((index, is_whole));
                 }
                 self.statistics.failed.push((asset, error.to_string()));
@@ -479,6 +474,12 @@ impl StreamedWorld {
         // A distance costs hundreds of others. None is negative, so they have the order of their bits.
         indices.sort_by_cached_key(|&index| (self.shapes[index].distance(eye).to_bits(), index));
     }
+}
+
+/// Whether what lies there comes over a network.
+fn is_remote(place: &Path) -> bool {
+    // A page has no files.
+    cfg!(target_arch = "wasm32") || url_of(place).is_some()
 }
 
 impl Object {

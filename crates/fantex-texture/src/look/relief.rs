@@ -64,6 +64,15 @@ pub fn height_change(difference: Difference, steps: [f32; 2], height: impl Fn(Ve
     Vec2::new(along(Vec2::X, steps[0]), along(Vec2::Y, steps[1]))
 }
 
+/// The red of an image by column and row, also beyond its edges: 0 where it does not go on.
+pub(crate) fn height_map(heights: &Image, wrap: [Wrap; 2]) -> impl Fn(i32, i32) -> f32 + Sync {
+    let size = [heights.width, heights.height];
+    move |x, y| {
+        let [x, y] = [(x, 0), (y, 1)].map(|(at, axis)| wrap_index(at, size[axis], wrap[axis]));
+        x.zip(y).map_or(0.0, |(x, y)| heights.linear_texel(x as u32, y as u32)[0])
+    }
+}
+
 /// A height and its derivatives in one image.
 #[derive(Clone, Debug)]
 pub struct DerivativeTexture {
@@ -87,10 +96,7 @@ impl DerivativeTexture {
             )));
         }
         let size = [heights.width, heights.height];
-        let height = |x: i32, y: i32| {
-            let [x, y] = [(x, 0), (y, 1)].map(|(at, axis)| wrap_index(at, size[axis], wrap[axis]));
-            x.zip(y).map_or(0.0, |(x, y)| heights.linear_texel(x as u32, y as u32)[0])
-        };
+        let height = height_map(heights, wrap);
         let texels = size.map(|n| n as f32);
         let derivatives: Vec<[f32; 3]> = (0..size[1] as i32)
             .flat_map(|y| (0..size[0] as i32).map(move |x| (x, y)))

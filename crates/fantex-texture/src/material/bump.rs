@@ -7,8 +7,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::read_image;
-use crate::filter::wrap_index;
-use crate::look::{Difference, height_change};
+use crate::look::{Difference, height_change, height_map};
 use crate::{ColorSpace, Image, Samples, Wrap};
 
 /// Height of white over black, as a share of the image's longer side. Model files do not say it; materials scale what follows from it.
@@ -36,10 +35,7 @@ fn is_grey(image: &Image) -> bool {
 /// In 16 bits, as eight show steps on smooth heights.
 fn normals(heights: &Image, wrap: [Wrap; 2]) -> Image {
     let size = [heights.width, heights.height];
-    let height = |x: i32, y: i32| {
-        let [x, y] = [(x, 0), (y, 1)].map(|(at, axis)| wrap_index(at, size[axis], wrap[axis]));
-        x.zip(y).map_or(0.0, |(x, y)| heights.linear_texel(x as u32, y as u32)[0])
-    };
+    let height = height_map(heights, wrap);
     let relief_texels = RELIEF * size[0].max(size[1]) as f32;
     let normal = |x: i32, y: i32| {
         let at = |offset: Vec2| height(x + offset.x as i32, y + offset.y as i32);
