@@ -17,11 +17,13 @@ use fantex_base::{Error, Result};
 use fantex_store::{ByteSource as _, write_all_at};
 use rusty_s3::Method;
 
+use super::lanes::{Lane, put_in_lanes};
+use super::parts::CONNECTIONS;
 use super::pieces::{Piece, pieces};
-use super::{
-    CONNECTIONS, Content, Lane, ObjectTarget, RETRIES, Refusal, Replace, Request, Upload, element, new_mark,
-    pause, put_in_lanes,
-};
+use super::refusal::Refusal;
+use super::request::{Content, RETRIES, Request, element, pause};
+use super::sent_file::Upload;
+use super::{ObjectTarget, Replace, new_mark};
 use crate::read::{HttpSource, is_transient};
 
 /// Pieces that the store copies at once. Each takes seconds, and none of this machine's time.
@@ -256,7 +258,7 @@ fn read(upload: &Upload<'_>, run: &SharedRun, at: u64, bytes: &mut [u8]) -> Resu
 
 #[cfg(test)]
 mod tests {
-    use super::super::refusal_of;
+    use super::super::refusal::refusal_of;
     use super::*;
 
     #[test]

@@ -3,7 +3,8 @@
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::{Refusal, Upload};
+use super::refusal::Refusal;
+use super::sent_file::Upload;
 
 /// Pieces of one kind.
 pub(super) struct Lane {
@@ -67,7 +68,7 @@ mod tests {
     use std::sync::atomic::{AtomicBool, AtomicU64};
     use std::time::Duration;
 
-    use super::super::refusal_of;
+    use super::super::refusal::refusal_of;
     use super::*;
 
     fn go_on(_: u64, _: u64) -> ControlFlow<()> {
