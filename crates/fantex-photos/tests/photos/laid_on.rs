@@ -29,16 +29,41 @@ struct Shoot {
 fn shoot() -> &'static Shoot {
     static SHOOT: OnceLock<Shoot> = OnceLock::new();
     SHOOT.get_or_init(|| {
-        let mesh = bottle();
-        let folder = tempfile::tempdir().unwrap();
-        let lenses = [Lens::new(Distortion::PINHOLE), barrel(), fisheye(), thin_prism(), field_of_view()];
-        let photographs = cameras(&mesh, 12, [360, 480], &lenses, folder.path());
-        let exposures: Vec<Vec3> = (0..photographs.len())
-            .map(|i| Vec3::new(1.0, 0.95, 1.08) * (1.0 + 0.25 * (i as f32 * 1.9).sin()))
-            .collect();
-        take(&mesh, &own_look(&mesh), &photographs, |i| exposures[i]);
-        Shoot { mesh, photographs, exposures, _folder: folder }
+        let shoot = shoot_of(|i| Vec3::new(1.0, 0.95, 1.08) * (1.0 + 0.25 * (i as f32 * 1.9).sin()));
+        take(&shoot.mesh, &own_look(&shoot.mesh), &shoot.photographs, |i| shoot.exposures[i]);
+        shoot
     })
+}
+
+/// The same cameras. Their pictures show waves, for tests to which it does not matter what is seen.
+fn waves() -> &'static Shoot {
+    static WAVES: OnceLock<Shoot> = OnceLock::new();
+    WAVES.get_or_init(|| {
+        let shoot = shoot_of(|_| Vec3::ONE);
+        for (i, photograph) in shoot.photographs.iter().enumerate() {
+            let [width, height] = photograph.camera.size;
+            let wave = |pixel: u32| {
+                let at = Vec3::new((pixel % width) as f32, (pixel / width) as f32, i as f32);
+                let phases = Vec3::new(at.x * 0.05 + at.z, at.y * 0.04 + 2.0 * at.z, (at.x + at.y) * 0.03);
+                let value = phases.map(f32::sin) * 0.3 + 0.5;
+                value.extend(1.0).to_array()
+            };
+            let pixels: Vec<_> = (0..width * height).map(wave).collect();
+            let picture = Image::from_linear_rgb(width, height, &pixels);
+            picture.converted(Depth::U8, ColorSpace::Srgb).save(&photograph.path).unwrap();
+        }
+        shoot
+    })
+}
+
+/// Cameras around the bottle, before they take pictures.
+fn shoot_of(exposure: impl Fn(usize) -> Vec3) -> Shoot {
+    let mesh = bottle();
+    let folder = tempfile::tempdir().unwrap();
+    let lenses = [Lens::new(Distortion::PINHOLE), barrel(), fisheye(), thin_prism(), field_of_view()];
+    let photographs = cameras(&mesh, 12, [360, 480], &lenses, folder.path());
+    let exposures = (0..photographs.len()).map(exposure).collect();
+    Shoot { mesh, photographs, exposures, _folder: folder }
 }
 
 fn options() -> PhotoOptions {
@@ -135,7 +160,7 @@ fn weights_fall_to_zero_without_a_step() {
 /// Something magenta stands before every camera, and a mask says so.
 #[test]
 fn what_a_mask_leaves_out_is_not_laid_on() {
-    let Shoot { mesh, photographs, .. } = shoot();
+    let Shoot { mesh, photographs, .. } = waves();
     let folder = tempfile::tempdir().unwrap();
     let spoiled: Vec<Photograph> = photographs
         .iter()
@@ -232,7 +257,7 @@ fn what_a_mask_leaves_out_of_the_best_photograph_the_next_one_shows() {
 
 #[test]
 fn unseen_surface_takes_the_colours_around_it_or_a_given_one() {
-    let Shoot { mesh, photographs, .. } = shoot();
+    let Shoot { mesh, photographs, .. } = waves();
     let source = PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap();
     let given = PhotoOptions { unseen: Some(Vec3::X), ..options() };
     let given = PhotoSource::new(mesh, photographs, &given, &NoProgress).unwrap();
@@ -242,7 +267,7 @@ fn unseen_surface_takes_the_colours_around_it_or_a_given_one() {
         if source.confidence(triangle, lambda) == 0.0 {
             let point = point_of(mesh.triangle_positions(triangle), triangle, lambda, Vec3::Y, TEXEL);
             assert!(encoded_color(&given, &point).abs_diff_eq(Vec3::X, 1e-6));
-            // Colours of the bottle, not of the grey wall behind it, nor none.
+            // Colours, not none.
             let spread = encoded_color(&source, &point);
             assert!(spread.is_finite() && spread.max_element() > 0.0);
             unseen += 1;
@@ -255,7 +280,7 @@ fn unseen_surface_takes_the_colours_around_it_or_a_given_one() {
 /// With next to no memory, pages come from the scratch file, and colours stay the same to the bit.
 #[test]
 fn little_memory_changes_no_colour() {
-    let Shoot { mesh, photographs, .. } = shoot();
+    let Shoot { mesh, photographs, .. } = waves();
     let plenty = PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let little = PhotoOptions { memory_bytes: 1 << 20, scratch: scratch.path().into(), ..options() };
@@ -274,7 +299,7 @@ fn little_memory_changes_no_colour() {
 
 #[test]
 fn what_cannot_be_used_is_said() {
-    let Shoot { mesh, photographs, .. } = shoot();
+    let Shoot { mesh, photographs, .. } = waves();
     let failure = |photographs: &[Photograph], progress: &dyn Progress| {
         PhotoSource::new(mesh, photographs, &options(), progress).unwrap_err()
     };
