@@ -49,6 +49,9 @@ pub(crate) struct GalleryArgs {
     /// Width of all pictures in pixels; as their looks say by default
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=8192))]
     width: Option<u32>,
+    /// Of moving pictures the first one alone
+    #[arg(long)]
+    still: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -73,7 +76,7 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<()> {
 }
 
 fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
-    let GalleryArgs { names, output, width } = args;
+    let GalleryArgs { names, output, width, still } = args;
     let shipped = Shipped::open()?;
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names).map_err(|error| Error::invalid(error.to_string()))?;
@@ -84,6 +87,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
         shipped: &shipped,
         output,
         width: *width,
+        is_still: *still,
         context,
         series: RefCell::new(Series::of_files(context, output, "picture", None)),
         terrain: OnceCell::new(),
@@ -103,6 +107,8 @@ struct Gallery<'a> {
     shipped: &'a Shipped,
     output: &'a Path,
     width: Option<u32>,
+    /// Of moving pictures the first one is enough.
+    is_still: bool,
     context: &'a Context,
     series: RefCell<Series<'a>>,
     terrain: OnceCell<drawings::Baked>,
@@ -216,7 +222,10 @@ impl Gallery<'_> {
         let images = LookImages::default();
         let resolver = MaterialResolver { file, images: &images, options: self.context.resolve_options() };
         let scene = LookScene::new(resolver, None, PictureChanges { size, ..PictureChanges::default() })?;
-        let times = scene.times();
+        let mut times = scene.times();
+        if self.is_still {
+            times.truncate(1);
+        }
         let mut frames = Vec::with_capacity(times.len());
         for &time in &times {
             self.context.check_interrupt()?;

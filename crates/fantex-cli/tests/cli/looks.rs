@@ -488,7 +488,7 @@ const WIDTH: &str = "320";
 #[test]
 fn every_picture_looks_like_its_golden() {
     let folder = tempfile::tempdir().unwrap();
-    let info = json(&[&"gallery", &"-o", &folder.path(), &"--width", &WIDTH]);
+    let info = json(&[&"gallery", &"-o", &folder.path(), &"--width", &WIDTH, &"--still"]);
     let page = fs::read_to_string(folder.path().join("index.html")).unwrap();
     let goldens = workspace().join("gallery/goldens");
     // A third of what leaving out any feature of the look changes: see the example gallery_faults of fantex-bench.
